@@ -1,0 +1,164 @@
+"""The single environment, and the specification of the task."""
+
+import os
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ResetNeeded
+from numpy.typing import NDArray
+
+from turning_env.lathes import ACTION_SPACE, OBSERVATION_SPACE, Lathes
+from turning_env.records import REPORT_FIELDS
+from turning_env.scenario import Scenario
+
+Info = dict[str, Any]
+_FLAGS = ("cutting", "broken")
+_ONLY_LANE = np.ones(1, np.bool_)
+
+
+class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """Rough turning of a run of steel bars with one carbide edge, at a controller's cutting speed and feed.
+
+    ## Description
+
+    A lathe roughs an endless row of bars, each after a short approach of air, until its edge is worn out or breaks. Once
+    per control interval the agent sets cutting speed and feed. Flank wear, thrust force and spindle power follow the
+    machinability models of Alaskari and Oraby (2018) for 709M40 steel and GC435 inserts; spindle and feed servo lag behind
+    their commands; hardness and depth of cut vary from bar to bar and along every bar, inserts differ in wear and strength,
+    and power and force are measured with noise. The agent is paid for metal removed, and pays for machine time, for the share of
+    the edge's life that it uses, for overload and for breakage.
+
+    ## Action space
+
+    `Box(-1, 1, (2,), float32)`. What lies outside is clipped; NaN and infinity are refused.
+
+    | Index | Action        | -1                                    | 1                                    |
+    |-------|---------------|---------------------------------------|--------------------------------------|
+    | 0     | cutting speed | commanded speed divided by exp(0.15)  | commanded speed times exp(0.15)      |
+    | 1     | feed          | commanded feed divided by exp(0.40)   | commanded feed times exp(0.40)       |
+
+    Commands are kept within 50-200 m/min and 0.06-0.60 mm/rev. With `control.action = "set_point"` the action maps linearly
+    onto these ranges instead.
+
+    ## Observation space
+
+    `Box(float32)` of 11 entries of order one, all that a CNC control knows. True wear, hardness and depth are hidden.
+
+    | Index | Entry                   | Meaning                                                           | Range   |
+    |-------|-------------------------|-------------------------------------------------------------------|---------|
+    | 0     | power                   | measured power over its limit                                     | 0 to 4  |
+    | 1     | thrust_force            | measured thrust force over its limit                              | 0 to 4  |
+    | 2     | cutting_speed           | actual cutting speed, log scale, -1 lowest, 1 highest             | -1 to 1 |
+    | 3     | feed                    | actual feed, log scale, -1 lowest, 1 highest                      | -1 to 1 |
+    | 4     | commanded_cutting_speed | commanded cutting speed, likewise                                 | -1 to 1 |
+    | 5     | commanded_feed          | commanded feed, likewise                                          | -1 to 1 |
+    | 6     | cutting_time            | log(1 + cutting time of the edge in min)                          | 0 to 12 |
+    | 7     | nominal_wear            | wear predicted by the nominal model over the criterion            | 0 to 4  |
+    | 8     | power_ratio             | measured over predicted power, near 0 in air                      | 0 to 4  |
+    | 9     | force_ratio             | measured over predicted thrust force, near 0 in air               | 0 to 4  |
+    | 10    | cutting                 | 1 in metal, 0 in air                                              | 0 or 1  |
+
+    ## Reward
+
+    In seconds of machine time, the sum of these terms, each in `info`:
+
+    | Term            | Value                                                                                               |
+    |-----------------|-----------------------------------------------------------------------------------------------------|
+    | reward_metal    | + time in which the reference productivity (115 cm3/min) removes the interval's metal               |
+    | reward_time     | - the interval's time                                                                               |
+    | reward_edge     | - price of an edge (3 min) and its change (2 min), times the share of its life used in the interval |
+    | reward_overload | - overload price (10) times the relative excess over 1500 N and over 7 kW, integrated over time     |
+    | reward_breakage | - on breakage: the price of what was left of the edge, and 10 min downtime                          |
+
+    ## Starting state
+
+    A fresh edge before the first bar's approach, spindle and feed at 125 m/min and 0.25 mm/rev. Insert, edge strength and all
+    bars follow from the key (seed, episode): `reset(seed=s)` starts episode 0 of seed s, `reset()` the next one.
+
+    ## Episode end
+
+    Terminated when the flank wear reaches the criterion (0.3 mm) or the thrust force exceeds the edge's strength; the interval ends
+    there. Truncated after 30 min of machine time.
+
+    ## Info
+
+    After `reset` and `step`, true values at the interval's end: `cutting_speed` and `commanded_cutting_speed` [m/min], `feed` and
+    `commanded_feed` [mm/rev], `spindle_speed` [rev/min], `feed_velocity` [mm/min], `torque` [N m], `path` [mm], `bar` [-],
+    `cutting` (bool), `depth_of_cut` [mm] and `hardness` [-] (0 in air), `cutting_time` [min], `used_life` [-], `wear` [mm],
+    `wear_factor` [-], `edge_strength` [N], `thrust_force` and `measured_thrust_force` [N], `power` and `measured_power` [kW],
+    `broken` (bool); and over the interval: `time`, `engaged_time`, `overload_time` and `severe_overload_time` [s], `removed`
+    [cm3], `cost` = `cost_force` + `cost_power` (mean relative excess over each limit [-], positive means violated), and the
+    terms of the reward [s].
+
+    ## Arguments
+
+    `scenario`: the name of a preset (`turning_env.presets()`), the path of a TOML file, or a `Scenario`. It sets every number
+    named above.
+
+        gymnasium.make("turning_env:RoughTurning-v0", scenario="forging")
+
+    ## Registered ids
+
+    * `RoughTurning-v0`: preset `rough_turning`, as described above.
+    * `RoughTurning-Paper-v0`: preset `paper`, the published simulation: one-minute intervals, set points, no disturbance, no
+      noise, no lag, no air, and wear by the paper's clock-time rule. Truncated after 60 min.
+
+    ## Version history
+
+    * v0: initial version.
+
+    Raises:
+        ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
+        ValueError: an action is not two finite numbers, or a seed is outside 0 to 2**64 - 1.
+        gymnasium.error.ResetNeeded: `step` before the first `reset`, or after the episode has ended.
+    """
+
+    metadata = {"render_modes": []}
+
+    def __init__(
+        self, scenario: str | os.PathLike[str] | Scenario = "rough_turning", render_mode: str | None = None
+    ) -> None:
+        if render_mode is not None:
+            raise ValueError(f"render_mode is {render_mode!r}, but this environment has no render modes: only None")
+        self.scenario = Scenario.load(scenario)
+        self.render_mode = None
+        self.observation_space = OBSERVATION_SPACE
+        self.action_space = ACTION_SPACE
+        self._lathes = Lathes(self.scenario, 1)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], Info]:
+        """Start episode 0 of ``seed``, or without one the next episode of the present seed. There are no options."""
+        super().reset(seed=seed)
+        lathes = self._lathes
+        if seed is None and not lathes.seeded:
+            seed = int(self.np_random.integers(2**63))
+        if seed is None:
+            lathes.next_episode(_ONLY_LANE)
+        else:
+            lathes.seed(0, seed)
+            lathes.seeded = True
+            lathes.start(_ONLY_LANE)
+        return lathes.observations[0].copy(), self._info()
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
+        """Run one control interval. See the class's description for shapes, units and errors."""
+        lathes = self._lathes
+        if not lathes.seeded or lathes.terminated[0] or lathes.truncated[0]:
+            raise ResetNeeded("call reset() first: no episode is under way")
+        lathes.step((action,))
+        return (
+            lathes.observations[0].copy(),
+            float(lathes.rewards[0]),
+            bool(lathes.terminated[0]),
+            bool(lathes.truncated[0]),
+            self._info(),
+        )
+
+    def _info(self) -> Info:
+        info: Info = dict(zip(REPORT_FIELDS, self._lathes.report_values[0].tolist(), strict=True))
+        for flag in _FLAGS:
+            info[flag] = bool(info[flag])
+        return info

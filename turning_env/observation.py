@@ -1,0 +1,120 @@
+"""What a policy sees: the numbers that a CNC control knows, scaled to order one.
+
+========================  =========================================================================  ============
+Entry                     Meaning                                                                    Range
+========================  =========================================================================  ============
+power                     measured power over its limit [-]                                          0 to 4
+thrust_force              measured thrust force over its limit [-]                                   0 to 4
+cutting_speed             actual cutting speed: -1 at the machine's lowest, 1 at its highest, log    -1 to 1
+feed                      actual feed, likewise                                                      -1 to 1
+commanded_cutting_speed   commanded cutting speed, likewise                                          -1 to 1
+commanded_feed            commanded feed, likewise                                                   -1 to 1
+cutting_time              log(1 + cutting time of the edge in min)                                   0 to 12
+nominal_wear              wear predicted by the nominal model over the criterion [-]                 0 to 4
+power_ratio               measured over predicted power [-]                                          0 to 4
+force_ratio               measured over predicted thrust force [-]                                   0 to 4
+cutting                   1 when the tool is in metal, 0 in air                                      0 or 1
+========================  =========================================================================  ============
+
+Predictions take the actual speed and feed, nominal depth and hardness, and the nominal model's wear. Measurements in air are
+near 0, and so are their ratios.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env.compilation import compiled
+from turning_env.power_law import compiled_log_response
+from turning_env.scenario import Scenario
+from turning_env.wear import log_wear
+
+MOST_RATIO = 4.0
+MOST_LOG_TIME = 12.0
+
+LOW = np.array([0, 0, -1, -1, -1, -1, 0, 0, 0, 0, 0], np.float32)
+HIGH = np.array([4, 4, 1, 1, 1, 1, MOST_LOG_TIME, 4, 4, 4, 1], np.float32)
+
+
+@compiled
+def range_position(log_value, log_low, log_span):
+    """Where a value lies in its range, on a logarithmic scale: -1 at the low end, 1 at the high end."""
+    return min(max(2.0 * (log_value - log_low) / log_span - 1.0, -1.0), 1.0)
+
+
+@compiled
+def write_observation(lane, parameters, observation):
+    """Fill one lane's observation (float32, in the order of the table above)."""
+    p = parameters
+    observation[0] = min(lane.measured_power / p.power_limit, MOST_RATIO)
+    observation[1] = min(lane.measured_thrust_force / p.thrust_force_limit, MOST_RATIO)
+    speed, feed = math.log(lane.cutting_speed), math.log(lane.feed)
+    commanded_speed, commanded_feed = math.log(lane.commanded_cutting_speed), math.log(lane.commanded_feed)
+    observation[2] = range_position(speed, p.log_cutting_speed_min, p.log_cutting_speed_span)
+    observation[3] = range_position(feed, p.log_feed_min, p.log_feed_span)
+    observation[4] = range_position(commanded_speed, p.log_cutting_speed_min, p.log_cutting_speed_span)
+    observation[5] = range_position(commanded_feed, p.log_feed_min, p.log_feed_span)
+    observation[6] = min(math.log1p(lane.cutting_time), MOST_LOG_TIME)
+    observation[7] = 0.0
+    observation[8] = 0.0
+    observation[9] = 0.0
+    observation[10] = 1.0 if lane.cutting else 0.0
+    if lane.nominal_used_life > 0.0:
+        wear = log_wear(p, lane.nominal_used_life)
+        power = math.exp(compiled_log_response(p.power_law, speed, feed, p.log_depth_of_cut, 0.0, wear, 0.0))
+        force = math.exp(compiled_log_response(p.force_law, speed, feed, p.log_depth_of_cut, 0.0, wear, 0.0))
+        observation[7] = min(math.exp(wear - p.log_wear_criterion), MOST_RATIO)
+        observation[8] = min(lane.measured_power / power, MOST_RATIO)
+        observation[9] = min(lane.measured_thrust_force / force, MOST_RATIO)
+
+
+class Reading(NamedTuple):
+    """A batch of observations in physical units; every field has shape (lanes,)."""
+
+    power: NDArray[np.float64]
+    """Measured power [kW]."""
+    thrust_force: NDArray[np.float64]
+    """Measured thrust force [N]."""
+    cutting_speed: NDArray[np.float64]
+    """Actual cutting speed [m/min]."""
+    feed: NDArray[np.float64]
+    """Actual feed [mm/rev]."""
+    commanded_cutting_speed: NDArray[np.float64]
+    """Commanded cutting speed [m/min]."""
+    commanded_feed: NDArray[np.float64]
+    """Commanded feed [mm/rev]."""
+    cutting_time: NDArray[np.float64]
+    """Cutting time of the edge [min]."""
+    nominal_wear: NDArray[np.float64]
+    """Wear predicted by the nominal model [mm]."""
+    power_ratio: NDArray[np.float64]
+    """Measured over predicted power [-]."""
+    force_ratio: NDArray[np.float64]
+    """Measured over predicted thrust force [-]."""
+    cutting: NDArray[np.bool_]
+    """Whether the tool is in metal."""
+
+
+def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
+    """Turn observations of shape (lanes, 11) back into physical units, for controllers that reason in them."""
+    columns = np.asarray(observation, np.float64).T
+    machine, limits = scenario.machine, scenario.limits
+
+    def in_range(position: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
+        return low * (high / low) ** (0.5 * (position + 1.0))
+
+    return Reading(
+        power=columns[0] * limits.power,
+        thrust_force=columns[1] * limits.thrust_force,
+        cutting_speed=in_range(columns[2], machine.cutting_speed_min, machine.cutting_speed_max),
+        feed=in_range(columns[3], machine.feed_min, machine.feed_max),
+        commanded_cutting_speed=in_range(columns[4], machine.cutting_speed_min, machine.cutting_speed_max),
+        commanded_feed=in_range(columns[5], machine.feed_min, machine.feed_max),
+        cutting_time=np.expm1(columns[6]),
+        nominal_wear=columns[7] * scenario.tool.wear_criterion,
+        power_ratio=columns[8],
+        force_ratio=columns[9],
+        cutting=columns[10] > 0.5,
+    )

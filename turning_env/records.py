@@ -1,0 +1,206 @@
+"""The typed records that the compiled transition works on: a lane's state, the parameters, and the interval's report."""
+
+from typing import Any
+
+import numpy as np
+
+from turning_env.drives import lag_share
+from turning_env.power_law import POWER_LAW_RECORD
+from turning_env.scenario import Scenario
+from turning_env.wear import CLOCK_TIME, EQUIVALENT_TIME
+
+LANE = np.dtype(
+    [
+        # the episode's key
+        ("seed", np.uint64),
+        ("episode", np.uint64),
+        # where the episode stands
+        ("interval_count", np.int64),
+        ("elapsed", np.float64),  # machine time [s]
+        ("ended", np.bool_),
+        ("broken", np.bool_),
+        ("cutting", np.bool_),  # the tool is in metal
+        ("path", np.float64),  # tool position, air and metal [mm]
+        # drives
+        ("commanded_cutting_speed", np.float64),  # [m/min]
+        ("commanded_feed", np.float64),  # [mm/rev]
+        ("cutting_speed", np.float64),  # [m/min]
+        ("feed", np.float64),  # [mm/rev]
+        # edge
+        ("log_wear_factor", np.float64),  # [-]
+        ("edge_strength", np.float64),  # [N]
+        ("cutting_time", np.float64),  # [min]
+        ("used_life", np.float64),  # [-]
+        ("nominal_used_life", np.float64),  # as the nominal model has it [-]
+        # bar at the tool
+        ("bar", np.int64),
+        ("bar_hardness_normal", np.float64),
+        ("bar_depth_normal", np.float64),
+        ("hardness_cell", np.int64),
+        ("hardness_left", np.float64),
+        ("hardness_right", np.float64),
+        ("depth_cell", np.int64),
+        ("depth_left", np.float64),
+        ("depth_right", np.float64),
+        ("log_hardness", np.float64),  # [-]
+        ("depth_of_cut", np.float64),  # [mm]
+        # process and sensors
+        ("thrust_force", np.float64),  # [N]
+        ("power", np.float64),  # [kW]
+        ("lagged_thrust_force", np.float64),  # [N]
+        ("lagged_power", np.float64),  # [kW]
+        ("measured_thrust_force", np.float64),  # [N]
+        ("measured_power", np.float64),  # [kW]
+    ],
+    align=True,
+)
+
+PARAMETERS = np.dtype(
+    [
+        ("wear_law", POWER_LAW_RECORD),
+        ("force_law", POWER_LAW_RECORD),
+        ("power_law", POWER_LAW_RECORD),
+        ("wear_rule", np.int64),
+        ("wear_criterion", np.float64),
+        ("log_wear_criterion", np.float64),
+        ("life_exponent", np.float64),  # 1/n of W = K t^n [-]
+        ("wear_factor_spread", np.float64),
+        ("edge_strength", np.float64),
+        ("edge_strength_spread", np.float64),
+        ("cutting_speed_min", np.float64),
+        ("cutting_speed_max", np.float64),
+        ("feed_min", np.float64),
+        ("feed_max", np.float64),
+        ("log_cutting_speed_min", np.float64),
+        ("log_cutting_speed_span", np.float64),  # log(max / min)
+        ("log_feed_min", np.float64),
+        ("log_feed_span", np.float64),
+        ("spindle_share", np.float64),  # of the distance to the command that one sub-step covers [-]
+        ("feed_share", np.float64),
+        ("bar_length", np.float64),
+        ("bar_pitch", np.float64),  # bar and approach [mm]
+        ("approach", np.float64),
+        ("bars_per_path", np.float64),  # [1/mm]
+        ("bars_per_cut", np.float64),  # [1/mm]
+        ("revolutions_per_metre", np.float64),  # of the bar's circumference [rev/m]
+        ("depth_of_cut", np.float64),
+        ("log_depth_of_cut", np.float64),
+        ("depth_bar_spread", np.float64),
+        ("depth_along_spread", np.float64),
+        ("depth_nodes_per_length", np.float64),
+        ("hardness_bar_spread", np.float64),
+        ("hardness_along_spread", np.float64),
+        ("hardness_nodes_per_length", np.float64),
+        ("interval", np.float64),
+        ("sub_steps", np.int64),
+        ("sub_step", np.float64),  # [min]
+        ("incremental", np.bool_),
+        ("cutting_speed_step", np.float64),
+        ("feed_step", np.float64),
+        ("initial_cutting_speed", np.float64),
+        ("initial_feed", np.float64),
+        ("interval_limit", np.int64),  # intervals after which an episode is truncated
+        ("power_noise", np.float64),
+        ("force_noise", np.float64),
+        ("power_sensor_share", np.float64),
+        ("force_sensor_share", np.float64),
+        ("reference_productivity", np.float64),
+        ("edge_cost", np.float64),
+        ("edge_change_time", np.float64),
+        ("breakage_downtime", np.float64),
+        ("overload_price", np.float64),
+        ("thrust_force_limit", np.float64),
+        ("power_limit", np.float64),
+        ("overload_tolerance", np.float64),
+    ],
+    align=True,
+)
+
+# One interval as `info` tells it: true values at the interval's end, and sums over the interval.
+REPORT_FIELDS = (
+    "cutting_speed",  # [m/min]
+    "feed",  # [mm/rev]
+    "commanded_cutting_speed",  # [m/min]
+    "commanded_feed",  # [mm/rev]
+    "spindle_speed",  # [rev/min]
+    "feed_velocity",  # [mm/min]
+    "torque",  # [N m]
+    "path",  # tool position, air and metal [mm]
+    "bar",  # bars begun before this one [-]
+    "cutting",  # the tool is in metal [0 or 1]
+    "depth_of_cut",  # [mm], 0 in air
+    "hardness",  # relative to nominal [-], 0 in air
+    "cutting_time",  # of the edge [min]
+    "used_life",  # of the edge [-]
+    "wear",  # [mm]
+    "wear_factor",  # of the insert [-]
+    "edge_strength",  # of the insert [N]
+    "thrust_force",  # [N]
+    "power",  # [kW]
+    "measured_thrust_force",  # [N]
+    "measured_power",  # [kW]
+    "time",  # this interval [s]
+    "engaged_time",  # cutting, this interval [s]
+    "removed",  # this interval [cm3]
+    "overload_time",  # beyond a limit, this interval [s]
+    "severe_overload_time",  # beyond a limit by more than the tolerance, this interval [s]
+    "cost",  # sum of the two below [-]
+    "cost_force",  # mean relative excess of thrust force over its limit, this interval [-]
+    "cost_power",  # mean relative excess of power over its limit, this interval [-]
+    "reward_metal",  # [s]
+    "reward_time",  # [s]
+    "reward_edge",  # [s]
+    "reward_overload",  # [s]
+    "reward_breakage",  # [s]
+    "broken",  # the edge broke [0 or 1]
+)
+REPORT = np.dtype([(name, np.float64) for name in REPORT_FIELDS])
+
+
+def new_records(dtype: np.dtype[Any], count: int) -> Any:
+    """``count`` zeroed records whose fields are attributes, compiled or not."""
+    return np.zeros(count, dtype).view(np.recarray)
+
+
+def parameter_records(scenario: Scenario) -> Any:
+    """The scenario as the one record that the transition reads (an array of one, as Numba passes arrays faster)."""
+    material, tool, machine, workpiece = scenario.material, scenario.tool, scenario.machine, scenario.workpiece
+    control, sensors, limits = scenario.control, scenario.sensors, scenario.limits
+    sub_step = control.interval / control.sub_steps
+    values = {
+        "wear_law": material.wear.record(),
+        "force_law": material.thrust_force.record(),
+        "power_law": material.power.record(),
+        "wear_rule": EQUIVALENT_TIME if tool.wear_rule == "equivalent_time" else CLOCK_TIME,
+        "log_wear_criterion": np.log(tool.wear_criterion),
+        "log_cutting_speed_min": np.log(machine.cutting_speed_min),
+        "log_cutting_speed_span": np.log(machine.cutting_speed_max / machine.cutting_speed_min),
+        "log_feed_min": np.log(machine.feed_min),
+        "log_feed_span": np.log(machine.feed_max / machine.feed_min),
+        "spindle_share": lag_share(sub_step, machine.spindle_time_constant),
+        "feed_share": lag_share(sub_step, machine.feed_time_constant),
+        "life_exponent": 1.0 / material.wear.time,
+        "bar_pitch": workpiece.bar_length + workpiece.approach,
+        "bars_per_path": 1.0 / (workpiece.bar_length + workpiece.approach),
+        "bars_per_cut": 1.0 / workpiece.bar_length,
+        "revolutions_per_metre": 1000.0 / (np.pi * workpiece.diameter),
+        "log_depth_of_cut": np.log(workpiece.depth_of_cut),
+        "depth_nodes_per_length": 1.0 / workpiece.depth_correlation_length,
+        "hardness_nodes_per_length": 1.0 / workpiece.hardness_correlation_length,
+        "sub_step": sub_step / 60.0,
+        "incremental": control.action == "incremental",
+        "interval_limit": round(control.time_limit * 60.0 / control.interval),
+        "power_sensor_share": lag_share(sub_step, sensors.power_time_constant),
+        "force_sensor_share": lag_share(sub_step, sensors.force_time_constant),
+        "thrust_force_limit": limits.thrust_force,
+        "power_limit": limits.power,
+        "overload_tolerance": limits.overload_tolerance,
+    }
+    for section in (tool, machine, workpiece, control, sensors, scenario.economics):
+        for name in type(section).model_fields:
+            if name in (PARAMETERS.names or ()):
+                values.setdefault(name, getattr(section, name))
+    records = new_records(PARAMETERS, 1)
+    for name in PARAMETERS.names or ():
+        records[name][0] = values[name]
+    return records

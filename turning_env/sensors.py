@@ -1,0 +1,23 @@
+"""What the controller is told: power and thrust force, each behind a first-order lag and with relative noise.
+
+The noise levels (power 2 %, force 5 %) and lags are assumptions; the roughness control paper gives up to 10 % for force.
+"""
+
+from turning_env.compilation import compiled
+from turning_env.keyed_random import SENSOR_CHANNEL, standard_normals
+
+
+@compiled
+def follow_process(lane, parameters):
+    """Move the lagged power [kW] and thrust force [N] towards the process over one sub-step."""
+    lane.lagged_power += (lane.power - lane.lagged_power) * parameters.power_sensor_share
+    lane.lagged_thrust_force += (lane.thrust_force - lane.lagged_thrust_force) * parameters.force_sensor_share
+
+
+@compiled
+def read_sensors(lane, parameters):
+    """Measured power [kW] and thrust force [N] at the end of an interval."""
+    power_normal, force_normal = standard_normals(lane, SENSOR_CHANNEL, 0, lane.interval_count)
+    power = lane.lagged_power * (1.0 + parameters.power_noise * power_normal)
+    thrust_force = lane.lagged_thrust_force * (1.0 + parameters.force_noise * force_normal)
+    return max(power, 0.0), max(thrust_force, 0.0)

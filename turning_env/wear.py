@@ -1,0 +1,37 @@
+"""Life and wear of the edge.
+
+A fresh edge at constant parameters wears as W = K t^n, where K comes from the wear law and n is its exponent of time.
+The state is the used share of the edge's life, D = (W / W_max)^(1/n), from which the wear follows: W = W_max D^n.
+
+Equivalent time (default, consistent with Taylor): changing parameters continue the wear curve of the new parameters
+from the present wear. Then dD/dt = (K / W_max)^(1/n) = 1/T exactly, T being the Taylor life; how a cut is split into
+intervals does not matter.
+
+Clock time (Alaskari and Oraby 2018, equation (4), as recovered): each interval adds K (t_i^n - t_{i-1}^n), t being the
+edge's total cutting time. It reproduces the publication; a controller can game it by idling through the first seconds.
+"""
+
+import math
+
+from turning_env.compilation import compiled
+
+EQUIVALENT_TIME = 0
+CLOCK_TIME = 1
+
+
+@compiled
+def advance_used_life(parameters, used_life, log_wear_coefficient, start, end):
+    """Used life share [-] after cutting from ``start`` to ``end`` (the edge's cutting time [min]) with log K constant."""
+    if parameters.wear_rule == EQUIVALENT_TIME:
+        log_life = (parameters.log_wear_criterion - log_wear_coefficient) * parameters.life_exponent
+        return used_life + (end - start) * math.exp(-log_life)
+    exponent = parameters.wear_law.time
+    wear = parameters.wear_criterion * used_life**exponent
+    wear += math.exp(log_wear_coefficient) * (end**exponent - start**exponent)
+    return (wear / parameters.wear_criterion) ** parameters.life_exponent
+
+
+@compiled
+def log_wear(parameters, used_life):
+    """Logarithm of the flank wear [mm]; the edge must have cut (used life above 0)."""
+    return parameters.log_wear_criterion + parameters.wear_law.time * math.log(used_life)
