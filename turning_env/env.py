@@ -9,11 +9,10 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from turning_env.lathes import ACTION_SPACE, OBSERVATION_SPACE, Lathes
-from turning_env.records import REPORT_FIELDS
+from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
 from turning_env.scenario import Scenario
 
 Info = dict[str, Any]
-_FLAGS = ("cutting", "broken")
 _ONLY_LANE = np.ones(1, np.bool_)
 
 
@@ -78,18 +77,18 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Episode end
 
-    Terminated when the flank wear reaches the criterion (0.3 mm) or the thrust force exceeds the edge's strength; the interval ends
-    there. Truncated after 30 min of machine time.
+    Terminated when the flank wear reaches the criterion (0.3 mm) or the thrust force exceeds the edge's strength; the
+    interval ends there. Truncated after 30 min of machine time.
 
     ## Info
 
-    After `reset` and `step`, true values at the interval's end: `cutting_speed` and `commanded_cutting_speed` [m/min], `feed` and
-    `commanded_feed` [mm/rev], `spindle_speed` [rev/min], `feed_velocity` [mm/min], `torque` [N m], `path` [mm], `bar` [-],
-    `cutting` (bool), `depth_of_cut` [mm] and `hardness` [-] (0 in air), `cutting_time` [min], `used_life` [-], `wear` [mm],
-    `wear_factor` [-], `edge_strength` [N], `thrust_force` and `measured_thrust_force` [N], `power` and `measured_power` [kW],
-    `broken` (bool); and over the interval: `time`, `engaged_time`, `overload_time` and `severe_overload_time` [s], `removed`
-    [cm3], `cost` = `cost_force` + `cost_power` (mean relative excess over each limit [-], positive means violated), and the
-    terms of the reward [s].
+    After `reset` and `step`, true values at the interval's end: `cutting_speed` and `commanded_cutting_speed` [m/min],
+    `feed` and `commanded_feed` [mm/rev], `spindle_speed` [rev/min], `feed_velocity` [mm/min], `torque` [N m],
+    `path` [mm], `bar` [-], `cutting` (bool), `depth_of_cut` [mm] and `hardness` [-] (0 in air), `cutting_time` [min],
+    `used_life` [-], `wear` [mm], `wear_factor` [-], `edge_strength` [N], `thrust_force` and `measured_thrust_force` [N],
+    `power` and `measured_power` [kW], `broken` (bool); and over the interval: `time`, `engaged_time`, `overload_time` and
+    `severe_overload_time` [s], `removed` [cm3], `cost` = `cost_force` + `cost_power` (mean relative excess over each
+    limit [-], positive means violated), and the terms of the reward [s].
 
     ## Arguments
 
@@ -114,11 +113,9 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         gymnasium.error.ResetNeeded: `step` before the first `reset`, or after the episode has ended.
     """
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": []}  # noqa: RUF012 - declared so by Gymnasium
 
-    def __init__(
-        self, scenario: str | os.PathLike[str] | Scenario = "rough_turning", render_mode: str | None = None
-    ) -> None:
+    def __init__(self, scenario: str | os.PathLike[str] | Scenario = "rough_turning", render_mode: str | None = None) -> None:
         if render_mode is not None:
             raise ValueError(f"render_mode is {render_mode!r}, but this environment has no render modes: only None")
         self.scenario = Scenario.load(scenario)
@@ -127,9 +124,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action_space = ACTION_SPACE
         self._lathes = Lathes(self.scenario, 1)
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], Info]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
         """Start episode 0 of ``seed``, or without one the next episode of the present seed. There are no options."""
         super().reset(seed=seed)
         lathes = self._lathes
@@ -159,6 +154,6 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _info(self) -> Info:
         info: Info = dict(zip(REPORT_FIELDS, self._lathes.report_values[0].tolist(), strict=True))
-        for flag in _FLAGS:
+        for flag in REPORT_FLAGS:
             info[flag] = bool(info[flag])
         return info

@@ -6,6 +6,8 @@ Written once, for one lathe, as scalar Python over the records of ``records.py``
 
 import math
 
+import numpy as np
+
 from turning_env.compilation import compiled
 from turning_env.drives import follow_commands, spindle_torque
 from turning_env.economics import breakage_price, edge_price, metal_value
@@ -112,13 +114,7 @@ def run_interval(lane, parameters, cutting_speed_action, feed_action, report):
     report.reward_overload = -60.0 * parameters.overload_price * (force_excess + power_excess)
     report.reward_breakage = -breakage_price(parameters, lane.used_life) if broken else 0.0
     write_state(lane, parameters, report)
-    reward = (
-        report.reward_metal
-        + report.reward_time
-        + report.reward_edge
-        + report.reward_overload
-        + report.reward_breakage
-    )
+    reward = report.reward_metal + report.reward_time + report.reward_edge + report.reward_overload + report.reward_breakage
     return reward, terminated, truncated
 
 
@@ -150,9 +146,7 @@ def cut_metal(lane, parameters, engaged):
     lane.used_life = advance_used_life(parameters, lane.used_life, log_wear_coefficient, lane.cutting_time, end)
     lane.cutting_time = end
     wear = log_wear(parameters, lane.used_life)
-    lane.thrust_force = math.exp(
-        compiled_log_response(parameters.force_law, speed, feed, depth, 0.0, wear, hardness)
-    )
+    lane.thrust_force = math.exp(compiled_log_response(parameters.force_law, speed, feed, depth, 0.0, wear, hardness))
     lane.power = math.exp(compiled_log_response(parameters.power_law, speed, feed, depth, 0.0, wear, hardness))
 
 
@@ -204,7 +198,7 @@ def write_state(lane, parameters, report):
     report.feed_velocity = spindle_speed * lane.feed
     report.torque = spindle_torque(lane.power, spindle_speed)
     report.path = lane.path
-    report.bar = math.floor(lane.path * parameters.bars_per_path)
+    report.bar = np.floor(lane.path * parameters.bars_per_path)
     report.cutting = 1.0 if lane.cutting else 0.0
     report.depth_of_cut = lane.depth_of_cut if lane.cutting else 0.0
     report.hardness = math.exp(lane.log_hardness) if lane.cutting else 0.0

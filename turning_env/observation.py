@@ -56,7 +56,7 @@ def write_observation(lane, parameters, observation):
     observation[3] = range_position(feed, p.log_feed_min, p.log_feed_span)
     observation[4] = range_position(commanded_speed, p.log_cutting_speed_min, p.log_cutting_speed_span)
     observation[5] = range_position(commanded_feed, p.log_feed_min, p.log_feed_span)
-    observation[6] = min(math.log1p(lane.cutting_time), MOST_LOG_TIME)
+    observation[6] = min(math.log(1.0 + lane.cutting_time), MOST_LOG_TIME)
     observation[7] = 0.0
     observation[8] = 0.0
     observation[9] = 0.0

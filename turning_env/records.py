@@ -33,13 +33,13 @@ LANE = np.dtype(
         ("used_life", np.float64),  # [-]
         ("nominal_used_life", np.float64),  # as the nominal model has it [-]
         # bar at the tool
-        ("bar", np.int64),
+        ("bar", np.float64),  # whole numbers
         ("bar_hardness_normal", np.float64),
         ("bar_depth_normal", np.float64),
-        ("hardness_cell", np.int64),
+        ("hardness_cell", np.float64),  # nodes on either side: whole number and the next
         ("hardness_left", np.float64),
         ("hardness_right", np.float64),
-        ("depth_cell", np.int64),
+        ("depth_cell", np.float64),
         ("depth_left", np.float64),
         ("depth_right", np.float64),
         ("log_hardness", np.float64),  # [-]
@@ -154,6 +154,7 @@ REPORT_FIELDS = (
     "reward_breakage",  # [s]
     "broken",  # the edge broke [0 or 1]
 )
+REPORT_FLAGS = ("cutting", "broken")
 REPORT = np.dtype([(name, np.float64) for name in REPORT_FIELDS])
 
 

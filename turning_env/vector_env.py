@@ -11,13 +11,12 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from turning_env.lathes import ACTION_SPACE, OBSERVATION_SPACE, Lathes
-from turning_env.records import REPORT_FIELDS
+from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
 from turning_env.scenario import Scenario
 
 Array = NDArray[Any]
 Infos = dict[str, Any]
 Step = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], Infos]
-_FLAGS = ("cutting", "broken")
 
 
 class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Array]):
@@ -77,10 +76,10 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         chosen = self._reset_mask(options)
         seeds = self._lane_seeds(seed)
         continued = chosen.copy()
-        for lane in np.flatnonzero(chosen):
+        for lane in np.flatnonzero(chosen).tolist():
             lane_seed = seeds[lane]
             if lane_seed is not None:
-                lathes.seed(int(lane), lane_seed)
+                lathes.seed(lane, lane_seed)
                 continued[lane] = False
         lathes.start(chosen & ~continued)
         lathes.next_episode(continued)
@@ -135,10 +134,10 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     def _infos(self, lanes: NDArray[np.bool_]) -> Infos:
         """One array per field of the report, with the mask of the lanes that it holds for."""
-        table = self._lathes.report_values.T.copy()
+        table = self._lathes.report_values.copy()
         infos: Infos = {}
-        for name, values in zip(REPORT_FIELDS, table, strict=True):
-            infos[name] = values.astype(np.bool_) if name in _FLAGS else values
+        for name, values in zip(REPORT_FIELDS, table.T, strict=True):
+            infos[name] = values.astype(np.bool_) if name in REPORT_FLAGS else values
             infos["_" + name] = lanes
         return infos
 

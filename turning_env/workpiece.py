@@ -2,14 +2,14 @@
 
 The tool runs along an endless row of bars, each preceded by an approach of air. Two coordinates describe where it is:
 the path [mm], which counts air and metal, and the cut [mm], which counts metal only. Both fields are functions of the
-cut coordinate: an offset drawn per bar plus noise along the bar, which runs linearly between independent normal nodes one
-correlation length apart and is rescaled to unit variance everywhere.
+cut coordinate: an offset drawn per bar plus noise along the bar, which blends independent normal nodes one correlation
+length apart and has unit variance everywhere.
 
 Relative hardness is log-normal, so it stays positive. The depth of cut is the nominal depth plus the allowance's
 deviation, and never falls below 1 % of nominal (assumption: a blank that measures under size is still just scraped).
 """
 
-import math
+import numpy as np
 
 from turning_env.compilation import compiled
 from turning_env.keyed_random import BAR_CHANNEL, DEPTH_CHANNEL, HARDNESS_CHANNEL, standard_normals
@@ -20,7 +20,7 @@ LEAST_DEPTH_SHARE = 0.01
 @compiled
 def position_in_row(parameters, path):
     """Where a path coordinate [mm] lies: (length of metal behind the tool [mm], whether the tool is in metal)."""
-    bar = math.floor(path * parameters.bars_per_path)
+    bar = np.floor(path * parameters.bars_per_path)
     along = path - bar * parameters.bar_pitch - parameters.approach
     return bar * parameters.bar_length + max(along, 0.0), along >= 0.0
 
@@ -36,9 +36,12 @@ def enter_bar(lane, bar):
 
 @compiled
 def between_nodes(left, right, share):
-    """Unit-variance noise between two independent normal nodes, at a share 0..1 of the way."""
-    rest = 1.0 - share
-    return (rest * left + share * right) / math.sqrt(rest * rest + share * share)
+    """Unit-variance noise between two independent normal nodes, at a share 0..1 of the way.
+
+    The nodes' weights run along a quarter of the unit circle, so their squares add up to 1 everywhere.
+    """
+    square = share * share
+    return ((1.0 - square) * left + 2.0 * share * right) / (1.0 + square)
 
 
 @compiled
@@ -47,25 +50,24 @@ def look_up_fields(lane, parameters, cut):
 
     The nodes on either side are kept in the lane until the tool has passed them: they cost more than all the rest.
     """
-    bar = math.floor(cut * parameters.bars_per_cut)
+    bar = np.floor(cut * parameters.bars_per_cut)
     if bar != lane.bar:
         enter_bar(lane, bar)
     along = cut - bar * parameters.bar_length
 
     hardness_nodes = along * parameters.hardness_nodes_per_length
-    cell = math.floor(hardness_nodes)
+    cell = np.floor(hardness_nodes)
     if cell != lane.hardness_cell:
         lane.hardness_cell = cell
         lane.hardness_left = standard_normals(lane, HARDNESS_CHANNEL, bar, cell)[0]
         lane.hardness_right = standard_normals(lane, HARDNESS_CHANNEL, bar, cell + 1)[0]
     hardness_noise = between_nodes(lane.hardness_left, lane.hardness_right, hardness_nodes - cell)
     lane.log_hardness = (
-        parameters.hardness_bar_spread * lane.bar_hardness_normal
-        + parameters.hardness_along_spread * hardness_noise
+        parameters.hardness_bar_spread * lane.bar_hardness_normal + parameters.hardness_along_spread * hardness_noise
     )
 
     depth_nodes = along * parameters.depth_nodes_per_length
-    cell = math.floor(depth_nodes)
+    cell = np.floor(depth_nodes)
     if cell != lane.depth_cell:
         lane.depth_cell = cell
         lane.depth_left = standard_normals(lane, DEPTH_CHANNEL, bar, cell)[0]

@@ -1,0 +1,1 @@
+"""Rule-based controllers, one file each: observation in, action out, nothing else."""

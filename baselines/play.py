@@ -1,0 +1,75 @@
+"""Plays a policy on given draws, one episode each, and sums up every episode."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from baselines.policy import PolicyFactory
+from turning_env import RoughTurningVectorEnv, Scenario
+
+SUMS = (
+    "reward_metal",  # [s]
+    "reward_time",  # [s]
+    "reward_edge",  # [s]
+    "reward_overload",  # [s]
+    "reward_breakage",  # [s]
+    "time",  # [s]
+    "engaged_time",  # [s]
+    "removed",  # [cm3]
+    "overload_time",  # [s]
+    "severe_overload_time",  # [s]
+)
+LAST = ("used_life", "wear", "broken")  # [-], [mm], [-]: their values when the episode ends
+EPISODE_FIELDS = ("return", "intervals", *SUMS, "excess", *LAST, "truncated")
+"""Of each episode: the return [s], its length, sums and last values of ``info``; ``excess`` is the integral of ``cost`` [s]."""
+
+Episodes = dict[str, NDArray[np.float64]]
+
+
+def play(
+    make_policy: PolicyFactory,
+    scenario: Scenario,
+    seeds: Sequence[int],
+    on_interval: Callable[[int], None] = lambda ended: None,
+) -> Episodes:
+    """Play one episode per seed, all side by side.
+
+    Args:
+        make_policy: makes the policy for ``len(seeds)`` lanes.
+        scenario: what to play.
+        seeds: the draws.
+        on_interval: called after each interval with the number of episodes that have ended.
+
+    Returns:
+        An array of shape (len(seeds),) for each of ``EPISODE_FIELDS``.
+
+    Raises:
+        ValueError: the policy's actions have the wrong shape or are not finite.
+    """
+    lanes = len(seeds)
+    env = RoughTurningVectorEnv(lanes, scenario, AutoresetMode.SAME_STEP)
+    policy = make_policy(lanes)
+    observations, _ = env.reset(seed=list(seeds))
+    policy.reset(np.ones(lanes, np.bool_))
+    episodes: Episodes = {name: np.zeros(lanes) for name in EPISODE_FIELDS}
+    running = np.ones(lanes, np.bool_)
+    while running.any():
+        observations, rewards, terminated, truncated, infos = env.step(policy.act(observations))
+        ended = terminated | truncated
+        if ended.any():
+            final = infos["final_info"]
+            infos = {name: np.where(ended, final[name], infos[name]) for name in (*SUMS, *LAST, "cost")}
+            policy.reset(ended)
+        episodes["return"] += np.where(running, rewards, 0.0)
+        episodes["intervals"] += running
+        for name in SUMS:
+            episodes[name] += np.where(running, infos[name], 0.0)
+        episodes["excess"] += np.where(running, infos["cost"] * infos["time"], 0.0)
+        for name in LAST:
+            episodes[name] = np.where(running & ended, infos[name], episodes[name])
+        episodes["truncated"] += running & truncated
+        running &= ~ended
+        on_interval(lanes - int(running.sum()))
+    return episodes
