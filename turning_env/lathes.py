@@ -90,6 +90,8 @@ class Lathes:
     def start(self, chosen: NDArray[np.bool_]) -> None:
         """Start the keyed episode in every chosen lane."""
         _start_lanes(self.lanes, self.parameters, chosen, self.observations, self._reports)
+        self.terminated[chosen] = False
+        self.truncated[chosen] = False
 
     def next_episode(self, chosen: NDArray[np.bool_]) -> None:
         """Move every chosen lane on to the next episode of its seed, and start it."""

@@ -84,8 +84,6 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         lathes.start(chosen & ~continued)
         lathes.next_episode(continued)
         lathes.seeded = True
-        lathes.terminated[chosen] = False
-        lathes.truncated[chosen] = False
         return lathes.observations.copy(), self._infos(chosen)
 
     def step(self, actions: Any) -> Step:
