@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from turning_env.lathes import ACTION_SPACE, OBSERVATION_SPACE, Lathes
+from turning_env.lathes import Lathes, action_space, checked_seed, observation_space
 from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
 from turning_env.scenario import Scenario
 
@@ -109,7 +109,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
-        ValueError: an action is not two finite numbers, or a seed is outside 0 to 2**64 - 1.
+        ValueError: an action is not two finite numbers, or a seed is not a whole number of 0 to 2**64 - 1.
         gymnasium.error.ResetNeeded: `step` before the first `reset`, or after the episode has ended.
     """
 
@@ -120,12 +120,14 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f"render_mode is {render_mode!r}, but this environment has no render modes: only None")
         self.scenario = Scenario.load(scenario)
         self.render_mode = None
-        self.observation_space = OBSERVATION_SPACE
-        self.action_space = ACTION_SPACE
+        self.observation_space = observation_space()
+        self.action_space = action_space()
         self._lathes = Lathes(self.scenario, 1)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
         """Start episode 0 of ``seed``, or without one the next episode of the present seed. There are no options."""
+        if seed is not None:
+            seed = checked_seed(seed, 0)
         super().reset(seed=seed)
         lathes = self._lathes
         if seed is None and not lathes.seeded:

@@ -13,9 +13,28 @@ from turning_env.observation import write_observation
 from turning_env.records import LANE, REPORT, REPORT_FIELDS, new_records, parameter_records
 from turning_env.scenario import Scenario
 
-OBSERVATION_SPACE = spaces.Box(observation.LOW, observation.HIGH, dtype=np.float32)
-ACTION_SPACE = spaces.Box(-1.0, 1.0, (2,), np.float32)
 MOST_SEED = 2**64 - 1
+
+
+def observation_space() -> spaces.Space[NDArray[np.float32]]:
+    """The observations of one lane: a new space for every environment, since a space carries its own sampling state."""
+    return spaces.Box(observation.LOW, observation.HIGH, dtype=np.float32)
+
+
+def action_space() -> spaces.Space[NDArray[np.float32]]:
+    """The actions of one lane, likewise."""
+    return spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+
+def checked_seed(seed: Any, lane: int) -> int:
+    """The seed as an integer.
+
+    Raises:
+        ValueError: it is not a whole number of 0 to 2**64 - 1.
+    """
+    if not isinstance(seed, int | np.integer) or not 0 <= seed <= MOST_SEED:
+        raise ValueError(f"seed {seed!r} of lane {lane} must be a whole number, 0 to {MOST_SEED}")
+    return int(seed)
 
 
 def _entries(digest: str) -> tuple[Any, Any]:
@@ -73,17 +92,23 @@ class Lathes:
         self.parameters = parameter_records(scenario)
         self.lanes = new_records(LANE, count)
         self.seeded = False
-        self.observations = np.zeros((count, *OBSERVATION_SPACE.shape), np.float32)
+        self.observations = np.zeros((count, len(observation.LOW)), np.float32)
         self.rewards = np.zeros(count, np.float64)
         self.terminated = np.zeros(count, np.bool_)
         self.truncated = np.zeros(count, np.bool_)
         self._reports = new_records(REPORT, count)
-        self.report_values: NDArray[np.float64] = self._reports.view(np.float64).reshape(count, len(REPORT_FIELDS))
+        self._view_reports()
+
+    def _view_reports(self) -> None:
+        self.report_values: NDArray[np.float64] = self._reports.view(np.float64).reshape(-1, len(REPORT_FIELDS))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a copy or a pickle, in which the view of the reports came out as an array of its own."""
+        self.__dict__.update(state)
+        self._view_reports()
 
     def seed(self, lane: int, seed: int) -> None:
-        """Key a lane's episodes: the next to start is the first of this seed (0 to 2**64 - 1)."""
-        if not 0 <= seed <= MOST_SEED:
-            raise ValueError(f"seed {seed} of lane {lane} is outside the allowed range 0 to {MOST_SEED}")
+        """Key a lane's episodes: the next to start is the first of this seed (see ``checked_seed``)."""
         self.lanes[lane].seed = seed
         self.lanes[lane].episode = 0
 
@@ -106,9 +131,12 @@ class Lathes:
         """
         count = len(self.lanes)
         try:
-            batch = np.ascontiguousarray(actions, np.float64)
-        except (TypeError, ValueError) as error:
+            given = np.asarray(actions)
+        except ValueError as error:  # ragged
             raise ValueError(f"actions must be numbers of shape ({count}, 2), got {actions!r}") from error
+        if given.dtype.kind not in "fiu":
+            raise ValueError(f"actions must be numbers of shape ({count}, 2), got {actions!r}")
+        batch = np.ascontiguousarray(given, np.float64)
         if batch.shape != (count, 2):
             raise ValueError(f"actions must have shape ({count}, 2), got {batch.shape}")
         refused = _step_lanes(

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 
 def quantity(default: Any, low: float, high: float, unit: str, description: str) -> Any:
@@ -17,7 +17,17 @@ def quantity(default: Any, low: float, high: float, unit: str, description: str)
 class Section(BaseModel):
     """A frozen group of quantities. Unknown keys, wrong types, NaN and infinity are refused."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+    # Defaults are validated so that a default of 3 becomes 3.0, as it would when read from a file: digests depend on it.
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True, validate_default=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_known(cls, values: Any) -> Any:
+        if isinstance(values, dict):
+            unknown = [str(key) for key in values if key not in cls.model_fields]
+            if unknown:
+                raise ValueError(f"unknown key {', '.join(unknown)}; allowed are {', '.join(cls.model_fields)}")
+        return values
 
     @field_validator("*")
     @classmethod

@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 import tomli_w
 from pydantic import ValidationError, model_validator
@@ -181,18 +181,18 @@ class Scenario(Section):
         if not isinstance(source, str | os.PathLike):
             raise TypeError(f"a scenario is a preset's name, a path or a Scenario, not {type(source).__name__}")
         if isinstance(source, str) and source in presets():
-            text = (resources.files("turning_env") / "presets" / f"{source}.toml").read_text("utf-8")
+            text = (resources.files("turning_env") / "presets" / f"{source}.toml").read_bytes()
             return cls._parse(text, f"preset {source}")
         path = Path(source)
         if not path.is_file():
             raise ScenarioError(f"no preset and no file is called {str(source)!r}; presets: {', '.join(presets())}")
-        return cls._parse(path.read_text("utf-8"), str(path))
+        return cls._parse(path.read_bytes(), str(path))
 
     @classmethod
-    def _parse(cls, text: str, source: str) -> "Scenario":
+    def _parse(cls, text: bytes, source: str) -> "Scenario":
         try:
-            return cls.model_validate(tomllib.loads(text))
-        except tomllib.TOMLDecodeError as error:
+            return cls.model_validate(tomllib.loads(text.decode()))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ScenarioError(f"{source} is not TOML: {error}") from error
         except ValidationError as error:
             raise ScenarioError(f"{source}: " + "; ".join(_complaints(error))) from error
@@ -205,8 +205,11 @@ class Scenario(Section):
         """Write the whole scenario as a TOML file: all of it or nothing."""
         target = Path(path)
         partial = target.with_name(target.name + ".partial")
-        partial.write_text(self.to_toml(), "utf-8")
-        partial.replace(target)
+        try:
+            partial.write_text(self.to_toml(), "utf-8")
+            partial.replace(target)
+        finally:
+            partial.unlink(missing_ok=True)
 
     def digest(self) -> str:
         """SHA-256 of all values but the name: equal digests mean equal physics."""
@@ -228,15 +231,6 @@ def _complaints(error: ValidationError) -> Iterator[str]:
     for detail in error.errors():
         field = ".".join(str(part) for part in detail["loc"]) or "scenario"
         message = detail["msg"].removeprefix("Value error, ")
-        if detail["type"] == "extra_forbidden":
-            message = f"unknown key; allowed are {', '.join(_keys_beside(detail['loc']))}"
-        elif detail["type"] not in ("value_error", "missing"):
+        if detail["type"] not in ("value_error", "missing"):
             message = f"{detail['input']!r} is not allowed: {message}"
         yield f"{field}: {message}"
-
-
-def _keys_beside(location: tuple[Any, ...]) -> list[str]:
-    section: Any = Scenario
-    for part in location[:-1]:
-        section = section.model_fields[part].annotation
-    return list(section.model_fields)

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from turning_env.lathes import ACTION_SPACE, OBSERVATION_SPACE, Lathes
+from turning_env.lathes import Lathes, action_space, checked_seed, observation_space
 from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
 from turning_env.scenario import Scenario
 
@@ -57,12 +57,13 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
         self.render_mode = None
-        self.single_observation_space = OBSERVATION_SPACE
-        self.single_action_space = ACTION_SPACE
-        self.observation_space = batch_space(OBSERVATION_SPACE, num_envs)
-        self.action_space = batch_space(ACTION_SPACE, num_envs)
+        self.single_observation_space = observation_space()
+        self.single_action_space = action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
         self._lathes = Lathes(self.scenario, num_envs)
         self._every_lane = np.ones(num_envs, np.bool_)
+        self._every_lane.flags.writeable = False  # it goes out as a mask in every info
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -71,10 +72,10 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
         Lane i starts episode 0 of ``seed + i`` or of ``seed[i]``; without a seed, the next episode of its present one.
         """
-        super().reset(seed=seed if isinstance(seed, int) else None)
         lathes = self._lathes
         chosen = self._reset_mask(options)
         seeds = self._lane_seeds(seed)
+        super().reset(seed=seed if isinstance(seed, int) else None)
         continued = chosen.copy()
         for lane in np.flatnonzero(chosen).tolist():
             lane_seed = seeds[lane]
@@ -110,20 +111,26 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         )
 
     def _lane_seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:
-        if seed is None and not self._lathes.seeded:
-            return [int(number) for number in self.np_random.integers(2**63, size=self.num_envs)]
+        """The new seed of every lane; None where a lane goes on with the one it has."""
+        given: Sequence[int | None]
         if seed is None:
-            return [None] * self.num_envs
-        if isinstance(seed, int):
-            return range(seed, seed + self.num_envs)
-        if len(seed) != self.num_envs:
-            raise ValueError(f"there are {len(seed)} seeds, but must be one for each of {self.num_envs} lanes")
-        return seed
+            given = [None] * self.num_envs
+        elif isinstance(seed, Sequence | np.ndarray):
+            given = seed
+        else:
+            first = checked_seed(seed, 0)
+            given = range(first, first + self.num_envs)
+        if len(given) != self.num_envs:
+            raise ValueError(f"there are {len(given)} seeds, but must be one for each of {self.num_envs} lanes")
+        seeds = [None if number is None else checked_seed(number, lane) for lane, number in enumerate(given)]
+        if self._lathes.seeded:
+            return seeds
+        return [int(self.np_random.integers(2**63)) if number is None else number for number in seeds]
 
     def _reset_mask(self, options: dict[str, Any] | None) -> NDArray[np.bool_]:
         if not options or "reset_mask" not in options:
             return self._every_lane
-        mask = np.asarray(options["reset_mask"])
+        mask = np.array(options["reset_mask"])
         if mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
             raise ValueError(f"reset_mask must be bool of shape ({self.num_envs},), got {mask.dtype} of {mask.shape}")
         if not self._lathes.seeded and not mask.all():

@@ -53,7 +53,7 @@ def look_up_fields(lane, parameters, cut):
     bar = np.floor(cut * parameters.bars_per_cut)
     if bar != lane.bar:
         enter_bar(lane, bar)
-    along = cut - bar * parameters.bar_length
+    along = max(cut - bar * parameters.bar_length, 0.0)  # rounding must not ask for a node before the first
 
     hardness_nodes = along * parameters.hardness_nodes_per_length
     cell = np.floor(hardness_nodes)
