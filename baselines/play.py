@@ -62,14 +62,16 @@ def play(
             final = infos["final_info"]
             infos = {name: np.where(ended, final[name], infos[name]) for name in (*SUMS, *LAST, "cost")}
             policy.reset(ended)
-        episodes["return"] += np.where(running, rewards, 0.0)
-        episodes["intervals"] += running
+            ending = running & ended
+            for name in LAST:
+                episodes[name][ending] = infos[name][ending]
+            episodes["truncated"] += running & truncated
+        counted = running.astype(np.float64)
+        episodes["return"] += counted * rewards
+        episodes["intervals"] += counted
         for name in SUMS:
-            episodes[name] += np.where(running, infos[name], 0.0)
-        episodes["excess"] += np.where(running, infos["cost"] * infos["time"], 0.0)
-        for name in LAST:
-            episodes[name] = np.where(running & ended, infos[name], episodes[name])
-        episodes["truncated"] += running & truncated
+            episodes[name] += counted * infos[name]
+        episodes["excess"] += counted * infos["cost"] * infos["time"]
         running &= ~ended
         on_interval(lanes - int(running.sum()))
     return episodes

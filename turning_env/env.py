@@ -78,7 +78,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Episode end
 
     Terminated when the flank wear reaches the criterion (0.3 mm) or the thrust force exceeds the edge's strength; the
-    interval ends there. Truncated after 30 min of machine time.
+    interval ends there. Truncated after 60 min of machine time.
 
     ## Info
 
@@ -101,7 +101,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     * `RoughTurning-v0`: preset `rough_turning`, as described above.
     * `RoughTurning-Paper-v0`: preset `paper`, the published simulation: one-minute intervals, set points, no disturbance, no
-      noise, no lag, no air, and wear by the paper's clock-time rule. Truncated after 60 min.
+      noise, no lag, no air, and wear by the paper's clock-time rule.
 
     ## Version history
 

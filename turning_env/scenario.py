@@ -106,7 +106,7 @@ class Control(Section):
     feed_step: float = quantity(0.40, 1e-4, 10, "-", "largest change of log feed in an interval")
     initial_cutting_speed: float = quantity(125, 0.1, 5000, "m/min", "cutting speed at the start (assumption)")
     initial_feed: float = quantity(0.25, 0.001, 10, "mm/rev", "feed at the start (assumption)")
-    time_limit: float = quantity(30, 0.001, 1e5, "min", "machine time after which an episode is truncated (assumption)")
+    time_limit: float = quantity(60, 0.001, 1e5, "min", "machine time after which an episode is truncated (assumption)")
 
     @model_validator(mode="after")
     def _interval_within_time_limit(self) -> Self:

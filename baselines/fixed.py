@@ -1,0 +1,39 @@
+"""Fixed parameters: one cutting speed and one feed for the edge's whole life, as an NC program has them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.commands import towards
+from baselines.policy import Actions, Observations
+from turning_env import Scenario, read
+
+HANDBOOK_CUTTING_SPEED = 145.0
+HANDBOOK_FEED = 0.32
+"""The middle speed of the grid-search paper's verification tests (T5 to T8) [m/min], and a usual roughing feed for an insert of
+this size, about half the machine's highest [mm/rev] (assumption)."""
+
+
+class FixedParameters:
+    """Commands the same set point always.
+
+    Args:
+        scenario: what is played.
+        cutting_speed: set point [m/min], one number or one per lane.
+        feed: set point [mm/rev], likewise.
+    """
+
+    def __init__(self, scenario: Scenario, cutting_speed: float | NDArray[np.float64], feed: float | NDArray[np.float64]) -> None:
+        machine = scenario.machine
+        self._scenario = scenario
+        self._cutting_speed = np.clip(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)
+        self._feed = np.clip(feed, machine.feed_min, machine.feed_max)
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """Nothing to forget."""
+
+    def act(self, observations: Observations) -> Actions:
+        """Actions, shape (lanes, 2), for observations, shape (lanes, 11)."""
+        reading = read(observations, self._scenario)
+        speeds = np.broadcast_to(self._cutting_speed, len(observations))
+        feeds = np.broadcast_to(self._feed, len(observations))
+        return towards(reading, self._scenario, speeds, feeds)

@@ -1,0 +1,166 @@
+"""The grid search of Alaskari and Oraby (2018), and the same with its models rescaled online.
+
+Every control interval, all pairs of a grid of cutting speeds and feeds are tried on the nominal models of wear, thrust force and
+power; of the pairs that keep force, power and wear within their limits at the end of the interval, the one that removes most
+metal is commanded. The paper's grid has 16 speeds times 109 feeds: 1744 pairs.
+
+Beyond the paper, which ends with the first interval that no pair survives: once the nominal edge is worn out but the real one
+still cuts, wear is no longer a constraint; and where no pair keeps force and power, the one of least thrust force is commanded.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.commands import towards
+from baselines.policy import Actions, Observations
+from turning_env import Scenario, read
+from turning_env.compilation import compiled
+from turning_env.power_law import compiled_log_response
+from turning_env.records import parameter_records
+from turning_env.wear import advance_used_life, log_wear
+
+CUTTING_SPEED_STEP = 10.0
+FEED_STEP = 0.005
+"""The paper's grid [m/min], [mm/rev]."""
+
+
+def grid(scenario: Scenario) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cutting speeds [m/min] and feeds [mm/rev] of the paper's steps within the machine's ranges, ascending."""
+    machine = scenario.machine
+    speeds = _steps(machine.cutting_speed_min, machine.cutting_speed_max, CUTTING_SPEED_STEP)
+    feeds = _steps(machine.feed_min, machine.feed_max, FEED_STEP)
+    return speeds, feeds
+
+
+def _steps(low: float, high: float, step: float) -> NDArray[np.float64]:
+    return low + step * np.arange(int((high - low) / step + 1e-9) + 1, dtype=np.float64)
+
+
+@compiled
+def predict(parameters, speed, feed, used_life, start, end):
+    """Nominal (used life [-], thrust force [N], power [kW]) after cutting from ``start`` to ``end`` [min of the edge's life]."""
+    log_speed, log_feed, log_depth = np.log(speed), np.log(feed), parameters.log_depth_of_cut
+    log_coefficient = compiled_log_response(parameters.wear_law, log_speed, log_feed, log_depth, 0.0, 0.0, 0.0)
+    used_life = advance_used_life(parameters, used_life, log_coefficient, start, end)
+    wear = log_wear(parameters, used_life)
+    force = np.exp(compiled_log_response(parameters.force_law, log_speed, log_feed, log_depth, 0.0, wear, 0.0))
+    power = np.exp(compiled_log_response(parameters.power_law, log_speed, log_feed, log_depth, 0.0, wear, 0.0))
+    return used_life, force, power
+
+
+@compiled
+def highest_feed(parameters, speed, feeds, used_life, start, end, force_limit, power_limit, used_life_limit):
+    """Index of the highest feasible feed at a speed, or -1, by bisection: force, power and wear all grow with feed."""
+    feasible, infeasible = -1, len(feeds)
+    while infeasible - feasible > 1:
+        index = (feasible + infeasible) // 2
+        life, force, power = predict(parameters, speed, feeds[index], used_life, start, end)
+        if force <= force_limit and power <= power_limit and life <= used_life_limit:
+            feasible = index
+        else:
+            infeasible = index
+    return feasible
+
+
+@compiled
+def best_pair(parameters, speeds, feeds, used_life, start, end, force_limit, power_limit, used_life_limit):
+    """Indices (speed, feed) of the feasible pair with the highest removal rate, or (-1, -1). Of equals, the slowest."""
+    best_speed, best_feed, best_rate = -1, -1, 0.0
+    for index in range(len(speeds)):
+        feed = highest_feed(parameters, speeds[index], feeds, used_life, start, end, force_limit, power_limit, used_life_limit)
+        if feed >= 0 and speeds[index] * feeds[feed] > best_rate:
+            best_speed, best_feed, best_rate = index, feed, speeds[index] * feeds[feed]
+    return best_speed, best_feed
+
+
+@compiled
+def search_lanes(parameters, speeds, feeds, used_lives, times, interval, force_limits, power_limits, chosen):
+    """Fill ``chosen``, shape (lanes, 2), with each lane's cutting speed and feed."""
+    p = parameters[0]
+    for i in range(len(used_lives)):
+        start, end = times[i], times[i] + interval
+        speed, feed = best_pair(p, speeds, feeds, used_lives[i], start, end, force_limits[i], power_limits[i], 1.0)
+        if speed < 0:
+            speed, feed = best_pair(p, speeds, feeds, used_lives[i], start, end, force_limits[i], power_limits[i], np.inf)
+        if speed < 0:
+            speed, feed = len(speeds) - 1, 0
+        chosen[i, 0] = speeds[speed]
+        chosen[i, 1] = feeds[feed]
+
+
+class GridSearch:
+    """The paper's controller: nominal models, nominal depth and hardness, full limits.
+
+    Args:
+        scenario: what is played; its nominal models and limits are the controller's knowledge.
+        lanes: how many lanes it controls.
+
+    Raises:
+        ValueError: a response falls with feed, so that its highest feasible feed cannot be bisected.
+    """
+
+    def __init__(self, scenario: Scenario, lanes: int) -> None:
+        for name, law in scenario.material:
+            if law.feed < 0:
+                raise ValueError(f"material.{name}.feed is {law.feed}, but the grid search needs 0 or more")
+        self._scenario = scenario
+        self._parameters: Any = parameter_records(scenario)
+        self._speeds, self._feeds = grid(scenario)
+        self._force_limits = np.full(lanes, scenario.limits.thrust_force)
+        self._power_limits = np.full(lanes, scenario.limits.power)
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """Nothing to forget: the nominal wear is in the observation."""
+
+    def act(self, observations: Observations) -> Actions:
+        """Actions, shape (lanes, 2), for observations, shape (lanes, 11)."""
+        reading = read(observations, self._scenario)
+        chosen = np.empty((len(observations), 2))
+        search_lanes(
+            self._parameters,
+            self._speeds,
+            self._feeds,
+            (reading.nominal_wear / self._scenario.tool.wear_criterion) ** (1.0 / self._scenario.material.wear.time),
+            reading.cutting_time,
+            self._scenario.control.interval / 60.0,
+            self._force_limits,
+            self._power_limits,
+            chosen,
+        )
+        return towards(reading, self._scenario, chosen[:, 0], chosen[:, 1])
+
+
+class RescaledGridSearch(GridSearch):
+    """The grid search on models that are rescaled by measured over predicted force and power.
+
+    Args:
+        scenario: what is played.
+        lanes: how many lanes it controls.
+        margin: share of the limits that is used [-].
+        smoothing: share of the distance to the newest ratio by which the scale moves in an interval of cutting [-].
+    """
+
+    def __init__(self, scenario: Scenario, lanes: int, margin: float, smoothing: float) -> None:
+        super().__init__(scenario, lanes)
+        self._margin, self._smoothing = margin, smoothing
+        self._force_scale = np.ones(lanes)
+        self._power_scale = np.ones(lanes)
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """Back to the nominal models."""
+        self._force_scale[lanes] = 1.0
+        self._power_scale[lanes] = 1.0
+
+    def act(self, observations: Observations) -> Actions:
+        """Actions, shape (lanes, 2), for observations, shape (lanes, 11)."""
+        reading = read(observations, self._scenario)
+        gain = np.where(reading.cutting & (reading.power_ratio > 0), self._smoothing, 0.0)
+        self._force_scale += gain * (reading.force_ratio - self._force_scale)
+        self._power_scale += gain * (reading.power_ratio - self._power_scale)
+        limits = self._scenario.limits
+        # A scale is kept off 0, where a limit would be infinite; no lathe cuts with a tenth of the nominal force.
+        self._force_limits = self._margin * limits.thrust_force / np.maximum(self._force_scale, 0.1)
+        self._power_limits = self._margin * limits.power / np.maximum(self._power_scale, 0.1)
+        return super().act(observations)

@@ -1,0 +1,100 @@
+"""One training run: what was asked for, where its files lie, and how they are written."""
+
+import json
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from turning_env import Scenario
+
+HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
+
+
+def replace_file(target: Path, write: Callable[[Path], Any]) -> None:
+    """Have ``write`` produce a file beside ``target``, then put it in its place: whole or not at all."""
+    partial = target.with_name("partial-" + target.name)
+    write(partial)
+    partial.replace(target)
+
+
+def hyperparameters(algorithm: str, env_id: str) -> dict[str, Any]:
+    """An algorithm's hyperparameters for an id: the file's defaults, and what it says of that id."""
+    tables = tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8"))
+    values: dict[str, Any] = tables["default"] | tables.get(env_id, {})
+    return values
+
+
+@dataclass(frozen=True)
+class Run:
+    """A training of one algorithm on one scenario with one seed."""
+
+    algorithm: str
+    env_id: str
+    scenario: Scenario
+    seed: int
+    parameters: dict[str, Any]
+    """The algorithm's hyperparameters."""
+    command: str
+    """The command line that started it."""
+    folder: Path
+
+    @classmethod
+    def plan(
+        cls, algorithm: str, env_id: str, scenario: Scenario, seed: int, runs: Path, command: str, overrides: dict[str, Any]
+    ) -> "Run":
+        """A run in its own folder below ``runs``, with the hyperparameter file's values but for ``overrides``."""
+        folder = runs / env_id / scenario.name / f"{algorithm}-seed{seed}"
+        return cls(algorithm, env_id, scenario, seed, hyperparameters(algorithm, env_id) | overrides, command, folder)
+
+    @classmethod
+    def read(cls, folder: Path) -> "Run":
+        """The run that a folder holds.
+
+        Raises:
+            ValueError: the folder holds no run.
+        """
+        path = folder / "run.json"
+        if not path.is_file():
+            raise ValueError(f"{folder} holds no training run: there is no run.json")
+        values = json.loads(path.read_text("utf-8"))
+        values["scenario"] = Scenario.model_validate(values["scenario"])
+        return cls(**values, folder=folder)
+
+    @property
+    def checkpoint(self) -> Path:
+        """Where an unfinished training stands."""
+        return self.folder / "checkpoint.zip"
+
+    @property
+    def policy(self) -> Path:
+        """The finished agent."""
+        return self.folder / "policy.zip"
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return f"{self.algorithm}, seed {self.seed}"
+
+    def begin(self) -> None:
+        """Make the folder and write down what is asked for.
+
+        Raises:
+            ValueError: the folder holds a run of other settings, which it would be wrong to resume or overwrite.
+        """
+        if (self.folder / "run.json").exists():
+            found = Run.read(self.folder)
+            if (found.scenario, found.parameters) != (self.scenario, self.parameters):
+                raise ValueError(f"{self.folder} holds a training with other settings: delete it, or choose other --runs")
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        values = {
+            "algorithm": self.algorithm,
+            "env_id": self.env_id,
+            "scenario": self.scenario.model_dump(),
+            "seed": self.seed,
+            "parameters": self.parameters,
+            "command": self.command,
+        }
+        replace_file(self.folder / "run.json", lambda path: path.write_text(json.dumps(values, indent=1), "utf-8"))
