@@ -1,0 +1,66 @@
+"""What the tests of the environment share: scenarios made for testing, fixed actions, and the record of a play."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env import RoughTurningEnv, Scenario
+
+Record = dict[str, NDArray[Any]]
+
+
+def changed(scenario: Scenario, **sections: dict[str, Any]) -> Scenario:
+    """The scenario with some values replaced, validated anew: ``changed(scenario, tool={"wear_criterion": 0.1})``."""
+    values = scenario.model_dump()
+    for section, replaced in sections.items():
+        values[section] |= replaced
+    return Scenario.model_validate(values)
+
+
+SHORT_LIVED = changed(
+    Scenario(),
+    tool={"wear_criterion": 0.11, "edge_strength": 1000.0},
+    control={"time_limit": 0.5},
+)
+"""Episodes of at most 30 intervals, which end in all three ways: worn, broken and out of time."""
+
+UNDISTURBED = changed(Scenario.load("paper"), tool={"wear_rule": "equivalent_time", "edge_strength": 1e6})
+"""One metal, one depth, no lags, no noise, no air, an edge that does not break; actions are set points."""
+
+
+def fixed_actions(count: int, lanes: int) -> NDArray[np.float32]:
+    """Actions of shape (count, lanes, 2) by formula: slow waves that sweep the ranges, and reach beyond -1..1."""
+    phase = np.arange(count)[:, None] + 17.0 * np.arange(lanes)
+    return np.stack([1.2 * np.sin(0.05 * phase + 0.3), 1.2 * np.sin(0.11 * phase + 0.8)], axis=2).astype(np.float32)
+
+
+def play(env: RoughTurningEnv, seed: int | None, actions: NDArray[np.float32]) -> Record:
+    """Everything that the single environment says: one row for the reset, then one for every action.
+
+    Where an episode has ended, the next action is ignored and the next episode starts, as with NEXT_STEP autoreset.
+    """
+    rows: list[dict[str, Any]] = []
+
+    def note(observation: Any, reward: float, terminated: bool, truncated: bool, info: dict[str, Any]) -> None:
+        rows.append({"observation": observation, "reward": reward, "terminated": terminated, "truncated": truncated, **info})
+
+    def start(seed: int | None) -> None:
+        observation, info = env.reset(seed=seed)
+        note(observation, 0.0, False, False, info)
+
+    start(seed)
+    for action in actions:
+        if rows[-1]["terminated"] or rows[-1]["truncated"]:
+            start(None)
+        else:
+            note(*env.step(action))
+    return {key: np.array([row[key] for row in rows]) for key in rows[0]}
+
+
+def assert_same_bytes(ours: Record, theirs: Record) -> None:
+    """Both records hold the same keys, types and bits."""
+    assert ours.keys() == theirs.keys()
+    for key, values in ours.items():
+        assert values.dtype == theirs[key].dtype, key
+        assert values.tobytes() == theirs[key].tobytes(), key

@@ -1,0 +1,44 @@
+"""The machinability models, against the tables that they were recovered from."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from turning_env import PowerLaw, Scenario
+
+MATERIAL = Scenario().material
+
+# Alaskari and Oraby 2018, Table 1, at 1 min and 2.5 mm: speed [m/min], feed [mm/rev], wear [mm], power [kW], force [N].
+TABLE_1 = np.array(
+    [
+        (50, 0.6, 0.083884, 2.33315679, 931.248196),
+        (100, 0.6, 0.125133, 4.72271758, 1033.78604),
+        (150, 0.58, 0.157219, 6.97040767, 1083.35819),
+        (170, 0.48, 0.163705, 6.9551237, 1019.48205),
+        (200, 0.38, 0.172879, 6.99304131, 946.940685),
+    ]
+)
+
+
+def test_published_table_in_one_broadcast_call():
+    speed, feed, wear, power, force = TABLE_1.T
+    assert MATERIAL.wear(speed, feed, 2.5, time=1.0) == pytest.approx(wear, rel=1e-5)
+    assert MATERIAL.power(speed, feed, 2.5, wear=wear) == pytest.approx(power, rel=1e-5)
+    assert MATERIAL.thrust_force(speed, feed, 2.5, wear=wear) == pytest.approx(force, rel=1e-5)
+
+
+@pytest.mark.parametrize("factor", ["cutting_speed", "feed", "depth_of_cut", "time", "wear", "hardness"])
+@given(exponent=st.floats(-3, 3), value=st.floats(0.01, 100))
+def test_each_factor_has_its_exponent(factor, exponent, value):
+    law = PowerLaw(coefficient=3.0, reference_depth_of_cut=2.0, **{factor: exponent})
+    arguments = {"cutting_speed": 7.0, "feed": 5.0, "depth_of_cut": 2.0, factor: value}
+    base = value / 2.0 if factor == "depth_of_cut" else value
+    assert law(**arguments) == pytest.approx(3.0 * base**exponent, rel=1e-9)
+
+
+@pytest.mark.parametrize("law", [MATERIAL.thrust_force, MATERIAL.power])
+def test_force_and_power_rise_with_wear_hardness_and_depth(law):
+    at_work = {"cutting_speed": 120.0, "feed": 0.3, "depth_of_cut": 2.5, "wear": 0.2, "hardness": 1.0}
+    for factor in ("wear", "hardness", "depth_of_cut"):
+        assert law(**(at_work | {factor: 1.1 * at_work[factor]})) > law(**at_work), factor
