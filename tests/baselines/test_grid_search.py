@@ -1,0 +1,91 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from baselines.grid_search import GridSearch, RescaledGridSearch, best_pair, grid
+from baselines.reproduce import PaperRun
+from turning_env import PowerLaw, RoughTurningVectorEnv, Scenario
+from turning_env.observation import HIGH
+
+
+def test_the_grid_is_the_papers() -> None:
+    speeds, feeds = grid(Scenario.load("paper"))
+    assert len(speeds) * len(feeds) == 1744
+    assert (speeds[0], speeds[-1], feeds[0]) == (50, 200, 0.06)
+    assert feeds[-1] == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize("wear", [0.0, 0.12, 0.2, 0.26, 0.29, 0.2985, 0.2999])
+@pytest.mark.parametrize("share", [1.0, 0.7])
+def test_the_chosen_pair_is_the_best_of_all_1744(wear: float, share: float) -> None:
+    run = PaperRun()
+    material, limits = run.scenario.material, run.scenario.limits
+    best, best_rate = None, 0.0
+    for speed, feed in itertools.product(run.speeds, run.feeds):
+        end = float(material.wear(speed, feed, 2.5, time=4.0)) + wear
+        end -= float(material.wear(speed, feed, 2.5, time=3.0))
+        feasible = (
+            end <= 0.3
+            and material.thrust_force(speed, feed, 2.5, wear=end) <= share * limits.thrust_force
+            and material.power(speed, feed, 2.5, wear=end) <= share * limits.power
+        )
+        if feasible and speed * feed > best_rate:
+            best, best_rate = (speed, feed), speed * feed
+    used_life = run.used_life(wear)
+    force, power = share * limits.thrust_force, share * limits.power
+    i, j = best_pair(run.parameters, run.speeds, run.feeds, used_life, 3.0, 4.0, force, power, 1.0)
+    assert (None if i < 0 else (run.speeds[i], run.feeds[j])) == best
+
+
+def observation(**entries: float) -> np.ndarray:
+    """One lane's observation in metal, half worn, with measurements as predicted but for ``entries``."""
+    names = "power force speed feed commanded_speed commanded_feed time wear power_ratio force_ratio cutting".split()
+    values = dict.fromkeys(names, 0.5) | {"power_ratio": 1.0, "force_ratio": 1.0, "cutting": 1.0} | entries
+    return np.array([[values[name] for name in names]], np.float32)
+
+
+def removal_rate(policy: GridSearch, seen: np.ndarray, scenario: Scenario) -> float:
+    env = RoughTurningVectorEnv(1, scenario)
+    env.reset(seed=0)
+    _, _, _, _, infos = env.step(policy.act(seen))
+    return float(infos["commanded_cutting_speed"][0] * infos["commanded_feed"][0])
+
+
+def test_rescaling_heeds_measured_force_and_power_and_forgets_on_reset() -> None:
+    scenario = Scenario.load("paper")
+    policy = RescaledGridSearch(scenario, 1, margin=1.0, smoothing=0.5)
+    nominal = removal_rate(GridSearch(scenario, 1), observation(), scenario)
+    assert removal_rate(policy, observation(), scenario) == nominal
+    harder = [removal_rate(policy, observation(power_ratio=1.4, force_ratio=1.4), scenario) for _ in range(4)]
+    assert nominal > harder[0] > harder[1] > harder[3]
+    in_air = observation(cutting=0.0, power_ratio=0.0, force_ratio=0.0)
+    assert removal_rate(policy, in_air, scenario) == harder[3]
+    policy.reset(np.ones(1, np.bool_))
+    assert removal_rate(policy, observation(), scenario) == nominal
+
+
+def test_a_margin_lowers_the_rate() -> None:
+    scenario = Scenario.load("paper")
+    rates = [removal_rate(RescaledGridSearch(scenario, 1, m, 0.5), observation(), scenario) for m in (1.1, 1.0, 0.8)]
+    assert rates[0] > rates[1] > rates[2]
+
+
+def test_a_nominally_worn_out_edge_is_still_driven() -> None:
+    scenario = Scenario.load("paper")
+    worn = observation(wear=1.2)
+    assert removal_rate(GridSearch(scenario, 1), worn, scenario) > scenario.machine.cutting_speed_min * 0.06
+
+
+def test_without_any_feasible_pair_the_thrust_force_is_least() -> None:
+    scenario = Scenario.load("paper")
+    action = RescaledGridSearch(scenario, 1, 0.01, 1.0).act(observation(wear=float(HIGH[7])))
+    np.testing.assert_array_equal(action, [[1.0, -1.0]])
+
+
+def test_a_response_that_falls_with_feed_is_refused() -> None:
+    scenario = Scenario.load("paper")
+    power = PowerLaw(coefficient=1.0, feed=-0.1)
+    odd = scenario.model_copy(update={"material": scenario.material.model_copy(update={"power": power})})
+    with pytest.raises(ValueError, match=r"material\.power\.feed is -0\.1"):
+        GridSearch(odd, 1)
