@@ -1,0 +1,1 @@
+"""The leaderboard: plays policies on common draws, computes statistics, writes results and the page."""

@@ -1,0 +1,109 @@
+"""``python -m leaderboard run|show|page|figure``."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from leaderboard import table
+from leaderboard.board import Board, read_board, read_boards
+from leaderboard.results import ResultError, Task, current_digests
+from turning_env import IDS, Scenario, ScenarioError
+from turning_env.draws import held_out_draws
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        options.command(options)
+    except (ResultError, ScenarioError) as error:
+        print(f"leaderboard: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("leaderboard: interrupted; finished policies are kept, and the same command goes on from there", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _run(options: argparse.Namespace) -> None:
+    from leaderboard import run  # needed only here: plays
+
+    task = Task(env_id=options.env, scenario=Scenario.load(options.scenario or IDS[options.env]), draws=options.draws)
+    contestants = run.rules(options.policies, task.scenario) + run.agents(options.agents)
+    if not contestants:
+        raise ResultError("there is nothing to play: name a policy or give an agent")
+    run.play_all(task, contestants, options.results / task.env_id, options.fresh)
+    boards = read_boards(options.results, {task.env_id: current_digests(task).task})
+    _print([board for board in boards if board.task.env_id == task.env_id])
+    _write_page(boards, options.results)
+
+
+def _show(options: argparse.Namespace) -> None:
+    _print(read_boards(options.results, {}))
+
+
+def _page(options: argparse.Namespace) -> None:
+    _write_page(read_boards(options.results, {}), options.results)
+
+
+def _figure(options: argparse.Namespace) -> None:
+    from leaderboard import figure  # needed only here: imports Matplotlib
+
+    figure.write(read_board(options.results / options.env), options.out)
+    print(f"wrote {options.out}")
+
+
+def _print(boards: Sequence[Board]) -> None:
+    for board in boards:
+        print(table.render(board) + "\n")
+        if board.left_out:
+            names = ", ".join(str(path) for path in board.left_out)
+            print(f"leaderboard: left out, as they are of other scenarios, draws or versions: {names}", file=sys.stderr)
+
+
+def _write_page(boards: Sequence[Board], results: Path) -> None:
+    from leaderboard import page  # needed only here: imports Jinja2
+
+    path = results / "index.html"
+    page.write(boards, path)
+    print(f"wrote {path}")
+
+
+def _draws(text: str) -> list[int]:
+    try:
+        return held_out_draws(int(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m leaderboard", description="Rank policies on common draws.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    results = argparse.ArgumentParser(add_help=False)
+    results.add_argument("--results", type=Path, default=Path("results"), help="folder of the results (default: results)")
+    environment = argparse.ArgumentParser(add_help=False)
+    environment.add_argument("--env", choices=IDS, default="RoughTurning-v0", help="the environment's id")
+
+    run = commands.add_parser("run", parents=[results, environment], help="play policies, then show and page")
+    run.add_argument("--scenario", metavar="PRESET_OR_TOML", help="what to play instead of the id's own preset")
+    run.add_argument("--draws", type=_draws, default="256", help="number of held-out draws (default: 256)")
+    run.add_argument("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all)")
+    run.add_argument("--agents", nargs="*", type=Path, default=[], metavar="RUN_FOLDER", help="finished trainings")
+    run.add_argument("--fresh", action="store_true", help="play again what has been played")
+    run.set_defaults(command=_run)
+
+    show = commands.add_parser("show", parents=[results], help="print the ranking")
+    show.set_defaults(command=_show)
+
+    page = commands.add_parser("page", parents=[results], help="write RESULTS/index.html")
+    page.set_defaults(command=_page)
+
+    figure = commands.add_parser("figure", parents=[results, environment], help="draw the ranking for print")
+    figure.add_argument("--out", type=Path, default=Path("docs/leaderboard.png"), help="picture (default: docs/leaderboard.png)")
+    figure.set_defaults(command=_figure)
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

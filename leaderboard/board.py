@@ -1,0 +1,83 @@
+"""One environment's ranking, as read from its folder."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from leaderboard.results import TRAJECTORIES_FILE, Result, ResultError, Task, read_part, read_results
+from leaderboard.standings import Standing, rank
+from leaderboard.trajectories import Trajectories
+
+
+@dataclass(frozen=True)
+class Board:
+    """Results on one and the same task, ranked."""
+
+    task: Task
+    results: list[Result]
+    standings: list[Standing]
+    trajectories: Trajectories | None
+    left_out: list[Path]
+    """Files of results on other tasks."""
+
+
+def read_board(folder: Path, task_digest: str | None = None) -> Board:
+    """Rank the results of one environment's folder.
+
+    Args:
+        folder: where they are; must hold some.
+        task_digest: rank those on this task and leave out others. Without it all must be on one task.
+
+    Raises:
+        ResultError: a file cannot be used, or results on different tasks are to be ranked together.
+    """
+    by_task: dict[str, dict[Path, Result]] = {}
+    for path, result in read_results(folder).items():
+        by_task.setdefault(result.digests.task, {})[path] = result
+    if not by_task:
+        raise ResultError(f"{folder} holds no results")
+    if task_digest is None and len(by_task) > 1:
+        raise ResultError(_mixture(folder, by_task))
+    chosen = task_digest or next(iter(by_task))
+    if chosen not in by_task:
+        raise ResultError(f"{folder} holds no results on task {chosen[:12]}")
+    results = list(by_task[chosen].values())
+    return Board(
+        task=results[0].task,
+        results=results,
+        standings=rank(results),
+        trajectories=_trajectories(folder, results),
+        left_out=[path for digest, others in by_task.items() if digest != chosen for path in others],
+    )
+
+
+def read_boards(results: Path, task_digests: Mapping[str, str]) -> list[Board]:
+    """Rank every environment's folder in ``results``; for an environment's id there, only the results on that task.
+
+    Raises:
+        ResultError: as for ``read_board``, or there are no results at all.
+    """
+    folders = sorted({path.parent for path in results.glob("*/*.json")})
+    if not folders:
+        raise ResultError(f"{results} holds no results yet; python -m leaderboard run makes some")
+    return [read_board(folder, task_digests.get(folder.name)) for folder in folders]
+
+
+def _trajectories(folder: Path, results: list[Result]) -> Trajectories | None:
+    """The recorded trajectories that still belong to the results."""
+    path = folder / TRAJECTORIES_FILE
+    if not path.exists():
+        return None
+    recorded = read_part(Trajectories, path)
+    return recorded.of_policies(results[0].digests.task, [result.policy for result in results])
+
+
+def _mixture(folder: Path, by_task: Mapping[str, Mapping[Path, Result]]) -> str:
+    parts = []
+    for digest, results in by_task.items():
+        first = next(iter(results.values()))
+        names = ", ".join(path.name for path in results)
+        version = first.versions["rough-turning"]
+        draws = len(first.task.draws)
+        parts.append(f"task {digest[:12]} (scenario {first.task.scenario.name}, {draws} draws, version {version}): {names}")
+    return f"{folder} mixes results that cannot be ranked together; move some away or play them again: " + "; ".join(parts)

@@ -1,0 +1,85 @@
+"""The ranking and two trajectories as one picture for print."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from leaderboard.board import Board
+from leaderboard.results import ResultError
+from leaderboard.standings import FIXED, PAPER
+from leaderboard.trajectories import Trajectory
+from turning_env import Scenario
+
+# Okabe and Ito's colours, told apart by colour-blind readers too.
+BLUE, ORANGE, VERMILLION, GREY = "#0072B2", "#E69F00", "#D55E00", "#666666"
+
+
+def write(board: Board, path: Path) -> None:
+    """Draw a board as a PNG, all of it or nothing.
+
+    Raises:
+        ResultError: fewer than two trajectories were recorded, or the file cannot be written.
+    """
+    episodes = board.trajectories.episodes if board.trajectories else []
+    if len(episodes) < 2:
+        raise ResultError(f"two trajectories are needed; python -m leaderboard run --env {board.task.env_id} records them")
+    # The first of the ranking against the published controller, or against the next.
+    second = next((episode for episode in episodes[1:] if episode.policy.name == PAPER), episodes[1])
+    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.1))[0]
+    _intervals(left.subplots(), board)
+    _same_bar(right.subplots(3, 1, sharex=True), (episodes[0], second), board.task.scenario)
+    partial = path.with_name(path.name + ".partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(partial, dpi=200, format="png")
+        partial.replace(path)
+    except OSError as error:
+        raise ResultError(f"{path} cannot be written: {error.strerror}") from error
+
+
+def _intervals(axes: Axes, board: Board) -> None:
+    for place, standing in enumerate(board.standings):
+        estimate, colour = standing.mean_return, BLUE if standing.admissible else VERMILLION
+        axes.plot([estimate.low, estimate.high], [place, place], color=colour)
+        axes.plot(estimate.value, place, "o", color=colour, markerfacecolor=colour if standing.admissible else "white")
+        if standing.name == FIXED:
+            axes.axvline(estimate.value, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
+    labels = [standing.name + ("" if standing.admissible else "\n(not admissible)") for standing in board.standings]
+    axes.set_yticks(range(len(labels)), labels)
+    axes.set_ylim(len(labels) - 0.5, -0.5)
+    axes.locator_params(axis="x", nbins=5)
+    axes.set_xlabel("mean return with 95 % interval [s]")
+    axes.set_title(f"{len(board.task.draws)} held-out draws", loc="left", fontsize="medium")
+    axes.grid(axis="x", linewidth=0.4)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+
+
+def _same_bar(panels: Sequence[Axes], episodes: tuple[Trajectory, Trajectory], scenario: Scenario) -> None:
+    """Feed, thrust force and power of two policies along one bar, half-way through the shorter run."""
+    pitch = scenario.workpiece.bar_length + scenario.workpiece.approach
+    bar = int(min(episode.series["path"][-1] for episode in episodes) / 2.0 // pitch)
+    subjects = (
+        ("feed", "feed [mm/rev]", 1.0, None),
+        ("thrust_force", "thrust force [kN]", 1000.0, scenario.limits.thrust_force),
+        ("power", "power [kW]", 1.0, scenario.limits.power),
+    )
+    for axes, (name, label, divisor, limit) in zip(panels, subjects, strict=True):
+        for episode, colour, style in zip(episodes, (BLUE, ORANGE), ("-", "--"), strict=True):
+            place = np.array(episode.series["path"]) - bar * pitch - scenario.workpiece.approach
+            on_bar = (place > 0.0) & (place < scenario.workpiece.bar_length) & (np.array(episode.series["depth_of_cut"]) > 0.0)
+            values = np.array(episode.series[name])[on_bar] / divisor
+            axes.plot(place[on_bar], values, style, color=colour, linewidth=1.2, label=episode.policy.label)
+        if limit is not None:
+            axes.axhline(limit / divisor, color=VERMILLION, linewidth=0.8, linestyle=":")
+            axes.annotate("limit", (1.0, limit / divisor), xycoords=("axes fraction", "data"), fontsize="small", color=VERMILLION)
+        axes.set_ylabel(label)
+        axes.spines[["top", "right"]].set_visible(False)
+    panels[0].set_ylim(bottom=0.0)
+    panels[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2)
+    panels[-1].set_xlabel(f"place along bar {bar + 1} [mm]")
+    panels[0].figure.align_ylabels(panels)

@@ -1,0 +1,71 @@
+"""The leaderboard as one self-contained HTML file."""
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from leaderboard import columns
+from leaderboard.board import Board
+from leaderboard.charts import interval_plot, strips
+from leaderboard.results import write_whole
+from leaderboard.statistics import CONFIDENCE, RESAMPLES
+from turning_env import IDS, Scenario, presets
+
+
+def write(boards: Sequence[Board], path: Path) -> None:
+    """Write the page of some boards, all of it or nothing.
+
+    Raises:
+        ResultError: the file cannot be written.
+    """
+    write_whole(path, render(boards))
+
+
+def render(boards: Sequence[Board]) -> str:
+    """The page as HTML. It needs nothing beside itself."""
+    templates = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    templates.filters["number"] = lambda text: str(text).replace("-", "\N{MINUS SIGN}")
+    templates.filters["unit"] = lambda text: str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
+    return templates.get_template("page.html.j2").render(
+        sections=[_section(board) for board in boards],
+        returns=columns.RETURNS,
+        workshop=columns.WORKSHOP,
+        confidence=f"{100 * CONFIDENCE:g} %",
+        resamples=RESAMPLES,
+    )
+
+
+def _section(board: Board) -> dict[str, Any]:
+    trajectories = board.trajectories
+    return {
+        "board": board,
+        "digests": board.results[0].digests,
+        "versions": board.results[0].versions,
+        "plot": interval_plot(board),
+        "strips": strips(trajectories.episodes, board.task.scenario) if trajectories else [],
+        "draw": trajectories.draw if trajectories else None,
+        "policies": [result.policy for result in board.results],
+        "command": reproducing_command(board),
+    }
+
+
+def reproducing_command(board: Board) -> str:
+    """The command line that plays the board's results again."""
+    task = board.task
+    words = ["python", "-m", "leaderboard", "run", "--env", task.env_id]
+    if task.env_id not in IDS or Scenario.load(IDS[task.env_id]) != task.scenario:
+        known = task.scenario.name in presets() and Scenario.load(task.scenario.name) == task.scenario
+        words += ["--scenario", task.scenario.name if known else "SCENARIO.toml"]
+    words += ["--draws", str(len(task.draws)), "--policies"]
+    words += [result.policy.name for result in board.results if result.policy.kind == "rule"]
+    folders = [f"{result.policy.label.upper()}_RUN_FOLDER" for result in board.results if result.policy.kind == "agent"]
+    return shlex.join([*words, "--agents", *folders] if folders else words)

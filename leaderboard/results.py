@@ -1,0 +1,206 @@
+"""Result files: what one policy did on one task, episode by episode. Everything shown is computed from these rows."""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal, Self, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, field_validator, model_validator
+
+from baselines.play import EPISODE_FIELDS, Episodes
+from turning_env import Scenario
+
+SCHEMA: Literal["rough-turning/results/1"] = "rough-turning/results/1"
+TRAJECTORIES_FILE = "trajectories.json"
+_RECORDED_VERSIONS = ("rough-turning", "numpy", "numba")
+
+
+class ResultError(ValueError):
+    """Results that cannot be used. The message names the file, and where there is one the field and its value."""
+
+
+class Part(BaseModel):
+    """A piece of a file: frozen; unknown keys, wrong types, NaN and infinity are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+
+
+class Task(Part):
+    """What every policy of one ranking plays."""
+
+    env_id: str
+    scenario: Scenario
+    draws: list[int]
+    """One episode of each of these seeds."""
+
+
+class Digests(Part):
+    """SHA-256 of the parts of a task; results whose ``task`` differs are never ranked together."""
+
+    scenario: str
+    draws: str
+    task: str
+    """Of the two, and of the version of the environment."""
+
+    @classmethod
+    def of(cls, task: Task, environment_version: str) -> Self:
+        """The digests of a task as played by one version of ``rough-turning``."""
+        scenario, draws = task.scenario.digest(), digest_of(task.draws)
+        return cls(scenario=scenario, draws=draws, task=digest_of([environment_version, scenario, draws]))
+
+
+class PolicyRecord(Part):
+    """Who played."""
+
+    name: str
+    kind: Literal["rule", "agent"]
+    description: str
+    parameters: dict[str, JsonValue]
+    digest: str
+    """SHA-256 of what it acts by: a rule's parameters, an agent's saved files."""
+    training_seed: int | None
+    """Of an agent. Agents of one name and several training seeds are one policy on the board."""
+    command: str | None
+    """What trained an agent."""
+
+    @field_validator("name")
+    @classmethod
+    def _names_a_file(cls, name: str) -> str:
+        if not re.fullmatch(r"[^./\\\0][^/\\\0]*", name) or f"{name}.json" == TRAJECTORIES_FILE:
+            raise ValueError(f"{name!r} cannot be a policy's name, as its results are kept in a file of that name")
+        return name
+
+    @model_validator(mode="after")
+    def _agents_have_seeds(self) -> Self:
+        if (self.kind == "agent") != (self.training_seed is not None):
+            raise ValueError(f"training_seed is {self.training_seed}, but an agent has one and a rule has none")
+        return self
+
+    @property
+    def label(self) -> str:
+        """Its name, and of an agent also the training seed."""
+        return self.name if self.training_seed is None else f"{self.name}-seed{self.training_seed}"
+
+
+class Result(Part):
+    """What one policy did on one task."""
+
+    schema_: Literal["rough-turning/results/1"] = Field(alias="schema")
+    task: Task
+    digests: Digests
+    policy: PolicyRecord
+    versions: dict[str, str]
+    episodes: dict[str, list[float]]
+    """Of each of ``EPISODE_FIELDS``, the value on each draw."""
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> Self:
+        if set(self.episodes) != set(EPISODE_FIELDS):
+            raise ValueError(f"episodes holds {', '.join(self.episodes)}, but must hold {', '.join(EPISODE_FIELDS)}")
+        for name, values in self.episodes.items():
+            if len(values) != len(self.task.draws):
+                raise ValueError(f"episodes.{name} holds {len(values)} values, but there are {len(self.task.draws)} draws")
+        if self.digests != Digests.of(self.task, self.versions.get("rough-turning", "")):
+            raise ValueError("digests do not match scenario, draws and version: the file has been changed since it was written")
+        return self
+
+    @classmethod
+    def of(cls, task: Task, policy: PolicyRecord, episodes: Episodes) -> Self:
+        """The result of episodes that have just been played: arrays of shape (draws,) for each of ``EPISODE_FIELDS``."""
+        return cls(
+            schema=SCHEMA,
+            task=task,
+            digests=current_digests(task),
+            policy=policy,
+            versions={name: version(name) for name in _RECORDED_VERSIONS},
+            episodes={name: values.tolist() for name, values in episodes.items()},
+        )
+
+
+def current_digests(task: Task) -> Digests:
+    """The digests of a task as the installed version plays it."""
+    return Digests.of(task, version("rough-turning"))
+
+
+def digest_of(value: Any) -> str:
+    """SHA-256 of a value that JSON can hold."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def result_path(folder: Path, policy: PolicyRecord) -> Path:
+    """Where a policy's result lies in the folder of its environment."""
+    return folder / f"{policy.label}.json"
+
+
+def read_results(folder: Path) -> dict[Path, Result]:
+    """All results of one environment's folder, which is named by the environment's id.
+
+    Raises:
+        ResultError: a file is no result, or not one of this environment and of the policy that it is named after.
+    """
+    results = {}
+    for path in sorted(folder.glob("*.json")):
+        if path.name != TRAJECTORIES_FILE:
+            results[path] = result = read_part(Result, path)
+            if result.task.env_id != folder.name:
+                raise ResultError(f"{path}: task.env_id is {result.task.env_id!r}, but the folder is of {folder.name!r}")
+            if path != result_path(folder, result.policy):
+                raise ResultError(f"{path}: policy is {result.policy.label!r}, but the file is named otherwise")
+    return results
+
+
+PartType = TypeVar("PartType", bound=Part)
+
+
+def read_part(kind: type[PartType], path: Path) -> PartType:
+    """Read a file written by ``write_part``; floats come back bit for bit.
+
+    Raises:
+        ResultError: the file cannot be read, or something in it is not allowed.
+    """
+    try:
+        return kind.model_validate(json.loads(path.read_text("utf-8")))
+    except ValidationError as error:
+        raise ResultError(f"{path}: " + "; ".join(_complaints(error))) from error
+    except (OSError, ValueError) as error:
+        raise ResultError(f"{path} cannot be read: {error}") from error
+
+
+def write_part(part: Part, path: Path) -> None:
+    """Write a file, all of it or nothing; its folder is made.
+
+    Raises:
+        ResultError: the folder or the file cannot be written.
+    """
+    write_whole(path, json.dumps(part.model_dump(by_alias=True), allow_nan=False) + "\n")
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file, all of it or nothing; its folder is made.
+
+    Raises:
+        ResultError: the folder or the file cannot be written.
+    """
+    partial = path.with_name(path.name + ".partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.write_text(text, "utf-8")
+        partial.replace(path)
+    except OSError as error:
+        raise ResultError(f"{path} cannot be written: {error.strerror}") from error
+
+
+def _complaints(error: ValidationError, most: int = 5) -> Iterator[str]:
+    details: Sequence[Any] = error.errors()
+    for detail in details[:most]:
+        field = ".".join(str(part) for part in detail["loc"])
+        message = detail["msg"].removeprefix("Value error, ")
+        if field and detail["type"] != "missing":
+            value = repr(detail["input"])
+            message = f"{value if len(value) <= 60 else value[:60] + '...'} is not allowed: {message}"
+        yield f"{field}: {message}" if field else message
+    if len(details) > most:
+        yield f"and {len(details) - most} more"
