@@ -1,0 +1,51 @@
+import numpy as np
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from train.vec_env import RoughTurningVecEnv
+from turning_env import RoughTurningEnv, Scenario
+
+# Episodes of at most 12 intervals, ending in breakage as well as out of time.
+SHORT = Scenario.model_validate({"tool": {"edge_strength": 900.0}, "control": {"time_limit": 0.2}})
+
+
+def test_it_says_what_stable_baselines_own_vec_env_says() -> None:
+    lanes, scale = 5, 0.5
+    ours = RoughTurningVecEnv(SHORT, lanes, scale)
+    theirs = DummyVecEnv([lambda: RoughTurningEnv(SHORT)] * lanes)
+    ours.seed(40)
+    theirs.seed(40)
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())
+    ends = {True: 0, False: 0}
+    for step in range(60):
+        actions = np.sin(np.arange(lanes * 2).reshape(lanes, 2) + 0.2 * step).astype(np.float32)
+        observations, rewards, dones, infos = ours.step(actions)
+        expected_observations, expected_rewards, expected_dones, expected_infos = theirs.step(actions)
+        np.testing.assert_array_equal(observations, expected_observations)
+        np.testing.assert_array_equal(dones, expected_dones)
+        np.testing.assert_allclose(rewards, scale * expected_rewards, rtol=1e-6)
+        assert rewards.dtype == np.float32
+        for done, info, expected in zip(dones, infos, expected_infos, strict=True):
+            if done:
+                np.testing.assert_array_equal(info["terminal_observation"], expected["terminal_observation"])
+                assert info["TimeLimit.truncated"] == expected["TimeLimit.truncated"]
+                ends[info["TimeLimit.truncated"]] += 1
+            else:
+                assert info == {}
+    assert min(ends.values()) > 0, "both kinds of end must have occurred"
+
+
+def test_episode_statistics_are_unscaled_sums() -> None:
+    env = RoughTurningVecEnv(SHORT, 3, reward_scale=0.25)
+    env.seed(1)
+    env.reset()
+    totals, lengths = np.zeros(3), np.zeros(3, int)
+    seen = 0
+    for _ in range(40):
+        _, rewards, dones, infos = env.step(np.zeros((3, 2), np.float32))
+        totals += rewards / 0.25
+        lengths += 1
+        for lane in np.flatnonzero(dones):
+            np.testing.assert_allclose(infos[lane]["episode"]["r"], totals[lane], rtol=1e-5)
+            assert infos[lane]["episode"]["l"] == lengths[lane]
+            totals[lane], lengths[lane], seen = 0.0, 0, seen + 1
+    assert seen > 3
