@@ -1,11 +1,13 @@
 """What the tests of the environment share: scenarios made for testing, fixed actions, and the record of a play."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turning_env import RoughTurningEnv, Scenario
+from turning_env.quantity import Section
 
 Record = dict[str, NDArray[Any]]
 
@@ -27,6 +29,20 @@ SHORT_LIVED = changed(
 
 UNDISTURBED = changed(Scenario.load("paper"), tool={"wear_rule": "equivalent_time", "edge_strength": 1e6})
 """One metal, one depth, no lags, no noise, no air, an edge that does not break; actions are set points."""
+
+_ALTERNATIVES = {"wear_rule": "clock_time", "action": "set_point"}
+
+
+def each_value_changed(section: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """For every value but the name: its dotted name, and a copy in which it alone is slightly different."""
+    for name in type(section).model_fields:
+        value = getattr(section, name)
+        if isinstance(value, Section):
+            for inner_name, inner in each_value_changed(value, f"{prefix}{name}."):
+                yield inner_name, section.model_copy(update={name: inner})
+        elif name != "name":
+            other = _ALTERNATIVES[name] if isinstance(value, str) else value + 1 if value == int(value) else value * 1.01
+            yield prefix + name, section.model_copy(update={name: other})
 
 
 def fixed_actions(count: int, lanes: int) -> NDArray[np.float32]:

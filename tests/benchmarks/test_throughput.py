@@ -1,0 +1,32 @@
+"""The throughput benchmark runs, and its exit status tells whether the criteria are met."""
+
+import pytest
+
+from benchmarks import throughput
+from turning_env import IDS
+
+TINY = ["--repeats", "2", "--lanes", "3", "--seconds", "0.002"]
+
+
+def test_it_prints_every_case_and_meets_criteria_that_are_easy(capsys, monkeypatch):
+    monkeypatch.setattr(throughput, "LEAST_VECTOR_RATIO", 0.0)
+    monkeypatch.setattr(throughput, "MOST_TIME_RATIO", 1e9)
+    assert throughput.main(TINY) == 0
+    printed = capsys.readouterr().out
+    for name in ("Pendulum-v1, single", "RoughTurning-v0, single", *(f"{env_id}, 3 lanes" for env_id in IDS)):
+        assert name in printed
+    assert (printed.count("met   "), printed.count("FAILED")) == (2, 0)
+
+
+@pytest.mark.parametrize(("criterion", "impossible"), [("LEAST_VECTOR_RATIO", 1e9), ("MOST_TIME_RATIO", 0.0)])
+def test_a_missed_criterion_is_an_exit_status(capsys, monkeypatch, criterion, impossible):
+    monkeypatch.setattr(throughput, criterion, impossible)
+    assert throughput.main(TINY) == 1
+    assert "FAILED" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [["--repeats", "0"], ["--lanes", "0"], ["--seconds", "0"], ["--lane", "x"]])
+def test_bad_arguments_are_refused(arguments, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        throughput.main(arguments)
+    assert "usage" in capsys.readouterr().err

@@ -1,0 +1,49 @@
+"""What a policy sees, and how it reads it back."""
+
+import numpy as np
+import pytest
+
+from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions, play
+from turning_env import RoughTurningEnv, Scenario, observation, presets, read
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_observations_stay_in_their_space(preset):
+    env = RoughTurningEnv(preset)
+    for row in play(env, 5, fixed_actions(400, 1)[:, 0])["observation"]:
+        assert env.observation_space.contains(row)
+
+
+def test_ratios_and_loads_are_capped():
+    fierce = changed(UNDISTURBED, limits={"power": 0.1, "thrust_force": 10}, sensors={"power_noise": 1, "force_noise": 1})
+    rows = play(RoughTurningEnv(fierce), 0, fixed_actions(60, 1)[:, 0])["observation"]
+    assert rows[:, :2].max() == observation.MOST_RATIO
+    assert (rows <= observation.HIGH).all()
+
+
+def test_reading_turns_observations_back_into_physical_units():
+    record = play(RoughTurningEnv(), 3, fixed_actions(300, 1)[:, 0])
+    reading = read(record["observation"], Scenario())
+    for name in ("cutting_speed", "feed", "commanded_cutting_speed", "commanded_feed", "cutting_time"):
+        assert getattr(reading, name) == pytest.approx(record[name], rel=1e-5, abs=1e-5), name
+    assert reading.power == pytest.approx(record["measured_power"], rel=1e-5)
+    assert reading.thrust_force == pytest.approx(record["measured_thrust_force"], rel=1e-5)
+    assert np.array_equal(reading.cutting, record["cutting"])
+
+
+def test_without_disturbance_the_nominal_model_is_right():
+    record = play(RoughTurningEnv(changed(UNDISTURBED, control={"interval": 1})), 0, np.zeros((200, 2), np.float32))
+    reading = read(record["observation"][1:], UNDISTURBED)
+    assert reading.nominal_wear == pytest.approx(record["wear"][1:], rel=1e-6)
+    assert reading.power_ratio == pytest.approx(1.0, rel=1e-6)
+    assert reading.force_ratio == pytest.approx(1.0, rel=1e-6)
+
+
+def test_hidden_state_leaves_no_trace_in_the_observation():
+    """An edge of another strength, or worth another price, looks the same until it breaks."""
+    tough = changed(SHORT_LIVED, tool={"edge_strength": 1e6}, economics={"edge_cost": 100})
+    tougher = changed(tough, tool={"edge_strength": 9e5}, economics={"edge_cost": 1})
+    actions = fixed_actions(100, 1)[:, 0]
+    records = [play(RoughTurningEnv(scenario), 4, actions) for scenario in (tough, tougher)]
+    assert not np.array_equal(records[0]["reward"], records[1]["reward"])
+    assert np.array_equal(records[0]["observation"], records[1]["observation"])

@@ -1,0 +1,20 @@
+"""The records that the transition works on."""
+
+from tests.turning_env.playing import each_value_changed
+from turning_env import RoughTurningEnv, Scenario
+from turning_env.records import REPORT_FIELDS, parameter_records
+
+# Read by what scores policies, not by the transition.
+FOR_SCORING_ONLY = {"limits.overload_allowance"}
+
+
+def test_no_configured_value_is_dead():
+    nominal = parameter_records(Scenario()).tobytes()
+    dead = {name for name, scenario in each_value_changed(Scenario()) if parameter_records(scenario).tobytes() == nominal}
+    assert dead == FOR_SCORING_ONLY
+
+
+def test_the_specification_names_every_entry_of_info():
+    specification = RoughTurningEnv.__doc__ or ""
+    missing = [name for name in REPORT_FIELDS if f"`{name}`" not in specification and f"| {name} " not in specification]
+    assert missing == []

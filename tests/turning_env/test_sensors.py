@@ -1,0 +1,47 @@
+"""What lies between the process and the controller."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.turning_env.playing import UNDISTURBED, changed
+from turning_env import RoughTurningEnv
+
+BRISK = changed(UNDISTURBED, control={"interval": 1}, tool={"wear_criterion": 5})
+
+
+def infos(scenario, intervals):
+    env = RoughTurningEnv(scenario)
+    env.reset(seed=0)
+    return [env.step((0.0, 0.0))[-1] for _ in range(intervals)]
+
+
+def test_perfect_sensors_tell_the_truth():
+    for info in infos(BRISK, 20):
+        assert (info["measured_power"], info["measured_thrust_force"]) == (info["power"], info["thrust_force"])
+
+
+def test_noise_is_relative_unbiased_and_independent():
+    """Over 3000 intervals the standard error of a standard deviation is 1.3 %."""
+    noisy = infos(changed(BRISK, sensors={"power_noise": 0.02, "force_noise": 0.05}), 3000)
+    power = np.array([info["measured_power"] / info["power"] - 1 for info in noisy])
+    force = np.array([info["measured_thrust_force"] / info["thrust_force"] - 1 for info in noisy])
+    assert (power.std(), force.std()) == (pytest.approx(0.02, rel=0.06), pytest.approx(0.05, rel=0.06))
+    assert (power.mean(), force.mean()) == (pytest.approx(0, abs=0.0015), pytest.approx(0, abs=0.004))
+    assert abs(np.corrcoef(power, force)[0, 1]) < 0.05
+    assert abs(np.corrcoef(power[1:], power[:-1])[0, 1]) < 0.05
+
+
+def test_measurements_never_fall_below_zero():
+    noisy = infos(changed(BRISK, sensors={"power_noise": 1.0, "force_noise": 1.0}), 100)
+    assert min(info["measured_power"] for info in noisy) == 0.0
+    assert min(info["measured_thrust_force"] for info in noisy) == 0.0
+
+
+def test_measurements_lag_behind_the_process():
+    lagged = infos(changed(BRISK, sensors={"power_time_constant": 2.0, "force_time_constant": 4.0}), 3)
+    for seconds, info in enumerate(lagged, start=1):
+        # The process itself drifts slowly with wear, hence the wide tolerance.
+        assert info["measured_power"] / info["power"] == pytest.approx(1 - math.exp(-seconds / 2.0), rel=0.1)
+        assert info["measured_thrust_force"] / info["thrust_force"] < info["measured_power"] / info["power"]

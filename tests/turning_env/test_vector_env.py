@@ -1,0 +1,228 @@
+"""Many lanes: each is the single environment, and the whole behaves as Gymnasium's own vector environments do."""
+
+import copy
+import re
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, fixed_actions, play
+from tests.turning_env.test_env import BAD_ACTIONS
+from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
+
+INTERVALS = 80
+
+
+def assert_same_infos(ours, theirs):
+    """Same keys, masks and types, and the same bits in the lanes that the masks name."""
+    assert ours.keys() == theirs.keys()
+    for key, expected in theirs.items():
+        if isinstance(expected, dict):
+            assert_same_infos(ours[key], expected)
+            continue
+        assert ours[key].dtype == expected.dtype, key
+        mask = slice(None) if key.startswith("_") else theirs["_" + key]
+        ours_chosen, expected_chosen = ours[key][mask], expected[mask]
+        if expected.dtype == object:
+            ours_chosen, expected_chosen = np.stack(list(ours_chosen)), np.stack(list(expected_chosen))
+        assert ours_chosen.tobytes() == expected_chosen.tobytes(), key
+
+
+def assert_same_answers(ours, theirs):
+    for our, their in zip(ours[:-1], theirs[:-1], strict=True):
+        assert (our.dtype, our.shape, our.tobytes()) == (their.dtype, their.shape, their.tobytes())
+    assert_same_infos(ours[-1], theirs[-1])
+
+
+@pytest.mark.parametrize("lanes", [1, 3, 64])
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_lanes_are_single_environments_side_by_side(mode, lanes):
+    """Bit for bit what Gymnasium makes of single environments, through several episodes per lane."""
+    ours = RoughTurningVectorEnv(lanes, SHORT_LIVED, mode)
+    theirs = SyncVectorEnv([lambda: RoughTurningEnv(SHORT_LIVED)] * lanes, autoreset_mode=mode)
+    assert_same_answers(ours.reset(seed=40), theirs.reset(seed=40))
+    ended_count = np.zeros(lanes, int)
+    for actions in fixed_actions(INTERVALS, lanes):
+        answers = ours.step(actions)
+        assert_same_answers(answers, theirs.step(actions))
+        ended = answers[2] | answers[3]
+        ended_count += ended
+        if mode is AutoresetMode.DISABLED and ended.any():
+            masks = [{"reset_mask": ended.copy()} for _ in range(2)]
+            assert_same_answers(ours.reset(options=masks[0]), theirs.reset(options=masks[1]))
+    assert ended_count.min() >= 2
+    assert_same_answers(ours.reset(), theirs.reset())
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_a_lane_is_the_lone_environment_of_its_seed(preset):
+    lanes, actions = 5, fixed_actions(INTERVALS, 5)
+    env = RoughTurningVectorEnv(lanes, preset)
+    observations, infos = env.reset(seed=2**63)
+    rows = [(observations, np.zeros(lanes), np.zeros(lanes, bool), np.zeros(lanes, bool), infos)]
+    rows += [env.step(action) for action in actions]
+    for lane in range(lanes):
+        alone = play(RoughTurningEnv(preset), 2**63 + lane, actions[:, lane])
+        together = {
+            "observation": np.stack([row[0][lane] for row in rows]),
+            "reward": np.array([row[1][lane] for row in rows]),
+            "terminated": np.array([row[2][lane] for row in rows]),
+            "truncated": np.array([row[3][lane] for row in rows]),
+        } | {key: np.array([row[4][key][lane] for row in rows]) for key in infos if not key.startswith("_")}
+        assert_same_bytes(together, alone)
+
+
+@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("prefix", ["", "turning_env:"])
+def test_ids_make_the_compiled_vector_environment(env_id, prefix):
+    env = gymnasium.make_vec(prefix + env_id, num_envs=4, vectorization_mode="vector_entry_point")
+    assert type(env.unwrapped) is RoughTurningVectorEnv
+    assert env.unwrapped.scenario == Scenario.load(IDS[env_id])
+    assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    observations, _ = env.reset(seed=0)
+    assert observations in env.observation_space
+    assert env.step(env.action_space.sample())[0] in env.observation_space
+
+
+def test_mode_can_be_given_by_name():
+    env = gymnasium.make_vec("RoughTurning-v0", 2, "vector_entry_point", scenario=SHORT_LIVED, autoreset_mode="SameStep")
+    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+
+
+def test_seeds_may_be_given_lane_by_lane():
+    env, singles = RoughTurningVectorEnv(3), RoughTurningEnv()
+    _, infos = env.reset(seed=[7, 7, 9])
+    assert infos["wear_factor"].tolist() == [singles.reset(seed=seed)[1]["wear_factor"] for seed in (7, 7, 9)]
+    _, infos = env.reset(seed=[None, 1, None])
+    expected = []
+    for seed, again in ((7, None), (1, 1), (9, None)):
+        singles.reset(seed=seed)
+        expected.append(singles.reset(seed=again)[1]["wear_factor"])
+    assert infos["wear_factor"].tolist() == expected
+
+
+@pytest.mark.parametrize("seed", [None, [None, None, None, None], [1, None, None, None]])
+def test_lanes_without_a_seed_differ(seed):
+    _, infos = RoughTurningVectorEnv(4).reset(seed=seed)
+    assert len(set(infos["wear_factor"].tolist())) == 4
+
+
+def test_reset_mask_leaves_the_other_lanes_alone():
+    env, untouched = (RoughTurningVectorEnv(3, autoreset_mode=AutoresetMode.DISABLED) for _ in range(2))
+    for one in (env, untouched):
+        one.reset(seed=0)
+        one.step(np.ones((3, 2)))
+    mask = np.array([False, True, False])
+    _, infos = env.reset(seed=50, options={"reset_mask": mask})
+    assert infos["_path"].tolist() == mask.tolist()
+    assert infos["wear_factor"][1] == RoughTurningEnv().reset(seed=51)[1]["wear_factor"]
+    ours, theirs = env.step(np.ones((3, 2))), untouched.step(np.ones((3, 2)))
+    assert np.array_equal(ours[0][~mask], theirs[0][~mask])
+    assert not np.array_equal(ours[0][mask], theirs[0][mask])
+
+
+@pytest.mark.parametrize(
+    ("mask", "error"),
+    [
+        ([1, 0, 1], ValueError),
+        ([True, False], ValueError),
+        ([[True, False, True]], ValueError),
+        (True, ValueError),
+        ("all", ValueError),
+        ([True, False, True], ResetNeeded),
+    ],
+)
+def test_bad_reset_masks_are_refused(mask, error):
+    env = RoughTurningVectorEnv(3)
+    if error is ValueError:
+        env.reset(seed=0)
+    with pytest.raises(error, match=r"reset_mask must be bool of shape \(3,\)|first reset"):
+        env.reset(options={"reset_mask": mask})
+
+
+@pytest.mark.parametrize(
+    ("seed", "said"),
+    [
+        (-1, "seed -1 of lane 0"),
+        (2**64 - 2, f"seed {2**64} of lane 2"),
+        (1.5, "seed 1.5 of lane 0"),
+        ("abc", "seed 'a' of lane 0"),
+        ([1, 2], "there are 2 seeds, but must be one for each of 3 lanes"),
+        ([1, 2, -3], "seed -3 of lane 2"),
+        ([1, 2.5, 3], "seed 2.5 of lane 1"),
+    ],
+)
+def test_bad_seeds_are_refused_and_no_lane_moves(seed, said):
+    env, untouched = RoughTurningVectorEnv(3), RoughTurningVectorEnv(3)
+    env.reset(seed=0)
+    untouched.reset(seed=0)
+    with pytest.raises(ValueError, match=said):
+        env.reset(seed=seed)
+    for _ in range(5):
+        assert_same_answers(env.step(np.ones((3, 2))), untouched.step(np.ones((3, 2))))
+
+
+@pytest.mark.parametrize("action", BAD_ACTIONS.values(), ids=BAD_ACTIONS.keys())
+def test_bad_actions_are_refused_and_no_lane_moves(action):
+    env, untouched = RoughTurningVectorEnv(3), RoughTurningVectorEnv(3)
+    env.reset(seed=0)
+    untouched.reset(seed=0)
+    with pytest.raises(ValueError, match=r"the action of lane 1 must be finite|actions must .* \(3, 2\)"):
+        env.step([[0.0, 0.0], action, [0.0, 0.0]])
+    for _ in range(5):
+        assert_same_answers(env.step(np.ones((3, 2))), untouched.step(np.ones((3, 2))))
+
+
+@pytest.mark.parametrize("shape", [(2,), (2, 3), (4, 2), (3, 2, 1)])
+def test_actions_of_the_wrong_shape_are_refused(shape):
+    env = RoughTurningVectorEnv(3)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"actions must have shape \(3, 2\)"):
+        env.step(np.zeros(shape))
+
+
+def test_step_needs_episodes_under_way():
+    env = RoughTurningVectorEnv(2, SHORT_LIVED, AutoresetMode.DISABLED)
+    with pytest.raises(ResetNeeded):
+        env.step(np.zeros((2, 2)))
+    env.reset(seed=0)
+    ended = np.zeros(2, bool)
+    while not ended.any():
+        _, _, terminated, truncated, _ = env.step(np.zeros((2, 2)))
+        ended = terminated | truncated
+    with pytest.raises(ResetNeeded, match=re.escape(f"lanes {np.flatnonzero(ended).tolist()} have ended")):
+        env.step(np.zeros((2, 2)))
+
+
+def test_bad_arguments_are_refused():
+    with pytest.raises(ValueError, match="num_envs is 0, but must be at least 1"):
+        RoughTurningVectorEnv(0)
+    with pytest.raises(ValueError, match="render_mode is 'human'"):
+        RoughTurningVectorEnv(1, render_mode="human")
+    with pytest.raises(ValueError, match="Sometimes"):
+        RoughTurningVectorEnv(1, autoreset_mode="Sometimes")
+
+
+def test_what_was_returned_stays_as_it_was():
+    env = RoughTurningVectorEnv(2, SHORT_LIVED, AutoresetMode.SAME_STEP)
+    env.reset(seed=0)
+    answers = [env.step(actions) for actions in fixed_actions(40, 2)]
+    env = RoughTurningVectorEnv(2, SHORT_LIVED, AutoresetMode.SAME_STEP)
+    env.reset(seed=0)
+    for answer, actions in zip(answers, fixed_actions(40, 2), strict=True):
+        assert_same_answers(answer, env.step(actions))
+
+
+def test_a_copy_goes_on_alike():
+    env = RoughTurningVectorEnv(3, SHORT_LIVED)
+    env.reset(seed=0)
+    actions = fixed_actions(60, 3)
+    for action in actions[:10]:
+        env.step(action)
+    twin = copy.deepcopy(env)
+    answers = [env.step(action) for action in actions[10:]]
+    for answer, action in zip(answers, actions[10:], strict=True):
+        assert_same_answers(twin.step(action), answer)
