@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from leaderboard.results import TRAJECTORIES_FILE, Result, ResultError, Task, read_part, read_results
+from leaderboard.results import TRAJECTORIES_FILE, Result, ResultError, Task, read_part, read_result, result_files
 from leaderboard.standings import Standing, rank
 from leaderboard.trajectories import Trajectories
 
@@ -32,7 +32,8 @@ def read_board(folder: Path, task_digest: str | None = None) -> Board:
         ResultError: a file cannot be used, or results on different tasks are to be ranked together.
     """
     by_task: dict[str, dict[Path, Result]] = {}
-    for path, result in read_results(folder).items():
+    for path in result_files(folder):
+        result = read_result(path)
         by_task.setdefault(result.digests.task, {})[path] = result
     if not by_task:
         raise ResultError(f"{folder} holds no results")

@@ -135,21 +135,23 @@ def result_path(folder: Path, policy: PolicyRecord) -> Path:
     return folder / f"{policy.label}.json"
 
 
-def read_results(folder: Path) -> dict[Path, Result]:
-    """All results of one environment's folder, which is named by the environment's id.
+def read_result(path: Path) -> Result:
+    """Read the result of a policy; folder and file are named by the environment's id and the policy.
 
     Raises:
-        ResultError: a file is no result, or not one of this environment and of the policy that it is named after.
+        ResultError: the file is no result, or not one of this environment and policy.
     """
-    results = {}
-    for path in sorted(folder.glob("*.json")):
-        if path.name != TRAJECTORIES_FILE:
-            results[path] = result = read_part(Result, path)
-            if result.task.env_id != folder.name:
-                raise ResultError(f"{path}: task.env_id is {result.task.env_id!r}, but the folder is of {folder.name!r}")
-            if path != result_path(folder, result.policy):
-                raise ResultError(f"{path}: policy is {result.policy.label!r}, but the file is named otherwise")
-    return results
+    result = read_part(Result, path)
+    if result.task.env_id != path.parent.name:
+        raise ResultError(f"{path}: task.env_id is {result.task.env_id!r}, but the folder is of {path.parent.name!r}")
+    if path != result_path(path.parent, result.policy):
+        raise ResultError(f"{path}: policy is {result.policy.label!r}, but the file is named otherwise")
+    return result
+
+
+def result_files(folder: Path) -> list[Path]:
+    """The files of one environment's folder that should be results."""
+    return sorted(path for path in folder.glob("*.json") if path.name != TRAJECTORIES_FILE)
 
 
 PartType = TypeVar("PartType", bound=Part)

@@ -21,11 +21,13 @@ from leaderboard.results import (
     current_digests,
     digest_of,
     read_part,
+    read_result,
+    result_files,
     result_path,
     write_part,
     write_whole,
 )
-from leaderboard.standings import FIXED, PAPER, Standing
+from leaderboard.standings import FIXED, PAPER, Standing, check_alike
 from leaderboard.trajectories import Trajectories, Trajectory, record
 from turning_env import Scenario
 
@@ -107,20 +109,50 @@ def play_all(task: Task, contestants: Sequence[Contestant], folder: Path, fresh:
     Results in ``folder`` of the same task and policy stand, unless ``fresh``. Then a few trajectories are recorded.
 
     Raises:
-        ResultError: the folder cannot be written to, or something unreadable lies in it.
+        ResultError: the folder cannot be written to; it holds something unreadable, results on another scenario, or agents
+            that are not alike but for the training seed.
     """
-    _check_writable(folder)
-    digest = current_digests(task).task
+    finished = _finished(task, contestants, folder)
     # Without miniters=0 the bar would stand still while episodes run and none ends; disable=None: quiet without a terminal.
     with tqdm(total=len(contestants) * len(task.draws), unit="episode", miniters=0, dynamic_ncols=True, disable=None) as bar:
         for contestant in contestants:
             bar.set_description(contestant.policy.label)
             path = result_path(folder, contestant.policy)
-            if not fresh and _stands(path, digest, contestant.policy):
+            if path in finished and not fresh:
                 bar.update(len(task.draws))
             else:
                 write_part(_play(task, contestant, bar), path)
     _record_trajectories(task, contestants, folder, fresh)
+
+
+def _finished(task: Task, contestants: Sequence[Contestant], folder: Path) -> set[Path]:
+    """The results that stand. What would make the ranking fail is found here, before anything is played."""
+    probe = folder / "writable"
+    write_whole(probe, "")
+    probe.unlink()
+    digest = current_digests(task).task
+    wanted = {result_path(folder, contestant.policy): contestant.policy for contestant in contestants}
+    ranked = dict(wanted)
+    finished = set()
+    for path in result_files(folder):
+        try:
+            result = read_result(path)
+        except ResultError as error:
+            if path not in wanted:
+                raise
+            print(f"leaderboard: played again: {error}", file=sys.stderr)
+            continue
+        if result.task.scenario.name != task.scenario.name:
+            raise ResultError(
+                f"{path} holds results on scenario {result.task.scenario.name!r}, not {task.scenario.name!r}: "
+                "give every scenario its own folder with --results"
+            )
+        if result.digests.task == digest:
+            ranked.setdefault(path, result.policy)
+            if result.policy == wanted.get(path):
+                finished.add(path)
+    check_alike(list(ranked.values()))
+    return finished
 
 
 def _play(task: Task, contestant: Contestant, bar: "tqdm[Never]") -> Result:
@@ -132,22 +164,13 @@ def _play(task: Task, contestant: Contestant, bar: "tqdm[Never]") -> Result:
     return Result.of(task, contestant.policy, play(contestant.make, task.scenario, task.draws, on_interval))
 
 
-def _stands(path: Path, task_digest: str, policy: PolicyRecord) -> bool:
-    """Whether a result need not be played again."""
-    if not path.exists():
-        return False
-    try:
-        result = read_part(Result, path)
-    except ResultError as error:
-        print(f"played again: {error}", file=sys.stderr)
-        return False
-    return result.digests.task == task_digest and result.policy == policy
-
-
 def _record_trajectories(task: Task, contestants: Sequence[Contestant], folder: Path, fresh: bool) -> None:
     digest = current_digests(task).task
+    path = folder / TRAJECTORIES_FILE
+    if fresh or not _is_readable(path):
+        path.unlink(missing_ok=True)
     board = read_board(folder, digest)
-    recorded = {} if fresh or board.trajectories is None else {e.policy.name: e for e in board.trajectories.episodes}
+    recorded = {episode.policy.name: episode for episode in board.trajectories.episodes} if board.trajectories else {}
     # One training seed stands for an agent: the first given.
     able = {contestant.policy.name: contestant for contestant in reversed(contestants)}
     episodes: list[Trajectory] = []
@@ -156,7 +179,15 @@ def _record_trajectories(task: Task, contestants: Sequence[Contestant], folder: 
             episodes.append(recorded[name])
         elif name in able:
             episodes.append(record(able[name].policy, able[name].make, task.scenario, task.draws[0]))
-    write_part(Trajectories(task=digest, draw=task.draws[0], episodes=episodes), folder / TRAJECTORIES_FILE)
+    write_part(Trajectories(task=digest, draw=task.draws[0], episodes=episodes), path)
+
+
+def _is_readable(path: Path) -> bool:
+    try:
+        read_part(Trajectories, path)
+    except ResultError:
+        return False
+    return True
 
 
 def _shown(standings: Sequence[Standing]) -> list[str]:
@@ -164,13 +195,6 @@ def _shown(standings: Sequence[Standing]) -> list[str]:
     names = [standing.name for standing in standings]
     chosen = dict.fromkeys([names[0], *(name for name in (PAPER, FIXED) if name in names), *names])
     return sorted(list(chosen)[:MOST_TRAJECTORIES], key=names.index)
-
-
-def _check_writable(folder: Path) -> None:
-    """Rather now than after the first policy has played."""
-    probe = folder / "writable"
-    write_whole(probe, "")
-    probe.unlink()
 
 
 def _digest_of_files(folder: Path) -> str:

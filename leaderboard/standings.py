@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from leaderboard.results import Result, ResultError
+from leaderboard.results import PolicyRecord, Result, ResultError
 from leaderboard.statistics import CONFIDENCE, Bootstrap, Estimate, Floats, improvement, interquartile_mean
 from turning_env import Scenario
 
@@ -46,25 +46,30 @@ def rank(results: Sequence[Result]) -> list[Standing]:
     Raises:
         ResultError: agents of one name differ in more than the training seed.
     """
+    check_alike([result.policy for result in results])
     groups: dict[str, list[Result]] = {}
     for result in results:
         groups.setdefault(result.policy.name, []).append(result)
-    for group in groups.values():
-        _check_alike(group)
     rows = {name: _rows(group) for name, group in groups.items()}
     bootstrap = Bootstrap(len(results[0].task.draws))
     standings = [_standing(group, rows, bootstrap) for group in groups.values()]
     return sorted(standings, key=lambda standing: (not standing.admissible, -standing.mean_return.value, standing.name))
 
 
-def _check_alike(group: Sequence[Result]) -> None:
-    first = group[0].policy
-    for other in (result.policy for result in group[1:]):
+def check_alike(policies: Sequence[PolicyRecord]) -> None:
+    """See that policies of one name are one policy, trained with several seeds.
+
+    Raises:
+        ResultError: two of one name differ in more than the training seed and what follows from it.
+    """
+    first: dict[str, PolicyRecord] = {}
+    for policy in policies:
+        other = first.setdefault(policy.name, policy)
         for field in ("kind", "description", "parameters"):
-            mine, its = getattr(first, field), getattr(other, field)
+            mine, its = getattr(policy, field), getattr(other, field)
             if mine != its:
                 raise ResultError(
-                    f"{first.label} and {other.label} cannot be one policy, as they differ in {field}: {mine!r}, {its!r}"
+                    f"{other.label} and {policy.label} cannot be one policy, as they differ in {field}: {its!r}, {mine!r}"
                 )
 
 

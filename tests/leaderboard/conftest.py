@@ -1,0 +1,82 @@
+"""A short task, trivial policies, and results made up to order."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from baselines.play import EPISODE_FIELDS
+from baselines.policy import Actions, Observations
+from leaderboard.results import PolicyRecord, Result, Task, digest_of
+from leaderboard.run import Contestant
+from turning_env import Scenario
+
+ENV_ID = "RoughTurning-v0"
+MakeResult = Callable[..., Result]
+
+
+class Steady:
+    """Takes the same action always."""
+
+    def __init__(self, lanes: int, action: tuple[float, float]) -> None:
+        self._actions = np.tile(np.array(action, np.float32), (lanes, 1))
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """Nothing to forget."""
+
+    def act(self, observations: Observations) -> Actions:
+        """The same action in every lane."""
+        assert len(observations) == len(self._actions)
+        return self._actions
+
+
+def record_of(name: str, seed: int | None = None, parameters: dict[str, float] | None = None) -> PolicyRecord:
+    """A rule, or with a training seed an agent."""
+    return PolicyRecord(
+        name=name,
+        kind="rule" if seed is None else "agent",
+        description="made up",
+        parameters=dict(parameters or {}),
+        digest=digest_of(parameters),
+        training_seed=seed,
+        command=None if seed is None else f"train {seed}",
+    )
+
+
+def contestant(name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None = None) -> Contestant:
+    """A policy that always acts alike."""
+    return Contestant(record_of(name, seed, {"speed": action[0], "feed": action[1]}), lambda lanes: Steady(lanes, action))
+
+
+@pytest.fixture
+def scenario() -> Scenario:
+    """Twelve intervals, then the time is up."""
+    return Scenario.model_validate({"control": {"time_limit": 0.2}})
+
+
+@pytest.fixture
+def task(scenario: Scenario) -> Task:
+    """Four episodes."""
+    return Task(env_id=ENV_ID, scenario=scenario, draws=[7, 8, 9, 10])
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Where the results of the environment lie."""
+    return tmp_path / "results" / ENV_ID
+
+
+@pytest.fixture
+def make_result(task: Task) -> MakeResult:
+    """Makes a result with the given values, and a plain minute of cutting where nothing is given."""
+    plain = {"time": 60.0, "engaged_time": 60.0, "removed": 100.0, "used_life": 0.5, "truncated": 1.0}
+
+    def make(name: str, seed: int | None = None, parameters: dict[str, float] | None = None, **values: object) -> Result:
+        count = len(task.draws)
+        episodes = {field: np.broadcast_to(np.float64(plain.get(field, 0.0)), count) for field in EPISODE_FIELDS}
+        episodes |= {field: np.broadcast_to(np.asarray(value, np.float64), count) for field, value in values.items()}
+        return Result.of(task, record_of(name, seed, parameters), episodes)
+
+    return make

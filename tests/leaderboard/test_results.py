@@ -1,0 +1,122 @@
+"""Result files come back bit for bit, and nothing else comes back."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from leaderboard.board import read_board, read_boards
+from leaderboard.results import Result, ResultError, Task, read_part, read_result, result_path, write_part
+from tests.leaderboard.conftest import MakeResult, record_of
+
+
+def _written(result: Result, folder: Path) -> Path:
+    path = result_path(folder, result.policy)
+    write_part(result, path)
+    return path
+
+
+def test_round_trip_is_exact(make_result: MakeResult, folder: Path) -> None:
+    result = make_result("rule", **{"return": [math.pi, 1 / 3, 5e-324, -0.0], "wear": [1e22 / 7, 0.1, 0.2, 0.30000000000000004]})
+    back = read_result(_written(result, folder))
+    assert back == result
+    for name, values in result.episodes.items():
+        assert [value.hex() for value in back.episodes[name]] == [value.hex() for value in values]
+    assert back.task.scenario.digest() == back.digests.scenario
+
+
+def test_agents_have_a_file_per_training_seed(make_result: MakeResult, folder: Path) -> None:
+    assert _written(make_result("ppo", 3), folder).name == "ppo-seed3.json"
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "message"),
+    [
+        (["schema"], "rough-turning/results/0", r"schema: 'rough-turning/results/0' is not allowed.*rough-turning/results/1"),
+        (["mood"], 1, r"mood: 1 is not allowed: Extra inputs"),
+        (["policy", "kind"], "oracle", r"policy.kind: 'oracle' is not allowed"),
+        (["policy", "training_seed"], 1, r"training_seed is 1"),
+        (["policy", "name"], "../up", r"policy.name: '../up' is not allowed"),
+        (["task", "scenario", "limits", "power"], -1.0, r"task.scenario.limits.power: -1.0 is not allowed: .*0.001"),
+        (["task", "draws"], [1, 2, 3], r"holds 4 values, but there are 3 draws"),
+        (["task", "draws"], [1, 2, 3, 4], r"digests do not match"),
+        (["versions", "rough-turning"], "0.0.0", r"digests do not match"),
+        (["episodes", "return"], [0.0, 0.0, float("nan"), 0.0], r"episodes.return.2: nan is not allowed"),
+        (["episodes", "return"], ["0", 0.0, 0.0, 0.0], r"episodes.return.0: '0' is not allowed"),
+        (["episodes", "luck"], [0.0, 0.0, 0.0, 0.0], r"episodes holds .*luck"),
+    ],
+)
+def test_errors_name_file_field_and_value(
+    make_result: MakeResult, folder: Path, where: list[str], value: Any, message: str
+) -> None:
+    path = _written(make_result("rule"), folder)
+    document = json.loads(path.read_text())
+    section = document
+    for key in where[:-1]:
+        section = section[key]
+    section[where[-1]] = value
+    path.write_text(json.dumps(document))
+    with pytest.raises(ResultError, match=r"rule\.json: .*" + message):
+        read_result(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b'"text"'])
+def test_foreign_files_are_named(folder: Path, content: bytes) -> None:
+    folder.mkdir(parents=True)
+    (folder / "foreign.json").write_bytes(content)
+    with pytest.raises(ResultError, match=r"foreign\.json"):
+        read_board(folder)
+
+
+def test_a_file_must_be_where_its_policy_says(make_result: MakeResult, folder: Path) -> None:
+    path = _written(make_result("rule"), folder)
+    copy = path.with_name("copy.json")
+    copy.write_bytes(path.read_bytes())
+    with pytest.raises(ResultError, match=r"copy\.json: policy is 'rule'"):
+        read_board(folder)
+    elsewhere = folder.parent / "Other-v0"
+    elsewhere.mkdir()
+    copy.rename(elsewhere / "rule.json")
+    with pytest.raises(ResultError, match=r"task\.env_id is 'RoughTurning-v0'"):
+        read_board(elsewhere)
+
+
+def test_results_on_different_tasks_are_not_ranked_together(make_result: MakeResult, task: Task, folder: Path) -> None:
+    mine = make_result("mine")
+    other_task = task.model_copy(update={"draws": [1, 2, 3, 4]})
+    episodes = {name: np.array(values) for name, values in mine.episodes.items()}
+    other = Result.of(other_task, record_of("other"), episodes)
+    _written(mine, folder)
+    path = _written(other, folder)
+    with pytest.raises(ResultError, match=r"mixes .*: mine\.json.*: other\.json"):
+        read_board(folder)
+    board = read_board(folder, mine.digests.task)
+    assert [standing.name for standing in board.standings] == ["mine"]
+    assert board.left_out == [path]
+
+
+def test_no_results_say_how_to_make_some(tmp_path: Path) -> None:
+    with pytest.raises(ResultError, match="leaderboard run"):
+        read_boards(tmp_path / "nowhere", {})
+
+
+def test_nothing_is_left_of_a_write_that_fails(make_result: MakeResult, folder: Path) -> None:
+    folder.parent.mkdir()
+    folder.write_text("a file where the folder should be")
+    with pytest.raises(ResultError, match=r"rule\.json cannot be written: "):
+        _written(make_result("rule"), folder)
+
+
+def test_a_broken_write_leaves_the_old_file(make_result: MakeResult, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = _written(make_result("rule"), folder)
+
+    def full(self: Path, target: Path) -> Path:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(ResultError, match="No space left"):
+        _written(make_result("rule", wear=1.0), folder)
+    assert read_part(Result, path).episodes["wear"] == [0.0] * 4

@@ -1,0 +1,89 @@
+"""The board's numbers against hand-computed values, and the order of rank."""
+
+import math
+
+import numpy as np
+import pytest
+
+from leaderboard.results import ResultError
+from leaderboard.standings import rank
+from tests.leaderboard.conftest import MakeResult
+
+
+def test_physical_columns_by_hand(make_result: MakeResult) -> None:
+    # One edge worn out, one broken at a fifth of its life, two cut off half-way: 1 + 1 + 0.5 + 0.5 edges.
+    result = make_result(
+        "rule",
+        time=[600, 300, 600, 600],
+        engaged_time=[500, 250, 500, 500],
+        removed=[1000, 500, 1000, 1000],
+        overload_time=[100, 0, 0, 75],
+        severe_overload_time=[35, 0, 0, 0],
+        excess=[7, 0, 0, 0],
+        used_life=[1.001, 0.2, 0.5, 0.5],
+        broken=[0, 1, 0, 0],
+    )
+    (standing,) = rank([result])
+    minutes = 35.0 + 3 * 2.0 + 10.0
+    assert standing.productivity == pytest.approx(3500 / minutes)
+    assert standing.cost == pytest.approx((minutes + 3 * 3.0) / 3.5)
+    assert standing.overload_share == pytest.approx(0.1)
+    assert standing.severe_share == pytest.approx(0.02)
+    assert standing.excess == pytest.approx(0.004)
+    assert standing.broken_share == pytest.approx(1 / 3)
+    assert standing.used_life == pytest.approx(2.201 / 4)
+
+
+def test_comparisons_by_hand(make_result: MakeResult) -> None:
+    results = [
+        make_result("fixed_tuned", **{"return": [0, 0, 0, 0]}),
+        make_result("grid_search", **{"return": [10, 20, 30, 40]}),
+        make_result("ppo", 0, **{"return": [11, 21, 31, 41]}),
+        make_result("ppo", 1, **{"return": [13, 23, 33, 39]}),
+    ]
+    first, second, third = rank(results)
+    assert [first.name, second.name, third.name] == ["ppo", "grid_search", "fixed_tuned"]
+    assert first.training_seeds == (0, 1)
+    assert first.mean_return.value == pytest.approx(26.5)
+    assert first.interquartile_return.value == pytest.approx((21 + 23 + 31 + 33) / 4)
+    assert first.over_fixed is not None
+    assert first.over_fixed.value == pytest.approx(26.5)
+    assert first.over_paper is not None
+    assert first.over_paper.value == pytest.approx(1.5)
+    assert -1.0 <= first.over_paper.low < 1.5 < first.over_paper.high <= 3.0
+    assert first.improves_on_paper is not None
+    assert first.improves_on_paper.value == pytest.approx(7 / 8)
+    assert second.over_paper is None
+    assert second.improves_on_paper is None
+    assert third.over_fixed is None
+
+
+def test_admissible_policies_rank_first(make_result: MakeResult) -> None:
+    results = [
+        make_result("greedy", severe_overload_time=6.0, **{"return": 100}),
+        make_result("good", severe_overload_time=3.0, **{"return": 1}),
+        make_result("poor", **{"return": 0}),
+    ]
+    standings = rank(results)
+    assert [standing.name for standing in standings] == ["good", "poor", "greedy"]
+    assert [standing.admissible for standing in standings] == [True, True, False]
+
+
+def test_a_share_within_the_allowance_by_chance_does_not_admit(make_result: MakeResult) -> None:
+    (standing,) = rank([make_result("lucky", severe_overload_time=[10, 0, 0, 0])])
+    assert standing.severe_share == pytest.approx(10 / 240)
+    assert standing.severe_limit > 0.05
+    assert not standing.admissible
+
+
+def test_a_policy_that_never_cuts_has_numbers(make_result: MakeResult) -> None:
+    (standing,) = rank([make_result("idle", engaged_time=0, removed=0, used_life=0)])
+    assert standing.productivity == 0
+    assert standing.cost == math.inf
+    assert standing.severe_limit == 0
+    assert not any(np.isnan(value) for value in (standing.overload_share, standing.excess, standing.broken_share))
+
+
+def test_agents_of_one_name_must_be_alike(make_result: MakeResult) -> None:
+    with pytest.raises(ResultError, match=r"ppo-seed0 and ppo-seed1 .* parameters: \{'gamma': 0\.9\}, \{'gamma': 0\.99\}"):
+        rank([make_result("ppo", 0, {"gamma": 0.9}), make_result("ppo", 1, {"gamma": 0.99})])
