@@ -1,10 +1,11 @@
 """What the tests of the environment share: scenarios made for testing, fixed actions, and the record of a play."""
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic.fields import FieldInfo
 
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.quantity import Section
@@ -30,19 +31,27 @@ SHORT_LIVED = changed(
 UNDISTURBED = changed(Scenario.load("paper"), tool={"wear_rule": "equivalent_time", "edge_strength": 1e6})
 """One metal, one depth, no lags, no noise, no air, an edge that does not break; actions are set points."""
 
-_ALTERNATIVES = {"wear_rule": "clock_time", "action": "set_point"}
 
+def variants(section: Any, others: Callable[[Any, FieldInfo], Iterable[Any]], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Copies in which one value differs, with its dotted name: ``others`` gives what else a value and its field may be.
 
-def each_value_changed(section: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """For every value but the name: its dotted name, and a copy in which it alone is slightly different."""
-    for name in type(section).model_fields:
+    The copies are not validated. The name is left as it is.
+    """
+    for name, field in type(section).model_fields.items():
         value = getattr(section, name)
         if isinstance(value, Section):
-            for inner_name, inner in each_value_changed(value, f"{prefix}{name}."):
+            for inner_name, inner in variants(value, others, f"{prefix}{name}."):
                 yield inner_name, section.model_copy(update={name: inner})
         elif name != "name":
-            other = _ALTERNATIVES[name] if isinstance(value, str) else value + 1 if value == int(value) else value * 1.01
-            yield prefix + name, section.model_copy(update={name: other})
+            for other in others(value, field):
+                yield prefix + name, section.model_copy(update={name: other})
+
+
+def slightly_different(value: Any, field: FieldInfo) -> list[Any]:
+    """Another value close by; of a choice, every other."""
+    if isinstance(value, str):
+        return [choice for choice in get_args(field.annotation) if choice != value]
+    return [value + 1 if value == int(value) else value * 1.01]
 
 
 def fixed_actions(count: int, lanes: int) -> NDArray[np.float32]:

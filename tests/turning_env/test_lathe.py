@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
-from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions, play
+from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions, play, variants
 from tests.turning_env.test_workpiece import fields
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
 
@@ -37,6 +38,27 @@ def test_what_holds_in_every_interval(scenario):
             if len(episode):
                 paid = -record["reward_edge"][episode].sum()
                 assert paid == pytest.approx(edge_price * min(1.0, record["used_life"][episode[-1]]), rel=1e-9)
+
+
+def test_every_quantity_can_take_either_end_of_its_range():
+    def ends(value, field):
+        return [] if isinstance(value, str) else [field.json_schema_extra["minimum"], field.json_schema_extra["maximum"]]
+
+    played, refusals = 0, []
+    for name, variant in variants(Scenario(), ends):
+        try:
+            scenario = Scenario.model_validate(variant.model_dump())
+        except ValidationError as refusal:
+            refusals.append(str(refusal))
+            continue
+        env = RoughTurningEnv(scenario)
+        record = play(env, 1, fixed_actions(40, 1)[:, 0])
+        assert all(np.isfinite(values).all() for values in record.values()), name
+        assert all(env.observation_space.contains(row) for row in record["observation"]), name
+        played += 1
+    assert played > 100
+    # Some ends do not go with the other values, and say with which.
+    assert all(", but " in refusal for refusal in refusals)
 
 
 def test_episodes_end_worn_broken_or_out_of_time():
@@ -99,7 +121,7 @@ def test_removed_volume_is_the_integral_of_the_depth_of_cut(sub_steps):
     bar, along = divmod(record["path"][-1], pitch)
     cut = bar * workpiece.bar_length + max(along - workpiece.approach, 0)
     assert bar >= 2
-    step = cut / 100_000
+    step = cut / 20_000
     depth = fields(scenario, np.arange(0.5 * step, cut, step), seed=6)[1]
     volume = depth.sum() * step * math.pi * workpiece.diameter / 1000
     # Every sub-step takes the depth at its middle, so the error falls with the square of the sub-step.

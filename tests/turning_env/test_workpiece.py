@@ -77,10 +77,10 @@ def test_spreads_are_those_of_the_scenario(along):
 
 
 def test_fields_are_continuous_in_a_bar_and_jump_between_bars():
-    step = 0.05
-    jumps = np.abs(np.diff(fields(Scenario(), np.arange(0.5 * step, 20 * WORKPIECE.bar_length, step))))
+    step = 0.1
+    jumps = np.abs(np.diff(fields(Scenario(), np.arange(0.5 * step, 10 * WORKPIECE.bar_length, step))))
     per_bar = round(WORKPIECE.bar_length / step)
-    between_bars = np.arange(1, 20) * per_bar - 1
+    between_bars = np.arange(1, 10) * per_bar - 1
     within_bars = np.delete(jumps, between_bars, axis=1)
     # Noise runs from node to node: a few standard deviations in one correlation length, at twice the mean slope at most.
     steepest = 2 * 6 * step
