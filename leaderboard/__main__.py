@@ -33,10 +33,10 @@ def _run(options: argparse.Namespace) -> None:
     contestants = run.rules(options.policies, task.scenario) + run.agents(options.agents)
     if not contestants:
         raise ResultError("there is nothing to play: name a policy or give an agent")
-    run.play_all(task, contestants, options.results / task.env_id, options.fresh)
-    boards = read_boards(options.results, {task.env_id: current_digests(task).task})
-    _print([board for board in boards if board.task.env_id == task.env_id])
-    _write_page(boards, options.results)
+    folder, digest = options.results / task.env_id, current_digests(task).task
+    run.play_all(task, contestants, folder, options.fresh)
+    _print([read_board(folder, digest)])
+    _write_page(read_boards(options.results, {task.env_id: digest}), options.results)
 
 
 def _show(options: argparse.Namespace) -> None:

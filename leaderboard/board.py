@@ -7,6 +7,7 @@ from pathlib import Path
 from leaderboard.results import TRAJECTORIES_FILE, Result, ResultError, Task, read_part, read_result, result_files
 from leaderboard.standings import Standing, rank
 from leaderboard.trajectories import Trajectories
+from turning_env import IDS
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,11 @@ def read_boards(results: Path, task_digests: Mapping[str, str]) -> list[Board]:
     Raises:
         ResultError: as for ``read_board``, or there are no results at all.
     """
-    folders = sorted({path.parent for path in results.glob("*/*.json")})
+    ids = list(IDS)
+    folders = sorted(
+        {path.parent for path in results.glob("*/*.json")},
+        key=lambda folder: (ids.index(folder.name) if folder.name in ids else len(ids), folder.name),
+    )
     if not folders:
         raise ResultError(f"{results} holds no results yet; python -m leaderboard run makes some")
     return [read_board(folder, task_digests.get(folder.name)) for folder in folders]

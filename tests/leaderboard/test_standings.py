@@ -61,7 +61,7 @@ def test_comparisons_by_hand(make_result: MakeResult) -> None:
 def test_admissible_policies_rank_first(make_result: MakeResult) -> None:
     results = [
         make_result("greedy", severe_overload_time=6.0, **{"return": 100}),
-        make_result("good", severe_overload_time=3.0, **{"return": 1}),
+        make_result("good", severe_overload_time=2.9, **{"return": 1}),
         make_result("poor", **{"return": 0}),
     ]
     standings = rank(results)
