@@ -25,15 +25,15 @@ def test_metal_time_and_edge():
 
 
 def test_overload_is_the_excess_over_each_limit():
-    one_step = changed(SCENARIO, control={"sub_steps": 1})
+    one_step = changed(SCENARIO, control={"sub_steps": 1, "interval": 30})
     at_work = first_interval(one_step)
     limits = {"thrust_force": at_work["thrust_force"] / 1.25, "power": at_work["power"] / 1.5}
     info = first_interval(changed(one_step, limits=limits))
     assert (info["cost_force"], info["cost_power"]) == (pytest.approx(0.25), pytest.approx(0.5))
-    assert info["reward_overload"] == pytest.approx(-5 * 60 * (0.25 + 0.5))
-    assert info["overload_time"] == info["severe_overload_time"] == pytest.approx(60)
+    assert info["reward_overload"] == pytest.approx(-5 * 30 * (0.25 + 0.5))
+    assert info["overload_time"] == info["severe_overload_time"] == pytest.approx(30)
     tolerated = first_interval(changed(one_step, limits=limits | {"overload_tolerance": 0.6}))
-    assert (tolerated["overload_time"], tolerated["severe_overload_time"]) == (pytest.approx(60), 0)
+    assert (tolerated["overload_time"], tolerated["severe_overload_time"]) == (pytest.approx(30), 0)
 
 
 def test_a_broken_edge_pays_what_is_left_and_the_downtime():

@@ -47,3 +47,13 @@ def test_hidden_state_leaves_no_trace_in_the_observation():
     records = [play(RoughTurningEnv(scenario), 4, actions) for scenario in (tough, tougher)]
     assert not np.array_equal(records[0]["reward"], records[1]["reward"])
     assert np.array_equal(records[0]["observation"], records[1]["observation"])
+
+
+def test_true_wear_hardness_and_depth_show_in_power_and_force_alone():
+    tough = changed(Scenario(), tool={"edge_strength": 1e6, "wear_criterion": 5})
+    names = ("hardness_bar_spread", "hardness_along_spread", "depth_bar_spread", "depth_along_spread")
+    uniform = changed(tough, tool={"wear_factor_spread": 0}, workpiece=dict.fromkeys(names, 0))
+    records = [play(RoughTurningEnv(scenario), 4, fixed_actions(100, 1)[:, 0]) for scenario in (tough, uniform)]
+    assert records[0]["wear"][-1] != pytest.approx(records[1]["wear"][-1], rel=0.01)
+    differing = (records[0]["observation"] != records[1]["observation"]).any(axis=0)
+    assert np.flatnonzero(differing).tolist() == [0, 1, 8, 9]
