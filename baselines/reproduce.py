@@ -2,8 +2,9 @@
 
     python -m baselines.reproduce
 
-Table 1 (first interval) and Table 2 (second interval): for each of 16 cutting speeds the feed that the grid search chooses, and
-wear, force, power and removal rate there. Then the whole run, interval by interval, played by the grid search on RoughTurning-Paper-v0.
+Table 1 (first interval) and Table 2 (second interval): for each of 16 cutting speeds the feed that the grid search chooses,
+and wear, force, power and removal rate there. Then the whole run, interval by interval, played by the grid search on
+RoughTurning-Paper-v0.
 """
 
 import csv

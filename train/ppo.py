@@ -29,6 +29,8 @@ from turning_env.draws import TUNING_START
 SEED_STRIDE = 1_000_000
 """Lane i of training seed s plays the episodes of seed s * SEED_STRIDE + i, so that no two trainings share bars."""
 
+ACTIVATIONS = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
+
 
 class Progress(BaseCallback):
     """Shows a progress bar, and keeps a checkpoint before each rollout that is due one."""
@@ -96,7 +98,11 @@ def new_model(run: Run) -> PPO:
         ent_coef=p["entropy_coefficient"],
         vf_coef=p["value_coefficient"],
         max_grad_norm=p["max_gradient_norm"],
-        policy_kwargs={"net_arch": p["hidden_layers"], "log_std_init": p["initial_log_deviation"]},
+        policy_kwargs={
+            "net_arch": p["hidden_layers"],
+            "activation_fn": ACTIVATIONS[p["activation"]],
+            "log_std_init": p["initial_log_deviation"],
+        },
         tensorboard_log=str(run.folder / "tensorboard"),
         seed=run.seed,
         device="cpu",

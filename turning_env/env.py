@@ -44,19 +44,19 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     `Box(float32)` of 11 entries of order one, all that a CNC control knows. True wear, hardness and depth are hidden.
 
-    | Index | Entry                   | Meaning                                                           | Range   |
-    |-------|-------------------------|-------------------------------------------------------------------|---------|
-    | 0     | power                   | measured power over its limit                                     | 0 to 4  |
-    | 1     | thrust_force            | measured thrust force over its limit                              | 0 to 4  |
-    | 2     | cutting_speed           | actual cutting speed, log scale, -1 lowest, 1 highest             | -1 to 1 |
-    | 3     | feed                    | actual feed, log scale, -1 lowest, 1 highest                      | -1 to 1 |
-    | 4     | commanded_cutting_speed | commanded cutting speed, likewise                                 | -1 to 1 |
-    | 5     | commanded_feed          | commanded feed, likewise                                          | -1 to 1 |
-    | 6     | cutting_time            | log(1 + cutting time of the edge in min)                          | 0 to 12 |
-    | 7     | nominal_wear            | wear predicted by the nominal model over the criterion            | 0 to 4  |
-    | 8     | power_ratio             | measured over predicted power, near 0 in air                      | 0 to 4  |
-    | 9     | force_ratio             | measured over predicted thrust force, near 0 in air               | 0 to 4  |
-    | 10    | cutting                 | 1 in metal, 0 in air                                              | 0 or 1  |
+    | Index | Entry                   | Meaning                                                        | Range    |
+    |-------|-------------------------|----------------------------------------------------------------|----------|
+    | 0     | power                   | measured power: how far from its limit, in fifths of the limit | -5 to 15 |
+    | 1     | thrust_force            | measured force: how far from its limit, in fifths of the limit | -5 to 15 |
+    | 2     | cutting_speed           | actual cutting speed, log scale, -1 lowest, 1 highest          | -1 to 1  |
+    | 3     | feed                    | actual feed, log scale, -1 lowest, 1 highest                   | -1 to 1  |
+    | 4     | commanded_cutting_speed | commanded cutting speed, likewise                              | -1 to 1  |
+    | 5     | commanded_feed          | commanded feed, likewise                                       | -1 to 1  |
+    | 6     | cutting_time            | log(1 + cutting time of the edge in min)                       | 0 to 12  |
+    | 7     | nominal_wear            | wear predicted by the nominal model over the criterion         | 0 to 4   |
+    | 8     | power_ratio             | measured power: how far from predicted, in fifths of predicted | -5 to 15 |
+    | 9     | force_ratio             | measured force: how far from predicted, in fifths of predicted | -5 to 15 |
+    | 10    | cutting                 | 1 in metal, 0 in air                                           | 0 or 1   |
 
     ## Reward
 

@@ -3,21 +3,24 @@
 ========================  =========================================================================  ============
 Entry                     Meaning                                                                    Range
 ========================  =========================================================================  ============
-power                     measured power over its limit [-]                                          0 to 4
-thrust_force              measured thrust force over its limit [-]                                   0 to 4
+power                     measured power: how far from its limit, in fifths of the limit             -5 to 15
+thrust_force              measured thrust force: how far from its limit, in fifths of the limit      -5 to 15
 cutting_speed             actual cutting speed: -1 at the machine's lowest, 1 at its highest, log    -1 to 1
 feed                      actual feed, likewise                                                      -1 to 1
 commanded_cutting_speed   commanded cutting speed, likewise                                          -1 to 1
 commanded_feed            commanded feed, likewise                                                   -1 to 1
 cutting_time              log(1 + cutting time of the edge in min)                                   0 to 12
 nominal_wear              wear predicted by the nominal model over the criterion [-]                 0 to 4
-power_ratio               measured over predicted power [-]                                          0 to 4
-force_ratio               measured over predicted thrust force [-]                                   0 to 4
+power_ratio               measured power: how far from predicted, in fifths of predicted             -5 to 15
+force_ratio               measured thrust force: how far from predicted, in fifths of predicted      -5 to 15
 cutting                   1 when the tool is in metal, 0 in air                                      0 or 1
 ========================  =========================================================================  ============
 
-Predictions take the actual speed and feed, nominal depth and hardness, and the nominal model's wear. Measurements in air are
-near 0, and so are their ratios.
+Predictions take the actual speed and feed, nominal depth and hardness, and the nominal model's wear. In air, measurements are
+near 0, and the four entries that compare them near -5.
+
+Fifths, because what a controller must tell apart near a limit is a few per cent: with plain ratios the same training ends
+markedly lower (docs/choices.md).
 """
 
 import math
@@ -33,9 +36,11 @@ from turning_env.wear import log_wear
 
 MOST_RATIO = 4.0
 MOST_LOG_TIME = 12.0
+FIFTHS = 5.0
 
-LOW = np.array([0, 0, -1, -1, -1, -1, 0, 0, 0, 0, 0], np.float32)
-HIGH = np.array([4, 4, 1, 1, 1, 1, MOST_LOG_TIME, 4, 4, 4, 1], np.float32)
+_LEAST, _MOST = -FIFTHS, FIFTHS * (MOST_RATIO - 1.0)
+LOW = np.array([_LEAST, _LEAST, -1, -1, -1, -1, 0, 0, _LEAST, _LEAST, 0], np.float32)
+HIGH = np.array([_MOST, _MOST, 1, 1, 1, 1, MOST_LOG_TIME, MOST_RATIO, _MOST, _MOST, 1], np.float32)
 
 
 @compiled
@@ -45,11 +50,17 @@ def range_position(log_value, log_low, log_span):
 
 
 @compiled
+def deviation(ratio):
+    """How far a ratio is from 1, in fifths."""
+    return FIFTHS * (min(ratio, MOST_RATIO) - 1.0)
+
+
+@compiled
 def write_observation(lane, parameters, observation):
     """Fill one lane's observation (float32, in the order of the table above)."""
     p = parameters
-    observation[0] = min(lane.measured_power / p.power_limit, MOST_RATIO)
-    observation[1] = min(lane.measured_thrust_force / p.thrust_force_limit, MOST_RATIO)
+    observation[0] = deviation(lane.measured_power / p.power_limit)
+    observation[1] = deviation(lane.measured_thrust_force / p.thrust_force_limit)
     speed, feed = math.log(lane.cutting_speed), math.log(lane.feed)
     commanded_speed, commanded_feed = math.log(lane.commanded_cutting_speed), math.log(lane.commanded_feed)
     observation[2] = range_position(speed, p.log_cutting_speed_min, p.log_cutting_speed_span)
@@ -58,16 +69,16 @@ def write_observation(lane, parameters, observation):
     observation[5] = range_position(commanded_feed, p.log_feed_min, p.log_feed_span)
     observation[6] = min(math.log(1.0 + lane.cutting_time), MOST_LOG_TIME)
     observation[7] = 0.0
-    observation[8] = 0.0
-    observation[9] = 0.0
+    observation[8] = deviation(0.0)
+    observation[9] = deviation(0.0)
     observation[10] = 1.0 if lane.cutting else 0.0
     if lane.nominal_used_life > 0.0:
         wear = log_wear(p, lane.nominal_used_life)
         power = math.exp(compiled_log_response(p.power_law, speed, feed, p.log_depth_of_cut, 0.0, wear, 0.0))
         force = math.exp(compiled_log_response(p.force_law, speed, feed, p.log_depth_of_cut, 0.0, wear, 0.0))
         observation[7] = min(math.exp(wear - p.log_wear_criterion), MOST_RATIO)
-        observation[8] = min(lane.measured_power / power, MOST_RATIO)
-        observation[9] = min(lane.measured_thrust_force / force, MOST_RATIO)
+        observation[8] = deviation(lane.measured_power / power)
+        observation[9] = deviation(lane.measured_thrust_force / force)
 
 
 class Reading(NamedTuple):
@@ -105,16 +116,19 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
     def in_range(position: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
         return low * (high / low) ** (0.5 * (position + 1.0))
 
+    def ratio(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
+        return deviation / FIFTHS + 1.0
+
     return Reading(
-        power=columns[0] * limits.power,
-        thrust_force=columns[1] * limits.thrust_force,
+        power=ratio(columns[0]) * limits.power,
+        thrust_force=ratio(columns[1]) * limits.thrust_force,
         cutting_speed=in_range(columns[2], machine.cutting_speed_min, machine.cutting_speed_max),
         feed=in_range(columns[3], machine.feed_min, machine.feed_max),
         commanded_cutting_speed=in_range(columns[4], machine.cutting_speed_min, machine.cutting_speed_max),
         commanded_feed=in_range(columns[5], machine.feed_min, machine.feed_max),
         cutting_time=np.expm1(columns[6]),
         nominal_wear=columns[7] * scenario.tool.wear_criterion,
-        power_ratio=columns[8],
-        force_ratio=columns[9],
+        power_ratio=ratio(columns[8]),
+        force_ratio=ratio(columns[9]),
         cutting=columns[10] > 0.5,
     )

@@ -42,7 +42,7 @@ def observation(**entries: float) -> np.ndarray:
     """One lane's observation in metal, half worn, with measurements as predicted but for ``entries``."""
     names = ["power", "force", "speed", "feed", "commanded_speed", "commanded_feed", "time", "wear"]
     names += ["power_ratio", "force_ratio", "cutting"]
-    values = dict.fromkeys(names, 0.5) | {"power_ratio": 1.0, "force_ratio": 1.0, "cutting": 1.0} | entries
+    values = dict.fromkeys(names, 0.5) | {"power_ratio": 0.0, "force_ratio": 0.0, "cutting": 1.0} | entries
     return np.array([[values[name] for name in names]], np.float32)
 
 
@@ -58,9 +58,9 @@ def test_rescaling_heeds_measured_force_and_power_and_forgets_on_reset() -> None
     policy = RescaledGridSearch(scenario, 1, margin=1.0, smoothing=0.5)
     nominal = removal_rate(GridSearch(scenario, 1), observation(), scenario)
     assert removal_rate(policy, observation(), scenario) == nominal
-    harder = [removal_rate(policy, observation(power_ratio=1.4, force_ratio=1.4), scenario) for _ in range(4)]
+    harder = [removal_rate(policy, observation(power_ratio=2.0, force_ratio=2.0), scenario) for _ in range(4)]
     assert nominal > harder[0] > harder[1] > harder[3]
-    in_air = observation(cutting=0.0, power_ratio=0.0, force_ratio=0.0)
+    in_air = observation(cutting=0.0, power_ratio=-5.0, force_ratio=-5.0)
     assert removal_rate(policy, in_air, scenario) == harder[3]
     policy.reset(np.ones(1, np.bool_))
     assert removal_rate(policy, observation(), scenario) == nominal
