@@ -8,6 +8,7 @@ its return at another price follows from the same episodes.
 
 import argparse
 import sys
+from functools import partial
 
 import numpy as np
 from tqdm import tqdm
@@ -35,7 +36,7 @@ def main(arguments: list[str] | None = None) -> int:
     scenario = Scenario.load("rough_turning")
     smoothing = tuned.parameters(scenario)["rescaled_grid_search"]["smoothing"]
     played = [
-        play(lambda lanes, margin=margin: RescaledGridSearch(scenario, lanes, margin, smoothing), scenario, draws)
+        play(partial(RescaledGridSearch, scenario, margin=margin, smoothing=smoothing), scenario, draws)
         for margin in tqdm(MARGINS, unit="margin")
     ]
     print(f"{'price':>6} {'best margin':>12} {'return [s]':>11} {'over limit':>11} {'over by > 5 %':>14}")
