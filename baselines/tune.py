@@ -21,6 +21,7 @@ from baselines.catalogue import RULES, Parameters
 from baselines.play import play
 from turning_env import Scenario
 from turning_env.draws import tuning_draws
+from turning_env.files import replace_file
 
 
 def candidates(rule: str, scenario: Scenario) -> list[Parameters]:
@@ -80,16 +81,13 @@ def main(arguments: list[str] | None = None) -> int:
         rules[name] = {"parameters": setting, "mean_return": score, "episodes_played": episodes}
         print(f"{name}: {setting}, mean return {score:.1f} s over {parsed.draws} draws")
     target = tuned.path(scenario)
-    target.parent.mkdir(exist_ok=True)
     values = {
         "command": f"python -m baselines.tune --scenario {parsed.scenario} --draws {parsed.draws}",
         "scenario_digest": scenario.digest(),
         "tuning_draws": parsed.draws,
         "rules": rules,
     }
-    partial = target.with_name(target.name + ".partial")
-    partial.write_text(json.dumps(values, indent=1) + "\n", "utf-8")
-    partial.replace(target)
+    replace_file(target, lambda partial: partial.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
     print(target)
     return 0
 

@@ -12,6 +12,7 @@ from leaderboard.results import ResultError
 from leaderboard.standings import FIXED, PAPER
 from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
+from turning_env.files import replace_file
 
 # Okabe and Ito's colours, told apart by colour-blind readers too.
 BLUE, ORANGE, VERMILLION, GREY = "#0072B2", "#E69F00", "#D55E00", "#666666"
@@ -32,11 +33,8 @@ def write(board: Board, path: Path) -> None:
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.1))[0]
     _intervals(left.subplots(), board)
     _same_bar(right.subplots(3, 1, sharex=True), (episodes[0], second), board.task.scenario)
-    partial = path.with_name(path.name + ".partial")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(partial, dpi=200, format="png")
-        partial.replace(path)
+        replace_file(path, lambda partial: figure.savefig(partial, dpi=200, format="png"))
     except OSError as error:
         raise ResultError(f"{path} cannot be written: {error.strerror}") from error
 

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, f
 
 from baselines.play import EPISODE_FIELDS, Episodes
 from turning_env import Scenario
+from turning_env.files import replace_file
 
 SCHEMA: Literal["rough-turning/results/1"] = "rough-turning/results/1"
 TRAJECTORIES_FILE = "trajectories.json"
@@ -151,7 +152,8 @@ def read_result(path: Path) -> Result:
 
 def result_files(folder: Path) -> list[Path]:
     """The files of one environment's folder that should be results."""
-    return sorted(path for path in folder.glob("*.json") if path.name != TRAJECTORIES_FILE)
+    # Hidden ones are what a killed process has left.
+    return sorted(path for path in folder.glob("[!.]*.json") if path.name != TRAJECTORIES_FILE)
 
 
 PartType = TypeVar("PartType", bound=Part)
@@ -186,11 +188,8 @@ def write_whole(path: Path, text: str) -> None:
     Raises:
         ResultError: the folder or the file cannot be written.
     """
-    partial = path.with_name(path.name + ".partial")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(text, "utf-8")
-        partial.replace(path)
+        replace_file(path, lambda partial: partial.write_text(text, "utf-8"))
     except OSError as error:
         raise ResultError(f"{path} cannot be written: {error.strerror}") from error
 

@@ -21,10 +21,11 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.utils import LinearSchedule
 from tqdm import tqdm
 
-from train.run import Run, replace_file
+from train.run import Run
 from train.vec_env import RoughTurningVecEnv
 from turning_env import IDS, Scenario, ScenarioError
 from turning_env.draws import TUNING_START
+from turning_env.files import replace_file
 
 SEED_STRIDE = 1_000_000
 """Lane i of training seed s plays the episodes of seed s * SEED_STRIDE + i, so that no two trainings share bars."""

@@ -2,21 +2,14 @@
 
 import json
 import tomllib
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from turning_env import Scenario
+from turning_env.files import replace_file
 
 HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
-
-
-def replace_file(target: Path, write: Callable[[Path], Any]) -> None:
-    """Have ``write`` produce a file beside ``target``, then put it in its place: whole or not at all."""
-    partial = target.with_name("partial-" + target.name)
-    write(partial)
-    partial.replace(target)
 
 
 def hyperparameters(algorithm: str, env_id: str) -> dict[str, Any]:
@@ -88,7 +81,6 @@ class Run:
             if (found.scenario, found.parameters) != (self.scenario, self.parameters):
                 raise ValueError(f"{self.folder} holds a training with other settings: delete it, or choose other --runs")
             return
-        self.folder.mkdir(parents=True, exist_ok=True)
         values = {
             "algorithm": self.algorithm,
             "env_id": self.env_id,

@@ -16,6 +16,7 @@ from typing import Literal, Self
 import tomli_w
 from pydantic import ValidationError, model_validator
 
+from turning_env.files import replace_file
 from turning_env.power_law import PowerLaw
 from turning_env.quantity import Section, quantity
 
@@ -202,14 +203,8 @@ class Scenario(Section):
         return tomli_w.dumps(self.model_dump())
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the whole scenario as a TOML file: all of it or nothing."""
-        target = Path(path)
-        partial = target.with_name(target.name + ".partial")
-        try:
-            partial.write_text(self.to_toml(), "utf-8")
-            partial.replace(target)
-        finally:
-            partial.unlink(missing_ok=True)
+        """Write the whole scenario as a TOML file: all of it or nothing; its folder is made."""
+        replace_file(Path(path), lambda partial: partial.write_text(self.to_toml(), "utf-8"))
 
     def digest(self) -> str:
         """SHA-256 of all values but the name: equal digests mean equal physics."""

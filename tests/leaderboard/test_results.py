@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from leaderboard.board import read_board, read_boards
-from leaderboard.results import Result, ResultError, Task, read_part, read_result, result_path, write_part
+from leaderboard.results import Result, ResultError, Task, read_part, read_result, result_files, result_path, write_part
 from tests.leaderboard.conftest import MakeResult, record_of
 
 
@@ -120,3 +120,9 @@ def test_a_broken_write_leaves_the_old_file(make_result: MakeResult, folder: Pat
     with pytest.raises(ResultError, match="No space left"):
         _written(make_result("rule", wear=1.0), folder)
     assert read_part(Result, path).episodes["wear"] == [0.0] * 4
+
+
+def test_what_a_killed_write_left_is_no_result(make_result: MakeResult, folder: Path) -> None:
+    path = _written(make_result("rule"), folder)
+    (folder / ".partial-1-other.json").write_text("{")
+    assert result_files(folder) == [path]

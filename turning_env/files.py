@@ -1,0 +1,24 @@
+"""The one way in which files are written: whole or not at all."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+
+def replace_file(target: Path, write: Callable[[Path], object]) -> None:
+    """Have ``write`` fill a hidden file beside ``target``, then put it in the target's place; the folder is made.
+
+    The hidden file keeps the target's suffix, as some writers choose the format by it or add one that is missing. It is
+    removed if anything fails, and the target is then as it was.
+
+    Raises:
+        OSError: the folder or the file cannot be written; also whatever ``write`` raises.
+    """
+    target.parent.mkdir(parents=True, exist_ok=True)
+    # Named by process, so that two that write the same target do not fill the same file.
+    partial = target.with_name(f".partial-{os.getpid()}-{target.name}")
+    try:
+        write(partial)
+        partial.replace(target)
+    finally:
+        partial.unlink(missing_ok=True)
