@@ -7,7 +7,7 @@ from pathlib import Path
 
 from leaderboard import table
 from leaderboard.board import Board, read_board, read_boards
-from leaderboard.results import ResultError, Task, current_digests
+from leaderboard.results import ResultError, Task, current_digests, result_folder
 from turning_env import IDS, Scenario, ScenarioError
 from turning_env.draws import held_out_draws
 
@@ -29,14 +29,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> None:
     from leaderboard import run  # needed only here: plays
 
-    task = Task(env_id=options.env, scenario=Scenario.load(options.scenario or IDS[options.env]), draws=options.draws)
+    task = Task(env_id=options.env, scenario=_scenario(options), draws=options.draws)
     contestants = run.rules(options.policies, task.scenario) + run.agents(options.agents)
     if not contestants:
         raise ResultError("there is nothing to play: name a policy or give an agent")
-    folder, digest = options.results / task.env_id, current_digests(task).task
+    folder, digest = result_folder(options.results, task.env_id, task.scenario.name), current_digests(task).task
     run.play_all(task, contestants, folder, options.fresh)
     _print([read_board(folder, digest)])
-    _write_page(read_boards(options.results, {task.env_id: digest}), options.results)
+    _write_page(read_boards(options.results, {folder: digest}), options.results)
 
 
 def _show(options: argparse.Namespace) -> None:
@@ -50,8 +50,12 @@ def _page(options: argparse.Namespace) -> None:
 def _figure(options: argparse.Namespace) -> None:
     from leaderboard import figure  # needed only here: imports Matplotlib
 
-    figure.write(read_board(options.results / options.env), options.out)
+    figure.write(read_board(result_folder(options.results, options.env, _scenario(options).name)), options.out)
     print(f"wrote {options.out}")
+
+
+def _scenario(options: argparse.Namespace) -> Scenario:
+    return Scenario.load(options.scenario or IDS[options.env])
 
 
 def _print(boards: Sequence[Board]) -> None:
@@ -84,9 +88,9 @@ def _parser() -> argparse.ArgumentParser:
     results.add_argument("--results", type=Path, default=Path("results"), help="folder of the results (default: results)")
     environment = argparse.ArgumentParser(add_help=False)
     environment.add_argument("--env", choices=IDS, default="RoughTurning-v0", help="the environment's id")
+    environment.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own preset")
 
     run = commands.add_parser("run", parents=[results, environment], help="play policies, then show and page")
-    run.add_argument("--scenario", metavar="PRESET_OR_TOML", help="what to play instead of the id's own preset")
     run.add_argument("--draws", type=_draws, default="256", help="number of held-out draws (default: 256)")
     run.add_argument("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all)")
     run.add_argument("--agents", nargs="*", type=Path, default=[], metavar="RUN_FOLDER", help="finished trainings")

@@ -1,4 +1,4 @@
-"""One environment's ranking, as read from its folder."""
+"""The ranking of one environment on one scenario, as read from its folder."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Board:
 
 
 def read_board(folder: Path, task_digest: str | None = None) -> Board:
-    """Rank the results of one environment's folder.
+    """Rank the results of one environment on one scenario.
 
     Args:
         folder: where they are; must hold some.
@@ -53,20 +53,28 @@ def read_board(folder: Path, task_digest: str | None = None) -> Board:
     )
 
 
-def read_boards(results: Path, task_digests: Mapping[str, str]) -> list[Board]:
-    """Rank every environment's folder in ``results``; for an environment's id there, only the results on that task.
+def read_boards(results: Path, task_digests: Mapping[Path, str]) -> list[Board]:
+    """Rank every environment on every scenario that ``results`` holds.
+
+    Ids come in the order in which they are declared, and of an id first its own preset, then other scenarios by name.
+
+    Args:
+        results: the folder of all results.
+        task_digests: of some of the folders in it, the task whose results are ranked there; see ``read_board``.
 
     Raises:
         ResultError: as for ``read_board``, or there are no results at all.
     """
-    ids = list(IDS)
-    folders = sorted(
-        {path.parent for path in results.glob("*/*.json")},
-        key=lambda folder: (ids.index(folder.name) if folder.name in ids else len(ids), folder.name),
-    )
+    folders = sorted((folder for folder in results.glob("*/*") if result_files(folder)), key=_place)
     if not folders:
         raise ResultError(f"{results} holds no results yet; python -m leaderboard run makes some")
-    return [read_board(folder, task_digests.get(folder.name)) for folder in folders]
+    return [read_board(folder, task_digests.get(folder)) for folder in folders]
+
+
+def _place(folder: Path) -> tuple[int, str, bool, str]:
+    """What a board's folder is sorted by."""
+    env_id, scenario, ids = folder.parent.name, folder.name, list(IDS)
+    return ids.index(env_id) if env_id in ids else len(ids), env_id, scenario != IDS.get(env_id), scenario
 
 
 def _trajectories(folder: Path, results: list[Result]) -> Trajectories | None:

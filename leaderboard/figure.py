@@ -26,7 +26,8 @@ def write(board: Board, path: Path) -> None:
     """
     episodes = board.trajectories.episodes if board.trajectories else []
     if len(episodes) < 2:
-        raise ResultError(f"two trajectories are needed; python -m leaderboard run --env {board.task.env_id} records them")
+        what = f"{board.task.env_id} on scenario {board.task.scenario.name}"
+        raise ResultError(f"two trajectories are needed; python -m leaderboard run records those of {what}")
     # The first of the ranking against the published controller, or against the next.
     second = next((episode for episode in episodes[1:] if episode.policy.name == PAPER), episodes[1])
     figure = Figure(figsize=(10, 4.2), layout="constrained")

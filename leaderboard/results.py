@@ -131,27 +131,35 @@ def digest_of(value: Any) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
+def result_folder(results: Path, env_id: str, scenario_name: str) -> Path:
+    """Where the results of one environment's id on one scenario lie."""
+    return results / env_id / scenario_name
+
+
 def result_path(folder: Path, policy: PolicyRecord) -> Path:
-    """Where a policy's result lies in the folder of its environment."""
+    """Where a policy's result lies in its ``result_folder``."""
     return folder / f"{policy.label}.json"
 
 
 def read_result(path: Path) -> Result:
-    """Read the result of a policy; folder and file are named by the environment's id and the policy.
+    """Read the result of a policy; folders and file are named by the environment's id, the scenario and the policy.
 
     Raises:
-        ResultError: the file is no result, or not one of this environment and policy.
+        ResultError: the file is no result, or not one of this environment, scenario and policy.
     """
     result = read_part(Result, path)
-    if result.task.env_id != path.parent.name:
-        raise ResultError(f"{path}: task.env_id is {result.task.env_id!r}, but the folder is of {path.parent.name!r}")
+    scenario, env_id = path.parent.name, path.parent.parent.name
+    if result.task.env_id != env_id:
+        raise ResultError(f"{path}: task.env_id is {result.task.env_id!r}, but the folder is of {env_id!r}")
+    if result.task.scenario.name != scenario:
+        raise ResultError(f"{path}: task.scenario.name is {result.task.scenario.name!r}, but the folder is of {scenario!r}")
     if path != result_path(path.parent, result.policy):
         raise ResultError(f"{path}: policy is {result.policy.label!r}, but the file is named otherwise")
     return result
 
 
 def result_files(folder: Path) -> list[Path]:
-    """The files of one environment's folder that should be results."""
+    """The files of one ``result_folder`` that should be results."""
     # Hidden ones are what a killed process has left.
     return sorted(path for path in folder.glob("[!.]*.json") if path.name != TRAJECTORIES_FILE)
 

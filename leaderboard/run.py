@@ -109,8 +109,8 @@ def play_all(task: Task, contestants: Sequence[Contestant], folder: Path, fresh:
     Results in ``folder`` of the same task and policy stand, unless ``fresh``. Then a few trajectories are recorded.
 
     Raises:
-        ResultError: the folder cannot be written to; it holds something unreadable, results on another scenario, or agents
-            that are not alike but for the training seed.
+        ResultError: the folder cannot be written to; it holds something unreadable, something that belongs in another, or
+            agents that are not alike but for the training seed.
     """
     finished = _finished(task, contestants, folder)
     # Without miniters=0 the bar would stand still while episodes run and none ends; disable=None: quiet without a terminal.
@@ -142,11 +142,6 @@ def _finished(task: Task, contestants: Sequence[Contestant], folder: Path) -> se
                 raise
             print(f"leaderboard: played again: {error}", file=sys.stderr)
             continue
-        if result.task.scenario.name != task.scenario.name:
-            raise ResultError(
-                f"{path} holds results on scenario {result.task.scenario.name!r}, not {task.scenario.name!r}: "
-                "give every scenario its own folder with --results"
-            )
         if result.digests.task == digest:
             ranked.setdefault(path, result.policy)
             if result.policy == wanted.get(path):

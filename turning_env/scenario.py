@@ -7,6 +7,7 @@ Defaults are those of ``RoughTurning-v0``: 709M40 (En 19) steel cut by a GC435 i
 import hashlib
 import json
 import os
+import re
 import tomllib
 from collections.abc import Iterator
 from importlib import resources
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Literal, Self
 
 import tomli_w
-from pydantic import ValidationError, model_validator
+from pydantic import ValidationError, field_validator, model_validator
 
 from turning_env.files import replace_file
 from turning_env.power_law import PowerLaw
@@ -148,6 +149,7 @@ class Scenario(Section):
     """Everything that defines an episode but its seed and the actions."""
 
     name: str = "rough_turning"
+    """Names the folders in which trainings and results are kept, so only characters that are safe there."""
     material: Material = Material()
     tool: Tool = Tool()
     machine: Machine = Machine()
@@ -156,6 +158,14 @@ class Scenario(Section):
     sensors: Sensors = Sensors()
     economics: Economics = Economics()
     limits: Limits = Limits()
+
+    @field_validator("name")
+    @classmethod
+    def _names_a_folder(cls, name: str) -> str:
+        if not re.fullmatch(r"(?!\.)[A-Za-z0-9_.-]{1,64}", name):
+            allowed = '1 to 64 of the characters A-Z, a-z, 0-9, "_", "-" and ".", the first of them not "."'
+            raise ValueError(f"{name!r} is not allowed: a scenario's name also names a folder, so only {allowed}")
+        return name
 
     @model_validator(mode="after")
     def _starts_within_range(self) -> Self:

@@ -63,9 +63,9 @@ def task(scenario: Scenario) -> Task:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """Where the results of the environment lie."""
-    return tmp_path / "results" / ENV_ID
+def folder(tmp_path: Path, scenario: Scenario) -> Path:
+    """Where the results of the environment on the scenario lie."""
+    return tmp_path / "results" / ENV_ID / scenario.name
 
 
 @pytest.fixture

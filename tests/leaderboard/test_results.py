@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 
 from leaderboard.board import read_board, read_boards
-from leaderboard.results import Result, ResultError, Task, read_part, read_result, result_files, result_path, write_part
+from leaderboard.results import (
+    Result,
+    ResultError,
+    Task,
+    read_part,
+    read_result,
+    result_files,
+    result_folder,
+    result_path,
+    write_part,
+)
 from tests.leaderboard.conftest import MakeResult, record_of
 
 
@@ -77,11 +87,14 @@ def test_a_file_must_be_where_its_policy_says(make_result: MakeResult, folder: P
     copy.write_bytes(path.read_bytes())
     with pytest.raises(ResultError, match=r"copy\.json: policy is 'rule'"):
         read_board(folder)
-    elsewhere = folder.parent / "Other-v0"
-    elsewhere.mkdir()
+    elsewhere = folder.parents[1] / "Other-v0" / folder.name
+    elsewhere.mkdir(parents=True)
     copy.rename(elsewhere / "rule.json")
-    with pytest.raises(ResultError, match=r"task\.env_id is 'RoughTurning-v0'"):
+    with pytest.raises(ResultError, match=r"task\.env_id is 'RoughTurning-v0', but the folder is of 'Other-v0'"):
         read_board(elsewhere)
+    other_scenario = elsewhere.rename(folder.with_name("other"))
+    with pytest.raises(ResultError, match=r"rule\.json: task\.scenario\.name is 'rough_turning', .* is of 'other'"):
+        read_board(other_scenario)
 
 
 def test_results_on_different_tasks_are_not_ranked_together(make_result: MakeResult, task: Task, folder: Path) -> None:
@@ -98,13 +111,34 @@ def test_results_on_different_tasks_are_not_ranked_together(make_result: MakeRes
     assert board.left_out == [path]
 
 
+def test_boards_come_in_the_order_of_ids_and_then_of_scenarios(tmp_path: Path, make_result: MakeResult, task: Task) -> None:
+    results = tmp_path / "results"
+    mine = make_result("mine")
+    boards = [
+        ("RoughTurning-v0", "rough_turning"),
+        ("RoughTurning-v0", "forging"),
+        ("RoughTurning-v0", "welded"),
+        ("RoughTurning-Paper-v0", "paper"),
+        ("RoughTurning-Paper-v0", "casting"),
+        ("Another-v0", "casting"),
+    ]
+    for env_id, name in reversed(boards):
+        scenario = task.scenario.model_copy(update={"name": name})
+        other = mine.model_copy(update={"task": task.model_copy(update={"env_id": env_id, "scenario": scenario})})
+        _written(other, result_folder(results, env_id, name))
+    (results / "RoughTurning-v0" / "empty").mkdir()
+    (results / "RoughTurning-v0" / "astray.json").write_text("{")
+    found = read_boards(results, {})
+    assert [(board.task.env_id, board.task.scenario.name) for board in found] == boards
+
+
 def test_no_results_say_how_to_make_some(tmp_path: Path) -> None:
     with pytest.raises(ResultError, match="leaderboard run"):
         read_boards(tmp_path / "nowhere", {})
 
 
 def test_nothing_is_left_of_a_write_that_fails(make_result: MakeResult, folder: Path) -> None:
-    folder.parent.mkdir()
+    folder.parent.mkdir(parents=True)
     folder.write_text("a file where the folder should be")
     with pytest.raises(ResultError, match=r"rule\.json cannot be written: "):
         _written(make_result("rule"), folder)

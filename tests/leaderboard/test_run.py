@@ -73,13 +73,6 @@ def test_an_unreadable_file_is_played_again_or_else_named(task: Task, folder: Pa
         play_all(task, [contestant("one")], folder, fresh=False)
 
 
-def test_other_scenarios_results_are_not_overwritten(task: Task, folder: Path) -> None:
-    play_all(task, [contestant("one")], folder, fresh=False)
-    other = task.model_copy(update={"scenario": task.scenario.model_copy(update={"name": "other"})})
-    with pytest.raises(ResultError, match=r"one\.json holds results on scenario 'rough_turning', not 'other'"):
-        play_all(other, [contestant("one")], folder, fresh=True)
-
-
 def test_agents_that_cannot_be_ranked_are_refused_before_play(task: Task, folder: Path, played: list[float]) -> None:
     with pytest.raises(ResultError, match="ppo-seed0 and ppo-seed1 cannot be one policy"):
         play_all(task, [contestant("ppo", (0, 0.1), 0), contestant("ppo", (0, 0.2), 1)], folder, fresh=False)
@@ -156,6 +149,25 @@ def test_command_line(tmp_path: Path, scenario: Scenario, capsys: pytest.Capture
     assert (results / "index.html").read_text() == page
     assert main(["figure", *common, "--out", str(tmp_path / "figures" / "board.png")]) == 0
     assert (tmp_path / "figures" / "board.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_scenarios_live_side_by_side(tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]) -> None:
+    results = ["--results", str(tmp_path / "results")]
+    files = {name: str(tmp_path / f"{name}.toml") for name in ("rough_turning", "short", "other")}
+    for name, file in files.items():
+        scenario.model_copy(update={"name": name}).save(file)
+        played = ["--scenario", file, "--draws", "2", "--policies", "fixed_handbook"]
+        assert main(["run", *results, *played, *(["grid_search"] if name == "short" else [])]) == 0
+    capsys.readouterr()
+    assert main(["show", *results]) == 0
+    shown = [line.split(", ")[1] for line in capsys.readouterr().out.splitlines() if line.startswith("RoughTurning-v0")]
+    assert shown == ["scenario rough_turning", "scenario other", "scenario short"]
+    page = (tmp_path / "results" / "index.html").read_text()
+    assert page.count("<h2>") == 3
+    picture = ["--out", str(tmp_path / "board.png")]
+    assert main(["figure", *results, *picture, "--scenario", files["short"]]) == 0
+    assert main(["figure", *results, *picture]) == 1
+    assert "RoughTurning-v0 on scenario rough_turning" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -113,6 +113,7 @@ def test_digest_ignores_the_name_and_nothing_else():
         ("[material.wear]\ncoefficient = 1\n", ["wear.time is 0.0", "above 0"]),
         ("[material.wear]\ncoefficient = 1\ntime = 1\nwear = 1\n", ["wear.wear is 1.0", "only 0"]),
         ("[material.power]\ncoefficient = 1\ntime = 1\n", ["power.time is 1.0", "only 0"]),
+        ("name = '../up'\n", ["name: '../up' is not allowed", "1 to 64"]),
         ("not toml", ["is not TOML"]),
         (b"name = '\xff'", ["is not TOML"]),
     ],
@@ -124,6 +125,19 @@ def test_bad_files_are_refused_with_field_value_and_what_is_allowed(toml, text, 
     assert "mine.toml" in message
     for part in said:
         assert part in message
+
+
+@pytest.mark.parametrize("name", ["a", "En-19", "v1.2_b", "-", "_", "x" * 64])
+def test_names_that_name_a_folder_are_taken(name):
+    assert Scenario(name=name).name == name
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", ".hidden", "a/b", "a\\b", "a b", "a\n", "\0", "Stück", "x" * 65])
+def test_names_that_are_no_folder_s_are_refused(name):
+    with pytest.raises(ValidationError) as refusal:
+        Scenario(name=name)
+    assert f"{name!r} is not allowed" in str(refusal.value)
+    assert "1 to 64 of the characters A-Z, a-z, 0-9" in str(refusal.value)
 
 
 def test_all_complaints_come_at_once(toml):
