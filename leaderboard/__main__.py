@@ -63,7 +63,8 @@ def _print(boards: Sequence[Board]) -> None:
         print(table.render(board) + "\n")
         if board.left_out:
             names = ", ".join(str(path) for path in board.left_out)
-            print(f"leaderboard: left out, as they are of other scenarios, draws or versions: {names}", file=sys.stderr)
+            why = "they are of other scenario values, draws, versions or code"
+            print(f"leaderboard: left out, as {why}: {names}", file=sys.stderr)
 
 
 def _write_page(boards: Sequence[Board], results: Path) -> None:

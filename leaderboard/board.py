@@ -93,5 +93,6 @@ def _mixture(folder: Path, by_task: Mapping[str, Mapping[Path, Result]]) -> str:
         names = ", ".join(path.name for path in results)
         version = first.versions["rough-turning"]
         draws = len(first.task.draws)
-        parts.append(f"task {digest[:12]} (scenario {first.task.scenario.name}, {draws} draws, version {version}): {names}")
+        scenario, code = first.digests.scenario[:12], first.digests.code[:12]
+        parts.append(f"task {digest[:12]} (scenario {scenario}, {draws} draws, version {version}, code {code}): {names}")
     return f"{folder} mixes results that cannot be ranked together; move some away or play them again: " + "; ".join(parts)

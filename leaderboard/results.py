@@ -4,14 +4,18 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator, Sequence
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, field_validator, model_validator
 
+import baselines
+import turning_env
 from baselines.play import EPISODE_FIELDS, Episodes
 from turning_env import Scenario
+from turning_env.compilation import source_digest
 from turning_env.files import replace_file
 
 SCHEMA: Literal["rough-turning/results/1"] = "rough-turning/results/1"
@@ -39,18 +43,21 @@ class Task(Part):
 
 
 class Digests(Part):
-    """SHA-256 of the parts of a task; results whose ``task`` differs are never ranked together."""
+    """SHA-256 of what decides a result beside the policy; results whose ``task`` differs are never ranked together."""
 
     scenario: str
     draws: str
+    code: str
+    """Of the Python sources of ``turning_env`` and ``baselines``: what plays, and the rules."""
     task: str
-    """Of the two, and of the version of the environment."""
+    """Of the three, and of the version of the environment."""
 
     @classmethod
-    def of(cls, task: Task, environment_version: str) -> Self:
-        """The digests of a task as played by one version of ``rough-turning``."""
+    def of(cls, task: Task, environment_version: str, code: str) -> Self:
+        """The digests of a task as played by one version of ``rough-turning`` with the sources of digest ``code``."""
         scenario, draws = task.scenario.digest(), digest_of(task.draws)
-        return cls(scenario=scenario, draws=draws, task=digest_of([environment_version, scenario, draws]))
+        whole = digest_of([environment_version, scenario, draws, code])
+        return cls(scenario=scenario, draws=draws, code=code, task=whole)
 
 
 class PolicyRecord(Part):
@@ -104,8 +111,10 @@ class Result(Part):
         for name, values in self.episodes.items():
             if len(values) != len(self.task.draws):
                 raise ValueError(f"episodes.{name} holds {len(values)} values, but there are {len(self.task.draws)} draws")
-        if self.digests != Digests.of(self.task, self.versions.get("rough-turning", "")):
-            raise ValueError("digests do not match scenario, draws and version: the file has been changed since it was written")
+        if self.digests != Digests.of(self.task, self.versions.get("rough-turning", ""), self.digests.code):
+            raise ValueError(
+                "digests do not match scenario, draws, version and code: the file has been changed since it was written"
+            )
         return self
 
     @classmethod
@@ -122,8 +131,14 @@ class Result(Part):
 
 
 def current_digests(task: Task) -> Digests:
-    """The digests of a task as the installed version plays it."""
-    return Digests.of(task, version("rough-turning"))
+    """The digests of a task as this process plays it."""
+    return Digests.of(task, version("rough-turning"), code_digest())
+
+
+@cache  # what has been imported goes on playing, even if its file is changed meanwhile
+def code_digest() -> str:
+    """SHA-256 of the Python sources that decide what a rule does on a task."""
+    return digest_of([source_digest(Path(package.__path__[0])) for package in (turning_env, baselines)])
 
 
 def digest_of(value: Any) -> str:

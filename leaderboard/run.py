@@ -106,7 +106,7 @@ def agents(folders: Sequence[Path]) -> list[Contestant]:
 def play_all(task: Task, contestants: Sequence[Contestant], folder: Path, fresh: bool) -> None:
     """Have every contestant play the task, and write each result as it finishes.
 
-    Results in ``folder`` of the same task and policy stand, unless ``fresh``. Then a few trajectories are recorded.
+    Results in ``folder`` of the same task, code and policy stand, unless ``fresh``. Then a few trajectories are recorded.
 
     Raises:
         ResultError: the folder cannot be written to; it holds something unreadable, something that belongs in another, or

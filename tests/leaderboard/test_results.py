@@ -2,17 +2,21 @@
 
 import json
 import math
+import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import baselines
+import turning_env
 from leaderboard.board import read_board, read_boards
 from leaderboard.results import (
     Result,
     ResultError,
     Task,
+    code_digest,
     read_part,
     read_result,
     result_files,
@@ -54,6 +58,7 @@ def test_agents_have_a_file_per_training_seed(make_result: MakeResult, folder: P
         (["task", "draws"], [1, 2, 3], r"holds 4 values, but there are 3 draws"),
         (["task", "draws"], [1, 2, 3, 4], r"digests do not match"),
         (["versions", "rough-turning"], "0.0.0", r"digests do not match"),
+        (["digests", "code"], "0" * 64, r"digests do not match"),
         (["episodes", "return"], [0.0, 0.0, float("nan"), 0.0], r"episodes.return.2: nan is not allowed"),
         (["episodes", "return"], ["0", 0.0, 0.0, 0.0], r"episodes.return.0: '0' is not allowed"),
         (["episodes", "luck"], [0.0, 0.0, 0.0, 0.0], r"episodes holds .*luck"),
@@ -109,6 +114,33 @@ def test_results_on_different_tasks_are_not_ranked_together(make_result: MakeRes
     board = read_board(folder, mine.digests.task)
     assert [standing.name for standing in board.standings] == ["mine"]
     assert board.left_out == [path]
+
+
+def test_results_of_different_code_are_not_ranked_together(
+    make_result: MakeResult, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _written(make_result("old"), folder)
+    monkeypatch.setattr("leaderboard.results.code_digest", lambda: "0" * 64)
+    assert [standing.name for standing in read_board(folder).standings] == ["old"]
+    new = make_result("new")
+    _written(new, folder)
+    with pytest.raises(ResultError, match=r"mixes .*, code 000000000000\): new\.json.*: old\.json"):
+        read_board(folder)
+    board = read_board(folder, new.digests.task)
+    assert [standing.name for standing in board.standings] == ["new"]
+    assert board.left_out == [folder / "old.json"]
+
+
+def test_the_code_is_that_of_the_environment_and_of_the_rules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    digests = [code_digest.__wrapped__()]
+    for package in (turning_env, baselines):
+        copy = tmp_path / package.__name__
+        shutil.copytree(package.__path__[0], copy)
+        (copy / "__init__.py").write_text("# changed\n")
+        monkeypatch.setattr(package, "__path__", [str(copy)])
+        digests.append(code_digest.__wrapped__())
+    assert len(set(digests)) == 3
+    assert code_digest() == code_digest()
 
 
 def test_boards_come_in_the_order_of_ids_and_then_of_scenarios(tmp_path: Path, make_result: MakeResult, task: Task) -> None:

@@ -49,6 +49,20 @@ def test_only_what_is_missing_or_changed_is_played(task: Task, folder: Path, pla
     assert played[5:] == pytest.approx([0.1])
 
 
+def test_what_other_code_has_made_is_played_again(
+    task: Task, folder: Path, played: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    contestants = [contestant("fixed_tuned", (0, 0.1)), contestant("grid_search", (0, 0.2))]
+    play_all(task, contestants, folder, fresh=False)
+    recorded = read_part(Trajectories, folder / "trajectories.json")
+    monkeypatch.setattr("leaderboard.results.code_digest", lambda: "0" * 64)
+    play_all(task, contestants[:1], folder, fresh=False)
+    assert played == pytest.approx([0.1, 0.2, 0.1])
+    assert read_part(Trajectories, folder / "trajectories.json").task != recorded.task
+    play_all(task, contestants, folder, fresh=False)
+    assert played == pytest.approx([0.1, 0.2, 0.1, 0.2])
+
+
 def test_an_interrupted_run_goes_on(task: Task, folder: Path, played: list[float]) -> None:
     def interrupted(lanes: int) -> Steady:
         raise KeyboardInterrupt

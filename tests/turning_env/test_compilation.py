@@ -68,7 +68,17 @@ def test_the_digest_of_the_sources_changes_with_every_file(tmp_path):
         digests.append(module.source_digest())
     (folder / "wear.py").rename(folder / "tear.py")
     digests.append(module.source_digest())
+    (folder / "deeper").mkdir()
+    (folder / "wind.py").write_text("")
+    digests.append(module.source_digest())
+    (folder / "wind.py").rename(folder / "deeper" / "wind.py")
+    digests.append(module.source_digest())
     assert len(set(digests)) == len(digests)
+
+
+def test_the_digest_is_of_a_folder_s_sources_and_nothing_else(tmp_path):
+    shutil.copytree(PACKAGE, tmp_path / "copy", ignore=shutil.ignore_patterns("*.toml", "__pycache__"))
+    assert source_digest(tmp_path / "copy") == source_digest(PACKAGE) == source_digest()
 
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
