@@ -52,6 +52,9 @@ RETURNS = (
         lambda s: s.interquartile_return,
         0,
     ),
+)
+
+COMPARISONS = (
     Column(
         f"over {FIXED}",
         "s",
@@ -64,6 +67,14 @@ RETURNS = (
         "s",
         f"Return less that of {PAPER}, the published controller, on the same draws.",
         lambda s: s.over_paper,
+        0,
+    ),
+    Column(
+        "over best rule",
+        "s",
+        "Return less that of the best rule on the same draws: of the other rule-based controllers, the one with the highest "
+        "mean return.",
+        lambda s: s.over_best_rule,
         0,
     ),
     Column(

@@ -11,6 +11,7 @@ from leaderboard import columns
 from leaderboard.board import Board
 from leaderboard.charts import interval_plot, strips
 from leaderboard.results import write_whole
+from leaderboard.standings import highest
 from leaderboard.statistics import CONFIDENCE, RESAMPLES
 from turning_env import IDS, Scenario, presets
 
@@ -37,8 +38,12 @@ def render(boards: Sequence[Board]) -> str:
     templates.filters["unit"] = lambda text: str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
     return templates.get_template("page.html.j2").render(
         sections=[_section(board) for board in boards],
-        returns=columns.RETURNS,
-        workshop=columns.WORKSHOP,
+        column_groups={
+            "Return": columns.RETURNS,
+            "Compared on the same draws": columns.COMPARISONS,
+            "In the workshop": columns.WORKSHOP,
+        },
+        columns=columns.RETURNS + columns.COMPARISONS + columns.WORKSHOP,
         confidence=f"{100 * CONFIDENCE:g} %",
         resamples=RESAMPLES,
     )
@@ -53,9 +58,17 @@ def _section(board: Board) -> dict[str, Any]:
         "plot": interval_plot(board),
         "strips": strips(trajectories.episodes, board.task.scenario) if trajectories else [],
         "draw": trajectories.draw if trajectories else None,
+        "best_rules": _best_rules(board),
         "policies": [result.policy for result in board.results],
         "command": reproducing_command(board),
     }
+
+
+def _best_rules(board: Board) -> list[str]:
+    """The best rule, and the one that it is itself compared with."""
+    rules = {standing.name: standing for standing in board.standings if standing.kind == "rule"}
+    best = highest({name: standing.mean_return.value for name, standing in rules.items()})
+    return [] if best is None else [name for name in (best, rules[best].best_rule) if name is not None]
 
 
 def reproducing_command(board: Board) -> str:

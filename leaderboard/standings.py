@@ -29,6 +29,8 @@ class Standing:
     interquartile_return: Estimate  # [s]
     over_fixed: Estimate | None  # [s]
     over_paper: Estimate | None  # [s]
+    best_rule: str | None  # of the other policies that are rules, the one with the highest mean return
+    over_best_rule: Estimate | None  # [s]
     improves_on_paper: Estimate | None  # probability
     productivity: float  # [cm3/min]
     cost: float  # [min/dm3]
@@ -52,8 +54,14 @@ def rank(results: Sequence[Result]) -> list[Standing]:
         groups.setdefault(result.policy.name, []).append(result)
     rows = {name: _rows(group) for name, group in groups.items()}
     bootstrap = Bootstrap(len(results[0].task.draws))
-    standings = [_standing(group, rows, bootstrap) for group in groups.values()]
+    rules = {name: float(np.mean(rows[name]["return"])) for name, group in groups.items() if group[0].policy.kind == "rule"}
+    standings = [_standing(group, rows, rules, bootstrap) for group in groups.values()]
     return sorted(standings, key=lambda standing: (not standing.admissible, -standing.mean_return.value, standing.name))
+
+
+def highest(returns: Mapping[str, float]) -> str | None:
+    """The policy of the highest return, of equal ones the first by name; None if there is no policy."""
+    return min(returns, key=lambda name: (-returns[name], name), default=None)
 
 
 def check_alike(policies: Sequence[PolicyRecord]) -> None:
@@ -78,14 +86,19 @@ def _rows(group: Sequence[Result]) -> dict[str, Floats]:
     return {field: np.array([result.episodes[field] for result in group]) for field in group[0].episodes}
 
 
-def _standing(group: Sequence[Result], rows: Mapping[str, dict[str, Floats]], bootstrap: Bootstrap) -> Standing:
+def _standing(
+    group: Sequence[Result], rows: Mapping[str, dict[str, Floats]], rules: Mapping[str, float], bootstrap: Bootstrap
+) -> Standing:
+    """The standing of the policy of ``group``; ``rules`` are the mean returns [s] of all rules."""
     policy, scenario = group[0].policy, group[0].task.scenario
     name, episodes = policy.name, rows[policy.name]
     returns = episodes["return"]
     mean_returns = bootstrap.means(returns, name)
 
-    def difference(reference: str) -> Estimate | None:
-        if reference == name or reference not in rows:
+    best_rule = highest({rule: mean for rule, mean in rules.items() if rule != name})
+
+    def difference(reference: str | None) -> Estimate | None:
+        if reference is None or reference == name or reference not in rows:
             return None
         others = rows[reference]["return"]
         return Estimate.of(float(np.mean(returns) - np.mean(others)), mean_returns - bootstrap.means(others, reference))
@@ -111,6 +124,8 @@ def _standing(group: Sequence[Result], rows: Mapping[str, dict[str, Floats]], bo
         ),
         over_fixed=difference(FIXED),
         over_paper=difference(PAPER),
+        best_rule=best_rule,
+        over_best_rule=difference(best_rule),
         improves_on_paper=improves_on_paper,
         productivity=_share(removed, minutes),
         cost=_share(minutes + scenario.economics.edge_cost * edges, removed / 1000.0) if removed.any() else math.inf,

@@ -3,18 +3,20 @@
 from collections.abc import Sequence
 
 from leaderboard.board import Board
-from leaderboard.columns import RETURNS, WORKSHOP, Column
+from leaderboard.columns import COMPARISONS, RETURNS, WORKSHOP, Column
 from leaderboard.standings import Standing
 
 
 def render(board: Board) -> str:
-    """Two tables, returns and workshop numbers, under a line that says what was played."""
+    """Three tables, as one would be too wide, under a line that says what was played."""
     task, digests = board.task, board.results[0].digests
     return "\n".join(
         [
             f"{task.env_id}, scenario {task.scenario.name}, {len(task.draws)} draws, task {digests.task[:12]}",
             "",
             *_table(board.standings, RETURNS),
+            "",
+            *_table(board.standings, COMPARISONS),
             "",
             *_table(board.standings, WORKSHOP),
         ]

@@ -83,6 +83,20 @@ def test_page_draws_trajectories_and_says_where_numbers_come_from(board: Board) 
     assert "time_limit = 0.2" in html
 
 
+def test_page_names_the_best_rule(board: Board, folder: Path) -> None:
+    first, second = sorted(
+        (standing for standing in board.standings if standing.kind == "rule"), key=lambda standing: -standing.mean_return.value
+    )[:2]
+    assert first.over_best_rule is not None
+    assert first.over_best_rule.value == pytest.approx(first.mean_return.value - second.mean_return.value)
+    html = page.render([board]).replace("&lt;", "<").replace("&gt;", ">")
+    assert f"<dt>best rule</dt><dd>{first.name}, itself compared with {second.name}.</dd>" in html
+    for result in board.results:
+        if result.policy.kind == "rule":
+            result_path(folder, result.policy).unlink()
+    assert "<dt>best rule</dt><dd>none has played.</dd>" in page.render([read_board(folder)])
+
+
 def test_page_without_trajectories(board: Board, folder: Path) -> None:
     (folder / "trajectories.json").unlink()
     html = page.render([read_board(folder)])
@@ -94,8 +108,9 @@ def test_table_lists_policies_by_rank(board: Board) -> None:
     lines = table.render(board).splitlines()
     assert lines[0].startswith("RoughTurning-v0, scenario rough_turning, 4 draws, task ")
     ranked = [line.split()[:3] for line in lines if re.match(r" +\d+  ", line)]
-    assert len(ranked) == 8
-    assert ranked[:4] == ranked[4:]
+    assert len(ranked) == 12
+    assert ranked[:4] == ranked[4:8] == ranked[8:]
+    assert max(map(len, lines)) <= 160
     assert ranked[3] == ["4", "ppo", "2"]
     assert "NO" in next(line for line in lines if " ppo " in line)
 

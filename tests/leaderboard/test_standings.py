@@ -58,6 +58,41 @@ def test_comparisons_by_hand(make_result: MakeResult) -> None:
     assert third.over_fixed is None
 
 
+def test_the_best_rule_is_the_best_of_the_others(make_result: MakeResult) -> None:
+    results = [
+        make_result("poor", **{"return": [0, 0, 0, 0]}),
+        make_result("good", **{"return": [10, 20, 30, 40]}),
+        make_result("also_good", **{"return": [40, 30, 20, 10]}),
+        make_result("ppo", 0, **{"return": [101, 91, 81, 71]}),
+        make_result("ppo", 1, **{"return": [103, 93, 83, 73]}),
+        make_result("sac", 0, **{"return": [0, 0, 0, 0]}),
+    ]
+    standings = {standing.name: standing for standing in rank(results)}
+    assert {name: standing.best_rule for name, standing in standings.items()} == {
+        "ppo": "also_good",
+        "also_good": "good",
+        "good": "also_good",
+        "poor": "also_good",
+        "sac": "also_good",
+    }
+    over = standings["ppo"].over_best_rule
+    assert over is not None
+    # On every draw each training is ahead by one and the same: what is left is the chance of training.
+    assert (over.low, over.value, over.high) == pytest.approx((61, 62, 63))
+    over = standings["poor"].over_best_rule
+    assert over is not None
+    assert over.value == pytest.approx(-25)
+    assert -40 <= over.low < -25 < over.high <= -10
+
+
+def test_a_lone_rule_and_agents_without_rules_have_no_best_rule(make_result: MakeResult) -> None:
+    lone, agent = rank([make_result("lone", **{"return": 1}), make_result("ppo", 0)])
+    assert (lone.best_rule, lone.over_best_rule) == (None, None)
+    assert agent.best_rule == "lone"
+    (agent,) = rank([make_result("ppo", 0)])
+    assert (agent.best_rule, agent.over_best_rule) == (None, None)
+
+
 def test_admissible_policies_rank_first(make_result: MakeResult) -> None:
     results = [
         make_result("greedy", severe_overload_time=6.0, **{"return": 100}),
