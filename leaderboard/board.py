@@ -27,10 +27,10 @@ def read_board(folder: Path, task_digest: str | None = None) -> Board:
 
     Args:
         folder: where they are; must hold some.
-        task_digest: rank those on this task and leave out others. Without it all must be on one task.
+        task_digest: rank those on this task and leave out others; without it, those on the task played last.
 
     Raises:
-        ResultError: a file cannot be used, or results on different tasks are to be ranked together.
+        ResultError: a file cannot be used, or none is on the task.
     """
     by_task: dict[str, dict[Path, Result]] = {}
     for path in result_files(folder):
@@ -38,9 +38,7 @@ def read_board(folder: Path, task_digest: str | None = None) -> Board:
         by_task.setdefault(result.digests.task, {})[path] = result
     if not by_task:
         raise ResultError(f"{folder} holds no results")
-    if task_digest is None and len(by_task) > 1:
-        raise ResultError(_mixture(folder, by_task))
-    chosen = task_digest or next(iter(by_task))
+    chosen = task_digest or max(by_task, key=lambda digest: max(path.stat().st_mtime_ns for path in by_task[digest]))
     if chosen not in by_task:
         raise ResultError(f"{folder} holds no results on task {chosen[:12]}")
     results = list(by_task[chosen].values())
@@ -84,15 +82,3 @@ def _trajectories(folder: Path, results: list[Result]) -> Trajectories | None:
         return None
     recorded = read_part(Trajectories, path)
     return recorded.of_policies(results[0].digests.task, [result.policy for result in results])
-
-
-def _mixture(folder: Path, by_task: Mapping[str, Mapping[Path, Result]]) -> str:
-    parts = []
-    for digest, results in by_task.items():
-        first = next(iter(results.values()))
-        names = ", ".join(path.name for path in results)
-        version = first.versions["rough-turning"]
-        draws = len(first.task.draws)
-        scenario, code = first.digests.scenario[:12], first.digests.code[:12]
-        parts.append(f"task {digest[:12]} (scenario {scenario}, {draws} draws, version {version}, code {code}): {names}")
-    return f"{folder} mixes results that cannot be ranked together; move some away or play them again: " + "; ".join(parts)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import SymmetricalLogLocator
 
 from leaderboard.board import Board
 from leaderboard.results import ResultError
@@ -50,7 +51,10 @@ def _intervals(axes: Axes, board: Board) -> None:
     labels = [standing.name + ("" if standing.admissible else "\n(not admissible)") for standing in board.standings]
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.5, -0.5)
-    axes.locator_params(axis="x", nbins=5)
+    # Logarithmic away from 0: the poorest policies lie many times farther off than the best lie apart.
+    axes.set_xscale("symlog", linthresh=100)
+    axes.xaxis.set_major_locator(SymmetricalLogLocator(base=10, linthresh=100, subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:.0f}")
     axes.set_xlabel("mean return with 95 % interval [s]")
     axes.set_title(f"{len(board.task.draws)} held-out draws", loc="left", fontsize="medium")
     axes.grid(axis="x", linewidth=0.4)

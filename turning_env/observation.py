@@ -19,7 +19,7 @@ cutting                   1 when the tool is in metal, 0 in air                 
 Predictions take the actual speed and feed, nominal depth and hardness, and the nominal model's wear. In air, measurements are
 near 0, and the four entries that compare them near -5.
 
-Fifths, because what a controller must tell apart near a limit is a few per cent: in fifths these are a sizeable part of order one.
+Fifths, because what a controller must tell apart near a limit is a few per cent: in fifths these are a sizeable part of one.
 """
 
 import math

@@ -180,7 +180,7 @@ class Scenario(Section):
     def load(cls, source: "str | os.PathLike[str] | Scenario") -> "Scenario":
         """The scenario of a preset's name, a TOML file's path, or the scenario itself.
 
-        A TOML file states only what differs from the defaults.
+        A TOML file states only what differs from the defaults; without a name, it is called as the file is.
 
         Raises:
             ScenarioError: no such preset or file, not TOML, an unknown key, or a value out of range; names the field,
@@ -193,16 +193,16 @@ class Scenario(Section):
             raise TypeError(f"a scenario is a preset's name, a path or a Scenario, not {type(source).__name__}")
         if isinstance(source, str) and source in presets():
             text = (resources.files("turning_env") / "presets" / f"{source}.toml").read_bytes()
-            return cls._parse(text, f"preset {source}")
+            return cls._parse(text, f"preset {source}", source)
         path = Path(source)
         if not path.is_file():
             raise ScenarioError(f"no preset and no file is called {str(source)!r}; presets: {', '.join(presets())}")
-        return cls._parse(path.read_bytes(), str(path))
+        return cls._parse(path.read_bytes(), str(path), path.stem)
 
     @classmethod
-    def _parse(cls, text: bytes, source: str) -> "Scenario":
+    def _parse(cls, text: bytes, source: str, name: str) -> "Scenario":
         try:
-            return cls.model_validate(tomllib.loads(text.decode()))
+            return cls.model_validate({"name": name} | tomllib.loads(text.decode()))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ScenarioError(f"{source} is not TOML: {error}") from error
         except ValidationError as error:

@@ -187,3 +187,11 @@ def test_unknown_presets_are_refused_with_those_there_are(make):
         make("forgings")
     with pytest.raises(TypeError, match="not dict"):
         make({})
+
+
+def test_a_file_without_a_name_is_called_as_the_file_is(tmp_path):
+    path = tmp_path / "lathe_7.toml"
+    path.write_text("[limits]\npower = 9.0\n")
+    assert Scenario.load(path).name == "lathe_7"
+    path.write_text('name = "seven"\n')
+    assert Scenario.load(path).name == "seven"
