@@ -58,7 +58,7 @@ def test_a_scenario_loads_as_itself():
 def test_a_file_states_only_what_differs(toml):
     scenario = toml("[limits]\npower = 9\n")
     assert scenario.limits.power == 9
-    assert scenario.model_copy(update={"limits": Scenario().limits}) == Scenario()
+    assert scenario.model_copy(update={"limits": Scenario().limits}).digest() == Scenario().digest()
 
 
 @pytest.mark.parametrize("preset", PRESETS)
