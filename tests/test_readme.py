@@ -16,6 +16,7 @@ PROGRAMS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 # What makes a command small: options added to it, words replaced in it.
 SMALLER = {
     "make leaderboard": ("INTERVALS=20000 DRAWS=2 RUNS=few-runs RESULTS=few-results", {}),
+    "make seeds": ("INTERVALS=20000 DRAWS=2 RUNS=few-seeds RESULTS=few-seeds-results", {}),
     "python -m train.ppo": ("--intervals 20000", {}),
     "python -m baselines.tune": ("--draws 1", {"rough_turning": "short.toml"}),
     "python -m leaderboard run": ("--draws 2", {}),
