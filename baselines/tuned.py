@@ -29,8 +29,8 @@ def parameters(scenario: Scenario) -> dict[str, dict[str, float]]:
     except FileNotFoundError:
         values = {}
     if values.get("scenario_digest") != scenario.digest():
-        found = "were tuned for other values" if values else "are not tuned"
+        found = "were tuned for other values" if values else "have not been tuned"
         raise NotTuned(
-            f"the rules {found} of scenario {scenario.name!r}: run `python -m baselines.tune --scenario PRESET_OR_TOML`"
+            f"the rules of scenario {scenario.name!r} {found}: run `python -m baselines.tune --scenario PRESET_OR_TOML`"
         )
     return {name: rule["parameters"] for name, rule in values["rules"].items()}

@@ -145,7 +145,10 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         lathes = self._lathes
         if not lathes.seeded or lathes.terminated[0] or lathes.truncated[0]:
             raise ResetNeeded("call reset() first: no episode is under way")
-        lathes.step((action,))
+        try:
+            lathes.step((action,))
+        except ValueError as error:
+            raise ValueError(f"an action must be two finite numbers, got {action!r}") from error
         return (
             lathes.observations[0].copy(),
             float(lathes.rewards[0]),

@@ -33,7 +33,7 @@ def test_the_best_setting_is_found_and_kept(folder: Path, monkeypatch: pytest.Mo
 
 
 def test_a_scenario_of_other_values_is_not_tuned(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(tuned.NotTuned, match=r"are not tuned.*baselines\.tune"):
+    with pytest.raises(tuned.NotTuned, match=r"have not been tuned.*baselines\.tune"):
         entry("fixed_tuned", Scenario())
     quick(monkeypatch, 130.0)
     tune.main(["--draws", "1"])
