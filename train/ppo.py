@@ -53,7 +53,8 @@ class Progress(BaseCallback):
             save_checkpoint(self.model, self.run)
 
     def _on_step(self) -> bool:
-        self.bar.update(self.training_env.num_envs)
+        # The last rollout is finished whole, a little beyond what was asked for.
+        self.bar.update(min(self.num_timesteps, self.bar.total) - self.bar.n)
         return True
 
     def _on_rollout_end(self) -> None:

@@ -123,7 +123,7 @@ def test_bad_actions_are_refused_and_nothing_moves(action):
     env, untouched = RoughTurningEnv(), RoughTurningEnv()
     play(env, 1, ACTIONS[:9])
     play(untouched, 1, ACTIONS[:9])
-    with pytest.raises(ValueError, match=r"the action of lane 0 must be finite|actions must "):
+    with pytest.raises(ValueError, match="an action must be two finite numbers, got "):
         env.step(action)
     ours, theirs = env.step(ACTIONS[9]), untouched.step(ACTIONS[9])
     assert ours[0].tobytes() == theirs[0].tobytes()
