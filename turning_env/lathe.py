@@ -23,7 +23,6 @@ def start_episode(lane, parameters, report):
     """Put a fresh edge before the first bar. The lane's ``seed`` and ``episode`` say which edge and which bars."""
     edge_normal, strength_normal = standard_normals(lane, EDGE_CHANNEL, 0, 0)
     lane.interval_count = 0
-    lane.elapsed = 0.0
     lane.ended = False
     lane.broken = False
     lane.path = 0.0
@@ -92,7 +91,6 @@ def run_interval(lane, parameters, cutting_speed_action, feed_action, report):
             break
 
     lane.interval_count += 1
-    lane.elapsed += 60.0 * time
     follow_nominal_wear(lane, parameters, cutting_time_before)
     lane.measured_power, lane.measured_thrust_force = read_sensors(lane, parameters)
     lane.broken = broken

@@ -16,7 +16,6 @@ LANE = np.dtype(
         ("episode", np.uint64),
         # where the episode stands
         ("interval_count", np.int64),
-        ("elapsed", np.float64),  # machine time [s]
         ("ended", np.bool_),
         ("broken", np.bool_),
         ("cutting", np.bool_),  # the tool is in metal
