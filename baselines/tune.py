@@ -4,7 +4,7 @@
     python -m baselines.tune --scenario forging
 
 Every setting of a coarse grid plays a quarter of the draws, then the best tenth of the settings plays all of them, and the best
-mean return wins. The budget, in episodes, is written down with the result.
+mean return wins. The budget, in episodes, is written down with the result. Interrupted, the same command goes on.
 """
 
 import argparse
@@ -12,14 +12,18 @@ import itertools
 import json
 import sys
 from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
 from baselines import tuned
 from baselines.catalogue import RULES, Parameters
+from baselines.journal import Journal
 from baselines.play import play
 from turning_env import Scenario
+from turning_env.compilation import source_digest
 from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
 
@@ -43,7 +47,13 @@ def mean_return(rule: str, scenario: Scenario, setting: Parameters, seeds: Seque
     return float(play(lambda lanes: RULES[rule].build(scenario, lanes, setting), scenario, seeds)["return"].mean())
 
 
-def tune(rule: str, scenario: Scenario, draws: int) -> tuple[Parameters, float, int]:
+def open_journal(scenario: Scenario) -> Journal:
+    """The scores found so far for a scenario by the present code."""
+    code = [source_digest(), source_digest(Path(__file__).parent)]
+    return Journal(tuned.FOLDER / f".unfinished-{scenario.name}.json", [scenario.digest(), *code])
+
+
+def tune(rule: str, scenario: Scenario, draws: int, journal: Journal) -> tuple[Parameters, float, int]:
     """Find the best setting of a rule; return (setting, its mean return on all draws [s], episodes played)."""
     seeds = tuning_draws(draws)
     few = seeds[: max(1, draws // 4)]
@@ -53,7 +63,7 @@ def tune(rule: str, scenario: Scenario, draws: int) -> tuple[Parameters, float, 
 
         def scores(tried: list[Parameters], on: Sequence[int]) -> Iterator[float]:
             for setting in tried:
-                yield mean_return(rule, scenario, setting, on)
+                yield journal.recall([rule, setting, len(on)], partial(mean_return, rule, scenario, setting, on))
                 bar.update()
 
         first = list(scores(settings, few))
@@ -75,9 +85,14 @@ def main(arguments: list[str] | None = None) -> int:
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    journal = open_journal(scenario)
     rules = {}
     for name in (name for name, rule in RULES.items() if rule.fixed_parameters is None):
-        setting, score, episodes = tune(name, scenario, parsed.draws)
+        try:
+            setting, score, episodes = tune(name, scenario, parsed.draws, journal)
+        except KeyboardInterrupt:
+            print("interrupted: run the same command again to go on", file=sys.stderr)
+            return 130
         rules[name] = {"parameters": setting, "mean_return": score, "episodes_played": episodes}
         print(f"{name}: {setting}, mean return {score:.1f} s over {parsed.draws} draws")
     target = tuned.path(scenario)
@@ -87,7 +102,8 @@ def main(arguments: list[str] | None = None) -> int:
         "tuning_draws": parsed.draws,
         "rules": rules,
     }
-    replace_file(target, lambda partial: partial.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
+    replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
+    journal.finish()
     print(target)
     return 0
 

@@ -21,7 +21,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, best: float) -> None:
 
 def test_the_best_setting_is_found_and_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     quick(monkeypatch, 130.0)
-    setting, score, episodes = tune.tune("fixed_tuned", Scenario(), draws=8)
+    setting, score, episodes = tune.tune("fixed_tuned", Scenario(), 8, tune.open_journal(Scenario()))
     assert setting["cutting_speed"] == pytest.approx(130)
     assert score == pytest.approx(0)
     assert episodes == 16 * 19 * 2 + 30 * 8
@@ -40,6 +40,30 @@ def test_a_scenario_of_other_values_is_not_tuned(folder: Path, monkeypatch: pyte
     other = Scenario.model_validate({"limits": {"power": 6.5}})
     with pytest.raises(tuned.NotTuned, match="tuned for other values"):
         entry("fixed_tuned", other)
+
+
+def test_an_interrupted_tuning_goes_on_where_it_stopped(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quick(monkeypatch, 130.0)
+    score, played = tune.mean_return, 0
+
+    def interrupted(*arguments: object) -> float:
+        nonlocal played
+        played += 1
+        if played == 101:
+            raise KeyboardInterrupt
+        return score(*arguments)
+
+    monkeypatch.setattr(tune, "mean_return", interrupted)
+    assert tune.main(["--draws", "4"]) == 130
+    assert "again to go on" in capsys.readouterr().err
+    assert not (folder / "rough_turning.json").exists()
+    assert tune.main(["--draws", "4"]) == 0
+    assert played == 1 + sum(
+        len(tune.candidates(rule, Scenario())) * 11 // 10 for rule in ("fixed_tuned", "rescaled_grid_search")
+    )
+    assert [path.name for path in folder.iterdir()] == ["rough_turning.json"]
 
 
 def test_an_unknown_rule_names_those_there_are() -> None:
