@@ -17,7 +17,7 @@ from baselines.commands import towards
 from baselines.policy import Actions, Observations
 from turning_env import Scenario, read
 from turning_env.compilation import compiled
-from turning_env.power_law import compiled_log_response
+from turning_env.machinability import force_and_power, log_wear_coefficient
 from turning_env.records import parameter_records
 from turning_env.wear import advance_used_life, log_wear
 
@@ -42,11 +42,9 @@ def _steps(low: float, high: float, step: float) -> NDArray[np.float64]:
 def predict(parameters, speed, feed, used_life, start, end):
     """Nominal (used life [-], thrust force [N], power [kW]) after cutting from ``start`` to ``end`` [min of the edge's life]."""
     log_speed, log_feed, log_depth = np.log(speed), np.log(feed), parameters.log_depth_of_cut
-    log_coefficient = compiled_log_response(parameters.wear_law, log_speed, log_feed, log_depth, 0.0, 0.0, 0.0)
+    log_coefficient = log_wear_coefficient(parameters, log_speed, log_feed, log_depth, 0.0)
     used_life = advance_used_life(parameters, used_life, log_coefficient, start, end)
-    wear = log_wear(parameters, used_life)
-    force = np.exp(compiled_log_response(parameters.force_law, log_speed, log_feed, log_depth, 0.0, wear, 0.0))
-    power = np.exp(compiled_log_response(parameters.power_law, log_speed, log_feed, log_depth, 0.0, wear, 0.0))
+    force, power = force_and_power(parameters, log_speed, log_feed, log_depth, log_wear(parameters, used_life), 0.0)
     return used_life, force, power
 
 

@@ -12,7 +12,7 @@ from turning_env.compilation import compiled
 from turning_env.drives import follow_commands, spindle_torque
 from turning_env.economics import breakage_price, edge_price, metal_value
 from turning_env.keyed_random import EDGE_CHANNEL, standard_normals
-from turning_env.power_law import compiled_log_response
+from turning_env.machinability import force_and_power, log_wear_coefficient
 from turning_env.sensors import follow_process, read_sensors
 from turning_env.wear import advance_used_life, log_wear
 from turning_env.workpiece import look_up_fields, position_in_row
@@ -137,32 +137,22 @@ def cut_metal(lane, parameters, engaged):
     """Wear the edge for an engaged time [min], then set thrust force [N] and power [kW] at the new wear."""
     speed, feed, depth = math.log(lane.cutting_speed), math.log(lane.feed), math.log(lane.depth_of_cut)
     hardness = lane.log_hardness
-    log_wear_coefficient = lane.log_wear_factor + compiled_log_response(
-        parameters.wear_law, speed, feed, depth, 0.0, 0.0, hardness
-    )
+    log_coefficient = lane.log_wear_factor + log_wear_coefficient(parameters, speed, feed, depth, hardness)
     end = lane.cutting_time + engaged
-    lane.used_life = advance_used_life(parameters, lane.used_life, log_wear_coefficient, lane.cutting_time, end)
+    lane.used_life = advance_used_life(parameters, lane.used_life, log_coefficient, lane.cutting_time, end)
     lane.cutting_time = end
     wear = log_wear(parameters, lane.used_life)
-    lane.thrust_force = math.exp(compiled_log_response(parameters.force_law, speed, feed, depth, 0.0, wear, hardness))
-    lane.power = math.exp(compiled_log_response(parameters.power_law, speed, feed, depth, 0.0, wear, hardness))
+    lane.thrust_force, lane.power = force_and_power(parameters, speed, feed, depth, wear, hardness)
 
 
 @compiled
 def follow_nominal_wear(lane, parameters, cutting_time_before):
     """Advance the wear that the control's own nominal model predicts, from the speed and feed at the interval's end."""
     if lane.cutting_time > cutting_time_before:
-        log_wear_coefficient = compiled_log_response(
-            parameters.wear_law,
-            math.log(lane.cutting_speed),
-            math.log(lane.feed),
-            parameters.log_depth_of_cut,
-            0.0,
-            0.0,
-            0.0,
-        )
+        speed, feed = math.log(lane.cutting_speed), math.log(lane.feed)
+        log_coefficient = log_wear_coefficient(parameters, speed, feed, parameters.log_depth_of_cut, 0.0)
         lane.nominal_used_life = advance_used_life(
-            parameters, lane.nominal_used_life, log_wear_coefficient, cutting_time_before, lane.cutting_time
+            parameters, lane.nominal_used_life, log_coefficient, cutting_time_before, lane.cutting_time
         )
 
 

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.compilation import compiled
-from turning_env.power_law import compiled_log_response
+from turning_env.machinability import force_and_power
 from turning_env.scenario import Scenario
 from turning_env.wear import log_wear
 
@@ -73,8 +73,7 @@ def write_observation(lane, parameters, observation):
     observation[10] = 1.0 if lane.cutting else 0.0
     if lane.nominal_used_life > 0.0:
         wear = log_wear(p, lane.nominal_used_life)
-        power = math.exp(compiled_log_response(p.power_law, speed, feed, p.log_depth_of_cut, 0.0, wear, 0.0))
-        force = math.exp(compiled_log_response(p.force_law, speed, feed, p.log_depth_of_cut, 0.0, wear, 0.0))
+        force, power = force_and_power(p, speed, feed, p.log_depth_of_cut, wear, 0.0)
         observation[7] = min(math.exp(wear - p.log_wear_criterion), MOST_RATIO)
         observation[8] = deviation(lane.measured_power / power)
         observation[9] = deviation(lane.measured_thrust_force / force)

@@ -90,7 +90,6 @@ PARAMETERS = np.dtype(
         ("hardness_bar_spread", np.float64),
         ("hardness_along_spread", np.float64),
         ("hardness_nodes_per_length", np.float64),
-        ("interval", np.float64),
         ("sub_steps", np.int64),
         ("sub_step", np.float64),  # [min]
         ("incremental", np.bool_),
