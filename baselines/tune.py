@@ -13,17 +13,16 @@ import json
 import sys
 from collections.abc import Iterator, Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
 from baselines import tuned
 from baselines.catalogue import RULES, Parameters
+from baselines.code import code_digest
 from baselines.journal import Journal
 from baselines.play import play
 from turning_env import Scenario
-from turning_env.compilation import source_digest
 from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
 
@@ -49,8 +48,7 @@ def mean_return(rule: str, scenario: Scenario, setting: Parameters, seeds: Seque
 
 def open_journal(scenario: Scenario) -> Journal:
     """The scores found so far for a scenario by the present code."""
-    code = [source_digest(), source_digest(Path(__file__).parent)]
-    return Journal(tuned.FOLDER / f".unfinished-{scenario.name}.json", [scenario.digest(), *code])
+    return Journal(tuned.FOLDER / f".unfinished-{scenario.name}.json", [scenario.digest(), code_digest()])
 
 
 def tune(rule: str, scenario: Scenario, draws: int, journal: Journal) -> tuple[Parameters, float, int]:

@@ -49,6 +49,7 @@ class IntervalPlot:
     board: Board
     x: Scale
     height: int
+    row_height: int
     fixed: float | None
     """Return [s] of the fixed parameters."""
 
@@ -58,7 +59,7 @@ def interval_plot(board: Board) -> IntervalPlot:
     returns = {standing.name: standing.mean_return for standing in board.standings}
     ends = [end for estimate in returns.values() for end in (estimate.low, estimate.high)]
     fixed = returns[FIXED].value if FIXED in returns else None
-    return IntervalPlot(board, scale(ends, 230, 880), ROW_HEIGHT * len(returns) + 44, fixed)
+    return IntervalPlot(board, scale(ends, 230, 880), ROW_HEIGHT * len(returns) + 44, ROW_HEIGHT, fixed)
 
 
 @dataclass(frozen=True)

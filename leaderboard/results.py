@@ -4,18 +4,15 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator, Sequence
-from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, field_validator, model_validator
 
-import baselines
-import turning_env
+from baselines.code import code_digest
 from baselines.play import EPISODE_FIELDS, Episodes
 from turning_env import Scenario
-from turning_env.compilation import source_digest
 from turning_env.files import replace_file
 
 SCHEMA: Literal["rough-turning/results/1"] = "rough-turning/results/1"
@@ -133,12 +130,6 @@ class Result(Part):
 def current_digests(task: Task) -> Digests:
     """The digests of a task as this process plays it."""
     return Digests.of(task, version("rough-turning"), code_digest())
-
-
-@cache  # what has been imported goes on playing, even if its file is changed meanwhile
-def code_digest() -> str:
-    """SHA-256 of the Python sources that decide what a rule does on a task."""
-    return digest_of([source_digest(Path(package.__path__[0])) for package in (turning_env, baselines)])
 
 
 def digest_of(value: Any) -> str:

@@ -1,6 +1,5 @@
 """Plays policies on a task and writes their results, each as it finishes."""
 
-import hashlib
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,6 +29,7 @@ from leaderboard.results import (
 from leaderboard.standings import FIXED, PAPER, Standing, check_alike
 from leaderboard.trajectories import Trajectories, Trajectory, record
 from turning_env import Scenario
+from turning_env.files import digest_of_files
 
 MOST_TRAJECTORIES = 3
 
@@ -93,7 +93,7 @@ def agents(folders: Sequence[Path]) -> list[Contestant]:
             kind="agent",
             description=f"trained for {trained.trained_intervals} intervals on scenario {trained.scenario.name}",
             parameters=trained.parameters,
-            digest=_digest_of_files(folder),
+            digest=digest_of_files(folder, "*"),
             training_seed=trained.seed,
             command=trained.command,
         )
@@ -190,11 +190,3 @@ def _shown(standings: Sequence[Standing]) -> list[str]:
     names = [standing.name for standing in standings]
     chosen = dict.fromkeys([names[0], *(name for name in (PAPER, FIXED) if name in names), *names])
     return sorted(list(chosen)[:MOST_TRAJECTORIES], key=names.index)
-
-
-def _digest_of_files(folder: Path) -> str:
-    digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*")):
-        if path.is_file():
-            digest.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()

@@ -23,7 +23,7 @@ from tqdm import tqdm
 
 from train.run import Run
 from train.vec_env import RoughTurningVecEnv
-from turning_env import IDS, Scenario, ScenarioError
+from turning_env import IDS, Scenario
 from turning_env.draws import TUNING_START
 from turning_env.files import replace_file
 
@@ -127,13 +127,14 @@ def train(run: Run, checkpoint_every: int = 500_000) -> Path:
     if run.policy.exists():
         return run.policy
     torch.set_num_threads(1)
-    model = load_checkpoint(run) if run.checkpoint.exists() else new_model(run)
+    resumed = run.checkpoint.exists()
+    model = load_checkpoint(run) if resumed else new_model(run)
     model.learn(
         run.parameters["intervals"] - model.num_timesteps,
         callback=Progress(run, checkpoint_every),
         log_interval=5,
         tb_log_name="ppo",
-        reset_num_timesteps=not run.checkpoint.exists(),
+        reset_num_timesteps=not resumed,
     )
     model.env = None
     for name in ("lathes", "generator_states"):
@@ -162,7 +163,7 @@ def main(arguments: list[str] | None = None) -> int:
         overrides = {} if parsed.intervals is None else {"intervals": parsed.intervals}
         run = Run.plan("ppo", parsed.env, scenario, parsed.seed, parsed.runs, command.strip(), overrides)
         path = train(run)
-    except (ScenarioError, ValueError) as error:
+    except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

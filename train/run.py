@@ -1,4 +1,4 @@
-"""One training run: what was asked for, where its files lie, and how they are written."""
+"""One training run: what was asked for, and where its files lie."""
 
 import json
 import tomllib

@@ -3,12 +3,13 @@
 With ``NUMBA_DISABLE_JIT=1`` in the environment the same functions run in the Python interpreter.
 """
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numba
+
+from turning_env.files import digest_of_files
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -27,7 +28,4 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
 
 def source_digest(package: Path = Path(__file__).parent) -> str:
     """SHA-256 over every Python file, names and contents, in the folder of a package: of this one, if none is given."""
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
-        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()
+    return digest_of_files(package, "*.py")

@@ -1,5 +1,6 @@
-"""The one way in which files are written: whole or not at all."""
+"""How files are written, whole or not at all, and how a folder's files are told from what they were."""
 
+import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -22,3 +23,12 @@ def replace_file(target: Path, write: Callable[[Path], object]) -> None:
         partial.replace(target)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def digest_of_files(folder: Path, pattern: str) -> str:
+    """SHA-256 over names and contents of the files in and below a folder whose names match a pattern."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob(pattern)):
+        if path.is_file():
+            digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
