@@ -1,0 +1,42 @@
+"""What a kind of controller is: how it is built, what it can play, and which of its parameters are tuned."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from baselines.policy import Policy
+from turning_env import Scenario
+
+Parameters = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Range:
+    """A parameter to be tuned, and between what."""
+
+    low: float
+    high: float
+    logarithmic: bool = False
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A kind of controller."""
+
+    description: str
+    """One line, which names the source."""
+    build: Callable[[Scenario, int, Parameters], Policy]
+    """Makes the policy for a scenario, a number of lanes and its parameters."""
+    plays: Callable[[Scenario], bool]
+    """Whether a scenario offers the actions and the inputs that it needs."""
+    parameters: Mapping[str, float | Range]
+    """A number is fixed, a range is tuned."""
+
+    @property
+    def ranges(self) -> dict[str, Range]:
+        """The parameters to be tuned."""
+        return {name: value for name, value in self.parameters.items() if isinstance(value, Range)}
+
+    @property
+    def fixed(self) -> Parameters:
+        """The parameters that are what they are."""
+        return {name: value for name, value in self.parameters.items() if not isinstance(value, Range)}
