@@ -7,18 +7,42 @@ from baselines.policy import Actions
 from turning_env import Reading, Scenario
 
 
-def towards(reading: Reading, scenario: Scenario, cutting_speed: NDArray[np.float64], feed: NDArray[np.float64]) -> Actions:
-    """Actions, shape (lanes, 2), that bring the commands to the wanted cutting speed [m/min] and feed [mm/rev].
+def sets_speed_and_feed(scenario: Scenario) -> bool:
+    """Whether an action sets cutting speed and feed, interval by interval."""
+    return scenario.control.action in ("incremental", "set_point")
 
-    With incremental actions, as near as one interval allows.
+
+def sets_feed(scenario: Scenario) -> bool:
+    """Whether an action sets the feed, interval by interval, with or without the cutting speed."""
+    return scenario.control.action in ("incremental", "set_point", "override")
+
+
+def towards(
+    reading: Reading,
+    scenario: Scenario,
+    cutting_speed: NDArray[np.float64],
+    feed: NDArray[np.float64],
+    change_edge: NDArray[np.bool_] | None = None,
+) -> Actions:
+    """Actions, shape (lanes, 1 to 3), that bring the commands to the wanted cutting speed [m/min] and feed [mm/rev].
+
+    With incremental actions, as near as one interval allows; by override, the cutting speed stays as it is. Where edges are
+    changed on command, they are in the lanes of ``change_edge``, in none if it is not given.
     """
     control, machine = scenario.control, scenario.machine
     if control.action == "incremental":
-        speed_action = np.log(cutting_speed / reading.commanded_cutting_speed) / control.cutting_speed_step
-        feed_action = np.log(feed / reading.commanded_feed) / control.feed_step
-    else:
+        columns = [
+            np.log(cutting_speed / reading.commanded_cutting_speed) / control.cutting_speed_step,
+            np.log(feed / reading.commanded_feed) / control.feed_step,
+        ]
+    elif control.action == "set_point":
         speed_range = machine.cutting_speed_max - machine.cutting_speed_min
-        speed_action = 2.0 * (cutting_speed - machine.cutting_speed_min) / speed_range - 1.0
-        feed_action = 2.0 * (feed - machine.feed_min) / (machine.feed_max - machine.feed_min) - 1.0
-    actions = np.stack([speed_action, feed_action], axis=1)
-    return np.clip(actions, -1.0, 1.0).astype(np.float32)
+        columns = [
+            2.0 * (cutting_speed - machine.cutting_speed_min) / speed_range - 1.0,
+            2.0 * (feed - machine.feed_min) / (machine.feed_max - machine.feed_min) - 1.0,
+        ]
+    else:
+        columns = [2.0 * feed / (control.override_max * control.initial_feed) - 1.0]
+    if control.edge_changes == "commanded":
+        columns.append(np.full(len(feed), -1.0) if change_edge is None else np.where(change_edge, 1.0, -1.0))
+    return np.clip(np.stack(columns, axis=1), -1.0, 1.0).astype(np.float32)

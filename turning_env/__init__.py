@@ -1,6 +1,6 @@
 """RoughTurning: a Gymnasium environment for feed and speed control in CNC rough turning.
 
-Importing this package registers ``RoughTurning-v0`` and ``RoughTurning-Paper-v0``.
+Importing this package registers the ids in ``IDS``; ``env.py`` and ``tasks.py`` specify them.
 """
 
 import gymnasium
@@ -23,13 +23,22 @@ __all__ = [
     "read",
 ]
 
-IDS = {"RoughTurning-v0": "rough_turning", "RoughTurning-Paper-v0": "paper"}
+_ENTRY_POINTS = {
+    "RoughTurning-v0": ("turning_env.env:RoughTurningEnv", "rough_turning"),
+    "RoughTurning-Paper-v0": ("turning_env.tasks:PaperEnv", "paper"),
+    "RoughTurning-Override-v0": ("turning_env.tasks:OverrideEnv", "override"),
+    "RoughTurning-Surface-v0": ("turning_env.tasks:SurfaceEnv", "surface"),
+    "RoughTurning-Shift-v0": ("turning_env.tasks:ShiftEnv", "shift"),
+    "RoughTurning-Batch-v0": ("turning_env.tasks:BatchEnv", "batch_casting"),
+}
+
+IDS = {env_id: preset for env_id, (_, preset) in _ENTRY_POINTS.items()}
 """Registered ids and the preset that each takes when no scenario is given."""
 
-for _id, _preset in IDS.items():
+for _id, (_entry_point, _preset) in _ENTRY_POINTS.items():
     gymnasium.register(
         _id,
-        entry_point="turning_env.env:RoughTurningEnv",
+        entry_point=_entry_point,
         vector_entry_point="turning_env.vector_env:RoughTurningVectorEnv",
         kwargs={"scenario": _preset},
     )

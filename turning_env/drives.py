@@ -1,4 +1,4 @@
-"""Feed servo and spindle: first-order lags behind their commands.
+"""Feed servo and spindle: first-order lags behind their commands, and the current of the feed's motor.
 
 The feed servo's time constant, 0.13 s, was measured (roughness control paper); the spindle's is an assumption. The
 exact solution of the lag over a sub-step is used, so a time constant of 0 means no lag.
@@ -19,6 +19,34 @@ def follow_commands(lane, parameters):
     """Move actual cutting speed [m/min] and feed [mm/rev] towards their commands over one sub-step."""
     lane.cutting_speed += (lane.commanded_cutting_speed - lane.cutting_speed) * parameters.spindle_share
     lane.feed += (lane.commanded_feed - lane.feed) * parameters.feed_share
+
+
+@compiled
+def steady_current(parameters, thrust_force, feed_velocity):
+    """Servo current [A] at a thrust force [N] and a feed velocity [mm/min], without ripple.
+
+    The motor's torque 3/2 p lambda_m i balances friction, preload and force through the ball screw, L_0 / (2 pi eta) times
+    each (servo current paper, equations (1), (2) and (8)). The feed force is taken as the thrust force, and the growth of
+    the no-load current with feed velocity as linear (assumptions).
+    """
+    no_load_current = parameters.no_load_current + parameters.no_load_current_rate * feed_velocity
+    return no_load_current + parameters.current_per_newton * thrust_force
+
+
+def force_from_current(parameters, current, feed_velocity):
+    """Thrust force [N] at which ``steady_current`` is ``current`` [A]. Scalars or arrays.
+
+    The paper's equation (9) mixes torque and force as printed; this solves the equations that it stands on.
+    """
+    no_load_current = parameters.no_load_current + parameters.no_load_current_rate * feed_velocity
+    return (current - no_load_current) / parameters.current_per_newton
+
+
+@compiled
+def servo_current(parameters, thrust_force, feed_velocity, path):
+    """Servo current [A], with the ripple that the screw's position [mm] has it at."""
+    ripple = 1.0 + parameters.current_ripple * math.sin(parameters.ripple_angle_per_path * path)
+    return steady_current(parameters, thrust_force, feed_velocity) * ripple
 
 
 @compiled

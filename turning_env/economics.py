@@ -1,8 +1,6 @@
-"""What an interval earns, in seconds of machine time: the terms of the reward.
+"""What an interval earns, in seconds of machine time: the terms of the reward, and the costs of its constraints.
 
-An edge's whole life is charged as its used share grows, so that every interval pays for what it consumes. A broken edge
-pays the share that is left, and the downtime. (Life charge: cost of a part, adaptive part programming paper, tau_I and
-Q_I; overload price and breakage: assumptions, see docs/choices.md.)
+Edges are charged in ``edge.py``. (Overload price: assumption, see docs/choices.md.)
 """
 
 from turning_env.compilation import compiled
@@ -15,12 +13,14 @@ def metal_value(parameters, removed):
 
 
 @compiled
-def edge_price(parameters):
-    """Price [s] of a whole edge: what it costs, and the time to change it."""
-    return 60.0 * (parameters.edge_cost + parameters.edge_change_time)
-
-
-@compiled
-def breakage_price(parameters, used_life):
-    """Price [s] of breaking an edge at a used life share [-]: what is left of it, and the downtime."""
-    return edge_price(parameters) * max(0.0, 1.0 - used_life) + 60.0 * parameters.breakage_downtime
+def settle(parameters, minutes, report):
+    """Fill in what is left of the reward's terms, and the costs over ``minutes`` at work; return the reward [s]."""
+    report.reward_metal = metal_value(parameters, report.removed)
+    report.reward_time = -report.time
+    report.reward_overload = -60.0 * parameters.overload_price * (report.cost_force + report.cost_power)
+    report.reward_roughness = -parameters.roughness_price * report.roughness_deviation
+    report.cost_force /= minutes
+    report.cost_power /= minutes
+    report.cost = report.cost_force + report.cost_power
+    reward = report.reward_metal + report.reward_time + report.reward_edge + report.reward_overload + report.reward_breakage
+    return reward + report.reward_roughness

@@ -83,12 +83,15 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Info
 
     After `reset` and `step`, true values at the interval's end: `cutting_speed` and `commanded_cutting_speed` [m/min],
-    `feed` and `commanded_feed` [mm/rev], `spindle_speed` [rev/min], `feed_velocity` [mm/min], `torque` [N m],
-    `path` [mm], `bar` [-], `cutting` (bool), `depth_of_cut` [mm] and `hardness` [-] (0 in air), `cutting_time` [min],
-    `used_life` [-], `wear` [mm], `wear_factor` [-], `edge_strength` [N], `thrust_force` and `measured_thrust_force` [N],
-    `power` and `measured_power` [kW], `broken` (bool); and over the interval: `time`, `engaged_time`, `overload_time` and
-    `severe_overload_time` [s], `removed` [cm3], `cost` = `cost_force` + `cost_power` (mean relative excess over each
-    limit [-], positive means violated), and the terms of the reward [s].
+    `feed` and `commanded_feed` [mm/rev], `spindle_speed` [rev/min], `feed_velocity` [mm/min], `torque` [N m], `path` [mm],
+    `bar` [-], `cutting` (bool), `depth_of_cut` [mm] and `hardness` [-] (0 in air), `cutting_time` [min], `used_life` [-],
+    `wear` [mm], `wear_factor` [-], `edge_strength` [N], `thrust_force` and `measured_thrust_force` [N], `power` and
+    `measured_power` [kW], `measured_servo_current` [A], `roughness` and `roughness_reference` [um], `probed_depth` [mm] (0
+    where they do not apply), `broken` and `finished` (bool); and over the interval: `time`, `engaged_time`, `stopped_time`,
+    `overload_time` and `severe_overload_time` [s], `mean_thrust_force` [N] and `mean_power` [kW] while cutting, `removed`
+    [cm3], `passes`, `edges_used` and `edges_broken` [-], `roughness_deviation` (integral of the relative deviation) [s],
+    `cost` = `cost_force` + `cost_power` (mean relative excess over each limit [-], positive means violated), and the terms
+    of the reward [s], with `reward_roughness`, which is 0 here.
 
     ## Arguments
 
@@ -100,8 +103,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Registered ids
 
     * `RoughTurning-v0`: preset `rough_turning`, as described above.
-    * `RoughTurning-Paper-v0`: preset `paper`, the published simulation: one-minute intervals, set points, no disturbance, no
-      noise, no lag, no air, and wear by the paper's clock-time rule.
+    * `RoughTurning-Paper-v0`, `-Override-v0`, `-Surface-v0`, `-Shift-v0`, `-Batch-v0`: see `turning_env.tasks`.
 
     ## Version history
 
@@ -120,8 +122,8 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f"render_mode is {render_mode!r}, but this environment has no render modes: only None")
         self.scenario = Scenario.load(scenario)
         self.render_mode = None
-        self.observation_space = observation_space()
-        self.action_space = action_space()
+        self.observation_space = observation_space(self.scenario)
+        self.action_space = action_space(self.scenario)
         self._lathes = Lathes(self.scenario, 1)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
@@ -148,7 +150,8 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         try:
             lathes.step((action,))
         except ValueError as error:
-            raise ValueError(f"an action must be two finite numbers, got {action!r}") from error
+            numbers = f"{lathes.action_size} finite number" + "s" * (lathes.action_size != 1)
+            raise ValueError(f"an action must be {numbers}, got {action!r}") from error
         return (
             lathes.observations[0].copy(),
             float(lathes.rewards[0]),

@@ -17,6 +17,7 @@ BAR_CHANNEL = np.uint64(2)
 HARDNESS_CHANNEL = np.uint64(3)
 DEPTH_CHANNEL = np.uint64(4)
 SENSOR_CHANNEL = np.uint64(5)
+REFERENCE_CHANNEL = np.uint64(6)
 
 _WORD = np.uint64(0xFFFFFFFF)
 _WORD_BITS = np.uint64(32)
@@ -42,6 +43,13 @@ def philox_4x32(counter_0, counter_1, counter_2, counter_3, key):
         key_0 = (key_0 + _WEYL_0) & _WORD
         key_1 = (key_1 + _WEYL_1) & _WORD
     return counter_0, counter_1, counter_2, counter_3
+
+
+@compiled
+def uniform(lane, channel, bar, index):
+    """Return a number drawn evenly from 0..1 for one use of one episode; see ``standard_normals``."""
+    word_0, _, _, _ = philox_4x32(np.uint64(index), np.uint64(bar), channel, lane.episode, lane.seed)
+    return (float(word_0) + 0.5) * _UNIT
 
 
 @compiled

@@ -10,20 +10,21 @@ from turning_env import observation
 from turning_env.compilation import compiled_entry, source_digest
 from turning_env.lathe import run_interval, start_episode
 from turning_env.observation import write_observation
-from turning_env.records import LANE, REPORT, REPORT_FIELDS, new_records, parameter_records
+from turning_env.records import LANE, REPORT, REPORT_FIELDS, action_size, new_records, parameter_records
 from turning_env.scenario import Scenario
 
 MOST_SEED = 2**64 - 1
 
 
-def observation_space() -> spaces.Space[NDArray[np.float32]]:
+def observation_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
     """The observations of one lane: a new space for every environment, since a space carries its own sampling state."""
-    return spaces.Box(observation.LOW, observation.HIGH, dtype=np.float32)
+    low, high = observation.bounds(scenario)
+    return spaces.Box(low, high, dtype=np.float32)
 
 
-def action_space() -> spaces.Space[NDArray[np.float32]]:
+def action_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
     """The actions of one lane, likewise."""
-    return spaces.Box(-1.0, 1.0, (2,), np.float32)
+    return spaces.Box(-1.0, 1.0, (action_size(scenario),), np.float32)
 
 
 def checked_seed(seed: Any, lane: int) -> int:
@@ -55,8 +56,9 @@ def _entries(digest: str) -> tuple[Any, Any]:
         """
         digest  # noqa: B018 - see compiled_entry
         for i in range(lanes.shape[0]):
-            if not (np.isfinite(actions[i, 0]) and np.isfinite(actions[i, 1])):
-                return i
+            for k in range(actions.shape[1]):
+                if not np.isfinite(actions[i, k]):
+                    return i
         for i in range(lanes.shape[0]):
             lane = lanes[i]
             if lane.ended:
@@ -66,9 +68,7 @@ def _entries(digest: str) -> tuple[Any, Any]:
                 terminated[i] = False
                 truncated[i] = False
             else:
-                rewards[i], terminated[i], truncated[i] = run_interval(
-                    lane, parameters[0], actions[i, 0], actions[i, 1], reports[i]
-                )
+                rewards[i], terminated[i], truncated[i] = run_interval(lane, parameters[0], actions[i], reports[i])
             write_observation(lane, parameters[0], observations[i])
         return -1
 
@@ -82,7 +82,7 @@ class Lathes:
     """The lanes of one scenario and what their last interval gave; both environments drive this.
 
     Attributes:
-        observations: float32, shape (count, 11).
+        observations: float32, shape (count, 11), or 12 entries where there is one more.
         rewards: float64, shape (count,), in s of machine time.
         terminated, truncated: bool, shape (count,).
         report_values: float64, shape (count, len(REPORT_FIELDS)); see ``records.py`` for the fields and units.
@@ -92,7 +92,8 @@ class Lathes:
         self.parameters = parameter_records(scenario)
         self.lanes = new_records(LANE, count)
         self.seeded = False
-        self.observations = np.zeros((count, len(observation.LOW)), np.float32)
+        self.action_size = action_size(scenario)
+        self.observations = np.zeros((count, len(observation.bounds(scenario)[0])), np.float32)
         self.rewards = np.zeros(count, np.float64)
         self.terminated = np.zeros(count, np.bool_)
         self.truncated = np.zeros(count, np.bool_)
@@ -127,18 +128,18 @@ class Lathes:
         """Run one interval in every lane, or start the next episode where one has ended.
 
         Raises:
-            ValueError: the actions are not numbers of shape (count, 2), or not finite; no lane has moved then.
+            ValueError: the actions are not numbers of shape (count, action_size), or not finite; no lane has moved then.
         """
-        count = len(self.lanes)
+        shape = (len(self.lanes), self.action_size)
         try:
             given = np.asarray(actions)
         except ValueError as error:  # ragged
-            raise ValueError(f"actions must be numbers of shape ({count}, 2), got {actions!r}") from error
+            raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}") from error
         if given.dtype.kind not in "fiu":
-            raise ValueError(f"actions must be numbers of shape ({count}, 2), got {actions!r}")
+            raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}")
         batch = np.ascontiguousarray(given, np.float64)
-        if batch.shape != (count, 2):
-            raise ValueError(f"actions must have shape ({count}, 2), got {batch.shape}")
+        if batch.shape != shape:
+            raise ValueError(f"actions must have shape {shape}, got {batch.shape}")
         refused = _step_lanes(
             self.lanes,
             self.parameters,

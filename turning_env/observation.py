@@ -16,20 +16,32 @@ force_ratio               measured thrust force: how far from predicted, in fift
 cutting                   1 when the tool is in metal, 0 in air                                      0 or 1
 ========================  =========================================================================  ============
 
-Predictions take the actual speed and feed, nominal depth and hardness, and the nominal model's wear. In air, measurements are
-near 0, and the four entries that compare them near -5.
+Where the servo current is sensed, it takes the place of the thrust force: compared with the current at the force's limit
+and no feed, and with the one predicted. Where a roughness is to be held, and where blanks are probed, one entry more:
+
+========================  =========================================================================  ============
+roughness_reference       reference of Ra: -1 at the lowest, 1 at the highest, log                   -1 to 1
+probed_depth              mean allowance of the next blank: how far from the drawing's, in fifths    -5 to 15
+========================  =========================================================================  ============
+
+With parts, an observation tells of the last pass: its mean power and force, its speed and feed. Predictions take the actual
+speed and feed, nominal depth and hardness, and the nominal model's wear. In air, measurements are near 0 (a servo current: near
+that of no load), and the four entries that compare them near -5.
 
 Fifths, because what a controller must tell apart near a limit is a few per cent: in fifths these are a sizeable part of one.
 """
 
 import math
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.compilation import compiled
+from turning_env.drives import force_from_current, steady_current
 from turning_env.machinability import force_and_power
+from turning_env.records import parameter_records
 from turning_env.scenario import Scenario
 from turning_env.wear import log_wear
 
@@ -38,8 +50,18 @@ MOST_LOG_TIME = 12.0
 FIFTHS = 5.0
 
 _LEAST, _MOST = -FIFTHS, FIFTHS * (MOST_RATIO - 1.0)
-LOW = np.array([_LEAST, _LEAST, -1, -1, -1, -1, 0, 0, _LEAST, _LEAST, 0], np.float32)
-HIGH = np.array([_MOST, _MOST, 1, 1, 1, 1, MOST_LOG_TIME, MOST_RATIO, _MOST, _MOST, 1], np.float32)
+_LOW = (_LEAST, _LEAST, -1, -1, -1, -1, 0, 0, _LEAST, _LEAST, 0)
+_HIGH = (_MOST, _MOST, 1, 1, 1, 1, MOST_LOG_TIME, MOST_RATIO, _MOST, _MOST, 1)
+
+
+def bounds(scenario: Scenario) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Lowest and highest values of the entries, each of shape (entries,): 11, or 12 where there is one entry more."""
+    low, high = list(_LOW), list(_HIGH)
+    if scenario.control.aim == "roughness":
+        low, high = [*low, -1], [*high, 1]
+    elif scenario.sensors.probe:
+        low, high = [*low, _LEAST], [*high, _MOST]
+    return np.array(low, np.float32), np.array(high, np.float32)
 
 
 @compiled
@@ -59,7 +81,11 @@ def write_observation(lane, parameters, observation):
     """Fill one lane's observation (float32, in the order of the table above)."""
     p = parameters
     observation[0] = deviation(lane.measured_power / p.power_limit)
-    observation[1] = deviation(lane.measured_thrust_force / p.thrust_force_limit)
+    feed_velocity = lane.cutting_speed * p.revolutions_per_metre * lane.feed
+    if p.senses_current:
+        observation[1] = deviation(lane.measured_servo_current / steady_current(p, p.thrust_force_limit, 0.0))
+    else:
+        observation[1] = deviation(lane.measured_thrust_force / p.thrust_force_limit)
     speed, feed = math.log(lane.cutting_speed), math.log(lane.feed)
     commanded_speed, commanded_feed = math.log(lane.commanded_cutting_speed), math.log(lane.commanded_feed)
     observation[2] = range_position(speed, p.log_cutting_speed_min, p.log_cutting_speed_span)
@@ -73,10 +99,19 @@ def write_observation(lane, parameters, observation):
     observation[10] = 1.0 if lane.cutting else 0.0
     if lane.nominal_used_life > 0.0:
         wear = log_wear(p, lane.nominal_used_life)
-        force, power = force_and_power(p, speed, feed, p.log_depth_of_cut, wear, 0.0)
+        force, power = force_and_power(p, speed, feed, lane.log_nominal_depth, wear, 0.0)
         observation[7] = min(math.exp(wear - p.log_wear_criterion), MOST_RATIO)
         observation[8] = deviation(lane.measured_power / power)
-        observation[9] = deviation(lane.measured_thrust_force / force)
+        if p.senses_current:
+            observation[9] = deviation(lane.measured_servo_current / steady_current(p, force, feed_velocity))
+        else:
+            observation[9] = deviation(lane.measured_thrust_force / force)
+    if p.holds_roughness:
+        reference = math.log(lane.roughness_reference)
+        one_only = p.log_reference_span == 0.0
+        observation[11] = 0.0 if one_only else range_position(reference, p.log_reference_min, p.log_reference_span)
+    elif p.probe:
+        observation[11] = deviation(lane.probed_depth / p.depth_of_cut)
 
 
 class Reading(NamedTuple):
@@ -84,8 +119,12 @@ class Reading(NamedTuple):
 
     power: NDArray[np.float64]
     """Measured power [kW]."""
+    load: NDArray[np.float64]
+    """Measured power over the spindle's rated power [-]."""
     thrust_force: NDArray[np.float64]
-    """Measured thrust force [N]."""
+    """Measured thrust force [N]; where the servo current is sensed, the force that it would be steady at."""
+    servo_current: NDArray[np.float64]
+    """Measured servo current [A]; NaN where it is not sensed."""
     cutting_speed: NDArray[np.float64]
     """Actual cutting speed [m/min]."""
     feed: NDArray[np.float64]
@@ -101,15 +140,19 @@ class Reading(NamedTuple):
     power_ratio: NDArray[np.float64]
     """Measured over predicted power [-]."""
     force_ratio: NDArray[np.float64]
-    """Measured over predicted thrust force [-]."""
+    """Measured over predicted thrust force [-]; of servo currents where these are sensed."""
     cutting: NDArray[np.bool_]
     """Whether the tool is in metal."""
+    roughness_reference: NDArray[np.float64]
+    """Reference of Ra [um]; NaN where there is none."""
+    probed_depth: NDArray[np.float64]
+    """Mean allowance of the next blank [mm]; NaN where it is not told."""
 
 
 def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
-    """Turn observations of shape (lanes, 11) back into physical units, for controllers that reason in them."""
+    """Turn observations of shape (lanes, 11 or 12) back into physical units, for controllers that reason in them."""
     columns = np.asarray(observation, np.float64).T
-    machine, limits = scenario.machine, scenario.limits
+    machine, limits, surface = scenario.machine, scenario.limits, scenario.surface
 
     def in_range(position: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
         return low * (high / low) ** (0.5 * (position + 1.0))
@@ -117,11 +160,24 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
     def ratio(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
         return deviation / FIFTHS + 1.0
 
+    power = ratio(columns[0]) * limits.power
+    cutting_speed = in_range(columns[2], machine.cutting_speed_min, machine.cutting_speed_max)
+    feed = in_range(columns[3], machine.feed_min, machine.feed_max)
+    untold = np.full(len(power), np.nan)
+    if scenario.sensors.force == "servo_current":
+        parameters: Any = _parameters(scenario)
+        feed_velocity = cutting_speed * parameters.revolutions_per_metre * feed
+        servo_current = ratio(columns[1]) * steady_current(parameters, limits.thrust_force, 0.0)
+        thrust_force = np.maximum(force_from_current(parameters, servo_current, feed_velocity), 0.0)
+    else:
+        servo_current, thrust_force = untold, ratio(columns[1]) * limits.thrust_force
     return Reading(
-        power=ratio(columns[0]) * limits.power,
-        thrust_force=ratio(columns[1]) * limits.thrust_force,
-        cutting_speed=in_range(columns[2], machine.cutting_speed_min, machine.cutting_speed_max),
-        feed=in_range(columns[3], machine.feed_min, machine.feed_max),
+        power=power,
+        load=power / machine.rated_power,
+        thrust_force=thrust_force,
+        servo_current=servo_current,
+        cutting_speed=cutting_speed,
+        feed=feed,
         commanded_cutting_speed=in_range(columns[4], machine.cutting_speed_min, machine.cutting_speed_max),
         commanded_feed=in_range(columns[5], machine.feed_min, machine.feed_max),
         cutting_time=np.expm1(columns[6]),
@@ -129,4 +185,13 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
         power_ratio=ratio(columns[8]),
         force_ratio=ratio(columns[9]),
         cutting=columns[10] > 0.5,
+        roughness_reference=(
+            in_range(columns[11], surface.reference_min, surface.reference_max) if scenario.control.aim == "roughness" else untold
+        ),
+        probed_depth=ratio(columns[11]) * scenario.workpiece.depth_of_cut if scenario.sensors.probe else untold,
     )
+
+
+@cache
+def _parameters(scenario: Scenario) -> Any:
+    return parameter_records(scenario)[0]

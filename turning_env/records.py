@@ -7,7 +7,14 @@ import numpy as np
 from turning_env.drives import lag_share
 from turning_env.power_law import POWER_LAW_RECORD
 from turning_env.scenario import Scenario
+from turning_env.sections import MOST_DEPTHS
 from turning_env.wear import CLOCK_TIME, EQUIVALENT_TIME
+
+# Numbers for what the compiled transition tells apart, by the words of ``sections.Control``.
+INCREMENTAL, SET_POINT, OVERRIDE, PART = range(4)
+ACTIONS = {"incremental": INCREMENTAL, "set_point": SET_POINT, "override": OVERRIDE, "part": PART}
+END, AUTOMATIC, COMMANDED = range(3)
+EDGE_CHANGES = {"end": END, "automatic": AUTOMATIC, "commanded": COMMANDED}
 
 LANE = np.dtype(
     [
@@ -17,15 +24,17 @@ LANE = np.dtype(
         # where the episode stands
         ("interval_count", np.int64),
         ("ended", np.bool_),
-        ("broken", np.bool_),
         ("cutting", np.bool_),  # the tool is in metal
         ("path", np.float64),  # tool position, air and metal [mm]
+        ("clock", np.float64),  # machine time since the start [min]
+        ("turns", np.float64),  # of the spindle since the start [rev]
         # drives
         ("commanded_cutting_speed", np.float64),  # [m/min]
         ("commanded_feed", np.float64),  # [mm/rev]
         ("cutting_speed", np.float64),  # [m/min]
         ("feed", np.float64),  # [mm/rev]
         # edge
+        ("edge", np.int64),  # edges used before this one
         ("log_wear_factor", np.float64),  # [-]
         ("edge_strength", np.float64),  # [N]
         ("cutting_time", np.float64),  # [min]
@@ -43,13 +52,19 @@ LANE = np.dtype(
         ("depth_right", np.float64),
         ("log_hardness", np.float64),  # [-]
         ("depth_of_cut", np.float64),  # [mm]
+        ("pass_floor", np.float64),  # a pass cuts what stands higher than this above the finished contour [mm]
+        ("pass_ceiling", np.float64),  # and, the passes before it having cut the rest, lower than this [mm]
+        ("log_nominal_depth", np.float64),  # of the pass, as the control's models have it [mm]
         # process and sensors
         ("thrust_force", np.float64),  # [N]
         ("power", np.float64),  # [kW]
         ("lagged_thrust_force", np.float64),  # [N]
         ("lagged_power", np.float64),  # [kW]
         ("measured_thrust_force", np.float64),  # [N]
+        ("measured_servo_current", np.float64),  # [A]
         ("measured_power", np.float64),  # [kW]
+        ("probed_depth", np.float64),  # mean of what is to be cut of the next bar [mm]
+        ("roughness_reference", np.float64),  # [um]
     ],
     align=True,
 )
@@ -76,6 +91,14 @@ PARAMETERS = np.dtype(
         ("log_feed_span", np.float64),
         ("spindle_share", np.float64),  # of the distance to the command that one sub-step covers [-]
         ("feed_share", np.float64),
+        ("chip_lag", np.float64),  # [rev]
+        ("return_time", np.float64),  # [min]
+        ("current_per_newton", np.float64),  # servo current [A/N]
+        ("no_load_current", np.float64),  # at rest [A]
+        ("no_load_current_rate", np.float64),  # [A min/mm]
+        ("current_ripple", np.float64),
+        ("ripple_angle_per_path", np.float64),  # [rad/mm]
+        ("path_end", np.float64),  # of the job, infinite in an endless row [mm]
         ("bar_length", np.float64),
         ("bar_pitch", np.float64),  # bar and approach [mm]
         ("approach", np.float64),
@@ -84,6 +107,10 @@ PARAMETERS = np.dtype(
         ("revolutions_per_metre", np.float64),  # of the bar's circumference [rev/m]
         ("depth_of_cut", np.float64),
         ("log_depth_of_cut", np.float64),
+        ("depth_sections", np.int64),
+        ("depth_profile", np.float64, (MOST_DEPTHS,)),
+        ("depth_ripple", np.float64),
+        ("depth_ripple_angle_per_turn", np.float64),  # [rad/rev]
         ("depth_bar_spread", np.float64),
         ("depth_along_spread", np.float64),
         ("depth_nodes_per_length", np.float64),
@@ -92,21 +119,37 @@ PARAMETERS = np.dtype(
         ("hardness_nodes_per_length", np.float64),
         ("sub_steps", np.int64),
         ("sub_step", np.float64),  # [min]
-        ("incremental", np.bool_),
+        ("action", np.int64),
+        ("edge_changes", np.int64),
+        ("change_action", np.int64),  # the place of the action that changes the edge, -1 where there is none
+        ("holds_roughness", np.bool_),
+        ("override_max", np.float64),
+        ("passes_max", np.int64),
         ("cutting_speed_step", np.float64),
         ("feed_step", np.float64),
         ("initial_cutting_speed", np.float64),
         ("initial_feed", np.float64),
         ("interval_limit", np.int64),  # intervals after which an episode is truncated
+        ("time_limit", np.float64),  # likewise where changing an edge takes time [min]
+        ("roughness_at_no_force", np.float64),
+        ("roughness_rate", np.float64),
+        ("log_reference_min", np.float64),
+        ("log_reference_span", np.float64),
+        ("reference_time", np.float64),  # [min]
+        ("senses_current", np.bool_),
+        ("probe", np.bool_),
         ("power_noise", np.float64),
         ("force_noise", np.float64),
         ("power_sensor_share", np.float64),
         ("force_sensor_share", np.float64),
         ("reference_productivity", np.float64),
-        ("edge_cost", np.float64),
+        ("edge_price", np.float64),  # of a whole edge [s]
+        ("breakage_price", np.float64),  # beside the edge [s]
         ("edge_change_time", np.float64),
+        ("unplanned_stop", np.float64),
         ("breakage_downtime", np.float64),
         ("overload_price", np.float64),
+        ("roughness_price", np.float64),
         ("thrust_force_limit", np.float64),
         ("power_limit", np.float64),
         ("overload_tolerance", np.float64),
@@ -135,13 +178,24 @@ REPORT_FIELDS = (
     "edge_strength",  # of the insert [N]
     "thrust_force",  # [N]
     "power",  # [kW]
-    "measured_thrust_force",  # [N]
+    "measured_thrust_force",  # [N], 0 where the servo current is measured instead
+    "measured_servo_current",  # [A], 0 where the force is measured
     "measured_power",  # [kW]
+    "roughness",  # Ra [um], 0 in air
+    "roughness_reference",  # Ra [um], for the next interval; 0 where there is none
+    "probed_depth",  # mean allowance of the next blank [mm], 0 where it is not told
+    "mean_thrust_force",  # while cutting, this interval; with parts, in the last pass [N]
+    "mean_power",  # likewise [kW]
     "time",  # this interval [s]
     "engaged_time",  # cutting, this interval [s]
+    "stopped_time",  # changing edges, this interval [s]
     "removed",  # this interval [cm3]
+    "passes",  # of parts, this interval [-]
+    "edges_used",  # used share of life, and all of an edge that is changed or broken, this interval [-]
+    "edges_broken",  # this interval [-]
     "overload_time",  # beyond a limit, this interval [s]
     "severe_overload_time",  # beyond a limit by more than the tolerance, this interval [s]
+    "roughness_deviation",  # integral of the relative deviation of Ra while cutting, this interval [s]
     "cost",  # sum of the two below [-]
     "cost_force",  # mean relative excess of thrust force over its limit, this interval [-]
     "cost_power",  # mean relative excess of power over its limit, this interval [-]
@@ -150,9 +204,11 @@ REPORT_FIELDS = (
     "reward_edge",  # [s]
     "reward_overload",  # [s]
     "reward_breakage",  # [s]
+    "reward_roughness",  # [s]
     "broken",  # the edge broke [0 or 1]
+    "finished",  # the last bar is done [0 or 1]
 )
-REPORT_FLAGS = ("cutting", "broken")
+REPORT_FLAGS = ("cutting", "broken", "finished")
 REPORT = np.dtype([(name, np.float64) for name in REPORT_FIELDS])
 
 
@@ -161,11 +217,23 @@ def new_records(dtype: np.dtype[Any], count: int) -> Any:
     return np.zeros(count, dtype).view(np.recarray)
 
 
+def action_size(scenario: Scenario) -> int:
+    """How many numbers an action has."""
+    control = scenario.control
+    size = {"incremental": 2, "set_point": 2, "override": 1, "part": 2 + 2 * control.passes_max}[control.action]
+    return size + (control.edge_changes == "commanded")
+
+
 def parameter_records(scenario: Scenario) -> Any:
     """The scenario as the one record that the transition reads (an array of one, as Numba passes arrays faster)."""
     material, tool, machine, workpiece = scenario.material, scenario.tool, scenario.machine, scenario.workpiece
-    control, sensors, limits = scenario.control, scenario.sensors, scenario.limits
+    control, sensors, limits, surface = scenario.control, scenario.sensors, scenario.limits, scenario.surface
+    drive, economics = scenario.feed_drive, scenario.economics
     sub_step = control.interval / control.sub_steps
+    # Where no time passes when an edge is changed, the price of the edge holds that time.
+    timeless = control.edge_changes == "end"
+    screw = drive.screw_lead / 1000.0 / (2.0 * np.pi * drive.efficiency)  # torque over force [m]
+    current_per_newton = screw / (1.5 * drive.pole_pairs * drive.flux_linkage)
     values = {
         "wear_law": material.wear.record(),
         "force_law": material.thrust_force.record(),
@@ -178,24 +246,41 @@ def parameter_records(scenario: Scenario) -> Any:
         "log_feed_span": np.log(machine.feed_max / machine.feed_min),
         "spindle_share": lag_share(sub_step, machine.spindle_time_constant),
         "feed_share": lag_share(sub_step, machine.feed_time_constant),
+        "current_per_newton": current_per_newton,
+        "no_load_current": current_per_newton * (drive.guide_friction + drive.preload * (1.0 - drive.screw_efficiency**2)),
+        "current_ripple": drive.ripple,
+        "ripple_angle_per_path": 2.0 * np.pi * drive.ripples_per_turn / drive.screw_lead,
         "life_exponent": 1.0 / material.wear.time,
+        "path_end": workpiece.bars * (workpiece.bar_length + workpiece.approach) or np.inf,
         "bar_pitch": workpiece.bar_length + workpiece.approach,
         "bars_per_path": 1.0 / (workpiece.bar_length + workpiece.approach),
         "bars_per_cut": 1.0 / workpiece.bar_length,
         "revolutions_per_metre": 1000.0 / (np.pi * workpiece.diameter),
         "log_depth_of_cut": np.log(workpiece.depth_of_cut),
+        "depth_sections": len(workpiece.depth_profile),
+        "depth_profile": np.pad(workpiece.depth_profile, (0, MOST_DEPTHS - len(workpiece.depth_profile))),
+        "depth_ripple_angle_per_turn": 2.0 * np.pi / workpiece.depth_ripple_period,
         "depth_nodes_per_length": 1.0 / workpiece.depth_correlation_length,
         "hardness_nodes_per_length": 1.0 / workpiece.hardness_correlation_length,
         "sub_step": sub_step / 60.0,
-        "incremental": control.action == "incremental",
+        "action": ACTIONS[control.action],
+        "edge_changes": EDGE_CHANGES[control.edge_changes],
+        "change_action": action_size(scenario) - 1 if control.edge_changes == "commanded" else -1,
+        "holds_roughness": control.aim == "roughness",
         "interval_limit": round(control.time_limit * 60.0 / control.interval),
+        "log_reference_min": np.log(surface.reference_min),
+        "log_reference_span": np.log(surface.reference_max / surface.reference_min),
+        "reference_time": surface.reference_time / 60.0,
+        "senses_current": sensors.force == "servo_current",
         "power_sensor_share": lag_share(sub_step, sensors.power_time_constant),
         "force_sensor_share": lag_share(sub_step, sensors.force_time_constant),
+        "edge_price": 60.0 * (economics.edge_cost + (economics.edge_change_time if timeless else 0.0)),
+        "breakage_price": 60.0 * (economics.breakage_downtime if timeless else 0.0),
         "thrust_force_limit": limits.thrust_force,
         "power_limit": limits.power,
         "overload_tolerance": limits.overload_tolerance,
     }
-    for section in (tool, machine, workpiece, control, sensors, scenario.economics):
+    for section in (tool, machine, drive, workpiece, control, surface, sensors, economics):
         for name in type(section).model_fields:
             if name in (PARAMETERS.names or ()):
                 values.setdefault(name, getattr(section, name))

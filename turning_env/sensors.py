@@ -1,9 +1,10 @@
-"""What the controller is told: power and thrust force, each behind a first-order lag and with relative noise.
+"""What the controller is told: power, and thrust force or the servo current, each behind a first-order lag and with noise.
 
 The noise levels (power 2 %, force 5 %) and lags are assumptions; the roughness control paper gives up to 10 % for force.
 """
 
 from turning_env.compilation import compiled
+from turning_env.drives import servo_current
 from turning_env.keyed_random import SENSOR_CHANNEL, standard_normals
 
 
@@ -16,8 +17,14 @@ def follow_process(lane, parameters):
 
 @compiled
 def read_sensors(lane, parameters):
-    """Measured power [kW] and thrust force [N] at the end of an interval."""
+    """Measure power [kW], and thrust force [N] or servo current [A], at the end of an interval."""
     power_normal, force_normal = standard_normals(lane, SENSOR_CHANNEL, 0, lane.interval_count)
     power = lane.lagged_power * (1.0 + parameters.power_noise * power_normal)
-    thrust_force = lane.lagged_thrust_force * (1.0 + parameters.force_noise * force_normal)
-    return max(power, 0.0), max(thrust_force, 0.0)
+    lane.measured_power = max(power, 0.0)
+    if parameters.senses_current:
+        feed_velocity = lane.cutting_speed * parameters.revolutions_per_metre * lane.feed
+        current = servo_current(parameters, lane.lagged_thrust_force, feed_velocity, lane.path)
+        lane.measured_servo_current = max(current * (1.0 + parameters.force_noise * force_normal), 0.0)
+    else:
+        thrust_force = lane.lagged_thrust_force * (1.0 + parameters.force_noise * force_normal)
+        lane.measured_thrust_force = max(thrust_force, 0.0)

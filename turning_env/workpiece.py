@@ -7,7 +7,11 @@ length apart and has unit variance everywhere.
 
 Relative hardness is log-normal, so it stays positive. The depth of cut is the nominal depth plus the allowance's
 deviation, and never falls below 1 % of nominal (assumption: a blank that measures under size is still just scraped).
+The nominal depth may step along a bar, and the depth ripple with the spindle's turns (run-out). A pass of several cuts what
+stands between its floor and its ceiling.
 """
+
+import math
 
 import numpy as np
 
@@ -46,7 +50,7 @@ def between_nodes(left, right, share):
 
 @compiled
 def look_up_fields(lane, parameters, cut):
-    """Set the lane's log hardness [-] and depth of cut [mm] to those at a cut coordinate [mm].
+    """Set the lane's log hardness [-] and depth of cut [mm, 0 or less in air] to those at a cut coordinate [mm].
 
     The nodes on either side are kept in the lane until the tool has passed them: they cost more than all the rest.
     """
@@ -73,9 +77,20 @@ def look_up_fields(lane, parameters, cut):
         lane.depth_left = standard_normals(lane, DEPTH_CHANNEL, bar, cell)[0]
         lane.depth_right = standard_normals(lane, DEPTH_CHANNEL, bar, cell + 1)[0]
     depth_noise = between_nodes(lane.depth_left, lane.depth_right, depth_nodes - cell)
-    depth = (
-        parameters.depth_of_cut
-        + parameters.depth_bar_spread * lane.bar_depth_normal
-        + parameters.depth_along_spread * depth_noise
-    )
-    lane.depth_of_cut = max(depth, LEAST_DEPTH_SHARE * parameters.depth_of_cut)
+    nominal = parameters.depth_of_cut
+    if parameters.depth_sections > 0:
+        section = int(along * parameters.bars_per_cut * parameters.depth_sections)
+        nominal = parameters.depth_profile[min(section, parameters.depth_sections - 1)]
+    depth = nominal + parameters.depth_bar_spread * lane.bar_depth_normal + parameters.depth_along_spread * depth_noise
+    if parameters.depth_ripple > 0.0:
+        depth *= 1.0 + parameters.depth_ripple * math.sin(parameters.depth_ripple_angle_per_turn * lane.turns)
+    depth = max(depth, LEAST_DEPTH_SHARE * nominal)
+    lane.depth_of_cut = min(depth, lane.pass_ceiling) - lane.pass_floor
+
+
+@compiled
+def probe_next_bar(lane, parameters):
+    """Measure the mean depth [mm] of what is to be cut of the bar before which the tool stands."""
+    bar = np.rint(lane.path * parameters.bars_per_path)
+    depth = parameters.depth_of_cut + parameters.depth_bar_spread * standard_normals(lane, BAR_CHANNEL, bar, 0)[1]
+    lane.probed_depth = max(depth, LEAST_DEPTH_SHARE * parameters.depth_of_cut)

@@ -9,6 +9,7 @@ from pydantic.fields import FieldInfo
 
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.quantity import Section
+from turning_env.records import action_size
 
 Record = dict[str, NDArray[Any]]
 
@@ -48,16 +49,25 @@ def variants(section: Any, others: Callable[[Any, FieldInfo], Iterable[Any]], pr
 
 
 def slightly_different(value: Any, field: FieldInfo) -> list[Any]:
-    """Another value close by; of a choice, every other."""
+    """Another value close by; of a choice, every other; of a list, one longer."""
     if isinstance(value, str):
         return [choice for choice in get_args(field.annotation) if choice != value]
+    if isinstance(value, bool):
+        return [not value]
+    if isinstance(value, tuple):
+        return [(*value, 1.0)]
     return [value + 1 if value == int(value) else value * 1.01]
 
 
-def fixed_actions(count: int, lanes: int) -> NDArray[np.float32]:
-    """Actions of shape (count, lanes, 2) by formula: slow waves that sweep the ranges, and reach beyond -1..1."""
+def fixed_actions(count: int, lanes: int, scenario: Any = "rough_turning") -> NDArray[np.float32]:
+    """Actions of shape (count, lanes, action size) by formula: slow waves that sweep the ranges, and reach beyond -1..1."""
+    scenario = Scenario.load(scenario)
     phase = np.arange(count)[:, None] + 17.0 * np.arange(lanes)
-    return np.stack([1.2 * np.sin(0.05 * phase + 0.3), 1.2 * np.sin(0.11 * phase + 0.8)], axis=2).astype(np.float32)
+    numbers = range(action_size(scenario))
+    waves = [1.2 * np.sin((0.05 + 0.06 * number) * phase + 0.3 + 0.5 * number) for number in numbers]
+    if scenario.control.edge_changes == "commanded":
+        waves[-1] -= 1.1  # an edge is changed now and then
+    return np.stack(waves, axis=2).astype(np.float32)
 
 
 def play(env: RoughTurningEnv, seed: int | None, actions: NDArray[np.float32]) -> Record:

@@ -66,10 +66,11 @@ def test_environments_do_not_share_their_spaces():
 
 @pytest.mark.parametrize("scenario", [SHORT_LIVED, *presets()])
 def test_same_seed_and_actions_give_the_same_bytes(scenario):
-    first = play(RoughTurningEnv(scenario), 11, ACTIONS)
+    actions = fixed_actions(100, 1, scenario)[:, 0]
+    first = play(RoughTurningEnv(scenario), 11, actions)
     used_before = RoughTurningEnv(scenario)
-    play(used_before, 5, ACTIONS)
-    assert_same_bytes(play(used_before, 11, ACTIONS), first)
+    play(used_before, 5, actions)
+    assert_same_bytes(play(used_before, 11, actions), first)
 
 
 def test_seeds_and_episodes_have_bars_and_edges_of_their_own():
@@ -123,7 +124,7 @@ def test_bad_actions_are_refused_and_nothing_moves(action):
     env, untouched = RoughTurningEnv(), RoughTurningEnv()
     play(env, 1, ACTIONS[:9])
     play(untouched, 1, ACTIONS[:9])
-    with pytest.raises(ValueError, match="an action must be two finite numbers, got "):
+    with pytest.raises(ValueError, match="an action must be 2 finite numbers, got "):
         env.step(action)
     ours, theirs = env.step(ACTIONS[9]), untouched.step(ACTIONS[9])
     assert ours[0].tobytes() == theirs[0].tobytes()

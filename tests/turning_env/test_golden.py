@@ -24,7 +24,7 @@ EVERY = 20
 def trajectory(env_id: str) -> dict[str, Any]:
     """Every ``EVERY``-th row of a play, and all rows at which an episode ends."""
     env = gymnasium.make(env_id).unwrapped
-    record = play(env, SEED, fixed_actions(INTERVALS, 1)[:, 0])
+    record = play(env, SEED, fixed_actions(INTERVALS, 1, env.scenario)[:, 0])
     rows = np.flatnonzero((np.arange(INTERVALS + 1) % EVERY == 0) | record["terminated"] | record["truncated"])
     return {
         "id": env_id,

@@ -4,8 +4,8 @@ from tests.turning_env.playing import slightly_different, variants
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.records import REPORT_FIELDS, parameter_records
 
-# Read by what scores policies, not by the transition.
-FOR_SCORING_ONLY = {"limits.overload_allowance"}
+# Read by what scores policies, and by what reads observations, not by the transition.
+ELSEWHERE = {"limits.overload_allowance", "machine.rated_power"}
 
 
 def test_no_configured_value_is_dead():
@@ -13,7 +13,7 @@ def test_no_configured_value_is_dead():
     dead = {
         name for name, scenario in variants(Scenario(), slightly_different) if parameter_records(scenario).tobytes() == nominal
     }
-    assert dead == FOR_SCORING_ONLY
+    assert dead == ELSEWHERE
 
 
 def test_the_specification_names_every_entry_of_info():

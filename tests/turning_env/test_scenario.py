@@ -12,9 +12,12 @@ from pydantic import ValidationError
 from tests.turning_env.playing import slightly_different, variants
 from turning_env import IDS, PowerLaw, RoughTurningEnv, RoughTurningVectorEnv, Scenario, ScenarioError, presets
 from turning_env.quantity import Section
-from turning_env.scenario import Control, Machine, Material, Tool
+from turning_env.sections import Control, Machine, Material, Tool
 
-PRESETS = ("casting", "forging", "paper", "rolled", "rough_turning", "welded")
+PRESETS = (
+    *("batch_casting", "batch_forging", "batch_rolled", "batch_welded", "casting", "forging", "override", "paper", "rolled"),
+    *("rough_turning", "shift", "surface", "welded"),
+)
 
 
 def numeric_fields() -> Iterator[tuple[type[Section], str, Any]]:
@@ -104,7 +107,7 @@ def test_digest_ignores_the_name_and_nothing_else():
         ("[limits]\npower = '7'\n", ["limits.power", "'7'"]),
         ("[limits]\npower = true\n", ["limits.power", "True"]),
         ("[control]\nsub_steps = 1.5\n", ["control.sub_steps", "1.5"]),
-        ("[control]\naction = 'steps'\n", ["control.action", "steps", "'incremental' or 'set_point'"]),
+        ("[control]\naction = 'steps'\n", ["control.action", "steps", "'incremental', 'set_point', 'override' or 'part'"]),
         ("[material.wear]\nfeed = 0.1\n", ["material.wear.coefficient", "required"]),
         ("tool = 3\n", ["tool", "3"]),
         ("[machine]\nfeed_min = 1\n", ["machine", "feed_min is 1.0", "below feed_max", "0.6"]),

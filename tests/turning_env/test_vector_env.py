@@ -59,7 +59,7 @@ def test_lanes_are_single_environments_side_by_side(mode, lanes):
 
 @pytest.mark.parametrize("preset", presets())
 def test_a_lane_is_the_lone_environment_of_its_seed(preset):
-    lanes, actions = 5, fixed_actions(INTERVALS, 5)
+    lanes, actions = 5, fixed_actions(INTERVALS, 5, preset)
     env = RoughTurningVectorEnv(lanes, preset)
     observations, infos = env.reset(seed=2**63)
     rows = [(observations, np.zeros(lanes), np.zeros(lanes, bool), np.zeros(lanes, bool), infos)]

@@ -18,7 +18,7 @@ WORKPIECE = Scenario().workpiece
 def fields(scenario: Scenario, cuts, seed: int = 0):
     """(Relative hardness [-], depth of cut [mm]) at cut coordinates [mm], in the order given."""
     lane = new_records(LANE, 1)[0]
-    lane.seed, lane.bar = seed, -1
+    lane.seed, lane.bar, lane.pass_ceiling = seed, -1, math.inf
     parameters = parameter_records(scenario)[0]
     values = np.empty((2, len(cuts)))
     for i, cut in enumerate(cuts):
