@@ -15,13 +15,19 @@ SUMS = (
     "reward_edge",  # [s]
     "reward_overload",  # [s]
     "reward_breakage",  # [s]
+    "reward_roughness",  # [s]
     "time",  # [s]
     "engaged_time",  # [s]
+    "stopped_time",  # [s]
     "removed",  # [cm3]
+    "passes",  # [-]
+    "edges_used",  # [-]
+    "edges_broken",  # [-]
+    "roughness_deviation",  # [s]
     "overload_time",  # [s]
     "severe_overload_time",  # [s]
 )
-LAST = ("used_life", "wear", "broken")  # [-], [mm], [-]: their values when the episode ends
+LAST = ("used_life", "wear", "finished")  # [-], [mm], [-]: their values when the episode ends
 EPISODE_FIELDS = ("return", "intervals", *SUMS, "excess", *LAST, "truncated")
 """Of each episode: the return [s], its length, sums and last values of ``info``; ``excess`` is the integral of ``cost`` [s]."""
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from leaderboard.board import Board
-from leaderboard.standings import FIXED
+from leaderboard.standings import references
 from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
 
@@ -58,7 +58,8 @@ def interval_plot(board: Board) -> IntervalPlot:
     """The plot of one board."""
     returns = {standing.name: standing.mean_return for standing in board.standings}
     ends = [end for estimate in returns.values() for end in (estimate.low, estimate.high)]
-    fixed = returns[FIXED].value if FIXED in returns else None
+    name = references(board.task.scenario).fixed
+    fixed = returns[name].value if name in returns else None
     return IntervalPlot(board, scale(ends, 230, 880), ROW_HEIGHT * len(returns) + 44, ROW_HEIGHT, fixed)
 
 
@@ -68,6 +69,7 @@ class _Subject:
     unit: str
     series: tuple[str, ...]
     limit: Callable[[Scenario], float | None] = lambda scenario: None
+    applies: Callable[[Scenario], bool] = lambda scenario: True
 
 
 SUBJECTS = (
@@ -75,9 +77,12 @@ SUBJECTS = (
     _Subject("feed", "mm/rev", ("commanded_feed", "feed")),
     _Subject("thrust force", "N", ("thrust_force",), lambda scenario: scenario.limits.thrust_force),
     _Subject("power", "kW", ("power",), lambda scenario: scenario.limits.power),
+    _Subject(
+        "roughness Ra", "um", ("roughness_reference", "roughness"), applies=lambda scenario: scenario.control.aim == "roughness"
+    ),
     _Subject("flank wear", "mm", ("wear",), lambda scenario: scenario.tool.wear_criterion),
 )
-"""What is drawn of a trajectory. Where there are two series, the first is the command."""
+"""What is drawn of a trajectory. Where there are two series, the first is the command or the reference."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +112,8 @@ def strips(episodes: Sequence[Trajectory], scenario: Scenario) -> list[Strip]:
         return []
     x = Scale(0.0, max(episode.series["minutes"][-1] for episode in episodes), 44, 352)
     panels: dict[int, list[Panel]] = {number: [] for number in range(len(episodes))}
-    for row, subject in enumerate(SUBJECTS):
+    subjects = [subject for subject in SUBJECTS if subject.applies(scenario)]
+    for row, subject in enumerate(subjects):
         limit = subject.limit(scenario)
         values = [value for episode in episodes for name in subject.series for value in episode.series[name]]
         top = 26 + row * PANEL_PITCH
@@ -115,7 +121,7 @@ def strips(episodes: Sequence[Trajectory], scenario: Scenario) -> list[Strip]:
         for number, episode in enumerate(episodes):
             lines = [_points(episode.series["minutes"], episode.series[name], x, y) for name in subject.series]
             panels[number].append(Panel(f"{subject.heading} [{subject.unit}]", y, lines, limit))
-    height = len(SUBJECTS) * PANEL_PITCH + 36
+    height = len(subjects) * PANEL_PITCH + 36
     return [Strip(episode, x, height, panels[number]) for number, episode in enumerate(episodes)]
 
 

@@ -1,10 +1,10 @@
 """The columns of the ranking: heading, unit, definition and value, for the terminal and the page alike."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from leaderboard.standings import FIXED, PAPER, Standing
+from leaderboard.standings import OVERRIDE, PARTS, ROUGHNESS, SPEED_AND_FEED, Standing
 from leaderboard.statistics import Estimate
 
 Value = Estimate | float | None
@@ -54,19 +54,28 @@ RETURNS = (
     ),
 )
 
+_TASKS = (
+    ("where speed and feed are set", SPEED_AND_FEED),
+    ("where only the feed is set", OVERRIDE),
+    ("where a roughness is held", ROUGHNESS),
+    ("where parts are turned", PARTS),
+)
+_FIXED = "; ".join(f"{where}, {refer.fixed}" for where, refer in _TASKS)
+_PUBLISHED = "; ".join(f"{where}, {refer.published}" for where, refer in _TASKS)
+
 COMPARISONS = (
     Column(
-        f"over {FIXED}",
+        "over fixed",
         "s",
-        f"Return less that of {FIXED}, the best fixed parameters, on the same draws. {FIXED} is the zero of the score.",
+        f"Return less that of fixed parameters on the same draws, which are the zero of the score: {_FIXED}.",
         lambda s: s.over_fixed,
         0,
     ),
     Column(
-        f"over {PAPER}",
+        "over published",
         "s",
-        f"Return less that of {PAPER}, the published controller, on the same draws.",
-        lambda s: s.over_paper,
+        f"Return less that of a published controller on the same draws: {_PUBLISHED}.",
+        lambda s: s.over_published,
         0,
     ),
     Column(
@@ -78,32 +87,17 @@ COMPARISONS = (
         0,
     ),
     Column(
-        f"beats {PAPER}",
+        "beats published",
         "%",
-        f"Probability of improvement: share of draws on which the return is above that of {PAPER}, equal ones counted half; "
-        "mean over training seeds.",
-        lambda s: s.improves_on_paper,
+        "Probability of improvement: share of draws on which the return is above that of the published controller, equal ones "
+        "counted half; mean over training seeds.",
+        lambda s: s.improves_on_published,
         1,
         100,
     ),
 )
 
-WORKSHOP = (
-    Column(
-        "productivity",
-        "cm3/min",
-        "Metal removed over all time: machine time, edge changes and the downtime of breakages. An edge that the time limit "
-        "leaves unfinished is charged its used share of a change.",
-        lambda s: s.productivity,
-        1,
-    ),
-    Column(
-        "cost",
-        "min/dm3",
-        "All that time, and the price of the edges used up, in minutes of machine time, over metal removed.",
-        lambda s: s.cost,
-        2,
-    ),
+LIMITS = (
     Column(
         "over a limit", "%", "Share of cutting time above the limit of force or of power.", lambda s: s.overload_share, 2, 100
     ),
@@ -131,6 +125,43 @@ WORKSHOP = (
         3,
         100,
     ),
+)
+
+WORKSHOP = (
+    Column(
+        "time",
+        "min",
+        "Mean time of an episode: machine time, edge changes and the downtime of breakages.",
+        lambda s: s.minutes,
+        2,
+    ),
+    Column(
+        "cost per part", "min", "That time and the price of edges, per part turned, in machine time.", lambda s: s.part_cost, 2
+    ),
+    Column(
+        "roughness deviation",
+        "%",
+        "Relative deviation of Ra from its reference, averaged over cutting time.",
+        lambda s: s.roughness_deviation,
+        2,
+        100,
+    ),
+    Column(
+        "productivity",
+        "cm3/min",
+        "Metal removed over all time: machine time, edge changes and the downtime of breakages. An edge that the time limit "
+        "leaves unfinished is charged its used share of a change.",
+        lambda s: s.productivity,
+        1,
+    ),
+    Column(
+        "cost",
+        "min/dm3",
+        "All that time, and the price of the edges used up, in minutes of machine time, over metal removed.",
+        lambda s: s.cost,
+        2,
+    ),
+    Column("edges", "edges", "Mean number of edges that an episode uses up.", lambda s: s.edges, 2),
     Column(
         "broken edges",
         "per 100",
@@ -141,3 +172,8 @@ WORKSHOP = (
     ),
     Column("used life", "%", "Used share of the edge's life when the episode ends, on average.", lambda s: s.used_life, 1, 100),
 )
+
+
+def applying(columns: Sequence[Column], standings: Sequence[Standing]) -> list[Column]:
+    """The columns that have something to say of some of the standings."""
+    return [column for column in columns if any(column.value(standing) is not None for standing in standings)]

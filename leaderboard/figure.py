@@ -10,7 +10,7 @@ from matplotlib.ticker import SymmetricalLogLocator
 
 from leaderboard.board import Board
 from leaderboard.results import ResultError
-from leaderboard.standings import FIXED, PAPER
+from leaderboard.standings import references
 from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
 from turning_env.files import replace_file
@@ -30,7 +30,8 @@ def write(board: Board, path: Path) -> None:
         what = f"{board.task.env_id} on scenario {board.task.scenario.name}"
         raise ResultError(f"two trajectories are needed; python -m leaderboard run records those of {what}")
     # The first of the ranking against the published controller, or against the next.
-    second = next((episode for episode in episodes[1:] if episode.policy.name == PAPER), episodes[1])
+    published = references(board.task.scenario).published
+    second = next((episode for episode in episodes[1:] if episode.policy.name == published), episodes[1])
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.1))[0]
     _intervals(left.subplots(), board)
@@ -46,7 +47,7 @@ def _intervals(axes: Axes, board: Board) -> None:
         estimate, colour = standing.mean_return, BLUE if standing.admissible else VERMILLION
         axes.plot([estimate.low, estimate.high], [place, place], color=colour)
         axes.plot(estimate.value, place, "o", color=colour, markerfacecolor=colour if standing.admissible else "white")
-        if standing.name == FIXED:
+        if standing.name == references(board.task.scenario).fixed:
             axes.axvline(estimate.value, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
     labels = [standing.name + ("" if standing.admissible else "\n(not admissible)") for standing in board.standings]
     axes.set_yticks(range(len(labels)), labels)

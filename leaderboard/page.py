@@ -38,12 +38,6 @@ def render(boards: Sequence[Board]) -> str:
     templates.filters["unit"] = lambda text: str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
     return templates.get_template("page.html.j2").render(
         sections=[_section(board) for board in boards],
-        column_groups={
-            "Return": columns.RETURNS,
-            "Compared on the same draws": columns.COMPARISONS,
-            "In the workshop": columns.WORKSHOP,
-        },
-        columns=columns.RETURNS + columns.COMPARISONS + columns.WORKSHOP,
         confidence=f"{100 * CONFIDENCE:g} %",
         resamples=RESAMPLES,
     )
@@ -51,7 +45,16 @@ def render(boards: Sequence[Board]) -> str:
 
 def _section(board: Board) -> dict[str, Any]:
     trajectories = board.trajectories
+    groups = {
+        "Return": columns.RETURNS,
+        "Compared on the same draws": columns.COMPARISONS,
+        "Limits": columns.LIMITS,
+        "In the workshop": columns.WORKSHOP,
+    }
+    shown = {heading: columns.applying(group, board.standings) for heading, group in groups.items()}
     return {
+        "column_groups": {heading: group for heading, group in shown.items() if group},
+        "columns": [column for group in shown.values() for column in group],
         "board": board,
         "digests": board.results[0].digests,
         "versions": board.results[0].versions,

@@ -15,7 +15,7 @@ from baselines.play import EPISODE_FIELDS, Episodes
 from turning_env import Scenario
 from turning_env.files import replace_file
 
-SCHEMA: Literal["rough-turning/results/1"] = "rough-turning/results/1"
+SCHEMA: Literal["rough-turning/results/2"] = "rough-turning/results/2"
 TRAJECTORIES_FILE = "trajectories.json"
 _RECORDED_VERSIONS = ("rough-turning", "numpy", "numba")
 
@@ -93,7 +93,7 @@ class PolicyRecord(Part):
 class Result(Part):
     """What one policy did on one task."""
 
-    schema_: Literal["rough-turning/results/1"] = Field(alias="schema")
+    schema_: Literal["rough-turning/results/2"] = Field(alias="schema")
     task: Task
     digests: Digests
     policy: PolicyRecord

@@ -26,7 +26,7 @@ from leaderboard.results import (
     write_part,
     write_whole,
 )
-from leaderboard.standings import FIXED, PAPER, Standing, check_alike
+from leaderboard.standings import References, Standing, check_alike, references
 from leaderboard.trajectories import Trajectories, Trajectory, record
 from turning_env import Scenario
 from turning_env.files import digest_of_files
@@ -169,7 +169,7 @@ def _record_trajectories(task: Task, contestants: Sequence[Contestant], folder: 
     # One training seed stands for an agent: the first given.
     able = {contestant.policy.name: contestant for contestant in reversed(contestants)}
     episodes: list[Trajectory] = []
-    for name in _shown(board.standings):
+    for name in _shown(board.standings, references(task.scenario)):
         if name in recorded:
             episodes.append(recorded[name])
         elif name in able:
@@ -185,8 +185,8 @@ def _is_readable(path: Path) -> bool:
     return True
 
 
-def _shown(standings: Sequence[Standing]) -> list[str]:
+def _shown(standings: Sequence[Standing], refer: References) -> list[str]:
     """The policies whose trajectories are shown, in the order of rank: the first, and the two that all are compared with."""
     names = [standing.name for standing in standings]
-    chosen = dict.fromkeys([names[0], *(name for name in (PAPER, FIXED) if name in names), *names])
+    chosen = dict.fromkeys([names[0], *(name for name in (refer.published, refer.fixed) if name in names), *names])
     return sorted(list(chosen)[:MOST_TRAJECTORIES], key=names.index)

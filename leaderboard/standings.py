@@ -10,10 +10,30 @@ from leaderboard.results import PolicyRecord, Result, ResultError
 from leaderboard.statistics import CONFIDENCE, Bootstrap, Estimate, Floats, improvement, interquartile_mean
 from turning_env import Scenario
 
-FIXED = "fixed_tuned"
-"""The best fixed parameters: the zero of the score."""
-PAPER = "grid_search"
-"""The published controller."""
+
+@dataclass(frozen=True)
+class References:
+    """Which policies all others are compared with on a task."""
+
+    fixed: str
+    """Fixed parameters: the zero of the score."""
+    published: str
+    """The published controller."""
+
+
+SPEED_AND_FEED = References("fixed_tuned", "grid_search")
+OVERRIDE = References("programmed_feed", "modified_fuzzy_override")
+ROUGHNESS = References("programmed_feed", "constant_force")
+PARTS = References("parts_fixed_tuned", "parts_app_pt")
+
+
+def references(scenario: Scenario) -> References:
+    """The references of a scenario's task."""
+    if scenario.control.action == "part":
+        return PARTS
+    if scenario.control.action == "override":
+        return ROUGHNESS if scenario.control.aim == "roughness" else OVERRIDE
+    return SPEED_AND_FEED
 
 
 @dataclass(frozen=True)
@@ -28,16 +48,20 @@ class Standing:
     mean_return: Estimate  # [s]
     interquartile_return: Estimate  # [s]
     over_fixed: Estimate | None  # [s]
-    over_paper: Estimate | None  # [s]
+    over_published: Estimate | None  # [s]
     best_rule: str | None  # of the other policies that are rules, the one with the highest mean return
     over_best_rule: Estimate | None  # [s]
-    improves_on_paper: Estimate | None  # probability
+    improves_on_published: Estimate | None  # probability
+    minutes: float  # of an episode, changes and downtime counted [min]
+    part_cost: float | None  # edges included, None where no parts are turned [min]
+    roughness_deviation: float | None  # mean while cutting, relative; None where no roughness is held
     productivity: float  # [cm3/min]
     cost: float  # [min/dm3]
     overload_share: float  # of cutting time
     severe_share: float  # of cutting time
     severe_limit: float  # one-sided upper confidence limit of severe_share
     excess: float  # mean while cutting, relative
+    edges: float  # used up in an episode
     broken_share: float  # of edges used up
     used_life: float  # at the end
 
@@ -103,15 +127,16 @@ def _standing(
         others = rows[reference]["return"]
         return Estimate.of(float(np.mean(returns) - np.mean(others)), mean_returns - bootstrap.means(others, reference))
 
-    improves_on_paper = None
-    if PAPER in rows and name != PAPER:
-        wins = improvement(returns, rows[PAPER]["return"])
-        improves_on_paper = Estimate.of(float(np.mean(wins)), bootstrap.means(wins, name))
+    refer = references(scenario)
+    improves_on_published = None
+    if refer.published in rows and name != refer.published:
+        wins = improvement(returns, rows[refer.published]["return"])
+        improves_on_published = Estimate.of(float(np.mean(wins)), bootstrap.means(wins, name))
 
     engaged, severe = episodes["engaged_time"], episodes["severe_overload_time"]
     severe_shares = _ratio(bootstrap.means(severe, name), bootstrap.means(engaged, name))
     severe_limit = float(np.quantile(severe_shares, CONFIDENCE))
-    removed, minutes, edges = episodes["removed"], total_minutes(episodes, scenario), edges_used(episodes)
+    removed, minutes, edges = episodes["removed"], total_minutes(episodes, scenario), episodes["edges_used"]
     return Standing(
         name=name,
         kind=policy.kind,
@@ -122,36 +147,41 @@ def _standing(
         interquartile_return=Estimate.of(
             float(interquartile_mean(returns.ravel())), bootstrap.interquartile_means(returns, name)
         ),
-        over_fixed=difference(FIXED),
-        over_paper=difference(PAPER),
+        over_fixed=difference(refer.fixed),
+        over_published=difference(refer.published),
         best_rule=best_rule,
         over_best_rule=difference(best_rule),
-        improves_on_paper=improves_on_paper,
+        improves_on_published=improves_on_published,
+        minutes=float(np.mean(minutes)),
+        part_cost=(
+            _share(minutes + scenario.economics.edge_cost * edges, episodes["intervals"])
+            if scenario.control.action == "part"
+            else None
+        ),
+        roughness_deviation=(_share(episodes["roughness_deviation"], engaged) if scenario.control.aim == "roughness" else None),
         productivity=_share(removed, minutes),
         cost=_share(minutes + scenario.economics.edge_cost * edges, removed / 1000.0) if removed.any() else math.inf,
         overload_share=_share(episodes["overload_time"], engaged),
         severe_share=_share(severe, engaged),
         severe_limit=severe_limit,
         excess=_share(episodes["excess"], engaged),
-        broken_share=_share(episodes["broken"], edges),
+        edges=float(np.mean(edges)),
+        broken_share=_share(episodes["edges_broken"], edges),
         used_life=float(np.mean(episodes["used_life"])),
     )
 
 
-def edges_used(episodes: Mapping[str, Floats]) -> Floats:
-    """Edges that each episode uses up: the used share of life, and the whole of a broken edge."""
-    used: Floats = np.where(episodes["broken"] > 0.0, 1.0, np.minimum(episodes["used_life"], 1.0))
-    return used
-
-
 def total_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
-    """Time [min] of each episode, with the change of the edges that it uses up and the downtime of a breakage.
+    """Time [min] of each episode, with the change of the edges that it uses up and the downtime of breakages.
 
-    An episode that the time limit cuts off has not used up its edge, so it is charged a like share of the change.
+    Where an episode ends with its edge, that time has not passed in it. One that the time limit cuts off has not used up its
+    edge, so it is charged a like share of the change.
     """
     economics = scenario.economics
-    change = economics.edge_change_time * edges_used(episodes)
-    total: Floats = episodes["time"] / 60.0 + change + economics.breakage_downtime * episodes["broken"]
+    total: Floats = episodes["time"] / 60.0
+    if scenario.control.edge_changes == "end":
+        stops = economics.edge_change_time * episodes["edges_used"] + economics.breakage_downtime * episodes["edges_broken"]
+        total = total + stops
     return total
 
 

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 
 from leaderboard.board import Board
-from leaderboard.columns import COMPARISONS, RETURNS, WORKSHOP, Column
+from leaderboard.columns import COMPARISONS, LIMITS, RETURNS, WORKSHOP, Column, applying
 from leaderboard.standings import Standing
 
 
 def render(board: Board) -> str:
-    """Three tables, as one would be too wide, under a line that says what was played."""
+    """Four tables, as one would be too wide, under a line that says what was played."""
     task, digests = board.task, board.results[0].digests
     return "\n".join(
         [
@@ -18,12 +18,15 @@ def render(board: Board) -> str:
             "",
             *_table(board.standings, COMPARISONS),
             "",
+            *_table(board.standings, LIMITS),
+            "",
             *_table(board.standings, WORKSHOP),
         ]
     )
 
 
 def _table(standings: Sequence[Standing], columns: Sequence[Column]) -> list[str]:
+    columns = applying(columns, standings)
     rows = [
         ["rank", "policy", "seeds", "admissible", *(column.heading for column in columns)],
         ["", "", "", "", *(f"[{column.unit}]" for column in columns)],

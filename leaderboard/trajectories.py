@@ -10,7 +10,7 @@ from baselines.policy import PolicyFactory
 from leaderboard.results import Part, PolicyRecord
 from turning_env import RoughTurningEnv, Scenario
 
-SCHEMA: Literal["rough-turning/trajectories/1"] = "rough-turning/trajectories/1"
+SCHEMA: Literal["rough-turning/trajectories/2"] = "rough-turning/trajectories/2"
 SERIES = (
     "path",  # tool position, air and metal [mm]
     "depth_of_cut",  # [mm], 0 in air
@@ -22,9 +22,13 @@ SERIES = (
     "thrust_force",  # [N]
     "power",  # [kW]
     "wear",  # [mm]
+    "roughness",  # [um], 0 where none is held
+    "roughness_reference",  # [um], likewise
 )
 """Recorded from ``info`` at the end of every interval, beside ``minutes``, the machine time elapsed."""
 _DIGITS = 6  # enough to draw
+MOST_INTERVALS = 2000
+"""Of longer episodes the start is kept."""
 
 
 class Trajectory(Part):
@@ -46,7 +50,7 @@ class Trajectory(Part):
 class Trajectories(Part):
     """Episodes of several policies on one draw."""
 
-    schema_: Literal["rough-turning/trajectories/1"] = Field(alias="schema", default=SCHEMA)
+    schema_: Literal["rough-turning/trajectories/2"] = Field(alias="schema", default=SCHEMA)
     task: str
     """The task's digest."""
     draw: int
@@ -59,14 +63,14 @@ class Trajectories(Part):
 
 
 def record(policy: PolicyRecord, make: PolicyFactory, scenario: Scenario, draw: int) -> Trajectory:
-    """Play one episode and keep its course."""
+    """Play one episode and keep its course, up to ``MOST_INTERVALS``."""
     env = RoughTurningEnv(scenario)
     controller = make(1)
     observation, _ = env.reset(seed=draw)
     controller.reset(np.ones(1, np.bool_))
     series: dict[str, list[float]] = {name: [] for name in ("minutes", *SERIES)}
     elapsed, ended = 0.0, False
-    while not ended:
+    while not ended and len(series["minutes"]) < MOST_INTERVALS:
         observation, _, terminated, truncated, info = env.step(controller.act(observation[None])[0])
         elapsed += info["time"] / 60.0
         series["minutes"].append(_rounded(elapsed))

@@ -21,7 +21,7 @@ class RoughTurningVecEnv(VecEnv):
     def __init__(self, scenario: Scenario, count: int, reward_scale: float = 1.0) -> None:
         self.lathes_env = RoughTurningVectorEnv(count, scenario, AutoresetMode.SAME_STEP)
         self.reward_scale = reward_scale
-        self._actions: NDArray[np.float32] = np.zeros((count, 2), np.float32)
+        self._actions: NDArray[np.float32] = np.zeros(self.lathes_env.action_space.shape or (), np.float32)
         self._returns = np.zeros(count)
         self._lengths = np.zeros(count, np.int64)
         super().__init__(count, self.lathes_env.single_observation_space, self.lathes_env.single_action_space)

@@ -108,8 +108,8 @@ def test_table_lists_policies_by_rank(board: Board) -> None:
     lines = table.render(board).splitlines()
     assert lines[0].startswith("RoughTurning-v0, scenario rough_turning, 4 draws, task ")
     ranked = [line.split()[:3] for line in lines if re.match(r" +\d+  ", line)]
-    assert len(ranked) == 12
-    assert ranked[:4] == ranked[4:8] == ranked[8:]
+    assert len(ranked) == 16
+    assert ranked[:4] == ranked[4:8] == ranked[8:12] == ranked[12:]
     assert max(map(len, lines)) <= 160
     assert ranked[3] == ["4", "ppo", "2"]
     assert "NO" in next(line for line in lines if " ppo " in line)

@@ -45,7 +45,7 @@ def test_agents_have_a_file_per_training_seed(make_result: MakeResult, folder: P
 @pytest.mark.parametrize(
     ("where", "value", "message"),
     [
-        (["schema"], "rough-turning/results/0", r"schema: 'rough-turning/results/0' is not allowed.*rough-turning/results/1"),
+        (["schema"], "rough-turning/results/0", r"schema: 'rough-turning/results/0' is not allowed.*rough-turning/results/2"),
         (["mood"], 1, r"mood: 1 is not allowed: Extra inputs"),
         (["policy", "kind"], "oracle", r"policy.kind: 'oracle' is not allowed"),
         (["policy", "training_seed"], 1, r"training_seed is 1"),

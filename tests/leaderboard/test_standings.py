@@ -21,7 +21,8 @@ def test_physical_columns_by_hand(make_result: MakeResult) -> None:
         severe_overload_time=[35, 0, 0, 0],
         excess=[7, 0, 0, 0],
         used_life=[1.001, 0.2, 0.5, 0.5],
-        broken=[0, 1, 0, 0],
+        edges_used=[1, 1, 0.5, 0.5],
+        edges_broken=[0, 1, 0, 0],
     )
     (standing,) = rank([result])
     minutes = 35.0 + 3 * 2.0 + 10.0
@@ -48,13 +49,13 @@ def test_comparisons_by_hand(make_result: MakeResult) -> None:
     assert first.interquartile_return.value == pytest.approx((21 + 23 + 31 + 33) / 4)
     assert first.over_fixed is not None
     assert first.over_fixed.value == pytest.approx(26.5)
-    assert first.over_paper is not None
-    assert first.over_paper.value == pytest.approx(1.5)
-    assert -1.0 <= first.over_paper.low < 1.5 < first.over_paper.high <= 3.0
-    assert first.improves_on_paper is not None
-    assert first.improves_on_paper.value == pytest.approx(7 / 8)
-    assert second.over_paper is None
-    assert second.improves_on_paper is None
+    assert first.over_published is not None
+    assert first.over_published.value == pytest.approx(1.5)
+    assert -1.0 <= first.over_published.low < 1.5 < first.over_published.high <= 3.0
+    assert first.improves_on_published is not None
+    assert first.improves_on_published.value == pytest.approx(7 / 8)
+    assert second.over_published is None
+    assert second.improves_on_published is None
     assert third.over_fixed is None
 
 
