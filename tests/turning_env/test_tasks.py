@@ -1,0 +1,276 @@
+"""What sets the tasks apart from RoughTurning-v0: override, roughness, edge changes, parts, and the current as a sensor."""
+
+import math
+from itertools import pairwise
+
+import gymnasium
+import numpy as np
+import pytest
+
+from tests.turning_env.playing import UNDISTURBED, changed, play
+from turning_env import IDS, RoughTurningEnv, Scenario, read
+
+SPREADS = {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
+OVERRIDE = changed(
+    Scenario.load("override"),
+    workpiece=SPREADS | {"depth_ripple": 0.0},
+    sensors={"power_noise": 0.0},
+    tool={"wear_factor_spread": 0.0},
+)
+SURFACE = changed(Scenario.load("surface"), workpiece=SPREADS)
+LASTING = {"edge_strength": 1e6, "edge_strength_spread": 0.0, "wear_factor_spread": 0.0}
+SHIFT = changed(Scenario.load("shift"), workpiece=SPREADS, tool=LASTING)
+BATCH = changed(Scenario.load("batch_casting"), tool=LASTING | {"wear_criterion": 5.0})
+
+
+def steps(scenario, actions, seed=0):
+    """The infos of the steps, and the rewards, until the episode ends."""
+    env = RoughTurningEnv(scenario)
+    env.reset(seed=seed)
+    infos = []
+    for action in actions:
+        _, reward, terminated, truncated, info = env.step(action)
+        infos.append(info | {"reward": reward, "terminated": terminated, "truncated": truncated})
+        if terminated or truncated:
+            break
+    return infos
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_every_id_has_a_specification_that_names_it(env_id):
+    specification = type(gymnasium.make(env_id).unwrapped).__doc__ or ""
+    assert f"`{env_id}`" in specification
+    assert "## Version history" in specification
+
+
+# --- override ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("override", "feed"), [(-1.0, 0.004), (-0.5, 0.2), (0.0, 0.4), (1.0, 0.8), (7.0, 0.8)])
+def test_the_override_scales_the_programmed_feed(override, feed):
+    info = steps(OVERRIDE, [[override]] * 200)[-1]
+    assert info["commanded_feed"] == pytest.approx(feed)
+    assert info["feed"] == pytest.approx(feed, rel=1e-3)
+    assert info["spindle_speed"] == pytest.approx(710, rel=1e-3)
+
+
+def test_a_millimetre_at_the_programmed_feed_loads_the_spindle_to_a_quarter():
+    loads = [info["power"] / OVERRIDE.machine.rated_power for info in steps(OVERRIDE, [[0.0]] * 300)]
+    assert loads[-1] == pytest.approx(0.25, abs=0.002)
+
+
+def test_the_depth_steps_along_the_bar_and_the_job_ends_with_it():
+    infos = steps(OVERRIDE, [[0.0]] * 4000)
+    assert infos[-1]["terminated"]
+    assert infos[-1]["finished"]
+    assert not any(info["finished"] for info in infos[:-1])
+    depths = [info["depth_of_cut"] for info in infos if info["cutting"]]
+    changes = [depths[0], *(after for before, after in pairwise(depths) if after != before)]
+    assert changes == [1.0, 2.0, 3.0, 1.0, 3.0]
+    profile = OVERRIDE.workpiece.depth_profile
+    volume = math.pi * OVERRIDE.workpiece.diameter * OVERRIDE.workpiece.bar_length * sum(profile) / len(profile) / 1000
+    assert sum(info["removed"] for info in infos) == pytest.approx(volume, rel=2e-3)
+
+
+def test_force_follows_the_chip_with_a_lag_of_turns():
+    flat = changed(OVERRIDE, workpiece={"depth_profile": [2.0], "approach": 0.0}, machine={"feed_time_constant": 0.0})
+    infos = steps(flat, [[0.0]] * 100)
+    final = infos[-1]["power"]
+    for count in (3, 8, 20):
+        turns = infos[count - 1]["spindle_speed"] * count * flat.control.interval / 60
+        assert infos[count - 1]["power"] == pytest.approx(final * (1 - math.exp(-turns / flat.machine.chip_lag)), rel=1e-3)
+
+
+def test_the_depth_ripples_with_the_turns_of_the_spindle():
+    control = {"interval": 0.002, "sub_steps": 1}
+    rippling = changed(
+        OVERRIDE, workpiece={"depth_profile": [2.0], "depth_ripple": 0.02, "depth_ripple_period": 5.0}, control=control
+    )
+    depths = np.array([info["depth_of_cut"] for info in steps(rippling, [[0.0]] * 2000) if info["cutting"]])
+    assert depths.max() == pytest.approx(2.04, rel=1e-4)
+    assert depths.min() == pytest.approx(1.96, rel=1e-4)
+    crossings = np.flatnonzero((depths[:-1] < 2.0) & (depths[1:] >= 2.0))
+    assert np.diff(crossings).mean() * control["interval"] == pytest.approx(5.0 * 60 / 710, rel=0.01)
+
+
+# --- roughness --------------------------------------------------------------------------------------------------------
+
+
+def test_roughness_follows_the_force_and_its_deviation_is_charged():
+    infos = steps(SURFACE, [[1 / 3]] * 1500)
+    info = infos[300]
+    assert info["thrust_force"] == pytest.approx(2850 * 0.2, rel=1e-3)
+    assert info["roughness"] == pytest.approx(0.2401 * math.exp(0.0034 * info["thrust_force"]))
+    reference = infos[299]["roughness_reference"]
+    assert info["roughness_deviation"] == pytest.approx(0.01 * abs(info["roughness"] / reference - 1), rel=0.01)
+    assert info["reward_roughness"] == pytest.approx(-10 * info["roughness_deviation"])
+
+
+def test_the_reference_changes_in_fixed_periods_and_stays_in_its_range():
+    infos = steps(SURFACE, [[0.0]] * 1500)
+    references = np.array([info["roughness_reference"] for info in infos])
+    changes = np.flatnonzero(np.diff(references)) + 1
+    assert changes.tolist() == [374, 749, 1124, 1499]  # told with the interval before: 3.75 s are 375 intervals
+    assert infos[-1]["truncated"]
+    many = np.array([steps(SURFACE, [[0.0]], seed)[0]["roughness_reference"] for seed in range(400)])
+    assert 1.0 <= many.min() < 1.02
+    assert 3.04 < many.max() <= 3.1
+    assert np.median(many) == pytest.approx(math.sqrt(1.0 * 3.1), rel=0.05)  # even on a log scale
+
+
+def test_the_reference_is_observed():
+    record = play(RoughTurningEnv(SURFACE), 4, np.zeros((400, 1), np.float32))
+    assert read(record["observation"], SURFACE).roughness_reference == pytest.approx(record["roughness_reference"], rel=1e-6)
+    assert np.isnan(read(record["observation"], SURFACE).probed_depth).all()
+    one_only = changed(SURFACE, surface={"reference_min": 1.6, "reference_max": 1.6})
+    observation, info = RoughTurningEnv(one_only).reset(seed=0)
+    assert info["roughness_reference"] == pytest.approx(1.6)
+    assert read(observation[np.newaxis], one_only).roughness_reference == pytest.approx(1.6)
+
+
+# --- shift ------------------------------------------------------------------------------------------------------------
+
+
+def test_an_edge_is_changed_on_command_and_charged_whole():
+    infos = steps(SHIFT, [[0, 0, -1]] * 30 + [[0, 0, 0.01]] + [[0, 0, 0]] * 5)
+    economics, change = SHIFT.economics, infos[30]
+    assert sum(info["edges_used"] for info in infos[:31]) == pytest.approx(1.0 + change["used_life"])
+    assert change["stopped_time"] == pytest.approx(60 * economics.edge_change_time)
+    assert change["time"] == pytest.approx(60 * economics.edge_change_time + 1)
+    assert change["reward_time"] == pytest.approx(-change["time"])
+    assert change["reward_edge"] == pytest.approx(-60 * economics.edge_cost * change["edges_used"])
+    assert infos[29]["cutting_time"] > change["cutting_time"] == pytest.approx(1 / 60, rel=1e-6)
+    assert infos[-1]["stopped_time"] == 0
+
+
+def test_a_worn_edge_is_changed_unannounced_which_takes_longer():
+    soft = changed(SHIFT, tool={"wear_criterion": 0.12})
+    infos = steps(soft, [[1, 1, -1]] * 100)
+    first = next(info for info in infos if info["stopped_time"])
+    assert first["stopped_time"] == pytest.approx(60 * (soft.economics.edge_change_time + soft.economics.unplanned_stop))
+    assert first["edges_broken"] == 0
+    assert not first["terminated"]
+    assert first["used_life"] == 0
+
+
+def test_a_broken_edge_costs_its_rest_and_the_downtime():
+    brittle = changed(SHIFT, tool={"edge_strength": 900.0})
+    infos = steps(brittle, [[1, 1, -1]] * 100)
+    first = next(info for info in infos if info["broken"])
+    assert first["stopped_time"] == pytest.approx(60 * (brittle.economics.edge_change_time + brittle.economics.breakage_downtime))
+    assert first["reward_breakage"] + first["reward_edge"] == pytest.approx(-60 * 3 * first["edges_used"])
+    assert (first["power"], first["measured_power"]) == (0.0, 0.0)
+
+
+def test_every_edge_is_another():
+    infos = steps(changed(SHIFT, tool={"wear_factor_spread": 0.1}), [[0, 0, 1]] * 20)
+    assert len({info["wear_factor"] for info in infos}) == 20
+
+
+def test_a_shift_lasts_as_long_as_it_does():
+    short = changed(SHIFT, control={"time_limit": 10.0})
+    for actions in ([[0, 0, -1]] * 1000, [[0, 0, 1]] * 1000):
+        infos = steps(short, actions)
+        assert infos[-1]["truncated"]
+        assert sum(info["time"] for info in infos) == pytest.approx(600, abs=1.0)
+
+
+# --- batch ------------------------------------------------------------------------------------------------------------
+
+
+def part(passes, allowance, speed=0.0, feed=0.0):
+    """The action that turns a part in so many passes with a path for an allowance [mm]."""
+    number = 2.0 * (passes - 0.5) / BATCH.control.passes_max - 1.0
+    return [number, allowance / BATCH.workpiece.depth_of_cut - 1.0] + [speed, feed] * BATCH.control.passes_max
+
+
+@pytest.mark.parametrize("passes", [1, 2, 3, 4])
+@pytest.mark.parametrize("allowance", [0.0, 3.0, 5.0, 10.0])
+def test_whatever_the_path_the_part_is_turned_whole(passes, allowance):
+    infos = steps(BATCH, [part(passes, allowance)] * 3, seed=5)
+    expected = steps(BATCH, [part(1, 5.0)] * 3, seed=5)
+    assert [info["removed"] for info in infos] == pytest.approx([info["removed"] for info in expected], rel=2e-3)
+    assert [info["passes"] for info in infos] == [passes] * 3
+    # Every pass runs the whole way, in metal or not, and returns.
+    velocity = infos[0]["feed_velocity"]
+    pitch = BATCH.workpiece.bar_length + BATCH.workpiece.approach
+    assert infos[0]["time"] == pytest.approx(60 * passes * (pitch / velocity + BATCH.machine.return_time))
+
+
+def test_passes_beyond_the_blank_cut_air():
+    exact = changed(BATCH, workpiece=SPREADS)
+    (shallow,) = steps(exact, [part(4, 10.0)])  # floors at 7.5, 5, 2.5 and 0 mm: two of four passes meet nothing
+    (even,) = steps(exact, [part(2, 5.0)])
+    assert shallow["engaged_time"] == pytest.approx(even["engaged_time"])
+    assert shallow["mean_power"] == pytest.approx(even["mean_power"], rel=0.05)
+
+
+def test_what_exceeds_the_path_falls_to_the_first_pass():
+    exact = changed(BATCH, workpiece=SPREADS, limits={"power": 4.0})
+    (even,), (heavy_first,) = (steps(exact, [part(2, allowance)]) for allowance in (5.0, 3.0))
+    assert heavy_first["mean_power"] < even["mean_power"]  # the last pass takes 1.5 mm, the first 3.5 mm
+    assert heavy_first["cost"] > even["cost"]
+
+
+def test_the_probe_tells_the_mean_allowance_of_the_next_blank():
+    uniform = changed(BATCH, workpiece={"depth_along_spread": 0.0})
+    record = play(RoughTurningEnv(uniform), 3, np.array([part(1, 5.0)] * 19, np.float32))
+    lengths = math.pi * uniform.workpiece.diameter * uniform.workpiece.bar_length / 1000
+    assert record["probed_depth"][:-1] == pytest.approx(record["removed"][1:] / lengths, rel=1e-9)
+    assert read(record["observation"], uniform).probed_depth == pytest.approx(record["probed_depth"], rel=1e-6)
+    blind = changed(BATCH, sensors={"probe": False})
+    assert RoughTurningEnv(blind).observation_space.shape == (11,)
+
+
+def test_a_batch_ends_with_its_last_part():
+    infos = steps(BATCH, [part(2, 5.0, 1.0, 1.0)] * 50)
+    assert len(infos) == BATCH.workpiece.bars
+    assert infos[-1]["terminated"]
+    assert infos[-1]["finished"]
+
+
+def test_edges_are_changed_in_mid_part():
+    worn = changed(BATCH, tool={"wear_criterion": 0.2})
+    infos = steps(worn, [part(2, 5.0, 0.5, 0.0)] * 20)
+    assert sum(info["edges_used"] for info in infos) > 2
+    changes = sum(info["stopped_time"] for info in infos) / 60 / (2 + 3)
+    assert changes == pytest.approx(round(changes))
+    assert infos[-1]["finished"]
+
+
+# --- servo current ----------------------------------------------------------------------------------------------------
+
+SENSED = changed(UNDISTURBED, control={"interval": 1}, sensors={"force": "servo_current"}, feed_drive={"ripple": 0.0})
+
+
+def test_the_current_is_linear_in_the_force_and_not_zero_without():
+    drive = SENSED.feed_drive
+    info = steps(SENSED, [[0.0, 0.0]])[0]
+    torque = drive.screw_lead / 1000 / (2 * math.pi * drive.efficiency)
+    friction = drive.guide_friction + drive.preload * (1 - drive.screw_efficiency**2)
+    motor = 1.5 * drive.pole_pairs * drive.flux_linkage
+    expected = torque * (info["thrust_force"] + friction) / motor + drive.no_load_current_rate * info["feed_velocity"]
+    assert info["measured_servo_current"] == pytest.approx(expected, rel=1e-12)
+    assert info["measured_thrust_force"] == 0.0
+    air = steps(changed(SENSED, workpiece={"approach": 1000.0}), [[0.0, 0.0]])[0]
+    assert air["measured_servo_current"] == pytest.approx(
+        torque * friction / motor + drive.no_load_current_rate * air["feed_velocity"]
+    )
+
+
+def test_the_force_is_read_back_from_the_current():
+    record = play(RoughTurningEnv(SENSED), 0, np.zeros((100, 2), np.float32))
+    reading = read(record["observation"][1:], SENSED)
+    assert reading.servo_current == pytest.approx(record["measured_servo_current"][1:], rel=1e-6)
+    assert reading.thrust_force == pytest.approx(record["thrust_force"][1:], rel=1e-5)
+    assert reading.force_ratio == pytest.approx(1.0, rel=1e-6)
+    assert np.isnan(read(record["observation"], UNDISTURBED).servo_current).all()
+
+
+def test_the_current_ripples_with_the_screw():
+    rippling = changed(SENSED, feed_drive={"ripple": 0.1, "ripples_per_turn": 24}, control={"interval": 0.01, "sub_steps": 1})
+    still = changed(rippling, feed_drive={"ripple": 0.0})
+    actions = np.zeros((1000, 2), np.float32)
+    ours, plain = (play(RoughTurningEnv(scenario), 0, actions) for scenario in (rippling, still))
+    ratio = ours["measured_servo_current"][1:] / plain["measured_servo_current"][1:] - 1
+    assert ratio == pytest.approx(0.1 * np.sin(2 * math.pi * 24 * ours["path"][1:] / 10), abs=1e-9)
