@@ -127,23 +127,26 @@ class BatchEnv(RoughTurningEnv):
 
     ## Description
 
-    Twenty blanks, cast by default (scenarios `batch_casting`, `batch_forging`, `batch_rolled`, `batch_welded`), whose size
-    and hardness differ from the drawing's. One step turns one part: the action names the number of passes, the allowance that
-    the path is made for, and speed and feed of each pass. Passes have equal depth, counted from the finished contour
-    outwards: what the blank has beyond the path's allowance falls to the first pass, and where it has less, passes cut less,
-    or air. An edge that is worn out or broken is changed, as in `ShiftEnv`. After each pass the tool returns, which takes 0.1
-    min.
+    The adaptive part programming paper's laws, with handbook exponents: force as S^0.75 t, life as V^-5 S^-1.75 t^-0.75.
+    `thrust_force` stands for the main cutting force, of at most 3000 N. Twenty blanks, cast by default (scenarios
+    `batch_casting`, `batch_forging`, `batch_rolled`, `batch_welded`), whose size and hardness differ from the drawing's.
+    One step turns one part: the action names the number of passes, the allowance that the path is made for, and speed and
+    feed of each pass. Passes have equal depth, counted from the finished contour outwards: what the blank has beyond the
+    path's allowance falls to the first pass, and where it has less, passes cut less, or air. An edge that is worn out or
+    broken is changed, as in `ShiftEnv`. After each pass the tool returns, which takes 0.1 min.
 
     ## Action space
 
     `Box(-1, 1, (10,), float32)`
 
-    | Index      | Action                         | -1             | 1               |
-    |------------|--------------------------------|----------------|-----------------|
-    | 0          | number of passes               | 1              | 4               |
-    | 1          | allowance of the path          | 0              | twice the drawing's (10 mm) |
-    | 2, 4, 6, 8 | cutting speed of pass 1 to 4   | 50 m/min       | 200 m/min       |
-    | 3, 5, 7, 9 | feed of pass 1 to 4            | 0.06 mm/rev    | 0.60 mm/rev     |
+    | Index      | Action                       | -1          | 1                           |
+    |------------|------------------------------|-------------|-----------------------------|
+    | 0          | number of passes             | 1           | 4                           |
+    | 1          | allowance of the path        | 0           | twice the drawing's (10 mm) |
+    | 2, 4, 6, 8 | cutting speed of pass 1 to 4 | 60 m/min    | 240 m/min                   |
+    | 3, 5, 7, 9 | feed of pass 1 to 4          | 0.06 mm/rev | 0.60 mm/rev                 |
+
+    The four numbers of passes share the first action's range evenly.
 
     ## Observation space
 

@@ -1,0 +1,179 @@
+"""Whole parts: the rules of the adaptive part programming paper (Sharmazanashvili 2008), with the path as drawn or as measured.
+
+A plan divides an allowance into passes of equal depth and takes cutting speed and feed of each from a rule. Fixed rule adaptive
+control keeps the path that was made for the drawing's allowance, and takes cutting speed and feed for what each pass then cuts.
+Adaptive part programming makes the path anew for the size that the blank is measured to have. The blank's runout and hardness are
+known to neither: margins hold the limits. Where blanks are not probed, all are taken to be as drawn.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.policy import Actions, Observations
+from baselines.process import Process
+from baselines.rule import Parameters, Range, Rule
+from baselines.two_limits import ECONOMIC_OPTIMUM, LEAST_DEPTH, TWO_LIMITS, set_point
+from turning_env import Scenario, read
+
+Array = NDArray[np.float64]
+_LEAST_WEAR = 0.1  # of the criterion: what a fresh edge is taken to have worn, as without any wear nothing would limit the force
+
+
+def turns_parts(scenario: Scenario) -> bool:
+    """Whether an action plans a whole part."""
+    return scenario.control.action == "part"
+
+
+def plan(scenario: Scenario, passes: Array, allowance: Array, cutting_speed: Array, feed: Array) -> Actions:
+    """Actions, shape (lanes, action size), for numbers of passes and allowances [mm], both of shape (lanes,).
+
+    Args:
+        scenario: what is played.
+        passes: whole numbers of 1 to ``control.passes_max``.
+        allowance: that the path is made for [mm].
+        cutting_speed: of each pass [m/min], shape (lanes, passes_max).
+        feed: of each pass [mm/rev], likewise.
+    """
+    machine, most = scenario.machine, scenario.control.passes_max
+
+    def in_range(value: Array, low: float, high: float) -> Array:
+        return 2.0 * (value - low) / (high - low) - 1.0
+
+    actions = np.empty((len(passes), 2 + 2 * most))
+    actions[:, 0] = 2.0 * (passes - 0.5) / most - 1.0
+    actions[:, 1] = allowance / scenario.workpiece.depth_of_cut - 1.0
+    actions[:, 2::2] = in_range(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)
+    actions[:, 3::2] = in_range(feed, machine.feed_min, machine.feed_max)
+    return np.clip(actions, -1.0, 1.0).astype(np.float32)
+
+
+class FixedParts:
+    """The same passes, cutting speed and feed for every part, as an NC program has them.
+
+    Args:
+        scenario: what is played.
+        passes: into how many the drawing's allowance is divided [-]; rounded, and kept within what the control allows.
+        cutting_speed: [m/min].
+        feed: [mm/rev].
+    """
+
+    def __init__(self, scenario: Scenario, passes: float, cutting_speed: float, feed: float) -> None:
+        self._scenario = scenario
+        self._passes = min(max(round(passes), 1), scenario.control.passes_max)
+        self._cutting_speed, self._feed = cutting_speed, feed
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """Nothing to forget."""
+
+    def act(self, observations: Observations) -> Actions:
+        """Actions, shape (lanes, action size), for observations, shape (lanes, entries)."""
+        lanes, most = len(observations), self._scenario.control.passes_max
+        return plan(
+            self._scenario,
+            np.full(lanes, float(self._passes)),
+            np.full(lanes, self._scenario.workpiece.depth_of_cut),
+            np.full((lanes, most), self._cutting_speed),
+            np.full((lanes, most), self._feed),
+        )
+
+
+class RuledParts:
+    """Cutting speed and feed of each pass by a rule at what it cuts, in the number of passes that costs least.
+
+    Args:
+        scenario: what is played.
+        rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
+        corrected: whether the path is made for the measured size, rather than for the drawing's allowance.
+        margin: share of the limits of force, power and torque that is used [-].
+        first_margin: the same in the first pass, which meets whatever the path has not foreseen [-].
+    """
+
+    def __init__(self, scenario: Scenario, rule: str, corrected: bool, margin: float, first_margin: float) -> None:
+        self._process = Process.of(scenario)
+        self._scenario, self._rule, self._corrected = scenario, rule, corrected
+        self._shares = np.full(scenario.control.passes_max, margin)
+        self._shares[0] = first_margin
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """Nothing to forget."""
+
+    def act(self, observations: Observations) -> Actions:
+        """Actions, shape (lanes, action size), for observations, shape (lanes, entries)."""
+        scenario = self._scenario
+        reading = read(observations, scenario)
+        drawn = np.full(len(observations), scenario.workpiece.depth_of_cut)
+        measured = reading.probed_depth if scenario.sensors.probe else drawn
+        path = measured if self._corrected else drawn
+        criterion = scenario.tool.wear_criterion
+        wear = np.clip(reading.nominal_wear, _LEAST_WEAR * criterion, criterion)
+        passes = self._cheapest(path, wear)
+        speed, feed, _ = self._passes(measured, path, passes, wear)
+        return plan(scenario, passes, path, speed, feed)
+
+    def _cheapest(self, path: Array, wear: Array) -> Array:
+        """The number of passes, of those that the control allows, in which a blank of just the path's allowance costs least."""
+        numbers = np.arange(1.0, self._scenario.control.passes_max + 1.0)
+        costs = [self._passes(path, path, np.full(len(path), number), wear)[2] for number in numbers]
+        cheapest: Array = numbers[np.argmin(costs, axis=0)]
+        return cheapest
+
+    def _passes(self, allowance: Array, path: Array, passes: Array, wear: Array) -> tuple[Array, Array, Array]:
+        """Cutting speeds [m/min] and feeds [mm/rev] of the passes, shape (lanes, passes_max), and the cost of all [min]."""
+        workpiece, process = self._scenario.workpiece, self._process.rescaled(1.0 / self._shares, 1.0 / self._shares)
+        depths = pass_depths(allowance, path, passes, self._scenario.control.passes_max)
+        speed, feed = set_point(self._rule, process, depths, wear=wear[:, np.newaxis])
+        minutes = np.pi * workpiece.diameter * (workpiece.bar_length + workpiece.approach) / (1000.0 * speed * feed)
+        life = np.exp(process.log_life(np.log(speed), np.log(feed), np.maximum(depths, LEAST_DEPTH), 1.0))
+        edges = np.where(depths > 0.0, minutes / life, 0.0)
+        made = np.arange(depths.shape[1]) < passes[:, np.newaxis]
+        cost = np.sum(made * (minutes + self._scenario.machine.return_time + process.edge_price * edges), axis=1)
+        return speed, feed, cost
+
+
+def pass_depths(allowance: Array, path: Array, passes: Array, most: int) -> Array:
+    """What each pass cuts of an allowance [mm] with a path made for another, shape (lanes, most); 0 in air and after the last."""
+    number = np.arange(most)
+    pitch = (path / passes)[:, np.newaxis]
+    floors = np.maximum(passes[:, np.newaxis] - 1.0 - number, 0.0) * pitch
+    ceilings = np.where(number == 0, np.inf, (passes[:, np.newaxis] - number) * pitch)
+    return np.maximum(np.minimum(allowance[:, np.newaxis], ceilings) - floors, 0.0)
+
+
+def _build_fixed(scenario: Scenario, lanes: int, p: Parameters) -> FixedParts:
+    machine = scenario.machine
+    speed = machine.cutting_speed_min * (machine.cutting_speed_max / machine.cutting_speed_min) ** p["cutting_speed"]
+    feed = machine.feed_min * (machine.feed_max / machine.feed_min) ** p["feed"]
+    return FixedParts(scenario, p["passes"], speed, feed)
+
+
+def _ruled(rule: str, corrected: bool) -> Rule:
+    name = "the economic optimum" if rule == ECONOMIC_OPTIMUM else f"[{rule}]"
+    path = "made for the measured size" if corrected else "as drawn"
+    kind = "adaptive part programming" if corrected else "fixed rule"
+
+    def build(scenario: Scenario, lanes: int, p: Parameters) -> RuledParts:
+        return RuledParts(scenario, rule, corrected, p["margin"], p["first_margin"])
+
+    def plays(scenario: Scenario) -> bool:
+        return turns_parts(scenario) and (scenario.sensors.probe or not corrected)
+
+    return Rule(
+        f"{kind}: speed and feed by {name}, path {path} (Sharmazanashvili 2008); margins tuned",
+        build,
+        plays,
+        {"margin": Range(0.6, 1.1), "first_margin": Range(0.3, 1.1)},
+    )
+
+
+_NAMED = {rule: rule.lower() for rule in TWO_LIMITS} | {ECONOMIC_OPTIMUM: "economic"}
+
+RULES: dict[str, Rule] = {
+    "parts_fixed_tuned": Rule(
+        "the best passes, speed and feed for all parts, found on tuning draws; speed and feed as shares of their log ranges",
+        _build_fixed,
+        turns_parts,
+        {"passes": Range(0.5, 4.5), "cutting_speed": Range(0.0, 1.0), "feed": Range(0.0, 1.0)},
+    ),
+    **{f"parts_{name}": _ruled(rule, corrected=False) for rule, name in _NAMED.items()},
+    **{f"parts_app_{name}": _ruled(rule, corrected=True) for rule, name in _NAMED.items()},
+}

@@ -1,0 +1,118 @@
+"""Whole parts: what is planned is what is turned, and a path made for the measured size is."""
+
+import numpy as np
+import pytest
+
+from baselines.part_planning import RULES, FixedParts, RuledParts, pass_depths, plan
+from baselines.play import play
+from baselines.rule import Range
+from tests.turning_env.playing import changed
+from turning_env import RoughTurningEnv, Scenario
+from turning_env.draws import tuning_draws
+
+BATCH = Scenario.load("batch_casting")
+BLIND = changed(BATCH, sensors={"probe": False})
+SPREADS = {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
+MIDDLE = {"margin": 0.85, "first_margin": 0.8, "passes": 2.0, "cutting_speed": 0.5, "feed": 0.5}
+
+
+def build(name, scenario, lanes=1):
+    rule = RULES[name]
+    return rule.build(scenario, lanes, {parameter: MIDDLE[parameter] for parameter in rule.ranges})
+
+
+def infos(policy, scenario, seed=0):
+    env = RoughTurningEnv(scenario)
+    observation, info = env.reset(seed=seed)
+    policy.reset(np.ones(1, np.bool_))
+    found, ended = [info], False
+    while not ended:
+        observation, _, terminated, truncated, info = env.step(policy.act(observation[np.newaxis])[0])
+        found.append(info)
+        ended = terminated or truncated
+    return found
+
+
+def test_a_plan_is_turned_as_it_says():
+    actions = plan(BATCH, np.array([3.0]), np.array([6.0]), np.full((1, 4), 150.0), np.full((1, 4), 0.3))
+    env = RoughTurningEnv(changed(BATCH, workpiece=SPREADS | {"depth_of_cut": 6.0}))
+    env.reset(seed=0)
+    info = env.step(plan(env.scenario, np.array([3.0]), np.array([6.0]), np.full((1, 4), 150.0), np.full((1, 4), 0.3))[0])[-1]
+    assert info["passes"] == 3
+    assert (info["cutting_speed"], info["feed"]) == (pytest.approx(150.0, rel=1e-5), pytest.approx(0.3, rel=1e-5))
+    assert info["mean_thrust_force"] == pytest.approx(BATCH.material.thrust_force(150.0, 0.3, 2.0), rel=1e-4)
+    assert actions.shape == (1, 10)
+    assert (np.abs(actions) <= 1).all()
+
+
+@pytest.mark.parametrize(
+    ("allowance", "path", "passes", "expected"),
+    [
+        (5.0, 5.0, 2, [2.5, 2.5, 0.0, 0.0]),
+        (6.0, 5.0, 2, [3.5, 2.5, 0.0, 0.0]),
+        (2.0, 5.0, 2, [0.0, 2.0, 0.0, 0.0]),
+        (5.0, 0.0, 3, [5.0, 0.0, 0.0, 0.0]),
+        (0.0, 5.0, 1, [0.0, 0.0, 0.0, 0.0]),
+        (4.0, 4.0, 4, [1.0, 1.0, 1.0, 1.0]),
+    ],
+)
+def test_depths_of_passes(allowance, path, passes, expected):
+    depths = pass_depths(np.array([allowance]), np.array([path]), np.array([float(passes)]), 4)
+    assert depths[0].tolist() == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("name", RULES)
+@pytest.mark.parametrize("scenario", [BATCH, BLIND], ids=["probed", "blind"])
+def test_every_rule_plays_what_it_says_it_can(name, scenario):
+    if not RULES[name].plays(scenario):
+        assert "app" in name
+        assert not scenario.sensors.probe
+        return
+    policy = build(name, scenario, 3)
+    observations = np.stack([RoughTurningEnv(scenario).reset(seed=seed)[0] for seed in range(3)])
+    for extreme in (observations, np.full_like(observations, -5.0), np.full_like(observations, 15.0)):
+        actions = policy.act(extreme)
+        assert actions.shape == (3, 10)
+        assert actions.dtype == np.float32
+        assert (np.abs(actions) <= 1).all()
+        assert np.isfinite(actions).all()
+
+
+def test_no_rule_plays_tasks_without_parts():
+    for preset in ("rough_turning", "override", "surface", "shift", "paper"):
+        assert not any(rule.plays(Scenario.load(preset)) for rule in RULES.values())
+    assert all(isinstance(value, Range) for rule in RULES.values() for value in rule.parameters.values())
+
+
+def test_fixed_parts_are_all_alike():
+    found = infos(FixedParts(BATCH, 2.4, 150.0, 0.3), BATCH)[1:]
+    assert {info["passes"] for info in found} == {2.0}
+    assert {round(info["feed"], 4) for info in found} == {0.3}
+    assert infos(FixedParts(BATCH, 99.0, 150.0, 0.3), BATCH)[1]["passes"] == BATCH.control.passes_max
+
+
+def test_the_force_rule_holds_the_force_at_what_is_cut_corrected_or_not():
+    """Without run-out and with one hardness, the last pass has just the force that the margin leaves."""
+    known = changed(BATCH, workpiece=SPREADS | {"depth_bar_spread": 0.6}, tool={"wear_factor_spread": 0.0}, limits={"power": 1e3})
+    for corrected in (True, False):
+        policy = RuledParts(known, "PT", corrected, margin=0.8, first_margin=0.8)
+        forces = np.array([info["mean_thrust_force"] for info in infos(policy, known)[1:]])
+        assert forces == pytest.approx(0.8 * known.limits.thrust_force, rel=0.02), corrected
+
+
+def test_a_corrected_path_has_passes_of_equal_depth_and_wastes_none():
+    known = changed(BATCH, workpiece=SPREADS | {"depth_bar_spread": 1.5}, tool={"wear_factor_spread": 0.0})
+    drawn, corrected = (RuledParts(known, "PN", choice, margin=0.9, first_margin=0.9) for choice in (False, True))
+    passes = [np.array([info["passes"] for info in infos(policy, known)[1:]]) for policy in (drawn, corrected)]
+    assert len(set(passes[0])) == 1
+    assert len(set(passes[1])) > 1
+    sizes = np.array([info["probed_depth"] for info in infos(corrected, known)[:-1]])
+    assert np.corrcoef(sizes, passes[1])[0, 1] > 0.5
+
+
+def test_returns_are_those_of_sensible_plans():
+    """A rule that holds force and power beats the same passes for all, blind to size."""
+    ruled = play(lambda lanes: build("parts_app_pt", BATCH, lanes), BATCH, tuning_draws(4))
+    alike = play(lambda lanes: FixedParts(BATCH, 2, 230.0, 0.5), BATCH, tuning_draws(4))
+    assert ruled["return"].mean() > alike["return"].mean()
+    assert (ruled["finished"] == 1).all()
