@@ -1,11 +1,14 @@
 import math
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
-from baselines.reproduce import alaskari_oraby
+from baselines.reproduce import alaskari_oraby, part_programming
 from baselines.reproduce.__main__ import PAPERS, main
 from baselines.reproduce.checks import Check, Paper, at_least, at_most, claim, summary
+from baselines.reproduce.part_programming import Blank, divided_cost, gain, pass_cost, uncorrected_cost
+from baselines.two_limits import TWO_LIMITS
 
 GRID_SEARCH = (PAPERS[0],)
 
@@ -84,3 +87,30 @@ def test_tables_come_before_the_checks(capsys: pytest.CaptureFixture[str]) -> No
     main((Paper("a paper", lambda: iter([claim("the claim", True)]), lambda: iter(["the table"])),))
     printed = capsys.readouterr().out
     assert printed.index("the table") < printed.index("the claim")
+
+
+def test_blanks_are_those_of_the_paper() -> None:
+    found = {(blank.name, blank.source): (blank.least, blank.dispersion) for blank in part_programming.blanks()}
+    assert found["rolling", "handbook"] == (pytest.approx(0.32 + 0.4 + 2.1), 4.32)
+    assert found["welding", "experience"] == (pytest.approx(1.5 + 1.06), 8.1)  # no roughness or deviation of its own
+    assert ("rolling", "experience") not in found  # no dispersion
+
+
+@pytest.mark.parametrize("rule", TWO_LIMITS)
+def test_measuring_gains_nothing_where_blanks_are_alike_and_never_loses(rule: str) -> None:
+    assert gain(rule, Blank("alike", "test", 5.0, 0.0))[1] == pytest.approx(0.0, abs=1e-9)
+    assert all(gain(rule, blank)[1] > -1e-9 for blank in part_programming.blanks())
+
+
+def test_a_path_for_the_largest_blank_meets_smaller_ones_with_thinner_passes_and_air() -> None:
+    blank = Blank("blank", "test", 1.0, 5.0)
+    costs = uncorrected_cost("PV", blank, 3)  # passes of 2 mm
+    assert costs[-1] == pytest.approx(divided_cost("PV", np.array([6.0]))[2, 0])
+    deep, thin, air = pass_cost("PV", np.array([2.0, 1.5, 0.0]))
+    middle = int(np.argmin(np.abs(blank.allowances - 3.5)))
+    assert costs[middle] == pytest.approx(deep + thin + air)
+
+
+def test_a_pass_too_deep_for_the_lowest_feed_is_not_planned() -> None:
+    assert np.isinf(pass_cost("PV", np.array([9.0]))[0])  # 2.5 mm (0.32 / 0.06)^0.75 is 8.8 mm
+    assert np.isfinite(pass_cost("PV", np.array([8.7]))[0])

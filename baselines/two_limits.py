@@ -1,0 +1,236 @@
+"""Cutting speed and feed from two active limits, and at the economic optimum (Sharmazanashvili 2008).
+
+A rule such as [PV] names two limits that are reached together, and these fix cutting speed and feed: P thrust force, N power,
+M torque, V the machine's highest cutting speed, S its highest feed, T the economic life of the edge along the other limit. In the
+logarithms of cutting speed and feed every limit is a straight line, so a rule is two linear equations.
+
+What a rule says need not be possible. So:
+
+1. If the feed lies beyond the machine's range, it is the range's end, and the cutting speed the highest that the rule's two
+   limits leave; then likewise the cutting speed, and the feed.
+2. If force or power is then exceeded, the feed is lowered; where the lowest feed does not do, the cutting speed. A force that
+   falls with rising cutting speed, as that of 709M40 does, may still be exceeded.
+
+With 709M40 on the presets' lathe many rules come to the same. The economic lives ask for more than its highest cutting speed,
+so [SV], [PT], [ST], [MV] and [MT] play as [PV]. [MN] plays as [SN] until the torque binds, whose limit is an assumption. The
+economic optimum is [PN]. So one of each is declared; the others are there to be asked.
+"""
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baselines.commands import sets_speed_and_feed, towards
+from baselines.fixed import FixedParameters
+from baselines.policy import Actions, Observations
+from baselines.process import ALIKE, Array, Limit, Line, Process
+from baselines.rule import Range, Rule
+from turning_env import PowerLaw, Reading, Scenario, read
+
+TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")
+"""The paper's rules."""
+ECONOMIC_OPTIMUM = "economic_optimum"
+"""The point of least cost that keeps force, power and the machine's ranges."""
+
+Lines = tuple[Line, Line]
+_CUTTING_SPEED = PowerLaw(coefficient=1.0, cutting_speed=1.0)
+_FEED = PowerLaw(coefficient=1.0, feed=1.0)
+
+LEAST_DEPTH = 1e-6
+"""What no depth of cut is taken for [mm]."""
+LEAST_SCALE = 0.1
+"""Least measured over predicted force and power that is believed [-]: no lathe cuts with a tenth of the nominal force."""
+
+
+def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
+    """The two limits of a rule.
+
+    Raises:
+        ValueError: there is no such rule, or with these laws its limits run parallel and fix no point.
+    """
+    if rule not in TWO_LIMITS:
+        raise ValueError(f"no rule is called {rule!r}; there are {', '.join(TWO_LIMITS)} and {ECONOMIC_OPTIMUM}")
+    found = {
+        "P": process.thrust_force,
+        "N": process.power,
+        "M": process.torque,
+        "V": Limit(_CUTTING_SPEED, process.cutting_speed_range[1]),
+        "S": Limit(_FEED, process.feed_range[1]),
+    }
+    first = found[rule[0]]
+    second = process.life_limit(first) if rule[1] == "T" else found[rule[1]]
+    if first.parallel(second):
+        raise ValueError(f"[{rule}] fixes no point: cutting speed and feed enter its two limits in the same proportion")
+    return first, second
+
+
+def set_point(
+    rule: str, process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike = 1.0, wear: ArrayLike | None = None
+) -> tuple[Array, Array]:
+    """Cutting speed [m/min] and feed [mm/rev] of a rule, both of the shape to which the arguments broadcast.
+
+    Args:
+        rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
+        process: laws, limits and prices.
+        depth_of_cut: [mm], from 0.
+        hardness: relative to nominal [-], above 0.
+        wear: flank wear at which the limits are to hold [mm], above 0; if not given, the mean over the edge's life.
+
+    Raises:
+        ValueError: there is no such rule, or with these laws its limits fix no point.
+    """
+    cut = (np.maximum(depth_of_cut, LEAST_DEPTH), hardness, process.mean_wear if wear is None else wear)
+    held = (process.thrust_force.line(*cut), process.power.line(*cut))
+    if rule == ECONOMIC_OPTIMUM:
+        log_speed, log_feed = _cheapest(process, held, cut)
+    else:
+        first, second = (limit.line(*cut) for limit in limits(rule, process))
+        log_speed, log_feed = _within_ranges(process, (first, second), *first.crossing(second))
+    log_speed, log_feed = _within_force_and_power(process, held, log_speed, log_feed)
+    return np.clip(np.exp(log_speed), *process.cutting_speed_range), np.clip(np.exp(log_feed), *process.feed_range)
+
+
+def depth_exponents(rule: str, process: Process) -> tuple[float, float]:
+    """Exponents of the depth of cut in the cutting speed and in the feed of a rule [-], as long as its own limits alone count."""
+    first, second = (limit.law for limit in limits(rule, process))
+    coefficients = [[first.cutting_speed, first.feed], [second.cutting_speed, second.feed]]
+    speed, feed = np.linalg.solve(coefficients, [-first.depth_of_cut, -second.depth_of_cut])
+    return float(speed), float(feed)
+
+
+def _within_ranges(process: Process, lines: Lines, log_speed: Array, log_feed: Array) -> tuple[Array, Array]:
+    """Step 1 of the module's description."""
+    feed = np.clip(log_feed, *np.log(process.feed_range))
+    at_feed = np.minimum(*(line.highest_cutting_speed(feed) for line in lines))
+    log_speed = np.where(feed == log_feed, log_speed, at_feed)
+    speed = np.clip(log_speed, *np.log(process.cutting_speed_range))
+    at_speed = np.minimum(*(line.highest_feed(speed) for line in lines))
+    return speed, np.clip(np.where(speed == log_speed, feed, at_speed), *np.log(process.feed_range))
+
+
+def _within_force_and_power(process: Process, held: Lines, log_speed: Array, log_feed: Array) -> tuple[Array, Array]:
+    """Step 2 of the module's description."""
+    wanted = np.minimum(log_feed, np.minimum(*(line.highest_feed(log_speed) for line in held)))
+    feed = np.maximum(wanted, np.log(process.feed_range[0]))
+    at_feed = np.minimum(*(line.highest_cutting_speed(feed) for line in held))
+    slower = np.maximum(np.minimum(log_speed, at_feed), np.log(process.cutting_speed_range[0]))
+    return np.where(wanted < feed, slower, log_speed), feed
+
+
+def _cheapest(process: Process, held: Lines, cut: tuple[ArrayLike, ArrayLike, ArrayLike]) -> tuple[Array, Array]:
+    """Logarithms of the economic optimum; where no point keeps force and power, of the highest speed and lowest feed.
+
+    On logarithmic scales the cost is convex and all limits are lines. So the optimum lies where two of these cross, or where the
+    life along one of them is its economic life.
+    """
+    slowest, fastest = np.log(process.cutting_speed_range)
+    least, most = np.log(process.feed_range)
+    ends = [Limit(_CUTTING_SPEED, end) for end in process.cutting_speed_range] + [Limit(_FEED, end) for end in process.feed_range]
+    bounds = [process.thrust_force, process.power, *ends]
+    pairs = [*combinations(bounds, 2), *((bound, process.life_limit(bound)) for bound in bounds)]
+    points = [one.line(*cut).crossing(other.line(*cut)) for one, other in pairs if not one.parallel(other)]
+    points.append((fastest, least))
+    shape = np.broadcast_shapes(held[0].room.shape, held[1].room.shape, *(np.shape(value) for value in cut))
+    speeds, feeds = (np.stack([np.broadcast_to(point[axis], shape) for point in points]) for axis in (0, 1))
+    feasible = (speeds >= slowest - ALIKE) & (speeds <= fastest + ALIKE) & (feeds >= least - ALIKE) & (feeds <= most + ALIKE)
+    for line in held:
+        feasible &= line.cutting_speed * speeds + line.feed * feeds <= line.room + ALIKE
+    costs = process.log_cost(np.clip(speeds, slowest, fastest), np.clip(feeds, least, most), cut[0], cut[1])
+    costs = np.where(feasible, costs, np.inf)
+    costs[-1] = np.minimum(costs[-1], np.finfo(np.float64).max)  # the last resort beats what is not feasible, and nothing else
+    best = np.argmin(costs, axis=0)[np.newaxis]
+    return np.take_along_axis(speeds, best, axis=0)[0], np.take_along_axis(feeds, best, axis=0)[0]
+
+
+class FixedRule(FixedParameters):
+    """A rule's set point for the nominal bar and the mean wear, for the edge's whole life.
+
+    Args:
+        scenario: what is played.
+        rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
+    """
+
+    def __init__(self, scenario: Scenario, rule: str) -> None:
+        super().__init__(scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut))
+
+
+class AdaptiveRule:
+    """A rule, applied anew in every control interval to models that are rescaled by measured over predicted force and power.
+
+    Predictions and limits take the wear that the nominal model predicts, and nominal depth and hardness: what differs from these
+    is in the scales.
+
+    Args:
+        scenario: what is played.
+        lanes: how many lanes it controls.
+        rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
+        margin: share of the limits of force, power and torque that is used [-].
+        smoothing: share of the distance to the newest ratio by which a scale moves in an interval of cutting [-].
+    """
+
+    def __init__(self, scenario: Scenario, lanes: int, rule: str, margin: float, smoothing: float) -> None:
+        self._scenario, self._process, self._rule = scenario, Process.of(scenario), rule
+        self._margin, self._smoothing = margin, smoothing
+        self._force_scale = np.ones(lanes)
+        self._power_scale = np.ones(lanes)
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """Back to the nominal models."""
+        self._force_scale[lanes] = 1.0
+        self._power_scale[lanes] = 1.0
+
+    def act(self, observations: Observations) -> Actions:
+        """Actions for observations, both of one row per lane."""
+        reading = read(observations, self._scenario)
+        depth = self._scenario.workpiece.depth_of_cut
+        interval = self._scenario.control.interval / 60.0
+        # A fresh edge is taken to have the wear that it has after one interval: without any, nothing would limit it.
+        fresh = self._process.wear(reading.cutting_speed, reading.feed, depth, time=interval)
+        wear = np.maximum(reading.nominal_wear, fresh)
+        self._rescale(reading, depth, wear)
+        used = (np.maximum(scale, LEAST_SCALE) / self._margin for scale in (self._force_scale, self._power_scale))
+        speeds, feeds = set_point(self._rule, self._process.rescaled(*used), depth, wear=wear)
+        return towards(reading, self._scenario, speeds, feeds)
+
+    def _rescale(self, reading: Reading, depth: float, wear: Array) -> None:
+        """Move the scales towards what is measured."""
+        gain = np.where(reading.cutting & (reading.power > 0), self._smoothing, 0.0)
+        force = self._process.thrust_force.law(reading.cutting_speed, reading.feed, depth, wear=wear)
+        power = self._process.power.law(reading.cutting_speed, reading.feed, depth, wear=wear)
+        self._force_scale += gain * (reading.thrust_force / force - self._force_scale)
+        self._power_scale += gain * (reading.power / power - self._power_scale)
+
+
+def fixes_a_point(rule: str, scenario: Scenario) -> bool:
+    """Whether a rule can play a scenario: by cutting speed and feed, with limits that do not run parallel."""
+    if not sets_speed_and_feed(scenario):
+        return False
+    try:
+        limits(rule, Process.of(scenario))
+    except ValueError:
+        return False
+    return True
+
+
+def _fixed(rule: str) -> Rule:
+    return Rule(
+        f"rule [{rule}] of Sharmazanashvili (2008) on nominal models at mean wear",
+        lambda scenario, lanes, parameters: FixedRule(scenario, rule),
+        lambda scenario: fixes_a_point(rule, scenario),
+        {},
+    )
+
+
+def _adaptive(rule: str) -> Rule:
+    return Rule(
+        f"rule [{rule}] of Sharmazanashvili (2008) in real time, on models rescaled by measured force and power, with a margin",
+        lambda scenario, lanes, parameters: AdaptiveRule(scenario, lanes, rule, parameters["margin"], parameters["smoothing"]),
+        lambda scenario: fixes_a_point(rule, scenario),
+        {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
+    )
+
+
+RULES = {f"rule_{rule.lower()}": _fixed(rule) for rule in ("PV", "SN", "PN")} | {
+    f"adaptive_{rule.lower()}": _adaptive(rule) for rule in ("PV", "SN", "PN")
+}

@@ -1,0 +1,296 @@
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baselines.commands import sets_speed_and_feed
+from baselines.process import Limit, Process
+from baselines.reproduce.part_programming import handbook_process
+from baselines.two_limits import (
+    ECONOMIC_OPTIMUM,
+    LEAST_SCALE,
+    RULES,
+    TWO_LIMITS,
+    AdaptiveRule,
+    FixedRule,
+    depth_exponents,
+    limits,
+    set_point,
+)
+from turning_env import PowerLaw, RoughTurningVectorEnv, Scenario, presets, read
+
+SCENARIO = Scenario()
+STEEL = Process.of(SCENARIO)
+DEPTHS = np.array([0.0, 1e-3, 0.3, 1.0, 2.5, 4.0, 8.0, 50.0])
+
+
+@pytest.mark.parametrize("rule", TWO_LIMITS)
+@pytest.mark.parametrize("depth", [2.4, 2.5, 2.6])
+def test_a_rule_reaches_both_its_limits(rule: str, depth: float) -> None:
+    process = handbook_process(rule)
+    speed, feed = set_point(rule, process, depth)
+    for limit in limits(rule, process):
+        assert float(limit.law(speed, feed, depth, time=limit.time)) == pytest.approx(limit.most)
+
+
+@pytest.mark.parametrize("rule", TWO_LIMITS)
+def test_a_rule_reaches_both_its_limits_at_any_hardness_and_wear(rule: str) -> None:
+    soft = {"law": PowerLaw(coefficient=1.0, cutting_speed=-0.1, feed=0.6, depth_of_cut=0.9, wear=0.5, hardness=0.7)}
+    process = replace(
+        STEEL,
+        thrust_force=Limit(**soft, most=0.5),
+        power=Limit(PowerLaw(coefficient=1.0, cutting_speed=0.9, feed=0.7, depth_of_cut=0.9, wear=0.3, hardness=0.7), most=50.0),
+        torque=Limit(PowerLaw(coefficient=1.0, cutting_speed=-0.1, feed=0.7, wear=0.3, hardness=0.7), most=0.4),
+        cutting_speed_range=(1e-9, 1e9),
+        feed_range=(1e-9, 1e9),
+    )
+    loose = {"P": "thrust_force", "N": "power"}
+    for letter, name in loose.items():
+        if letter not in rule:
+            process = replace(process, **{name: replace(getattr(process, name), most=np.inf)})
+    depth, hardness, wear = np.array([1.0, 2.0, 3.0]), np.array([0.8, 1.0, 1.4]), np.array([0.1, 0.2, 0.25])
+    speed, feed = set_point(rule, process, depth, hardness, wear)
+    for limit in limits(rule, process):
+        np.testing.assert_allclose(limit.law(speed, feed, depth, limit.time, wear, hardness), limit.most)
+
+
+@pytest.mark.parametrize("rule", [*TWO_LIMITS, ECONOMIC_OPTIMUM])
+def test_depths_at_once_are_the_same_as_one_by_one(rule: str) -> None:
+    speeds, feeds = set_point(rule, STEEL, DEPTHS, 1.1, 0.2)
+    assert speeds.shape == feeds.shape == DEPTHS.shape
+    for depth, speed, feed in zip(DEPTHS, speeds, feeds, strict=True):
+        assert set_point(rule, STEEL, depth, 1.1, 0.2) == (pytest.approx(speed), pytest.approx(feed))
+
+
+@pytest.mark.parametrize("rule", [*TWO_LIMITS, ECONOMIC_OPTIMUM])
+@pytest.mark.parametrize("wear", [1e-6, 0.05, 0.2, 1.2])
+@pytest.mark.parametrize("hardness", [0.3, 1.0, 3.0])
+def test_set_points_lie_within_the_ranges_and_keep_power(rule: str, wear: float, hardness: float) -> None:
+    speed, feed = set_point(rule, STEEL, DEPTHS, hardness, wear)
+    assert np.all((speed >= 50.0) & (speed <= 200.0) & (feed >= 0.06) & (feed <= 0.6))
+    power = STEEL.power.law(speed, feed, np.maximum(DEPTHS, 1e-6), wear=wear, hardness=hardness)
+    assert np.all((power <= 7.0 * (1 + 1e-9)) | ((speed == 50.0) & (feed == 0.06)))
+    force = STEEL.thrust_force.law(speed, feed, np.maximum(DEPTHS, 1e-6), wear=wear, hardness=hardness)
+    assert np.all((force <= 1500.0 * (1 + 1e-9)) | (feed == 0.06))
+
+
+@pytest.mark.parametrize("rule", TWO_LIMITS)
+def test_hardly_any_depth_leaves_the_ends_of_the_ranges(rule: str) -> None:
+    speed, feed = set_point(rule, STEEL, [0.0, 1e-9])
+    np.testing.assert_allclose(speed, [200.0, 200.0])
+    np.testing.assert_allclose(feed, [0.6, 0.6])
+
+
+def test_beyond_the_lowest_feed_the_cutting_speed_is_lowered_to_keep_power() -> None:
+    speed, feed = set_point("PV", STEEL, 20.0)
+    assert (float(feed), 50.0 < float(speed) < 200.0) == (0.06, True)
+    assert float(STEEL.power.law(speed, feed, 20.0, wear=STEEL.mean_wear)) == pytest.approx(7.0)
+
+
+def test_a_feed_beyond_the_range_leaves_the_other_limit_to_the_cutting_speed() -> None:
+    speed, feed = set_point("PN", STEEL, 2.5, wear=0.1)  # the limits cross at a feed that the lathe does not have
+    assert float(feed) == 0.6
+    assert float(STEEL.power.law(speed, feed, 2.5, wear=0.1)) == pytest.approx(7.0)
+
+
+@pytest.mark.parametrize(
+    ("rule", "name", "exponents"),
+    [
+        ("PV", "thrust_force", {"cutting_speed": 0.3, "feed": 0.0}),
+        ("PV", "thrust_force", {"cutting_speed": 0.0, "feed": 0.0}),
+        ("SN", "power", {"cutting_speed": 0.0, "feed": 0.7}),
+        ("PN", "power", {"cutting_speed": -0.968, "feed": 0.472}),  # twice those of the thrust force
+        ("PT", "wear", {"cutting_speed": -0.242, "feed": 0.118}),
+    ],
+)
+def test_limits_that_run_parallel_fix_no_point(rule: str, name: str, exponents: dict[str, float]) -> None:
+    material = SCENARIO.material
+    odd = material.model_copy(update={name: getattr(material, name).model_copy(update=exponents)})
+    scenario = SCENARIO.model_copy(update={"material": odd})
+    with pytest.raises(ValueError, match=rf"\[{rule}\] fixes no point"):
+        set_point(rule, Process.of(scenario), 2.5)
+    if f"rule_{rule.lower()}" in RULES:
+        assert not RULES[f"rule_{rule.lower()}"].plays(scenario)
+        assert not RULES[f"adaptive_{rule.lower()}"].plays(scenario)
+    speed, feed = set_point(ECONOMIC_OPTIMUM, Process.of(scenario), DEPTHS)
+    assert np.all(np.isfinite(speed) & np.isfinite(feed))
+
+
+def test_there_is_no_rule_of_another_name() -> None:
+    with pytest.raises(ValueError, match=r"no rule is called 'XY'; there are PV, .*, MT and economic_optimum"):
+        set_point("XY", STEEL, 2.5)
+
+
+@pytest.mark.parametrize("rule", TWO_LIMITS)
+def test_depth_enters_with_the_stated_exponents(rule: str) -> None:
+    process = handbook_process(rule)
+    (slower, faster), (less, more) = set_point(rule, process, [2.49, 2.51])
+    ratio = np.log(2.51 / 2.49)
+    expected = depth_exponents(rule, process)
+    assert (np.log(faster / slower) / ratio, np.log(more / less) / ratio) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("rule", TWO_LIMITS)
+def test_depth_enters_the_cost_with_the_papers_exponents(rule: str) -> None:
+    """q = a t^eta + gamma/C_T b t^lambda along limits H, without cutting speed, and Phi; eta and lambda as the paper has them."""
+    process = handbook_process(rule)
+    h, phi = (limit.law for limit in limits(rule, process))
+    mu, nu, rho = process.life_exponents
+    alpha, beta, depth = phi.cutting_speed, phi.feed, phi.depth_of_cut
+    crossed = h.depth_of_cut * beta / (h.feed * alpha)
+    eta = depth / alpha + h.depth_of_cut / h.feed - 1.0 - crossed
+    lamda = (crossed - depth / alpha) * (mu - 1.0) - h.depth_of_cut / h.feed * (nu - 1.0) + rho - 1.0
+    speed, feed = depth_exponents(rule, process)
+    assert -(1.0 + speed + feed) == pytest.approx(eta)
+    assert speed * (mu - 1.0) + feed * (nu - 1.0) + rho - 1.0 == pytest.approx(lamda)
+
+
+def test_only_economic_life_leaves_the_removal_rate_to_itself() -> None:
+    rates = {rule: 1.0 + sum(depth_exponents(rule, handbook_process(rule))) for rule in TWO_LIMITS}
+    for rule in ("PV", "PN", "MV", "MN"):
+        assert rates[rule] == pytest.approx(-1 / 3)
+    for rule in ("PT", "MT"):
+        assert rates[rule] == pytest.approx(-1 / 60)
+
+
+@pytest.mark.parametrize("price", [0.0, 5.0, 40.0, 1000.0])
+@pytest.mark.parametrize("wear", [0.05, 0.15, 0.29])
+def test_the_economic_optimum_is_the_cheapest_feasible_point(price: float, wear: float) -> None:
+    process = replace(STEEL, edge_price=price)
+    speeds, feeds = np.meshgrid(np.geomspace(50.0, 200.0, 400), np.geomspace(0.06, 0.6, 400))
+    for depth in (0.5, 1.5, 2.5):
+        feasible = process.thrust_force.law(speeds, feeds, depth, wear=wear) <= 1500.0
+        feasible &= process.power.law(speeds, feeds, depth, wear=wear) <= 7.0
+        costs = process.log_cost(np.log(speeds), np.log(feeds), depth, 1.0)
+        speed, feed = set_point(ECONOMIC_OPTIMUM, process, depth, wear=wear)
+        assert float(process.thrust_force.law(speed, feed, depth, wear=wear)) <= 1500.0 * (1 + 1e-6)
+        assert float(process.power.law(speed, feed, depth, wear=wear)) <= 7.0 * (1 + 1e-6)
+        cheapest = float(np.min(costs[feasible]))
+        assert cheapest - 0.02 < float(process.log_cost(np.log(speed), np.log(feed), depth, 1.0)) < cheapest + 1e-6
+
+
+def test_dear_edges_lower_the_economic_cutting_speed_to_the_economic_life() -> None:
+    process = replace(STEEL, edge_price=40.0)
+    speed, feed = set_point(ECONOMIC_OPTIMUM, process, 1.0, wear=0.1)
+    assert float(feed) == 0.6
+    assert float(speed) == pytest.approx(float(process.best_cutting_speed(0.6, 1.0)))
+
+
+@pytest.mark.parametrize("preset", [name for name in presets() if sets_speed_and_feed(Scenario.load(name))])
+def test_rules_that_are_not_declared_play_as_one_that_is(preset: str) -> None:
+    scenario = Scenario.load(preset)
+    scales = np.array([0.7, 0.85, 1.0, 1.15, 1.3])
+    wears = scenario.tool.wear_criterion * np.array([0.1, 0.4, 0.6, 0.8, 0.9, 1.0])
+    wear, force, power = (axis.ravel() for axis in np.meshgrid(wears, scales, scales))
+    process = Process.of(scenario).rescaled(force, power)
+    found = {rule: set_point(rule, process, scenario.workpiece.depth_of_cut, wear=wear) for rule in TWO_LIMITS}
+    for rule in ("SV", "PT", "ST", "MV", "MT"):
+        np.testing.assert_allclose(found[rule], found["PV"], err_msg=rule)
+    np.testing.assert_allclose(set_point(ECONOMIC_OPTIMUM, process, scenario.workpiece.depth_of_cut, wear=wear), found["PN"])
+    spared = found["SN"][0] >= 100.0  # below, torque binds
+    np.testing.assert_allclose(np.array(found["MN"])[:, spared], np.array(found["SN"])[:, spared])
+    for one, other in itertools.combinations(("PV", "SN", "PN"), 2):
+        assert not np.allclose(found[one], found[other])
+
+
+def test_rules_play_where_cutting_speed_and_feed_are_set() -> None:
+    for rule in RULES.values():
+        assert rule.plays(SCENARIO)
+        assert rule.plays(Scenario.load("paper"))
+        assert not rule.plays(Scenario.load("override"))
+        assert not rule.plays(Scenario.load("batch_casting"))
+
+
+def test_a_fixed_rule_commands_its_set_point_for_the_mean_wear() -> None:
+    env = RoughTurningVectorEnv(2, SCENARIO)
+    observations, _ = env.reset(seed=0)
+    policy = FixedRule(SCENARIO, "PN")
+    for _ in range(8):
+        observations, _, _, _, infos = env.step(policy.act(observations))
+    speed, feed = set_point("PN", STEEL, 2.5, wear=STEEL.mean_wear)
+    np.testing.assert_allclose(infos["commanded_cutting_speed"], speed, rtol=1e-5)
+    np.testing.assert_allclose(infos["commanded_feed"], feed, rtol=1e-5)
+
+
+SET_POINTS = Scenario.load("paper")
+
+
+def observed(**entries: float) -> np.ndarray:
+    """One lane's observation in metal, half worn, with power and force as predicted but for ``entries``."""
+    names = ["power", "force", "speed", "feed", "commanded_speed", "commanded_feed", "time", "wear"]
+    names += ["power_ratio", "force_ratio", "cutting"]
+    values = dict.fromkeys(names, 0.0) | {"time": 1.5, "wear": 0.5, "cutting": 1.0} | entries
+    seen = np.array([[values[name] for name in names]], np.float32)
+    reading = read(seen, SET_POINTS)
+    cut = (reading.cutting_speed, reading.feed, 2.5, 1.0, np.maximum(reading.nominal_wear, 1e-3))
+    for column, name, limit in ((0, "power", STEEL.power), (1, "force", STEEL.thrust_force)):
+        if name not in entries:
+            seen[:, column] = 5.0 * (limit.law(*cut) / limit.most - 1.0)
+    return seen
+
+
+def commands(policy: AdaptiveRule, seen: np.ndarray) -> tuple[float, float]:
+    """Cutting speed [m/min] and feed [mm/rev] after one action."""
+    speed, feed = 0.5 * (policy.act(seen)[0] + 1.0)
+    return 50.0 + 150.0 * float(speed), 0.06 + 0.54 * float(feed)
+
+
+def removal_rate(policy: AdaptiveRule, seen: np.ndarray) -> float:
+    """Over the depth of cut, after one action."""
+    speed, feed = commands(policy, seen)
+    return speed * feed
+
+
+@pytest.mark.parametrize("rule", ["PV", "PN"])
+def test_what_is_measured_is_heeded_and_forgotten_on_reset(rule: str) -> None:
+    policy = AdaptiveRule(SET_POINTS, 1, rule, margin=0.9, smoothing=0.5)
+    nominal = removal_rate(policy, observed())
+    harder = [removal_rate(policy, observed(power=1.0, force=1.0)) for _ in range(4)]
+    assert nominal > harder[0] > harder[1] > harder[3]
+    assert removal_rate(policy, observed(power=-5.0, force=-5.0, cutting=0.0)) == harder[3]
+    policy.reset(np.ones(1, np.bool_))
+    assert removal_rate(policy, observed()) == nominal
+
+
+@pytest.mark.parametrize("wear", [0.2, 0.7, 1.2])
+def test_as_predicted_the_adaptive_rule_commands_the_rules_set_point(wear: float) -> None:
+    policy = AdaptiveRule(SET_POINTS, 1, "PN", margin=1.0, smoothing=1.0)
+    for _ in range(3):
+        found = commands(policy, observed(wear=wear))
+    assert found == pytest.approx([float(value) for value in set_point("PN", STEEL, 2.5, wear=wear * 0.3)], rel=1e-4)
+
+
+def test_a_margin_lowers_the_rate() -> None:
+    rates = [removal_rate(AdaptiveRule(SET_POINTS, 1, "PV", margin, 0.5), observed()) for margin in (0.95, 0.85, 0.75)]
+    assert rates[0] > rates[1] > rates[2]
+
+
+@pytest.mark.parametrize("rule", [*TWO_LIMITS, ECONOMIC_OPTIMUM])
+@pytest.mark.parametrize("wear", [0.0, 0.5, 4.0])
+def test_the_ends_of_what_is_measured_give_commands_within_the_ranges(rule: str, wear: float) -> None:
+    policy = AdaptiveRule(SET_POINTS, 1, rule, margin=1.0, smoothing=1.0)
+    for power, force in itertools.product((-5.0, -4.999, 15.0), (-5.0, 15.0)):
+        speed, feed = commands(policy, observed(wear=wear, power=power, force=force))
+        assert 50.0 <= speed <= 200.0 + 1e-4
+        assert 0.06 <= feed <= 0.6 + 1e-6
+
+
+def test_no_measured_force_and_power_are_not_believed() -> None:
+    policy = AdaptiveRule(SET_POINTS, 1, "PN", margin=1.0, smoothing=1.0)
+    found = commands(policy, observed(wear=4.0, power=-4.999, force=-5.0))
+    believed = STEEL.rescaled(LEAST_SCALE, LEAST_SCALE)
+    assert found == pytest.approx([float(value) for value in set_point("PN", believed, 2.5, wear=1.2)], rel=1e-4)
+
+
+def test_a_lane_without_power_keeps_its_scales() -> None:
+    policy = AdaptiveRule(SET_POINTS, 1, "PN", margin=1.0, smoothing=1.0)
+    assert commands(policy, observed(power=-5.0, force=10.0)) == pytest.approx(commands(policy, observed()), rel=1e-5)
+
+
+def test_lanes_are_reset_one_by_one() -> None:
+    policy = AdaptiveRule(SET_POINTS, 2, "PV", margin=0.8, smoothing=1.0)
+    policy.act(np.concatenate([observed(power=1.0, force=1.0)] * 2))
+    policy.reset(np.array([True, False]))
+    fresh, kept = policy.act(np.concatenate([observed(cutting=0.0)] * 2))
+    assert fresh[1] > kept[1]
