@@ -30,6 +30,8 @@ class Rule:
     """Whether a scenario offers the actions and the inputs that it needs."""
     parameters: Mapping[str, float | Range]
     """A number is fixed, a range is tuned."""
+    changes_edges: bool = False
+    """Whether it says itself when to change the edge, where edges are changed on command."""
 
     @property
     def ranges(self) -> dict[str, Range]:
