@@ -1,48 +1,32 @@
 """Every rule-based controller by name, ready to play a scenario."""
 
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass
+from types import ModuleType
 
-from baselines import tuned
-from baselines.fixed import HANDBOOK_CUTTING_SPEED, HANDBOOK_FEED, FixedParameters
-from baselines.grid_search import GridSearch, RescaledGridSearch
-from baselines.policy import Policy, PolicyFactory
+from baselines import fixed, grid_search, tuned
+from baselines.edge_changes import as_played
+from baselines.policy import PolicyFactory
+from baselines.rule import Parameters, Rule
 from turning_env import Scenario
 
-Parameters = dict[str, float]
+
+def merged(modules: Iterable[ModuleType]) -> dict[str, Rule]:
+    """The rules of all modules, each of which declares its own as ``RULES``.
+
+    Raises:
+        ValueError: two modules declare a rule of the same name.
+    """
+    rules: dict[str, Rule] = {}
+    for module in modules:
+        if twice := rules.keys() & module.RULES.keys():
+            raise ValueError(f"{module.__name__} declares {', '.join(sorted(twice))}, as a module before it does")
+        rules |= module.RULES
+    return rules
 
 
-@dataclass(frozen=True)
-class Rule:
-    """A kind of controller."""
-
-    description: str
-    build: Callable[[Scenario, int, Parameters], Policy]
-    """Makes the policy for a scenario, a number of lanes and its parameters."""
-    fixed_parameters: Parameters | None = None
-    """Its parameters, or None where they are tuned."""
-
-
-RULES: dict[str, Rule] = {
-    "fixed_handbook": Rule(
-        "one handbook speed and feed for the edge's whole life",
-        lambda scenario, lanes, p: FixedParameters(scenario, p["cutting_speed"], p["feed"]),
-        {"cutting_speed": HANDBOOK_CUTTING_SPEED, "feed": HANDBOOK_FEED},
-    ),
-    "fixed_tuned": Rule(
-        "the best one speed and feed, found on tuning draws",
-        lambda scenario, lanes, p: FixedParameters(scenario, p["cutting_speed"], p["feed"]),
-    ),
-    "grid_search": Rule(
-        "the grid search of Alaskari and Oraby (2018) on nominal models",
-        lambda scenario, lanes, p: GridSearch(scenario, lanes),
-        {},
-    ),
-    "rescaled_grid_search": Rule(
-        "the grid search on models rescaled by measured force and power, with a margin, both tuned on tuning draws",
-        lambda scenario, lanes, p: RescaledGridSearch(scenario, lanes, p["margin"], p["smoothing"]),
-    ),
-}
+RULES = merged((fixed, grid_search))
+"""All rules by name. A new file of rules is added here."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +41,22 @@ class Entry:
 
 def names(scenario: Scenario) -> list[str]:
     """Names of the controllers that can play a scenario."""
-    return list(RULES)
+    return [name for name, rule in RULES.items() if rule.plays(scenario)]
+
+
+def playable(name: str, scenario: Scenario) -> Rule:
+    """The rule of a name, as it plays a scenario.
+
+    Raises:
+        KeyError: there is no controller of this name; names those there are.
+        ValueError: it cannot play the scenario.
+    """
+    if name not in RULES:
+        raise KeyError(f"no controller is called {name!r}; there are {', '.join(RULES)}")
+    rule = RULES[name]
+    if not rule.plays(scenario):
+        raise ValueError(f"{name} cannot play scenario {scenario.name!r}, which lacks actions, inputs or models that it needs")
+    return as_played(rule, scenario)
 
 
 def entry(name: str, scenario: Scenario) -> Entry:
@@ -65,10 +64,9 @@ def entry(name: str, scenario: Scenario) -> Entry:
 
     Raises:
         KeyError: there is no controller of this name; names those there are.
-        NotTuned: it has not been tuned for this scenario.
+        ValueError: it cannot play the scenario.
+        NotTuned: it has not been tuned for this scenario, or not with the parameters that it has now.
     """
-    if name not in RULES:
-        raise KeyError(f"no controller is called {name!r}; there are {', '.join(RULES)}")
-    rule = RULES[name]
-    parameters = tuned.parameters(scenario)[name] if rule.fixed_parameters is None else rule.fixed_parameters
+    rule = playable(name, scenario)
+    parameters = rule.fixed | (tuned.setting(name, rule, scenario) if rule.ranges else {})
     return Entry(name, rule.description, parameters, lambda lanes: rule.build(scenario, lanes, parameters))

@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.commands import towards
+from baselines.commands import sets_speed_and_feed, towards
 from baselines.policy import Actions, Observations
+from baselines.rule import Parameters, Range, Rule
 from turning_env import Scenario, read
 
 HANDBOOK_CUTTING_SPEED = 145.0
@@ -37,3 +38,24 @@ class FixedParameters:
         speeds = np.broadcast_to(self._cutting_speed, len(observations))
         feeds = np.broadcast_to(self._feed, len(observations))
         return towards(reading, self._scenario, speeds, feeds)
+
+
+def _build(scenario: Scenario, lanes: int, parameters: Parameters) -> FixedParameters:
+    return FixedParameters(scenario, parameters["cutting_speed"], parameters["feed"])
+
+
+RULES = {
+    "fixed_handbook": Rule(
+        "one handbook speed and feed for the edge's whole life",
+        _build,
+        sets_speed_and_feed,
+        {"cutting_speed": HANDBOOK_CUTTING_SPEED, "feed": HANDBOOK_FEED},
+    ),
+    "fixed_tuned": Rule(
+        "the best one speed and feed, found on tuning draws",
+        _build,
+        sets_speed_and_feed,
+        {"cutting_speed": Range(50.0, 200.0), "feed": Range(0.06, 0.60, logarithmic=True)},
+    ),
+}
+"""[m/min] and [mm/rev], clipped to the machine."""

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.commands import towards
+from baselines.commands import sets_speed_and_feed, towards
 from baselines.policy import Actions, Observations
+from baselines.rule import Range, Rule
 from turning_env import Scenario, read
 from turning_env.compilation import compiled
 from turning_env.machinability import force_and_power, log_wear_coefficient
@@ -162,3 +163,23 @@ class RescaledGridSearch(GridSearch):
         self._force_limits = self._margin * limits.thrust_force / np.maximum(self._force_scale, 0.1)
         self._power_limits = self._margin * limits.power / np.maximum(self._power_scale, 0.1)
         return super().act(observations)
+
+
+def _plays(scenario: Scenario) -> bool:
+    return sets_speed_and_feed(scenario) and all(law.feed >= 0 for _, law in scenario.material)
+
+
+RULES = {
+    "grid_search": Rule(
+        "the grid search of Alaskari and Oraby (2018) on nominal models",
+        lambda scenario, lanes, parameters: GridSearch(scenario, lanes),
+        _plays,
+        {},
+    ),
+    "rescaled_grid_search": Rule(
+        "the grid search on models rescaled by measured force and power, with a margin, both tuned on tuning draws",
+        lambda scenario, lanes, parameters: RescaledGridSearch(scenario, lanes, **parameters),
+        _plays,
+        {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
+    ),
+}

@@ -1,109 +1,105 @@
-"""Tunes the rules on tuning draws, with a stated budget, and writes what it found to ``baselines/tuned/``.
+"""Tunes the rules on tuning draws, all with the same stated budget, and writes what it found to ``baselines/tuned/``.
 
     python -m baselines.tune
-    python -m baselines.tune --scenario forging
+    python -m baselines.tune --scenario forging --rules fixed_tuned rescaled_grid_search
 
-Every setting of a coarse grid plays a quarter of the draws, then the best tenth of the settings plays all of them, and the best
-mean return wins. The budget, in episodes, is written down with the result. Interrupted, the same command goes on.
+Every rule gets the same number of trials on the same draws, however many parameters it has. What they amount to in episodes and
+control intervals is written down with the result; an agent's budget, to compare with, is ``intervals`` in
+``train/hyperparameters/ppo.toml``. How a rule is tuned: ``baselines/study.py``. Interrupted, the same command goes on.
 """
 
 import argparse
-import itertools
 import json
 import sys
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
 
-import numpy as np
-from tqdm import tqdm
-
-from baselines import tuned
-from baselines.catalogue import RULES, Parameters
-from baselines.code import code_digest
-from baselines.journal import Journal
-from baselines.play import play
+from baselines import study, tuned
+from baselines.catalogue import RULES, names, playable
+from baselines.rule import Rule
 from turning_env import Scenario
 from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
 
-
-def candidates(rule: str, scenario: Scenario) -> list[Parameters]:
-    """The settings that are tried for a rule."""
-    machine = scenario.machine
-    if rule == "fixed_tuned":
-        speeds = np.linspace(machine.cutting_speed_min, machine.cutting_speed_max, 16)
-        feeds = np.linspace(machine.feed_min, machine.feed_max, 19)
-        return [{"cutting_speed": float(v), "feed": float(f)} for v, f in itertools.product(speeds, feeds)]
-    if rule == "rescaled_grid_search":
-        margins = np.linspace(0.80, 1.05, 11)
-        smoothings = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0)
-        return [{"margin": float(m), "smoothing": s} for m, s in itertools.product(margins, smoothings)]
-    raise KeyError(f"{rule} has nothing to tune")
+Budget = dict[str, int]
 
 
-def mean_return(rule: str, scenario: Scenario, setting: Parameters, seeds: Sequence[int]) -> float:
-    """Mean return [s] of a rule with a setting on given draws."""
-    return float(play(lambda lanes: RULES[rule].build(scenario, lanes, setting), scenario, seeds)["return"].mean())
+def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario) -> dict[str, Rule]:
+    """The named rules, or without names all that can play the scenario and have something to tune.
+
+    Raises:
+        KeyError: there is no rule of that name.
+        ValueError: a rule cannot play the scenario or has nothing to tune.
+    """
+    rules = {name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)}
+    chosen = {name: rule for name, rule in rules.items() if rule.ranges}
+    if wanted is not None and (fixed := rules.keys() - chosen.keys()):
+        raise ValueError(f"{', '.join(sorted(fixed))} has nothing to tune")
+    return chosen
 
 
-def open_journal(scenario: Scenario) -> Journal:
-    """The scores found so far for a scenario by the present code."""
-    return Journal(tuned.FOLDER / f".unfinished-{scenario.name}.json", [scenario.digest(), code_digest()])
+def kept_rules(chosen: dict[str, Rule], scenario: Scenario, budget: Budget) -> dict[str, Any]:
+    """What the scenario's file says of the rules that are not tuned now.
 
-
-def tune(rule: str, scenario: Scenario, draws: int, journal: Journal) -> tuple[Parameters, float, int]:
-    """Find the best setting of a rule; return (setting, its mean return on all draws [s], episodes played)."""
-    seeds = tuning_draws(draws)
-    few = seeds[: max(1, draws // 4)]
-    settings = candidates(rule, scenario)
-    finalists = max(1, len(settings) // 10)
-    with tqdm(total=len(settings) + finalists, desc=f"tuning {rule}", unit="setting") as bar:
-
-        def scores(tried: list[Parameters], on: Sequence[int]) -> Iterator[float]:
-            for setting in tried:
-                yield journal.recall([rule, setting, len(on)], partial(mean_return, rule, scenario, setting, on))
-                bar.update()
-
-        first = list(scores(settings, few))
-        kept = [settings[i] for i in np.argsort(first)[::-1][:finalists]]
-        final = list(scores(kept, seeds))
-    best = int(np.argmax(final))
-    return kept[best], final[best], len(settings) * len(few) + finalists * len(seeds)
+    Raises:
+        ValueError: they were tuned with another budget, so that the file would compare what cannot be compared.
+    """
+    values = tuned.contents(scenario)
+    if values.get("scenario_digest") != scenario.digest():
+        return {}
+    kept = {name: values["rules"][name] for name in RULES if name in values["rules"] and name not in chosen}
+    if kept and values.get("budget") != budget:
+        raise ValueError(f"{tuned.path(scenario)} keeps {', '.join(kept)}, tuned with another budget: tune all rules")
+    return kept
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m baselines.tune", description="Tune the rules for a scenario.")
-    parser.add_argument("--scenario", default="rough_turning", help="preset or TOML file")
-    parser.add_argument("--draws", type=int, default=128, help="tuning draws")
+    parser.add_argument("--scenario", default="rough_turning", metavar="PRESET_OR_TOML", help="default: rough_turning")
+    parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune these alone, and keep the others of the scenario's file")
+    parser.add_argument("--trials", type=int, default=40, help="settings tried for each rule (default: 40)")
+    parser.add_argument("--draws", type=int, default=48, help="tuning draws that each setting plays (default: 48)")
     parsed = parser.parse_args(arguments)
+    budget = {"trials": parsed.trials, "draws": parsed.draws}
     try:
-        scenario = Scenario.load(parsed.scenario)
+        if parsed.trials < 1:
+            raise ValueError(f"{parsed.trials} trials asked for, but there must be 1 or more")
         tuning_draws(parsed.draws)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
+        scenario = Scenario.load(parsed.scenario)
+        chosen = chosen_rules(parsed.rules, scenario)
+        if parsed.rules is not None:
+            kept_rules(chosen, scenario, budget)  # refused before hours of playing, not after
+    except (KeyError, ValueError) as error:
+        print(f"error: {error.args[0]}", file=sys.stderr)
         return 2
-    journal = open_journal(scenario)
-    rules = {}
-    for name in (name for name, rule in RULES.items() if rule.fixed_parameters is None):
-        try:
-            setting, score, episodes = tune(name, scenario, parsed.draws, journal)
-        except KeyboardInterrupt:
-            print("interrupted: run the same command again to go on", file=sys.stderr)
-            return 130
-        rules[name] = {"parameters": setting, "mean_return": score, "episodes_played": episodes}
-        print(f"{name}: {setting}, mean return {score:.1f} s over {parsed.draws} draws")
-    target = tuned.path(scenario)
+    try:
+        found = {name: _search(name, rule, scenario, budget) for name, rule in chosen.items()}
+    except KeyboardInterrupt:
+        print("interrupted: run the same command again to go on", file=sys.stderr)
+        return 130
+    # Read again, as another rule may have been tuned meanwhile.
+    rules = found | (kept_rules(chosen, scenario, budget) if parsed.rules is not None else {})
     values = {
-        "command": f"python -m baselines.tune --scenario {parsed.scenario} --draws {parsed.draws}",
+        "command": f"python -m baselines.tune --scenario {parsed.scenario} --trials {parsed.trials} --draws {parsed.draws}",
         "scenario_digest": scenario.digest(),
-        "tuning_draws": parsed.draws,
-        "rules": rules,
+        "budget": budget,
+        "rules": {name: rules[name] for name in RULES if name in rules},
     }
+    target = tuned.path(scenario)
     replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
-    journal.finish()
+    for name in chosen:
+        study.journal(name, scenario).unlink(missing_ok=True)
     print(target)
     return 0
+
+
+def _search(name: str, rule: Rule, scenario: Scenario, budget: Budget) -> dict[str, Any]:
+    found = study.search(name, rule, scenario, **budget)
+    admissible = "admissible" if found.feasible else "not admissible"
+    print(f"{name}: {found.parameters}, mean return {found.mean_return:.1f} s over {budget['draws']} draws, {admissible}")
+    return asdict(found)
 
 
 if __name__ == "__main__":

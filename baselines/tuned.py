@@ -4,13 +4,15 @@ import json
 from pathlib import Path
 from typing import Any
 
+from baselines.rule import Parameters, Rule
 from turning_env import Scenario
 
 FOLDER = Path(__file__).parent / "tuned"
+_COMMAND = "python -m baselines.tune --scenario PRESET_OR_TOML"
 
 
 class NotTuned(ValueError):
-    """The rules have not been tuned for this scenario."""
+    """A rule has not been tuned for this scenario."""
 
 
 def path(scenario: Scenario) -> Path:
@@ -18,19 +20,36 @@ def path(scenario: Scenario) -> Path:
     return FOLDER / f"{scenario.name}.json"
 
 
-def parameters(scenario: Scenario) -> dict[str, dict[str, float]]:
-    """Tuned parameters by rule and name.
+def contents(scenario: Scenario) -> dict[str, Any]:
+    """All that the scenario's file says; nothing where there is no file."""
+    try:
+        values: dict[str, Any] = json.loads(path(scenario).read_text("utf-8"))
+    except FileNotFoundError:
+        return {}
+    return values
+
+
+def parameters(scenario: Scenario) -> dict[str, Parameters]:
+    """Tuned parameters by rule and name, of the rules that have been tuned.
 
     Raises:
         NotTuned: there are none for this scenario; says which command makes them.
     """
-    try:
-        values: dict[str, Any] = json.loads(path(scenario).read_text("utf-8"))
-    except FileNotFoundError:
-        values = {}
+    values = contents(scenario)
     if values.get("scenario_digest") != scenario.digest():
         found = "were tuned for other values" if values else "have not been tuned"
-        raise NotTuned(
-            f"the rules of scenario {scenario.name!r} {found}: run `python -m baselines.tune --scenario PRESET_OR_TOML`"
-        )
+        raise NotTuned(f"the rules of scenario {scenario.name!r} {found}: run `{_COMMAND}`")
     return {name: rule["parameters"] for name, rule in values["rules"].items()}
+
+
+def setting(name: str, rule: Rule, scenario: Scenario) -> Parameters:
+    """Tuned parameters of one rule.
+
+    Raises:
+        NotTuned: there are none for this scenario, or they are not those that the rule has; says which command makes them.
+    """
+    known = parameters(scenario)
+    if name not in known or known[name].keys() != rule.ranges.keys():
+        found = "was tuned in other parameters" if name in known else "has not been tuned"
+        raise NotTuned(f"{name} {found} for scenario {scenario.name!r}: run `{_COMMAND} --rules {name}`")
+    return known[name]

@@ -3,81 +3,139 @@ from pathlib import Path
 
 import pytest
 
-from baselines import tune, tuned
-from baselines.catalogue import entry
+from baselines import study, tune, tuned
+from baselines.catalogue import RULES, entry
+from baselines.rule import Range, Rule
+from baselines.study import Played, play_setting
 from turning_env import Scenario
+
+SHORT = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.1}})
+OTHER = Rule("made up", RULES["fixed_tuned"].build, lambda scenario: True, {"cutting_speed": Range(80.0, 120.0), "feed": 0.2})
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(tuned, "FOLDER", tmp_path)
+    """Where tuned values are kept; two rules can be tuned, and a third has nothing to tune."""
+    monkeypatch.setattr(tuned, "FOLDER", tmp_path / "tuned")
+    for name in RULES.keys() - {"fixed_handbook", "fixed_tuned"}:
+        monkeypatch.delitem(RULES, name)
+    monkeypatch.setitem(RULES, "other", OTHER)
+    SHORT.save(tmp_path / "short.toml")
     return tmp_path
 
 
-def quick(monkeypatch: pytest.MonkeyPatch, best: float) -> None:
-    """Have settings scored by how near their first value is to ``best``, instead of played."""
-    monkeypatch.setattr(tune, "mean_return", lambda rule, scenario, setting, seeds: -abs(next(iter(setting.values())) - best))
+def run(folder: Path, *arguments: str) -> int:
+    common = ["--scenario", str(folder / "short.toml"), "--draws", "2"]
+    return tune.main([*common, *(arguments if "--trials" in arguments else ("--trials", "3", *arguments))])
 
 
-def test_the_best_setting_is_found_and_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    quick(monkeypatch, 130.0)
-    setting, score, episodes = tune.tune("fixed_tuned", Scenario(), 8, tune.open_journal(Scenario()))
-    assert setting["cutting_speed"] == pytest.approx(130)
-    assert score == pytest.approx(0)
-    assert episodes == 16 * 19 * 2 + 30 * 8
-    assert tune.main(["--draws", "2"]) == 0
-    assert entry("fixed_tuned", Scenario.load("rough_turning")).parameters["cutting_speed"] == pytest.approx(130)
-    assert [path.name for path in folder.iterdir()] == ["rough_turning.json"]
-    written = json.loads((folder / "rough_turning.json").read_text())
-    assert written["command"] == "python -m baselines.tune --scenario rough_turning --draws 2"
+def test_the_same_command_writes_the_same_file(folder: Path) -> None:
+    assert run(folder) == 0
+    path = folder / "tuned" / "short.json"
+    text = path.read_text()
+    values = json.loads(text)
+    assert values["command"] == f"python -m baselines.tune --scenario {folder / 'short.toml'} --trials 3 --draws 2"
+    assert values["scenario_digest"] == SHORT.digest()
+    assert values["budget"] == {"trials": 3, "draws": 2}
+    assert list(values["rules"]) == ["fixed_tuned", "other"]
+    for name, found in values["rules"].items():
+        played = play_setting(RULES[name], SHORT, entry(name, SHORT).parameters, [1_000_000_000, 1_000_000_001])
+        assert found.pop("parameters").keys() == RULES[name].ranges.keys()
+        assert found == {
+            "mean_return": played.mean_return,
+            "severe_share": played.severe_share,
+            "feasible": played.severe_limit <= SHORT.limits.overload_allowance,
+            "episodes_played": 6,
+            "intervals_played": 36,
+        }
+    assert run(folder) == 0
+    assert path.read_text() == text
+    assert list(path.parent.iterdir()) == [path]
 
 
-def test_a_scenario_of_other_values_is_not_tuned(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(tuned.NotTuned, match=r"have not been tuned.*baselines\.tune"):
-        entry("fixed_tuned", Scenario())
-    quick(monkeypatch, 130.0)
-    tune.main(["--draws", "1"])
-    other = Scenario.model_validate({"limits": {"power": 6.5}})
-    with pytest.raises(tuned.NotTuned, match="tuned for other values"):
-        entry("fixed_tuned", other)
-
-
-def test_an_interrupted_tuning_goes_on_where_it_stopped(
+def test_interrupted_it_goes_on_to_the_same_file(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    quick(monkeypatch, 130.0)
-    score, played = tune.mean_return, 0
+    assert run(folder) == 0
+    path = folder / "tuned" / "short.json"
+    text = path.read_text()
+    path.unlink()
+    played = 0
 
-    def interrupted(*arguments: object) -> float:
+    def interrupted(*arguments: object) -> Played:
         nonlocal played
         played += 1
-        if played == 101:
+        if played == 5:
             raise KeyboardInterrupt
-        return score(*arguments)
+        return play_setting(*arguments)
 
-    monkeypatch.setattr(tune, "mean_return", interrupted)
-    assert tune.main(["--draws", "4"]) == 130
+    monkeypatch.setattr(study, "play_setting", interrupted)
+    assert run(folder) == 130
     assert "again to go on" in capsys.readouterr().err
-    assert not (folder / "rough_turning.json").exists()
-    assert tune.main(["--draws", "4"]) == 0
-    assert played == 1 + sum(
-        len(tune.candidates(rule, Scenario())) * 11 // 10 for rule in ("fixed_tuned", "rescaled_grid_search")
-    )
-    assert [path.name for path in folder.iterdir()] == ["rough_turning.json"]
+    assert not path.exists()
+    assert run(folder) == 0
+    assert played == 2 * 3 + 1
+    assert path.read_text() == text
+    assert list(path.parent.iterdir()) == [path]
 
 
-def test_an_unknown_rule_names_those_there_are() -> None:
-    with pytest.raises(KeyError, match=r"'nonsense'.*fixed_handbook"):
-        entry("nonsense", Scenario())
+def test_some_rules_are_tuned_and_the_others_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(folder, "--rules", "other") == 0
+    with pytest.raises(tuned.NotTuned, match=r"fixed_tuned has not been tuned.*--rules fixed_tuned"):
+        entry("fixed_tuned", SHORT)
+    assert run(folder, "--rules", "fixed_tuned") == 0
+    path = folder / "tuned" / "short.json"
+    text = path.read_text()
+    assert run(folder) == 0
+    assert path.read_text() == text  # rule by rule or all at once
+    assert run(folder, "--rules", "other", "--trials", "4") == 2
+    assert "keeps fixed_tuned, tuned with another budget" in capsys.readouterr().err
+    assert path.read_text() == text
+    assert run(folder, "--rules", "other", "fixed_tuned", "--trials", "4") == 0
+    assert json.loads(path.read_text())["budget"] == {"trials": 4, "draws": 2}
 
 
-def test_settings_are_really_played() -> None:
-    scenario = Scenario.model_validate({"tool": {"wear_criterion": 0.1}})
-    slow, good = ({"cutting_speed": v, "feed": f} for v, f in ((50.0, 0.06), (140.0, 0.35)))
-    assert tune.mean_return("fixed_tuned", scenario, slow, [1, 2]) < tune.mean_return("fixed_tuned", scenario, good, [1, 2])
+def test_what_was_tuned_for_other_values_is_not_kept(folder: Path) -> None:
+    assert run(folder) == 0
+    other = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.2}})
+    other.save(folder / "short.toml")
+    assert run(folder, "--rules", "other", "--trials", "4") == 0
+    assert tuned.parameters(other).keys() == {"other"}
 
 
-@pytest.mark.parametrize("arguments", [["--draws", "0"], ["--scenario", "nowhere"]])
-def test_bad_input_is_an_error(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert tune.main(arguments) == 2
-    assert "error: " in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--draws", "0"], "0 draws asked for"),
+        (["--trials", "0"], "0 trials asked for"),
+        (["--scenario", "nowhere"], "nowhere"),
+        (["--rules", "nonsense"], "no controller is called 'nonsense'; there are fixed_handbook, fixed_tuned, other"),
+        (["--rules", "other", "fixed_handbook"], "fixed_handbook has nothing to tune"),
+        (["--rules", "unable"], "unable cannot play"),
+    ],
+)
+def test_bad_input_is_an_error(
+    arguments: list[str],
+    message: str,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    if "unable" in arguments:
+        monkeypatch.setitem(RULES, "unable", Rule("made up", OTHER.build, lambda scenario: False, OTHER.parameters))
+    assert run(folder, *arguments) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert message in error
+    assert not (folder / "tuned").exists()
+
+
+def test_a_failing_rule_keeps_its_journal(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*arguments: object) -> Played:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(study, "play_setting", broken)
+    with pytest.raises(ZeroDivisionError) as caught:
+        run(folder)
+    assert "while tuning fixed_tuned with {'cutting_speed': 125.0" in caught.value.__notes__[0]
+    assert [path.name for path in (folder / "tuned").iterdir()] == [".unfinished-short-fixed_tuned.log"]

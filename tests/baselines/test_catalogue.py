@@ -1,0 +1,116 @@
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from baselines import catalogue, tuned
+from baselines.catalogue import RULES, entry, merged, names, playable
+from baselines.edge_changes import CHANGE_AT, TimelyChanges
+from baselines.fixed import FixedParameters
+from baselines.rule import Range, Rule
+from turning_env import Scenario
+
+TUNABLE = Rule(
+    "made up",
+    lambda scenario, lanes, parameters: FixedParameters(scenario, **parameters),
+    lambda scenario: scenario.control.action == "incremental",
+    {"cutting_speed": 100.0, "feed": Range(0.1, 0.4)},
+)
+OTHER_ACTIONS = Scenario.model_validate({"control": {"action": "set_point"}})
+
+
+@pytest.fixture
+def tunable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A rule that is in the catalogue and has not been tuned."""
+    monkeypatch.setattr(tuned, "FOLDER", tmp_path)
+    monkeypatch.setitem(RULES, "tunable", TUNABLE)
+    return "tunable"
+
+
+def keep(rules: dict[str, dict[str, float]], scenario: Scenario) -> None:
+    values = {name: {"parameters": parameters} for name, parameters in rules.items()}
+    tuned.path(scenario).write_text(json.dumps({"scenario_digest": scenario.digest(), "rules": values}))
+
+
+def test_the_rules_of_all_modules_are_there() -> None:
+    assert {"fixed_handbook", "fixed_tuned", "grid_search", "rescaled_grid_search"} <= RULES.keys()
+    assert names(Scenario()) == [name for name, rule in RULES.items() if rule.plays(Scenario())]
+
+
+def test_two_rules_of_one_name_are_refused() -> None:
+    first, second = (SimpleNamespace(__name__=name, RULES={"same": TUNABLE}) for name in ("first", "second"))
+    assert merged([first]) == {"same": TUNABLE}
+    with pytest.raises(ValueError, match="second declares same"):
+        merged([first, second])
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_ranges_are_open_and_logarithms_exist(name: str) -> None:
+    for values in RULES[name].ranges.values():
+        assert values.low < values.high
+        assert values.low > 0 or not values.logarithmic
+
+
+def test_an_unknown_rule_names_those_there_are() -> None:
+    with pytest.raises(KeyError, match=r"'nonsense'.*fixed_handbook"):
+        entry("nonsense", Scenario())
+
+
+def test_a_rule_is_offered_only_where_it_can_play(tunable: str) -> None:
+    assert tunable in names(Scenario())
+    assert tunable not in names(OTHER_ACTIONS)
+    with pytest.raises(ValueError, match="tunable cannot play scenario 'rough_turning'"):
+        entry(tunable, OTHER_ACTIONS)
+
+
+def test_the_grid_search_plays_only_where_responses_grow_with_feed() -> None:
+    power = Scenario().material.power.model_copy(update={"feed": -0.1})
+    material = Scenario().material.model_copy(update={"power": power})
+    offered = names(Scenario().model_copy(update={"material": material}))
+    assert "fixed_tuned" in offered
+    assert not {"grid_search", "rescaled_grid_search"} & set(offered)
+
+
+@pytest.mark.parametrize("preset", ["override", "surface", "batch_rolled"])
+def test_fixed_speed_and_grid_search_play_only_where_both_speed_and_feed_are_set(preset: str) -> None:
+    assert not {"fixed_handbook", "fixed_tuned", "grid_search", "rescaled_grid_search"} & set(names(Scenario.load(preset)))
+
+
+def test_tuned_parameters_join_the_fixed_ones(tunable: str) -> None:
+    keep({tunable: {"feed": 0.3}}, Scenario())
+    found = entry(tunable, Scenario())
+    assert found.parameters == {"cutting_speed": 100.0, "feed": 0.3}
+    assert isinstance(found.make(2), FixedParameters)
+
+
+def test_where_edges_are_changed_on_command_the_change_is_tuned_too(tunable: str) -> None:
+    shift = Scenario.model_validate({"control": {"edge_changes": "commanded"}})
+    assert playable(tunable, shift).ranges.keys() == {"feed", CHANGE_AT}
+    keep({tunable: {"feed": 0.3}}, shift)
+    with pytest.raises(tuned.NotTuned, match="tuned in other parameters"):
+        entry(tunable, shift)
+    keep({tunable: {"feed": 0.3, CHANGE_AT: 0.9}}, shift)
+    assert entry(tunable, shift).parameters == {"cutting_speed": 100.0, "feed": 0.3, CHANGE_AT: 0.9}
+    assert isinstance(entry(tunable, shift).make(2), TimelyChanges)
+
+
+def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
+    command = r"run `python -m baselines\.tune --scenario PRESET_OR_TOML"
+    with pytest.raises(tuned.NotTuned, match=f"have not been tuned: {command}`"):
+        entry(tunable, Scenario())
+    keep({"fixed_tuned": {"cutting_speed": 150.0, "feed": 0.2}}, Scenario())
+    with pytest.raises(tuned.NotTuned, match=f"tunable has not been tuned.*{command} --rules tunable`"):
+        entry(tunable, Scenario())
+    assert entry("fixed_tuned", Scenario()).parameters == {"cutting_speed": 150.0, "feed": 0.2}
+    keep({tunable: {"margin": 0.3}}, Scenario())
+    with pytest.raises(tuned.NotTuned, match=f"tunable was tuned in other parameters.*{command} --rules tunable`"):
+        entry(tunable, Scenario())
+    with pytest.raises(tuned.NotTuned, match=f"tuned for other values: {command}`"):
+        entry(tunable, Scenario.model_validate({"limits": {"power": 6.5}}))
+
+
+def test_a_rule_of_fixed_parameters_needs_no_tuning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tuned, "FOLDER", tmp_path)
+    assert entry("grid_search", Scenario()).parameters == {}
+    assert entry("fixed_handbook", Scenario()).parameters == dict(catalogue.RULES["fixed_handbook"].parameters)

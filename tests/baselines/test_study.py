@@ -1,0 +1,181 @@
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from baselines import study, tuned
+from baselines.catalogue import RULES
+from baselines.play import play
+from baselines.rule import Parameters, Range, Rule
+from baselines.study import Found, Played, middle, play_setting, search
+from turning_env import Scenario
+from turning_env.draws import tuning_draws
+
+SHORT = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.1}})
+RULE = Rule(
+    "made up",
+    RULES["fixed_handbook"].build,
+    lambda scenario: True,
+    {"share": Range(0.0, 1.0), "gain": Range(0.01, 1.0, logarithmic=True), "known": 7.0},
+)
+ALLOWANCE = SHORT.limits.overload_allowance
+Score = Callable[[Parameters], tuple[float, float]]
+
+
+class Counted:
+    """Scores settings by a formula instead of playing them; keeps the settings, and raises at a given one."""
+
+    def __init__(self, score: Score) -> None:
+        self.score = score
+        self.settings: list[Parameters] = []
+        self.raise_at: dict[int, BaseException] = {}
+
+    def __call__(self, rule: Rule, scenario: Scenario, setting: Parameters, seeds: list[int]) -> Played:
+        self.settings.append(setting)
+        if error := self.raise_at.get(len(self.settings)):
+            raise error
+        mean_return, severe_limit = self.score(setting)
+        return Played(mean_return, 0.8 * severe_limit, severe_limit, 100)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(tuned, "FOLDER", tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def scored(monkeypatch: pytest.MonkeyPatch) -> Callable[[Score], Counted]:
+    def scored(score: Score) -> Counted:
+        counted = Counted(score)
+        monkeypatch.setattr(study, "play_setting", counted)
+        return counted
+
+    return scored
+
+
+def hill(setting: Parameters) -> tuple[float, float]:
+    """Highest at a share of 0.7, and admissible up to 0.6."""
+    return -((setting["share"] - 0.7) ** 2), ALLOWANCE * setting["share"] / 0.6
+
+
+def run(trials: int = 16, draws: int = 4) -> Found:
+    return search("made_up", RULE, SHORT, trials, draws)
+
+
+def test_the_middle_comes_first_and_all_settings_lie_in_range(scored: Callable[[Score], Counted]) -> None:
+    counted = scored(hill)
+    run()
+    assert counted.settings[0] == {"share": 0.5, "gain": pytest.approx(0.1), "known": 7.0}
+    assert len(counted.settings) == 16
+    for setting in counted.settings:
+        assert 0 <= setting["share"] <= 1
+        assert 0.01 <= setting["gain"] <= 1
+        assert setting["known"] == 7.0
+    assert middle(Range(2.0, 8.0)) == 5.0
+    assert middle(Range(2.0, 8.0, logarithmic=True)) == 4.0
+
+
+def test_the_best_admissible_setting_wins(scored: Callable[[Score], Counted]) -> None:
+    counted = scored(hill)
+    found = run(trials=30, draws=4)
+    assert found.feasible
+    assert found.parameters.keys() == {"share", "gain"}
+    assert 0.55 < found.parameters["share"] <= 0.6
+    assert found.mean_return == max(hill(setting)[0] for setting in counted.settings if setting["share"] <= 0.6)
+    assert found.severe_share == pytest.approx(0.8 * hill(found.parameters)[1])
+    assert found.episodes_played == 30 * 4
+    assert found.intervals_played == 30 * 100
+
+
+def test_where_none_is_admissible_the_least_overloading_wins(scored: Callable[[Score], Counted]) -> None:
+    counted = scored(lambda setting: (setting["share"], ALLOWANCE * (1.1 + setting["share"])))
+    found = run()
+    assert not found.feasible
+    assert found.parameters["share"] == min(setting["share"] for setting in counted.settings)
+    assert found.mean_return == found.parameters["share"]
+
+
+def test_the_allowance_itself_is_admissible(scored: Callable[[Score], Counted]) -> None:
+    scored(lambda setting: (0.0, ALLOWANCE))
+    assert run(trials=1).feasible
+
+
+@pytest.mark.parametrize("at", [1, 6, 14])
+def test_interrupted_it_goes_on_to_the_same_end(at: int, scored: Callable[[Score], Counted], folder: Path) -> None:
+    whole = scored(hill)
+    expected = run()
+    study.journal("made_up", SHORT).unlink()
+    parts = scored(hill)
+    parts.raise_at = {at: KeyboardInterrupt(), at + 1: KeyboardInterrupt()}
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            run()
+    assert run() == expected
+    assert parts.settings == whole.settings[:at] + [whole.settings[at - 1]] * 2 + whole.settings[at:]
+    assert [path.name for path in folder.iterdir()] == [".unfinished-short-made_up.log"]
+
+
+def test_what_is_found_is_found_again_without_playing(scored: Callable[[Score], Counted]) -> None:
+    counted = scored(hill)
+    assert run() == run()
+    assert len(counted.settings) == 16
+
+
+@pytest.mark.parametrize(("trials", "draws", "time_limit"), [(6, 4, 0.1), (5, 3, 0.1), (5, 4, 0.2)])
+def test_another_task_starts_anew(
+    trials: int, draws: int, time_limit: float, scored: Callable[[Score], Counted], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = Scenario.model_validate({"name": "short", "control": {"time_limit": time_limit}})
+    counted = scored(hill)
+    run(trials=5)
+    search("made_up", RULE, scenario, trials, draws)
+    assert len(counted.settings) == 5 + trials
+    monkeypatch.setattr(study, "code_digest", lambda: "changed")
+    run(trials=5)
+    assert len(counted.settings) == 10 + trials
+
+
+@pytest.mark.parametrize("damage", ["cut off", "garbled", "", "{", "{}\n", "null\n", "[]\n", '{"op_code": 3}\n', "\xff\n"])
+def test_a_damaged_journal_is_started_anew(
+    damage: str, scored: Callable[[Score], Counted], capsys: pytest.CaptureFixture[str]
+) -> None:
+    counted = scored(hill)
+    expected = run(trials=12)
+    path = study.journal("made_up", SHORT)
+    text = path.read_text()
+    lines = text.splitlines(keepends=True)
+    path.write_text(
+        {"cut off": text[:-5], "garbled": "".join([*lines[:9], "{garbled\n", *lines[9:]])}.get(damage, damage), "latin-1"
+    )
+    assert run(trials=12) == expected
+    assert len(counted.settings) == 24
+    assert ("is damaged" in capsys.readouterr().err) == (damage != "")
+
+
+def test_a_failure_names_the_rule_and_the_setting(scored: Callable[[Score], Counted]) -> None:
+    counted = scored(hill)
+    counted.raise_at = {3: ValueError("no such thing")}
+    with pytest.raises(ValueError, match="no such thing") as caught:
+        run()
+    assert caught.value.__notes__ == [f"while tuning made_up with {counted.settings[2]}"]
+
+
+def test_settings_are_really_played() -> None:
+    rule, seeds = RULES["fixed_tuned"], tuning_draws(3)
+    scenario = Scenario.model_validate({"control": {"time_limit": 0.5}})
+    setting = {"cutting_speed": 200.0, "feed": 0.6}
+    episodes = play(lambda lanes: rule.build(scenario, lanes, setting), scenario, seeds)
+    played = play_setting(rule, scenario, setting, seeds)
+    assert played.mean_return == episodes["return"].mean()
+    assert played.intervals == episodes["intervals"].sum()
+    assert played.severe_share == episodes["severe_overload_time"].sum() / episodes["engaged_time"].sum()
+    assert 0 < played.severe_share <= played.severe_limit
+
+
+def test_it_is_quiet(capfd: pytest.CaptureFixture[str]) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        search("fixed_tuned", RULES["fixed_tuned"], SHORT, 12, 2)
+    assert capfd.readouterr() == ("", "")
