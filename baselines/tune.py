@@ -59,8 +59,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m baselines.tune", description="Tune the rules for a scenario.")
     parser.add_argument("--scenario", default="rough_turning", metavar="PRESET_OR_TOML", help="default: rough_turning")
     parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune these alone, and keep the others of the scenario's file")
-    parser.add_argument("--trials", type=int, default=40, help="settings tried for each rule (default: 40)")
-    parser.add_argument("--draws", type=int, default=48, help="tuning draws that each setting plays (default: 48)")
+    parser.add_argument("--trials", type=int, default=64, help="settings tried for each rule (default: 64)")
+    parser.add_argument("--draws", type=int, default=32, help="tuning draws that each setting plays (default: 32)")
     parsed = parser.parse_args(arguments)
     budget = {"trials": parsed.trials, "draws": parsed.draws}
     try:

@@ -91,7 +91,7 @@ class SurfaceEnv(RoughTurningEnv):
 
 
 class ShiftEnv(RoughTurningEnv):
-    """``RoughTurning-Shift-v0``: the most profit from four hours over many edges, which the controller changes in time.
+    """``RoughTurning-Shift-v0``: the most profit from two hours over many edges, which the controller changes in time.
 
     ## Description
 
@@ -111,7 +111,7 @@ class ShiftEnv(RoughTurningEnv):
     ## Reward and end
 
     As for `RoughTurningEnv`, but that the edge's price (3 min) holds no time to change it, since that passes, and that a
-    discarded edge is charged whole. The return is the shift's profit. Truncated after 240 min.
+    discarded edge is charged whole. The return is the shift's profit. Truncated after 120 min.
 
     ## Version history
 

@@ -15,8 +15,8 @@ from turning_env.quantity import Section
 from turning_env.sections import Control, Machine, Material, Tool
 
 PRESETS = (
-    *("batch_casting", "batch_forging", "batch_rolled", "batch_welded", "casting", "forging", "override", "paper", "rolled"),
-    *("rough_turning", "shift", "surface", "welded"),
+    *("batch_casting", "batch_forging", "batch_rolled", "batch_welded", "casting", "forging", "override"),
+    *("override_current", "paper", "rolled", "rough_turning", "rough_turning_current", "shift", "surface", "welded"),
 )
 
 
