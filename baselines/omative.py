@@ -1,0 +1,89 @@
+"""Rapid feed in air gaps, a gentle entry, and then the feed that the metal allows, in the manner of OMATIVE ACM.
+
+In air the override is the highest. When the tool touches metal it drops to that of entry, for a moment. Then it follows the feed
+at which the spindle would bear its target load: the actual feed times (target / load)^(1/m), where m is the exponent of feed in
+the nominal power law. Where hardness or a worn tool raises the load, the feed falls at once; where the load allows more, it rises
+gradually. The laws and constants are assumptions, as none are published.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.load_override import LOWEST_OVERRIDE
+from baselines.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed, target_load
+from baselines.policy import Actions, Observations
+from baselines.rule import Parameters, Range, Rule
+from turning_env import Scenario, read
+from turning_env.drives import lag_share
+
+ENTRY_TIME = 0.3
+"""Time after the touch in which the override is that of entry [s], one control interval at least: power must show first."""
+MOST_CHANGE = 5.0
+"""Most that the wanted feed differs from the actual one, in logarithms [-]: without load, it would be infinite."""
+
+
+class AirGapControl:
+    """The control of one part program on all lanes.
+
+    Args:
+        program: what the override acts on.
+        lanes: how many lanes it controls.
+        target: load that is aimed at, as a share of the one at the power limit [-].
+        entry: override when the tool touches metal [-].
+        rise: rate at which the override approaches a higher one that is wanted [1/s].
+    """
+
+    def __init__(self, program: PartProgram, lanes: int, target: float, entry: float, rise: float) -> None:
+        self._program = program
+        self._target = target_load(program.scenario, target)
+        self._entry = entry
+        self._interval = program.scenario.control.interval
+        self._rise_share = lag_share(self._interval, 1.0 / rise)
+        self._time_in_metal = np.zeros(lanes)  # since the touch [s]
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """The tool is in air."""
+        self._time_in_metal[lanes] = 0.0
+
+    def act(self, observations: Observations) -> Actions:
+        """Actions, shape (lanes, 1 to 3), for observations, shape (lanes, entries)."""
+        program, exponent = self._program, self._program.scenario.material.power.feed
+        reading = read(observations, program.scenario)
+        present = program.override(reading)
+        load = np.maximum(reading.load, 1e-9)
+        change = np.clip(np.log(self._target / load) / exponent, -MOST_CHANGE, MOST_CHANGE)
+        wanted = np.maximum(reading.feed / program.feed * np.exp(change), LOWEST_OVERRIDE)
+        wanted = np.minimum(wanted, program.override_max)
+        override = np.where(wanted > present, present + self._rise_share * (wanted - present), wanted)
+
+        entering = self._time_in_metal < ENTRY_TIME
+        override[entering] = self._entry
+        override[~reading.cutting] = program.override_max
+        self._time_in_metal = np.where(reading.cutting, self._time_in_metal + self._interval, 0.0)
+        return program.act(reading, override)
+
+
+def _inverts_power(scenario: Scenario) -> bool:
+    return scenario.material.power.feed > 0
+
+
+def _build(scenario: Scenario, lanes: int, parameters: Parameters) -> AirGapControl:
+    return AirGapControl(PartProgram(scenario, parameters), lanes, parameters["target"], parameters["entry"], parameters["rise"])
+
+
+DESCRIPTION = "rapid feed in air, gentle entry, then the feed that the metal allows, in the manner of OMATIVE ACM"
+
+RULES = {
+    "omative": Rule(
+        DESCRIPTION,
+        _build,
+        lambda scenario: on_override(scenario) and _inverts_power(scenario),
+        {"target": Range(0.7, 1.0), "entry": Range(0.3, 2.0), "rise": Range(1.0, 50.0, logarithmic=True)},
+    ),
+    "omative_with_speed": Rule(
+        f"{DESCRIPTION}, with the program's speed tuned",
+        _build,
+        lambda scenario: on_speed_and_feed(scenario) and _inverts_power(scenario),
+        {**SPEED_AND_TARGET, "entry": 1.0, "rise": Range(0.1, 5.0, logarithmic=True)},
+    ),
+}

@@ -1,0 +1,134 @@
+"""Constant spindle power by feed, watched against a learned cut, in the manner of Caron TMAC.
+
+Each edge cuts its first seconds at the programmed feed, and the mean power of that is the reference. From then on the feed keeps
+the power constant, and four limits apply, the last three relative to the reference:
+
+* The power kept constant is a share of the power limit, but never above the extreme limit: there the feed is held back.
+* Well beyond the extreme limit the feed stops (the lowest that there is), until the power has fallen.
+* Below the undercut limit, in air or where metal is missing, the feed is the programmed one.
+* Above the wear limit the edge is worn out. Where edges are changed on command it is changed, and the next one learns anew;
+  elsewhere the limit does nothing, as an episode goes on until the edge is finished.
+
+For the last two limits, power is converted to the programmed feed and speed by the exponents of the nominal power law: what is
+left of its growth at constant feed is depth of cut, hardness and wear. The wear limit smooths it, so that depth and hardness even
+out.
+
+The laws and constants are assumptions, as none are published.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.load_override import towards_load
+from baselines.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed
+from baselines.policy import Actions, Observations
+from baselines.rule import Parameters, Range, Rule
+from turning_env import Scenario, read
+from turning_env.drives import lag_share
+
+SETTLING_TIME = 0.5
+"""Cutting time of an edge before it is learned from [s]: the power is still rising."""
+LEARNING_TIME = 1.5
+"""Cutting time of an edge at which it has been learned from [s]."""
+STOP = 1.25
+"""Power at which the feed stops, over the extreme limit [-]."""
+UNDERCUT = 0.3
+"""The undercut limit, over the reference [-]."""
+WEAR_TIME = 60.0
+"""Time constant with which the growth of power is smoothed [s]."""
+
+
+class LearnedPower:
+    """The control of one part program on all lanes.
+
+    Args:
+        program: what the override acts on.
+        lanes: how many lanes it controls.
+        target: power that is kept constant, as a share of the power limit [-].
+        gain: of the integration that keeps it [1/s].
+        extreme: the extreme limit, over the reference [-].
+        wear: the wear limit, over the reference [-].
+    """
+
+    def __init__(self, program: PartProgram, lanes: int, target: float, gain: float, extreme: float, wear: float) -> None:
+        scenario = program.scenario
+        self._program = program
+        self._power = target * scenario.limits.power
+        self._extreme, self._wear = extreme, wear
+        self._share = lag_share(scenario.control.interval, 1.0 / gain)
+        self._wear_share = lag_share(scenario.control.interval, WEAR_TIME)
+        self._cutting_time = np.zeros(lanes)  # of the edge, when last seen [min]
+        self._sum = np.zeros(lanes)  # of the powers learned from [kW]
+        self._count = np.zeros(lanes)
+        self._growth = np.ones(lanes)  # smoothed power over the reference [-]
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """Forget the edge."""
+        self._cutting_time[lanes] = 0.0
+        self._sum[lanes] = 0.0
+        self._count[lanes] = 0.0
+        self._growth[lanes] = 1.0
+
+    def act(self, observations: Observations) -> Actions:
+        """Actions, shape (lanes, 1 to 3), for observations, shape (lanes, entries)."""
+        program, law = self._program, self._program.scenario.material.power
+        reading = read(observations, program.scenario)
+        self.reset(reading.cutting_time < self._cutting_time)  # a fresh edge
+        self._cutting_time = reading.cutting_time
+        at_program = (
+            reading.power
+            * (program.feed / reading.feed) ** law.feed
+            * (program.cutting_speed / reading.cutting_speed) ** law.cutting_speed
+        )
+        seconds = 60.0 * reading.cutting_time
+        young = seconds < LEARNING_TIME
+        learns = reading.cutting & (seconds >= SETTLING_TIME) & (young | (self._count == 0.0))
+        self._sum += np.where(learns, at_program, 0.0)
+        self._count += learns
+        learned = ~young & (self._count > 0.0)
+        reference = np.where(learned, self._sum / np.maximum(self._count, 1.0), math.inf)
+
+        extreme = self._extreme * reference
+        override = towards_load(
+            program.override(reading), reading.power, np.maximum(np.minimum(self._power, extreme), 1e-9), self._share
+        )
+        override[reading.power > STOP * extreme] = 0.0
+        undercut = at_program < UNDERCUT * reference
+        override[undercut | ~learned] = 1.0
+
+        watched = learned & reading.cutting & ~undercut
+        growth = np.divide(at_program, reference, out=np.ones_like(reference), where=watched & (reference > 0.0))
+        self._growth += np.where(watched, self._wear_share, 0.0) * (growth - self._growth)
+        return program.act(reading, override, self._growth > self._wear)
+
+
+def _build(scenario: Scenario, lanes: int, parameters: Parameters) -> LearnedPower:
+    limits = {name: parameters[name] for name in ("target", "gain", "extreme", "wear")}
+    return LearnedPower(PartProgram(scenario, parameters), lanes, **limits)
+
+
+DESCRIPTION = "constant spindle power by feed, watched against a learned cut, in the manner of Caron TMAC"
+
+RULES = {
+    "tmac": Rule(
+        DESCRIPTION,
+        _build,
+        on_override,
+        {
+            "target": Range(0.7, 1.0),
+            "gain": Range(1.0, 40.0, logarithmic=True),
+            "extreme": Range(2.0, 5.0),
+            "wear": 1.5,  # a pass is too short to reach it
+        },
+        changes_edges=True,
+    ),
+    "tmac_with_speed": Rule(
+        f"{DESCRIPTION}, with the program's speed tuned",
+        _build,
+        on_speed_and_feed,
+        {**SPEED_AND_TARGET, "gain": 1.0, "extreme": 2.0, "wear": Range(1.2, 2.0)},
+        changes_edges=True,
+    ),
+}

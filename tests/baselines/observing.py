@@ -1,0 +1,46 @@
+"""Observations made from physical values, as the tests of controllers need them."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from turning_env import Scenario
+from turning_env.observation import FIFTHS, bounds
+
+
+def observe(
+    scenario: Scenario,
+    *,
+    load: ArrayLike = 0.0,
+    override: ArrayLike = 1.0,
+    actual_override: ArrayLike | None = None,
+    cutting: ArrayLike = True,
+    cutting_time: ArrayLike = 1.0,
+    cutting_speed: ArrayLike | None = None,
+) -> NDArray[np.float32]:
+    """Observations, shape (lanes, entries), of a load and overrides of the scenario's feed [-], and a cutting time [min].
+
+    The actual override is the commanded one, and the cutting speed [m/min] the scenario's, where they are not given.
+    """
+    control, machine = scenario.control, scenario.machine
+    actual = override if actual_override is None else actual_override
+    speed = control.initial_cutting_speed if cutting_speed is None else cutting_speed
+    columns = np.broadcast_arrays(load, override, actual, cutting, cutting_time, speed)
+    load, override, actual, cutting, cutting_time, speed = (np.atleast_1d(column).astype(np.float64) for column in columns)
+    low, _ = bounds(scenario)
+    seen = np.zeros((len(load), len(low)))
+    seen[:, 0] = FIFTHS * (load * machine.rated_power / scenario.limits.power - 1.0)
+    seen[:, 2] = seen[:, 4] = _position(speed, machine.cutting_speed_min, machine.cutting_speed_max)
+    seen[:, 3] = _position(actual * control.initial_feed, machine.feed_min, machine.feed_max)
+    seen[:, 5] = _position(override * control.initial_feed, machine.feed_min, machine.feed_max)
+    seen[:, 6] = np.log1p(cutting_time)
+    seen[:, 10] = cutting
+    return seen.astype(np.float32)
+
+
+def override_of(actions: NDArray[np.float32], scenario: Scenario) -> NDArray[np.float64]:
+    """The override [-] that actions of an override task ask for."""
+    return 0.5 * (actions[:, 0].astype(np.float64) + 1.0) * scenario.control.override_max
+
+
+def _position(value: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
+    return np.clip(2.0 * np.log(np.maximum(value, low) / low) / np.log(high / low) - 1.0, -1.0, 1.0)

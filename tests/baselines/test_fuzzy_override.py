@@ -1,0 +1,104 @@
+import numpy as np
+import pytest
+
+from baselines.fuzzy_override import FIRST_FORM, MODIFIED_FORM, RULES, new_override
+from baselines.reproduce import fuzzy_override as paper
+from tests.baselines.observing import observe, override_of
+from turning_env import Scenario
+
+OVERRIDE = Scenario.load("override")
+AXES = np.meshgrid(np.linspace(0.0, 2.0, 41), np.linspace(0.0, 4.0, 81))
+OVERRIDES, LOADS = (axis.ravel() for axis in AXES)
+FORMS = [FIRST_FORM, MODIFIED_FORM]
+
+
+def percent(override: float, load: float, target: float, form: dict[str, float]) -> float:
+    """The law in per cent, as the paper has it."""
+    shares = np.array([override]) / 100.0, np.array([load]) / 100.0
+    return 100.0 * float(new_override(*shares, target / 100.0, 2.0, **form)[0])
+
+
+def test_equations_1_to_4() -> None:
+    # exp(-5/60^2 30^2) = 0.286505 and exp(-10/0.4 0.15^2) = 0.569783
+    assert percent(100.0, 30.0, 60.0, FIRST_FORM) == pytest.approx(200 * (0.5 + 0.286505 - 0.286505 * 0.5), rel=1e-5)
+    assert percent(100.0, 75.0, 60.0, FIRST_FORM) == pytest.approx(56.9783, rel=1e-5)
+
+
+def test_equations_5_to_7() -> None:
+    assert percent(100.0, 30.0, 60.0, MODIFIED_FORM) == pytest.approx(200 * (0.5 + 0.0286505 - 0.0286505 * 0.5), rel=1e-5)
+    assert percent(100.0, 75.0, 60.0, MODIFIED_FORM) == pytest.approx((0.1 * 0.569783 + 0.9) * 75 + 25, rel=1e-5)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_on_target_the_override_stays(form: dict[str, float]) -> None:
+    assert percent(145.0, 60.0, 60.0, form) == pytest.approx(145.0)
+
+
+def test_without_load_the_first_form_goes_to_200_at_once_and_the_modified_a_tenth_of_the_way() -> None:
+    assert percent(1.0, 0.0, 60.0, FIRST_FORM) == pytest.approx(200.0)
+    assert percent(100.0, 0.0, 60.0, MODIFIED_FORM) == pytest.approx(110.0)
+
+
+def test_overload_stops_the_first_form_and_leaves_the_modified_a_quarter() -> None:
+    override = np.array([2.0])
+    floors = []
+    for form in FORMS:
+        reached = override
+        for _ in range(200):
+            reached = new_override(reached, np.array([2.0]), 0.6, 2.0, **form)
+        floors.append(float(reached[0]))
+    assert floors == pytest.approx([0.0, 0.25], abs=1e-6)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("target", [0.05, 0.6, 0.99, 1.0, 1.5])
+def test_it_stays_within_its_range_and_heeds_the_load_at_any_target(target: float, form: dict[str, float]) -> None:
+    with np.errstate(divide="raise", over="raise", invalid="raise"):
+        new = new_override(OVERRIDES, LOADS, target, 2.0, **form)
+    assert np.all((new >= 0.0) & (new <= 2.0))
+    excess = LOADS - target
+    assert np.all(new[excess < 0.0] >= OVERRIDES[excess < 0.0])
+    lowered = (excess > 0.01) & (OVERRIDES - form["d"] > 0.01)
+    assert np.all(new[lowered] < OVERRIDES[lowered])
+
+
+@pytest.mark.parametrize(("name", "form"), [("fuzzy_override", FIRST_FORM), ("modified_fuzzy_override", MODIFIED_FORM)])
+def test_the_policy_is_the_law_with_the_target_of_60_percent(name: str, form: dict[str, float]) -> None:
+    rule = RULES[name]
+    policy = rule.build(OVERRIDE, 4, rule.fixed)
+    overrides, loads = np.array([1.0, 1.45, 0.74, 2.0]), np.array([0.25, 0.6001, 0.75, 1.25])
+    asked = override_of(policy.act(observe(OVERRIDE, load=loads, override=overrides)), OVERRIDE)
+    np.testing.assert_allclose(asked, np.maximum(new_override(overrides, loads, 0.6, 2.0, **form), 0.01), rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_published_coefficients_are_not_tuned(name: str) -> None:
+    form = MODIFIED_FORM if name.startswith("modified") else FIRST_FORM
+    assert {key: RULES[name].fixed[key] for key in "kpd"} == form
+
+
+def test_every_figure_of_the_paper_agrees_or_is_known_not_to() -> None:
+    checks = list(paper.checks())
+    assert [str(check) for check in checks if not check.passed] == []
+    assert sum(check.verdict == "not reproduced" for check in checks) == 2
+
+
+def test_only_the_first_form_over_regulates() -> None:
+    asked_for = paper.asked_for()
+    assert all(paper.swing(paper.rippled("first form", period)) > asked_for for period in paper.PERIODS)
+    assert all(paper.swing(paper.rippled("modified form", period)) < asked_for for period in paper.PERIODS)
+
+
+def test_a_turns_lag_lets_the_first_form_swing_over_its_range_without_any_ripple() -> None:
+    assert paper.swing(paper.rippled("first form", None)) < 0.1
+    assert paper.swing(paper.rippled("first form", None, 1.0)) > 50.0
+    assert paper.swing(paper.rippled("modified form", None, 1.0)) < 1.0
+
+
+def test_neither_form_prevents_the_peak_at_a_step() -> None:
+    assert [paper.peak(form) for form in paper.FORMS] == pytest.approx([125.0, 125.0], abs=3.0)
+
+
+def test_the_tables_name_every_period() -> None:
+    lines = list(paper.tables())
+    assert all(any(line.lstrip().startswith(f"{period:.2f} ") for line in lines) for period in paper.PERIODS)

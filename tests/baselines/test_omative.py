@@ -1,0 +1,90 @@
+import numpy as np
+import pytest
+
+from baselines.load_override import LOWEST_OVERRIDE
+from baselines.omative import ENTRY_TIME, RULES, AirGapControl
+from baselines.part_program import PartProgram
+from baselines.stepped_bar import course, stepped_bar
+from tests.baselines.observing import observe, override_of
+from tests.turning_env.playing import changed
+from turning_env import Scenario
+
+OVERRIDE = Scenario.load("override")
+INTERVAL = OVERRIDE.control.interval
+
+
+def control(scenario: Scenario = OVERRIDE, lanes: int = 1, rise: float = 5.0) -> AirGapControl:
+    return AirGapControl(PartProgram(scenario, {}), lanes, target=1.0, entry=0.6, rise=rise)
+
+
+def in_metal(rise: float = 5.0) -> AirGapControl:
+    """A control that has entered the metal."""
+    policy = control(rise=rise)
+    for _ in range(int(ENTRY_TIME / INTERVAL) + 2):
+        policy.act(observe(OVERRIDE, load=0.6))
+    return policy
+
+
+def asked(policy: AirGapControl, **seen: float) -> float:
+    """The override that is asked for [-]."""
+    return float(override_of(policy.act(observe(OVERRIDE, **seen)), OVERRIDE)[0])
+
+
+def test_air_is_crossed_fast_and_metal_entered_gently() -> None:
+    policy = control()
+    assert asked(policy, cutting=False) == pytest.approx(2.0)
+    entry = [asked(policy, load=0.1, override=2.0) for _ in range(int(ENTRY_TIME / INTERVAL))]
+    assert entry == pytest.approx([0.6] * len(entry), rel=1e-4)
+    for _ in range(2):
+        later = asked(policy, load=0.1, override=0.6)
+    assert later > 0.6
+    assert asked(policy, cutting=False) == pytest.approx(2.0)
+    assert asked(policy, load=0.1, override=2.0) == pytest.approx(0.6)
+
+
+def test_entry_takes_one_interval_where_that_is_longer() -> None:
+    scenario = changed(OVERRIDE, control={"interval": 1.0})
+    policy = control(scenario)
+    policy.act(observe(scenario, cutting=False))
+    overrides = [override_of(policy.act(observe(scenario, load=0.6, override=1.0)), scenario)[0] for _ in range(2)]
+    assert overrides == pytest.approx([0.6, 1.0], rel=1e-3)
+
+
+def test_the_feed_falls_at_once_to_what_the_metal_allows() -> None:
+    # Twice the load at the actual feed: the law's exponent 0.74 tells by how much the feed must fall.
+    assert asked(in_metal(), load=1.2, override=1.5, actual_override=1.0) == pytest.approx(0.5 ** (1 / 0.74), rel=1e-3)
+
+
+def test_and_rises_gradually() -> None:
+    slow, fast = (asked(in_metal(rise), load=0.3, override=0.5) for rise in (1.0, 10.0))
+    assert 0.5 < slow < fast < 0.5 * 2 ** (1 / 0.74)
+    assert slow - 0.5 == pytest.approx((0.5 * 2 ** (1 / 0.74) - 0.5) * (1 - np.exp(-INTERVAL)), rel=0.01)
+
+
+def test_extreme_loads_leave_it_within_its_limits() -> None:
+    assert asked(in_metal(), load=2.4, override=1.0, actual_override=0.01) == pytest.approx(LOWEST_OVERRIDE, rel=1e-3)
+    assert asked(in_metal(rise=1e6), load=0.0, override=1.0) == pytest.approx(2.0, rel=1e-3)
+
+
+def test_resetting_a_lane_puts_it_before_the_touch() -> None:
+    policy = control(lanes=2)
+    for _ in range(40):
+        policy.act(observe(OVERRIDE, load=[0.6, 0.6]))
+    policy.reset(np.array([True, False]))
+    overrides = override_of(policy.act(observe(OVERRIDE, load=[0.6, 0.6])), OVERRIDE)
+    assert overrides == pytest.approx([0.6, 1.0], rel=1e-3)
+
+
+def test_the_load_is_held_at_the_target() -> None:
+    scenario = stepped_bar()
+    run = course(lambda lanes: control(scenario), scenario)
+    for depth in (2.0, 3.0):
+        np.testing.assert_allclose(run.at_depth(depth, 2.0).load, 0.6, rtol=0.01)
+
+
+def test_a_power_that_feed_does_not_change_cannot_be_held_by_feed() -> None:
+    material = OVERRIDE.material
+    power = material.power.model_copy(update={"feed": 0.0})
+    odd = OVERRIDE.model_copy(update={"material": material.model_copy(update={"power": power})})
+    assert RULES["omative"].plays(OVERRIDE)
+    assert not RULES["omative"].plays(odd)
