@@ -1,0 +1,155 @@
+"""Constant cutting force for constant roughness, by feed (roughness control paper).
+
+The feed is commanded in proportion to how far the measured force is from its reference:
+
+    f_c = f(t - 1) F_ref / F
+
+with f(t - 1) the feed before (the paper's equation (6) is lost; this form grows without bound as the force vanishes, as the text
+says of it). Read as the actual feed, it makes the feed servo an integrator of the deviation, and the loop is stable. Read as the
+feed commanded before, the lags of servo and chip are in no loop, and it swings between its bounds. The reference of force is the
+one at which Ra = a exp(b F), the paper's equation (5), is the reference of Ra; where no roughness is asked for, a share of the
+force limit.
+
+Against the force of nothing, the law acts only where the force has been above 100 N for some time; until then the programmed feed
+is commanded.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.commands import sets_feed, sets_speed_and_feed, towards
+from baselines.part_program import PartProgram
+from baselines.policy import Actions, Observations
+from baselines.rule import Parameters, Range, Rule
+from turning_env import Scenario, read
+from turning_env.sections import Surface
+
+THRESHOLD = 100.0
+"""Force below which the tool is taken to be out of the metal [N] (roughness control paper)."""
+ENGAGED_TIME = 0.1
+"""Time for which the force must have been above it [s]: one turn of the paper's spindle, in which a chip reaches its thickness
+(assumption; the paper says "a specified time")."""
+
+
+def force_of_roughness(surface: Surface, roughness: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Force [N] that leaves a roughness Ra [um]: the inverse of the paper's equation (5). At least 1 N.
+
+    Raises:
+        ValueError: the roughness does not depend on the force.
+    """
+    if surface.roughness_rate == 0.0:
+        raise ValueError("surface.roughness_rate is 0.0, but where force is to set the roughness it must be above 0")
+    return np.maximum(np.log(roughness / surface.roughness_at_no_force) / surface.roughness_rate, 1.0)
+
+
+def own_program(scenario: Scenario, parameters: Parameters) -> PartProgram:
+    """The part program of ``cutting_speed`` [m/min] and ``feed`` [mm/rev] or, where only the override is set, the task's."""
+    return PartProgram(scenario, parameters if sets_speed_and_feed(scenario) else {})
+
+
+class ConstantForce:
+    """The paper's control law.
+
+    Args:
+        program: the programmed feed, and how far it may be overridden.
+        lanes: how many lanes it controls.
+        force_share: reference of force over the force limit [-], where no roughness is to be held.
+        on_command: whether the feed before is the commanded one, not the actual one.
+
+    Raises:
+        ValueError: a roughness is to be held that does not depend on the force.
+    """
+
+    def __init__(self, program: PartProgram, lanes: int, force_share: float = 1.0, on_command: bool = False) -> None:
+        scenario = program.scenario
+        self._program = program
+        self._reference = force_share * scenario.limits.thrust_force
+        self._on_command = on_command
+        self._intervals_needed = max(1, round(ENGAGED_TIME / scenario.control.interval))
+        self._intervals_engaged = np.zeros(lanes, np.int64)
+        if scenario.control.aim == "roughness":
+            force_of_roughness(scenario.surface, np.ones(1))  # refuses now what it would refuse later
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """The tool is out of the metal."""
+        self._intervals_engaged[lanes] = 0
+
+    def act(self, observations: Observations) -> Actions:
+        """Actions, shape (lanes, 1 to 3), for observations, shape (lanes, entries)."""
+        program, scenario = self._program, self._program.scenario
+        reading = read(observations, scenario)
+        force = reading.thrust_force
+        self._intervals_engaged = np.where(force > THRESHOLD, self._intervals_engaged + 1, 0)
+        reference: NDArray[np.float64] | float = self._reference
+        if scenario.control.aim == "roughness":
+            reference = force_of_roughness(scenario.surface, reading.roughness_reference)
+        before = reading.commanded_feed if self._on_command else reading.feed
+        override = before * reference / np.maximum(force, THRESHOLD) / program.feed
+        engaged = self._intervals_engaged >= self._intervals_needed
+        return program.act(reading, np.where(engaged, override, 1.0))
+
+
+class ModelFeed:
+    """Without measuring: the feed at which the nominal model gives the force of the reference of Ra (open loop).
+
+    Args:
+        scenario: what is played; its law of thrust force and its nominal depth of cut are what is known.
+
+    Raises:
+        ValueError: the force does not grow with the feed, or the roughness does not depend on the force.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        law = scenario.material.thrust_force
+        if law.feed <= 0.0:
+            raise ValueError(f"material.thrust_force.feed is {law.feed}, but where feed is to set the force it must be above 0")
+        force_of_roughness(scenario.surface, np.ones(1))
+        self._scenario = scenario
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """Nothing to forget."""
+
+    def act(self, observations: Observations) -> Actions:
+        """Actions, shape (lanes, k), for observations, shape (lanes, n)."""
+        scenario, machine = self._scenario, self._scenario.machine
+        reading = read(observations, scenario)
+        law = scenario.material.thrust_force
+        speed = np.full(len(observations), scenario.control.initial_cutting_speed)
+        wear = np.maximum(reading.nominal_wear, 1e-3 * scenario.tool.wear_criterion)  # before the first cut it is 0
+        force_at_unit_feed = law(speed, 1.0, scenario.workpiece.depth_of_cut, wear=wear)
+        force = force_of_roughness(scenario.surface, reading.roughness_reference)
+        feed = np.exp(np.log(force / force_at_unit_feed) / law.feed)
+        return towards(reading, scenario, speed, np.clip(feed, machine.feed_min, machine.feed_max))
+
+
+def _build(scenario: Scenario, lanes: int, parameters: Parameters) -> ConstantForce:
+    return ConstantForce(own_program(scenario, parameters), lanes, parameters["force_share"])
+
+
+def _plays(scenario: Scenario) -> bool:
+    reachable = scenario.control.aim != "roughness" or scenario.surface.roughness_rate > 0.0
+    return sets_feed(scenario) and reachable
+
+
+def _plays_by_model(scenario: Scenario) -> bool:
+    return scenario.control.aim == "roughness" and _plays(scenario) and scenario.material.thrust_force.feed > 0.0
+
+
+RULES = {
+    "constant_force": Rule(
+        "constant cutting force by feed, for constant roughness or at a share of the force limit (roughness control paper)",
+        _build,
+        _plays,
+        {
+            "force_share": Range(0.2, 1.1, logarithmic=True),
+            "cutting_speed": Range(50.0, 200.0),
+            "feed": Range(0.06, 0.60, logarithmic=True),
+        },
+    ),
+    "model_feed": Rule(
+        "the feed that the nominal model gives for the reference of roughness, without measuring (rival of constant_force)",
+        lambda scenario, lanes, parameters: ModelFeed(scenario),
+        _plays_by_model,
+        {},
+    ),
+}

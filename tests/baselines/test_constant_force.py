@@ -1,0 +1,196 @@
+"""The constant-force law: its equation, its threshold, its bounds, and what it does to the force and the surface."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from baselines.constant_force import ENGAGED_TIME, RULES, THRESHOLD, ConstantForce, ModelFeed, force_of_roughness
+from baselines.part_program import PartProgram
+from baselines.play import play
+from baselines.reproduce import constant_force as reproduced
+from tests.turning_env.playing import changed
+from turning_env import RoughTurningVectorEnv, Scenario, read
+from turning_env.draws import tuning_draws
+from turning_env.observation import bounds
+
+SURFACE = Scenario.load("surface")
+HELD = changed(SURFACE, surface={"reference_min": 1.6, "reference_max": 1.6})
+NEEDED = round(ENGAGED_TIME / HELD.control.interval)
+
+
+def observations(
+    scenario: Scenario, force: float, lanes: int = 1, feed: float = 0.2, commanded: float = 0.2
+) -> NDArray[np.float32]:
+    """Observations of lanes in metal at a measured force [N], an actual and a commanded feed [mm/rev]."""
+    machine = scenario.machine
+    seen = np.zeros((lanes, len(bounds(scenario)[0])), np.float32)
+    seen[:, 1] = 5.0 * (force / scenario.limits.thrust_force - 1.0)
+    span = np.log(machine.feed_max / machine.feed_min)
+    seen[:, 3], seen[:, 5] = (2.0 * np.log(value / machine.feed_min) / span - 1.0 for value in (feed, commanded))
+    seen[:, 10] = 1.0
+    return seen
+
+
+def override(policy: ConstantForce, seen: NDArray[np.float32], times: int = 1) -> NDArray[np.float64]:
+    """Override [-] commanded after so many of the same observations."""
+    for _ in range(times):
+        actions = policy.act(seen)
+    return 0.5 * (actions[:, 0].astype(np.float64) + 1.0) * HELD.control.override_max
+
+
+def law(scenario: Scenario = HELD, lanes: int = 1, **arguments: bool | float) -> ConstantForce:
+    return ConstantForce(PartProgram(scenario, {}), lanes, **arguments)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("roughness", [0.5, 1.0, 1.6, 3.1])
+def test_the_force_of_a_roughness_inverts_the_papers_equation(roughness: float) -> None:
+    force = force_of_roughness(SURFACE.surface, np.array([roughness]))
+    assert 0.2401 * np.exp(0.0034 * force) == pytest.approx(roughness)
+
+
+def test_a_roughness_that_no_force_leaves_asks_for_the_least_force() -> None:
+    assert force_of_roughness(SURFACE.surface, np.array([0.1])) == 1.0
+
+
+@pytest.mark.parametrize(("on_command", "before"), [(False, 0.2), (True, 0.1)])
+def test_the_feed_is_the_one_before_times_reference_over_force(on_command: bool, before: float) -> None:
+    seen = observations(HELD, 500.0, feed=0.2, commanded=0.1)
+    expected = before / 0.2 * force_of_roughness(HELD.surface, np.array([1.6])) / 500.0
+    assert override(law(on_command=on_command), seen, NEEDED) == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_law_acts_once_the_force_has_been_above_the_threshold_for_long_enough() -> None:
+    policy = law()
+    seen = observations(HELD, 300.0)
+    assert override(policy, seen, NEEDED - 1) == pytest.approx(1.0)
+    assert override(policy, seen) > 1.4
+    assert override(policy, observations(HELD, 0.9 * THRESHOLD)) == pytest.approx(1.0)
+    assert override(policy, seen) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("force", [0.0, 0.5 * THRESHOLD, 0.99 * THRESHOLD])
+def test_without_force_the_programmed_feed_is_commanded(force: float) -> None:
+    assert override(law(), observations(HELD, force), 3 * NEEDED) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("force", "feed", "expected"), [(101.0, 0.3, 1.5), (5000.0, 0.002, 0.01)])
+def test_the_feed_keeps_within_the_ranges_of_override_and_machine(force: float, feed: float, expected: float) -> None:
+    assert override(law(), observations(HELD, force, feed=feed), NEEDED) == pytest.approx(expected, abs=1e-6)
+
+
+def test_only_the_lanes_that_are_reset_forget_that_they_are_engaged() -> None:
+    policy = law(lanes=2)
+    seen = observations(HELD, 300.0, lanes=2)
+    override(policy, seen, NEEDED)
+    policy.reset(np.array([True, False]))
+    first, second = override(policy, seen)
+    assert first == pytest.approx(1.0)
+    assert second > 1.4
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_elsewhere_a_share_of_the_force_limit_is_held(share: float) -> None:
+    scenario = changed(
+        Scenario.load("override"),
+        workpiece={"depth_profile": [], "depth_ripple": 0.0, "depth_bar_spread": 0.0, "depth_along_spread": 0.0},
+        sensors={"force_noise": 0.0},
+    )
+    policy, env = law(scenario, 4, force_share=share), RoughTurningVectorEnv(4, scenario)
+    seen, _ = env.reset(seed=0)
+    for _ in range(400):
+        seen, _, _, _, infos = env.step(policy.act(seen))
+    assert infos["thrust_force"] == pytest.approx(np.full(4, share * scenario.limits.thrust_force), rel=0.02)
+
+
+@pytest.mark.parametrize("preset", ["rough_turning", "paper", "shift", "forging", "override", "surface"])
+def test_it_plays_wherever_feed_is_set(preset: str) -> None:
+    scenario = Scenario.load(preset)
+    assert RULES["constant_force"].plays(scenario)
+    policy = RULES["constant_force"].build(scenario, 3, {"force_share": 0.5, "cutting_speed": 150.0, "feed": 0.3})
+    env = RoughTurningVectorEnv(3, scenario)
+    seen, _ = env.reset(seed=tuning_draws(3))
+    for _ in range(30):
+        actions = policy.act(seen)
+        assert actions.dtype == np.float32
+        assert np.all(np.abs(actions) <= 1.0)
+        seen, _, _, _, infos = env.step(actions)
+    if scenario.control.action != "override":
+        assert infos["commanded_cutting_speed"] == pytest.approx(np.full(3, 150.0), rel=1e-4)
+
+
+@pytest.mark.parametrize("preset", ["rough_turning", "shift", "override", "override_current", "surface"])
+def test_actions_are_finite_whatever_is_observed(preset: str) -> None:
+    """Warnings count as errors throughout this suite."""
+    scenario = Scenario.load(preset)
+    low, high = bounds(scenario)
+    rng = np.random.default_rng(0)
+    for name, rule in RULES.items():
+        if not rule.plays(scenario):
+            continue
+        policy = rule.build(
+            scenario, 64, {"force_share": 0.2, "cutting_speed": 50.0, "feed": 0.06} if name == "constant_force" else {}
+        )
+        for _ in range(50):
+            anywhere = rng.uniform(low, high, (64, len(low)))
+            seen = np.where(rng.random(anywhere.shape) < 0.5, anywhere, rng.choice([low, high], size=64))
+            actions = policy.act(seen.astype(np.float32))
+            assert np.all(np.abs(actions) <= 1.0)
+
+
+@pytest.mark.parametrize("preset", ["batch_casting", "batch_welded"])
+def test_it_does_not_play_whole_parts(preset: str) -> None:
+    assert not RULES["constant_force"].plays(Scenario.load(preset))
+
+
+def test_a_roughness_that_no_force_changes_is_refused() -> None:
+    scenario = changed(SURFACE, surface={"roughness_rate": 0.0})
+    assert not any(rule.plays(scenario) for rule in RULES.values())
+    with pytest.raises(ValueError, match=r"surface\.roughness_rate is 0\.0"):
+        law(scenario)
+    with pytest.raises(ValueError, match=r"surface\.roughness_rate is 0\.0"):
+        ModelFeed(scenario)
+
+
+def test_the_models_feed_gives_the_force_of_the_reference_on_a_nominal_bar() -> None:
+    workpiece = {"depth_bar_spread": 0.0, "hardness_bar_spread": 0.0, "hardness_along_spread": 0.0}
+    scenario = changed(HELD, workpiece=workpiece)
+    policy, env = ModelFeed(scenario), RoughTurningVectorEnv(2, scenario)
+    seen, _ = env.reset(seed=0)
+    for _ in range(300):
+        seen, _, _, _, infos = env.step(policy.act(seen))
+    assert infos["roughness"] == pytest.approx(np.full(2, 1.6), rel=1e-3)
+
+
+def test_the_models_feed_plays_where_roughness_is_asked_for_and_grows_with_feed() -> None:
+    plays = RULES["model_feed"].plays
+    assert plays(SURFACE)
+    assert not plays(Scenario())
+    falling = changed(SURFACE, material={"thrust_force": SURFACE.material.thrust_force.model_copy(update={"feed": 0.0})})
+    assert not plays(falling)
+    with pytest.raises(ValueError, match=r"material\.thrust_force\.feed is 0\.0"):
+        ModelFeed(falling)
+
+
+def test_control_deviates_less_than_the_models_feed_and_the_law_on_the_command_more() -> None:
+    players = {
+        "constant force": lambda lanes: law(SURFACE, lanes),
+        "model": lambda lanes: ModelFeed(SURFACE),
+        "on command": lambda lanes: law(SURFACE, lanes, on_command=True),
+    }
+    returns = {name: play(make, SURFACE, tuning_draws(8))["return"] for name, make in players.items()}
+    assert returns["constant force"].mean() > returns["model"].mean() + 5.0
+    assert returns["constant force"].mean() > returns["on command"].mean() + 10.0
+
+
+def test_a_reading_s_feed_is_what_the_law_starts_from() -> None:
+    """The observation carries the feeds well enough: a steady loop stays where it is."""
+    force = float(force_of_roughness(HELD.surface, np.array([1.6]))[0])
+    seen = observations(HELD, force, feed=0.173, commanded=0.25)
+    assert read(seen, HELD).feed == pytest.approx(0.173, rel=1e-6)
+    assert override(law(), seen, NEEDED) == pytest.approx(0.173 / 0.2, rel=1e-5)
+
+
+def test_the_papers_table_is_whole() -> None:
+    rows = reproduced.rows()
+    assert [row.number for row in rows] == list(range(1, 9))
+    assert [row.reference for row in rows] == pytest.approx(np.arange(1.0, 3.2, 0.3))
