@@ -6,12 +6,12 @@ The feed is commanded in proportion to how far the measured force is from its re
 
 with f(t - 1) the feed before (the paper's equation (6) is lost; this form grows without bound as the force vanishes, as the text
 says of it). Read as the actual feed, it makes the feed servo an integrator of the deviation, and the loop is stable. Read as the
-feed commanded before, the lags of servo and chip are in no loop, and it swings between its bounds. The reference of force is the
-one at which Ra = a exp(b F), the paper's equation (5), is the reference of Ra; where no roughness is asked for, a share of the
-force limit.
+feed commanded before, the command runs ahead of the lags of servo and chip, and the feed swings between its bounds. The reference
+of force is the one at which Ra = a exp(b F), the paper's equation (5), is the reference of Ra; where no roughness is asked for, a
+share of the force limit.
 
-Against the force of nothing, the law acts only where the force has been above 100 N for some time; until then the programmed feed
-is commanded.
+As the law fails where the force vanishes, it acts only when the force has been above 100 N for some time; until then the
+programmed feed is commanded.
 """
 
 import numpy as np
