@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from types import ModuleType
 
-from baselines import fixed, grid_search, part_planning, tuned, two_limits
+from baselines import fixed, fuzzy_override, grid_search, load_override, omative, part_planning, tmac, tuned, two_limits
 from baselines.edge_changes import as_played
 from baselines.policy import PolicyFactory
 from baselines.rule import Parameters, Rule
@@ -25,7 +25,7 @@ def merged(modules: Iterable[ModuleType]) -> dict[str, Rule]:
     return rules
 
 
-RULES = merged((fixed, grid_search, two_limits, part_planning))
+RULES = merged((fixed, grid_search, two_limits, fuzzy_override, load_override, tmac, omative, part_planning))
 """All rules by name. A new file of rules is added here."""
 
 

@@ -30,11 +30,10 @@ class OverrideEnv(RoughTurningEnv):
 
     ## Description
 
-    One pass over a stepped, slightly eccentric bar of steel E295 on a 9 kW lathe, spindle at 710 rev/min, programmed feed 0.4
-    mm/rev. The depth of cut steps through 1, 2, 3, 1 and 3 mm in sections of 20 mm, and ripples by 2 % every four turns;
-    depth and hardness vary besides. Every 12 ms, an interpolator's cycle, the controller sets the feed override. The target
-    load is 60 % of 9 kW; what exceeds it is charged as overload, and so is time. Feed servo 0.13 s, and force and power
-    follow a changed chip within a turn.
+    One pass over a stepped, slightly eccentric bar of steel E295 on a 9 kW lathe, spindle at 710 rev/min, programmed feed
+    0.4 mm/rev. The depth of cut steps through 1, 2, 3, 1 and 3 mm in sections of 20 mm, and ripples by 2 % every four
+    turns; depth and hardness vary besides. Every 12 ms, an interpolator's cycle, the controller sets the feed override. The
+    target load is 60 % of 9 kW; what exceeds it is charged as overload, and so is time. The feed servo lags by 0.13 s.
 
     ## Action space
 

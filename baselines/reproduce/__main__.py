@@ -8,11 +8,12 @@ What the project cannot reproduce is listed with the reason, and fails nothing u
 import sys
 from collections.abc import Sequence
 
-from baselines.reproduce import alaskari_oraby, part_programming
+from baselines.reproduce import alaskari_oraby, fuzzy_override, part_programming
 from baselines.reproduce.checks import Paper, print_checks, summary
 
 PAPERS = (
     Paper("Alaskari and Oraby (2018), grid search", alaskari_oraby.checks, alaskari_oraby.tables),
+    Paper("Fuzzy feed override", fuzzy_override.checks, fuzzy_override.tables),
     Paper("Sharmazanashvili (2008), adaptive part programming", part_programming.checks, part_programming.tables),
 )
 """A further paper is added here."""

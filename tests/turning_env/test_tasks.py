@@ -73,7 +73,8 @@ def test_the_depth_steps_along_the_bar_and_the_job_ends_with_it():
 
 
 def test_force_follows_the_chip_with_a_lag_of_turns():
-    flat = changed(OVERRIDE, workpiece={"depth_profile": [2.0], "approach": 0.0}, machine={"feed_time_constant": 0.0})
+    servo = {"feed_time_constant": 0.0, "chip_lag": 1.0}
+    flat = changed(OVERRIDE, workpiece={"depth_profile": [2.0], "approach": 0.0}, machine=servo)
     infos = steps(flat, [[0.0]] * 100)
     final = infos[-1]["power"]
     for count in (3, 8, 20):
