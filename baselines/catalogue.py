@@ -4,7 +4,19 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from types import ModuleType
 
-from baselines import fixed, fuzzy_override, grid_search, load_override, omative, part_planning, tmac, tuned, two_limits
+from baselines import (
+    constant_force,
+    current_limit,
+    fixed,
+    fuzzy_override,
+    grid_search,
+    load_override,
+    omative,
+    part_planning,
+    tmac,
+    tuned,
+    two_limits,
+)
 from baselines.edge_changes import as_played
 from baselines.policy import PolicyFactory
 from baselines.rule import Parameters, Rule
@@ -25,7 +37,20 @@ def merged(modules: Iterable[ModuleType]) -> dict[str, Rule]:
     return rules
 
 
-RULES = merged((fixed, grid_search, two_limits, fuzzy_override, load_override, tmac, omative, part_planning))
+RULES = merged(
+    (
+        fixed,
+        grid_search,
+        two_limits,
+        fuzzy_override,
+        load_override,
+        tmac,
+        omative,
+        constant_force,
+        current_limit,
+        part_planning,
+    )
+)
 """All rules by name. A new file of rules is added here."""
 
 

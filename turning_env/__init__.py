@@ -10,15 +10,18 @@ from turning_env.observation import Reading, read
 from turning_env.power_law import PowerLaw
 from turning_env.scenario import Scenario, ScenarioError, presets
 from turning_env.vector_env import RoughTurningVectorEnv
+from turning_env.wrappers import FeedSwitch, VectorFeedSwitch
 
 __all__ = [
     "IDS",
+    "FeedSwitch",
     "PowerLaw",
     "Reading",
     "RoughTurningEnv",
     "RoughTurningVectorEnv",
     "Scenario",
     "ScenarioError",
+    "VectorFeedSwitch",
     "presets",
     "read",
 ]

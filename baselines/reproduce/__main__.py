@@ -8,13 +8,15 @@ What the project cannot reproduce is listed with the reason, and fails nothing u
 import sys
 from collections.abc import Sequence
 
-from baselines.reproduce import alaskari_oraby, fuzzy_override, part_programming
+from baselines.reproduce import alaskari_oraby, constant_force, fuzzy_override, part_programming, servo_current
 from baselines.reproduce.checks import Paper, print_checks, summary
 
 PAPERS = (
     Paper("Alaskari and Oraby (2018), grid search", alaskari_oraby.checks, alaskari_oraby.tables),
     Paper("Fuzzy feed override", fuzzy_override.checks, fuzzy_override.tables),
+    Paper("Roughness control by constant force", constant_force.checks, constant_force.tables),
     Paper("Sharmazanashvili (2008), adaptive part programming", part_programming.checks, part_programming.tables),
+    Paper("Wang, Ai, Ze and He, servo current", servo_current.checks, servo_current.tables),
 )
 """A further paper is added here."""
 
