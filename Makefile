@@ -6,11 +6,12 @@ INTERVALS ?=
 DRAWS ?= 256
 RUNS ?= runs
 RESULTS ?= results
+ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurning-Surface-v0 RoughTurning-Shift-v0 RoughTurning-Batch-v0
 TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS) $(if $(INTERVALS),--intervals $(INTERVALS))
 RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --draws $(DRAWS) --results $(RESULTS)
 AGENT = $(RUNS)/RoughTurning-v0/$(SCENARIO)/ppo-seed
 
-.PHONY: leaderboard seeds test format clean
+.PHONY: leaderboard seeds boards test format clean
 
 # Train an agent, play it and every baseline on the held-out draws, rank them.
 leaderboard: .venv/ready
@@ -21,6 +22,10 @@ leaderboard: .venv/ready
 seeds: .venv/ready
 	printf '%s\n' 0 1 2 3 4 | xargs -P 2 -I{} $(TRAIN) --seed {}
 	$(RUN) --agents $(foreach seed,0 1 2 3 4,$(AGENT)$(seed))
+
+# Every controller of the literature on every task that it can play.
+boards: .venv/ready
+	set -e; for env in $(ENVS); do .venv/bin/python -m leaderboard run --env $$env --draws $(DRAWS) --results $(RESULTS); done
 
 # Lint, types and tests.
 test: .venv/ready

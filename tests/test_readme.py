@@ -17,8 +17,9 @@ PROGRAMS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 SMALLER = {
     "make leaderboard": ("INTERVALS=20000 DRAWS=2 RUNS=few-runs RESULTS=few-results", {}),
     "make seeds": ("INTERVALS=20000 DRAWS=2 RUNS=few-seeds RESULTS=few-seeds-results", {}),
+    "make boards": ("DRAWS=2 RESULTS=few-boards ENVS=RoughTurning-Batch-v0", {}),
     "python -m train.ppo": ("--intervals 20000", {}),
-    "python -m baselines.tune": ("--draws 1", {"rough_turning": "short.toml"}),
+    "python -m baselines.tune": ("--draws 1 --trials 2", {"rough_turning": "short.toml"}),
     "python -m leaderboard run": ("--draws 2", {}),
     "python -m benchmarks.throughput": ("--repeats 1", {}),
     "python -m benchmarks.overload_price": ("--draws 1", {}),

@@ -1,6 +1,8 @@
 import numpy as np
+import pytest
 from stable_baselines3.common.vec_env import DummyVecEnv
 
+from tests.turning_env.playing import changed
 from train.vec_env import RoughTurningVecEnv
 from turning_env import RoughTurningEnv, Scenario
 
@@ -8,16 +10,32 @@ from turning_env import RoughTurningEnv, Scenario
 SHORT = Scenario.model_validate({"tool": {"edge_strength": 900.0}, "control": {"time_limit": 0.2}})
 
 
-def test_it_says_what_stable_baselines_own_vec_env_says() -> None:
+def few(preset: str, **sections: dict[str, float]) -> Scenario:
+    """A preset made short."""
+    return changed(Scenario.load(preset), **sections)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "kinds"),
+    [
+        pytest.param(SHORT, {True, False}, id="rough_turning"),
+        pytest.param(few("override", workpiece={"bar_length": 1.0, "approach": 0.1}), {False}, id="override"),
+        pytest.param(few("surface", control={"time_limit": 0.003}), {True}, id="surface"),
+        pytest.param(few("shift", control={"time_limit": 5.0}, tool={"edge_strength": 900.0}), {True}, id="shift"),
+        pytest.param(few("batch_casting", workpiece={"bars": 3}), {False}, id="batch"),
+    ],
+)
+def test_it_says_what_stable_baselines_own_vec_env_says(scenario: Scenario, kinds: set[bool]) -> None:
     lanes, scale = 5, 0.5
-    ours = RoughTurningVecEnv(SHORT, lanes, scale)
-    theirs = DummyVecEnv([lambda: RoughTurningEnv(SHORT)] * lanes)
+    ours = RoughTurningVecEnv(scenario, lanes, scale)
+    theirs = DummyVecEnv([lambda: RoughTurningEnv(scenario)] * lanes)
+    size = (ours.action_space.shape or (0,))[0]
     ours.seed(40)
     theirs.seed(40)
     np.testing.assert_array_equal(ours.reset(), theirs.reset())
     ends = {True: 0, False: 0}
     for step in range(60):
-        actions = np.sin(np.arange(lanes * 2).reshape(lanes, 2) + 0.2 * step).astype(np.float32)
+        actions = np.sin(np.arange(lanes * size).reshape(lanes, size) + 0.2 * step).astype(np.float32)
         observations, rewards, dones, infos = ours.step(actions)
         expected_observations, expected_rewards, expected_dones, expected_infos = theirs.step(actions)
         np.testing.assert_array_equal(observations, expected_observations)
@@ -31,7 +49,7 @@ def test_it_says_what_stable_baselines_own_vec_env_says() -> None:
                 ends[info["TimeLimit.truncated"]] += 1
             else:
                 assert info == {}
-    assert min(ends.values()) > 0, "both kinds of end must have occurred"
+    assert {kind for kind, count in ends.items() if count} == kinds
 
 
 def test_episode_statistics_are_unscaled_sums() -> None:
