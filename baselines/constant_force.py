@@ -17,8 +17,8 @@ programmed feed is commanded.
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.commands import sets_feed, sets_speed_and_feed, towards
-from baselines.part_program import PartProgram
+from baselines.commands import towards
+from baselines.part_program import PROGRAM, PartProgram, on_override, on_roughness, on_speed_and_feed
 from baselines.policy import Actions, Observations
 from baselines.rule import Parameters, Range, Rule
 from turning_env import Scenario, read
@@ -40,11 +40,6 @@ def force_of_roughness(surface: Surface, roughness: NDArray[np.float64]) -> NDAr
     if surface.roughness_rate == 0.0:
         raise ValueError("surface.roughness_rate is 0.0, but where force is to set the roughness it must be above 0")
     return np.maximum(np.log(roughness / surface.roughness_at_no_force) / surface.roughness_rate, 1.0)
-
-
-def own_program(scenario: Scenario, parameters: Parameters) -> PartProgram:
-    """The part program of ``cutting_speed`` [m/min] and ``feed`` [mm/rev] or, where only the override is set, the task's."""
-    return PartProgram(scenario, parameters if sets_speed_and_feed(scenario) else {})
 
 
 class ConstantForce:
@@ -123,28 +118,34 @@ class ModelFeed:
 
 
 def _build(scenario: Scenario, lanes: int, parameters: Parameters) -> ConstantForce:
-    return ConstantForce(own_program(scenario, parameters), lanes, parameters["force_share"])
+    return ConstantForce(PartProgram(scenario, parameters), lanes, parameters.get("force_share", 1.0))
 
 
-def _plays(scenario: Scenario) -> bool:
-    reachable = scenario.control.aim != "roughness" or scenario.surface.roughness_rate > 0.0
-    return sets_feed(scenario) and reachable
+def _holds_roughness(scenario: Scenario) -> bool:
+    return on_roughness(scenario) and scenario.surface.roughness_rate > 0.0
 
 
 def _plays_by_model(scenario: Scenario) -> bool:
-    return scenario.control.aim == "roughness" and _plays(scenario) and scenario.material.thrust_force.feed > 0.0
+    return _holds_roughness(scenario) and scenario.material.thrust_force.feed > 0.0
 
+
+FORCE_SHARE = Range(0.2, 1.1, logarithmic=True)
 
 RULES = {
     "constant_force": Rule(
-        "constant cutting force by feed, for constant roughness or at a share of the force limit (roughness control paper)",
+        "constant cutting force for constant roughness (roughness control paper)", _build, _holds_roughness, {}
+    ),
+    "constant_force_limit": Rule(
+        "constant cutting force at a share of the force limit, by override (roughness control paper)",
         _build,
-        _plays,
-        {
-            "force_share": Range(0.2, 1.1, logarithmic=True),
-            "cutting_speed": Range(50.0, 200.0),
-            "feed": Range(0.06, 0.60, logarithmic=True),
-        },
+        on_override,
+        {"force_share": FORCE_SHARE},
+    ),
+    "constant_force_with_speed": Rule(
+        "the same with a part program of its own",
+        _build,
+        on_speed_and_feed,
+        {"force_share": FORCE_SHARE, **PROGRAM},
     ),
     "model_feed": Rule(
         "the feed that the nominal model gives for the reference of roughness, without measuring (rival of constant_force)",

@@ -13,12 +13,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.commands import sets_feed
-from baselines.constant_force import own_program
+from baselines.constant_force import FORCE_SHARE
 from baselines.current_sensing import ForceEstimator
-from baselines.part_program import PartProgram
+from baselines.part_program import PROGRAM, PartProgram, on_override, on_speed_and_feed
 from baselines.policy import Actions, Observations
-from baselines.rule import Parameters, Range, Rule
+from baselines.rule import Parameters, Rule
 from turning_env import Scenario, read
 from turning_env.wrappers import FEED_GRADES
 
@@ -89,22 +88,24 @@ class CurrentLimit:
 
 
 def _build(scenario: Scenario, lanes: int, parameters: Parameters) -> CurrentLimit:
-    return CurrentLimit(own_program(scenario, parameters), lanes, parameters["force_share"])
+    return CurrentLimit(PartProgram(scenario, parameters), lanes, parameters["force_share"])
 
 
-def _plays(scenario: Scenario) -> bool:
-    return sets_feed(scenario) and scenario.control.aim == "removal" and scenario.material.thrust_force.feed > 0.0
+def _force_grows(scenario: Scenario) -> bool:
+    return scenario.material.thrust_force.feed > 0.0
 
 
 RULES = {
     "current_limit": Rule(
         "feed by a 16-grade switch within a limit of the force, as filtered servo current tells it (servo current paper)",
         _build,
-        _plays,
-        {
-            "force_share": Range(0.2, 1.1, logarithmic=True),
-            "cutting_speed": Range(50.0, 200.0),
-            "feed": Range(0.06, 0.60, logarithmic=True),
-        },
+        lambda scenario: on_override(scenario) and _force_grows(scenario),
+        {"force_share": FORCE_SHARE},
+    ),
+    "current_limit_with_speed": Rule(
+        "the same with a part program of its own",
+        _build,
+        lambda scenario: on_speed_and_feed(scenario) and _force_grows(scenario),
+        {"force_share": FORCE_SHARE, **PROGRAM},
     ),
 }

@@ -13,6 +13,10 @@ SPEED_AND_TARGET = {"cutting_speed": Range(50.0, 200.0), "target": Range(0.5, 1.
 the machine, and the target load, as a share of the one at the power limit [-]."""
 
 
+PROGRAM = {"cutting_speed": Range(50.0, 200.0), "feed": Range(0.06, 0.60, logarithmic=True)}
+"""What is tuned of a part program where speed and feed are set."""
+
+
 class PartProgram:
     """A programmed cutting speed and feed, and the range of the override [-]: 0 to ``control.override_max``.
 
@@ -58,3 +62,8 @@ def on_override(scenario: Scenario) -> bool:
 def on_speed_and_feed(scenario: Scenario) -> bool:
     """Whether speed and feed are set, with metal to be removed, so that the part program is the control's own to choose."""
     return sets_speed_and_feed(scenario) and scenario.control.aim == "removal"
+
+
+def on_roughness(scenario: Scenario) -> bool:
+    """Whether the feed override alone is set, with a roughness to be held."""
+    return scenario.control.action == "override" and scenario.control.aim == "roughness"

@@ -105,8 +105,9 @@ def test_elsewhere_a_share_of_the_force_limit_is_held(share: float) -> None:
 @pytest.mark.parametrize("preset", ["rough_turning", "paper", "shift", "forging", "override", "surface"])
 def test_it_plays_wherever_feed_is_set(preset: str) -> None:
     scenario = Scenario.load(preset)
-    assert RULES["constant_force"].plays(scenario)
-    policy = RULES["constant_force"].build(scenario, 3, {"force_share": 0.5, "cutting_speed": 150.0, "feed": 0.3})
+    (rule,) = (rule for name, rule in RULES.items() if rule.plays(scenario) and name != "model_feed")
+    program = {"cutting_speed": 150.0, "feed": 0.3} if "cutting_speed" in rule.parameters else {}
+    policy = rule.build(scenario, 3, {"force_share": 0.5} | program)
     env = RoughTurningVectorEnv(3, scenario)
     seen, _ = env.reset(seed=tuning_draws(3))
     for _ in range(30):
@@ -124,12 +125,10 @@ def test_actions_are_finite_whatever_is_observed(preset: str) -> None:
     scenario = Scenario.load(preset)
     low, high = bounds(scenario)
     rng = np.random.default_rng(0)
-    for name, rule in RULES.items():
+    for rule in RULES.values():
         if not rule.plays(scenario):
             continue
-        policy = rule.build(
-            scenario, 64, {"force_share": 0.2, "cutting_speed": 50.0, "feed": 0.06} if name == "constant_force" else {}
-        )
+        policy = rule.build(scenario, 64, {name: found.low for name, found in rule.ranges.items()})
         for _ in range(50):
             anywhere = rng.uniform(low, high, (64, len(low)))
             seen = np.where(rng.random(anywhere.shape) < 0.5, anywhere, rng.choice([low, high], size=64))
@@ -139,7 +138,7 @@ def test_actions_are_finite_whatever_is_observed(preset: str) -> None:
 
 @pytest.mark.parametrize("preset", ["batch_casting", "batch_welded"])
 def test_it_does_not_play_whole_parts(preset: str) -> None:
-    assert not RULES["constant_force"].plays(Scenario.load(preset))
+    assert not any(rule.plays(Scenario.load(preset)) for rule in RULES.values())
 
 
 def test_a_roughness_that_no_force_changes_is_refused() -> None:
