@@ -28,6 +28,7 @@ class Column:
     definition: str
     value: Callable[[Standing], Value]
     decimals: int
+    """At least; a value with an interval is shown with as many as the interval's width asks for."""
     factor: float = 1.0
 
     def cell(self, standing: Standing) -> Cell:
@@ -36,11 +37,18 @@ class Column:
         if value is None:
             return Cell("", "", None)
         if isinstance(value, Estimate):
-            return Cell(self._text(value.value), f"{self._text(value.low)} to {self._text(value.high)}", value.value)
-        return Cell(self._text(value), "", value if math.isfinite(value) else None)
+            decimals = max(self.decimals, _decimals(self.factor * (value.high - value.low)))
+            text, low, high = (self._text(number, decimals) for number in (value.value, value.low, value.high))
+            return Cell(text, f"{low} to {high}", value.value)
+        return Cell(self._text(value, self.decimals), "", value if math.isfinite(value) else None)
 
-    def _text(self, value: float) -> str:
-        return f"{self.factor * value:.{self.decimals}f}"
+    def _text(self, value: float, decimals: int) -> str:
+        return f"{self.factor * value:.{decimals}f}"
+
+
+def _decimals(width: float) -> int:
+    """Decimals, at most two, that show an interval of this width in two digits."""
+    return min(max(1 - math.floor(math.log10(width)), 0), 2) if width > 0.0 else 0
 
 
 RETURNS = (

@@ -32,7 +32,7 @@ def write(board: Board, path: Path) -> None:
     # The first of the ranking against the published controller, or against the next.
     published = references(board.task.scenario).published
     second = next((episode for episode in episodes[1:] if episode.policy.name == published), episodes[1])
-    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    figure = Figure(figsize=(10, max(4.2, 1.2 + 0.26 * len(board.standings))), layout="constrained")
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.1))[0]
     _intervals(left.subplots(), board)
     _same_bar(right.subplots(3, 1, sharex=True), (episodes[0], second), board.task.scenario)
@@ -49,7 +49,7 @@ def _intervals(axes: Axes, board: Board) -> None:
         axes.plot(estimate.value, place, "o", color=colour, markerfacecolor=colour if standing.admissible else "white")
         if standing.name == references(board.task.scenario).fixed:
             axes.axvline(estimate.value, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
-    labels = [standing.name + ("" if standing.admissible else "\n(not admissible)") for standing in board.standings]
+    labels = [standing.name + ("" if standing.admissible else " (not admissible)") for standing in board.standings]
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.5, -0.5)
     # Logarithmic away from 0: the poorest policies lie many times farther off than the best lie apart.
