@@ -20,8 +20,11 @@ REPOSITORY = Path(__file__).parents[2]
 
 
 def every_play() -> dict[str, Record]:
-    """A few hundred intervals of the default scenario, fewer of every other."""
-    records = {preset: play(RoughTurningEnv(preset), 21, fixed_actions(40, 1, preset)[:, 0]) for preset in presets()}
+    """A few hundred intervals of the default scenario, fewer of every other, and a few parts."""
+    counts = {preset: 4 if preset.startswith("batch") else 40 for preset in presets()}
+    records = {
+        preset: play(RoughTurningEnv(preset), 21, fixed_actions(count, 1, preset)[:, 0]) for preset, count in counts.items()
+    }
     records["short_lived"] = play(RoughTurningEnv(SHORT_LIVED), 21, fixed_actions(100, 1)[:, 0])
     records["default"] = play(RoughTurningEnv(), 21, fixed_actions(300, 1)[:, 0])
     return records
