@@ -32,6 +32,8 @@ class Rule:
     """A number is fixed, a range is tuned."""
     changes_edges: bool = False
     """Whether it says itself when to change the edge, where edges are changed on command."""
+    tuned_on: str | None = None
+    """The preset on which alone it is tuned, for all scenarios: of rules that take minutes to play, in parameters without unit."""
 
     @property
     def ranges(self) -> dict[str, Range]:

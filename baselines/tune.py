@@ -33,10 +33,14 @@ def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario) -> dict[str, 
         ValueError: a rule cannot play the scenario or has nothing to tune.
     """
     rules = {name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)}
-    chosen = {name: rule for name, rule in rules.items() if rule.ranges}
+    chosen = {name: rule for name, rule in rules.items() if rule.ranges and _tuned_here(rule, scenario)}
     if wanted is not None and (fixed := rules.keys() - chosen.keys()):
-        raise ValueError(f"{', '.join(sorted(fixed))} has nothing to tune")
+        raise ValueError(f"{', '.join(sorted(fixed))} has nothing to tune on scenario {scenario.name!r}")
     return chosen
+
+
+def _tuned_here(rule: Rule, scenario: Scenario) -> bool:
+    return rule.tuned_on is None or Scenario.load(rule.tuned_on).digest() == scenario.digest()
 
 
 def kept_rules(chosen: dict[str, Rule], scenario: Scenario, budget: Budget) -> dict[str, Any]:

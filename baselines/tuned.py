@@ -43,11 +43,13 @@ def parameters(scenario: Scenario) -> dict[str, Parameters]:
 
 
 def setting(name: str, rule: Rule, scenario: Scenario) -> Parameters:
-    """Tuned parameters of one rule.
+    """Tuned parameters of one rule for a scenario, which are those of another if that is the only one that it is tuned on.
 
     Raises:
         NotTuned: there are none for this scenario, or they are not those that the rule has; says which command makes them.
     """
+    if rule.tuned_on is not None:
+        scenario = Scenario.load(rule.tuned_on)
     known = parameters(scenario)
     if name not in known or known[name].keys() != rule.ranges.keys():
         found = "was tuned in other parameters" if name in known else "has not been tuned"

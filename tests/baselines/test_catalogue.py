@@ -1,10 +1,11 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from baselines import catalogue, tuned
+from baselines import catalogue, tune, tuned
 from baselines.catalogue import RULES, entry, merged, names, playable
 from baselines.edge_changes import CHANGE_AT, TimelyChanges
 from baselines.fixed import FixedParameters
@@ -114,3 +115,16 @@ def test_a_rule_of_fixed_parameters_needs_no_tuning(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(tuned, "FOLDER", tmp_path)
     assert entry("grid_search", Scenario()).parameters == {}
     assert entry("fixed_handbook", Scenario()).parameters == dict(catalogue.RULES["fixed_handbook"].parameters)
+
+
+def test_a_rule_that_is_tuned_on_one_preset_plays_others_with_what_was_found_there(
+    tunable: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(RULES, tunable, replace(TUNABLE, tuned_on="forging"))
+    home = Scenario.load("forging")
+    keep({tunable: {"feed": 0.3}}, home)
+    assert entry(tunable, Scenario()).parameters == entry(tunable, home).parameters == {"cutting_speed": 100.0, "feed": 0.3}
+    assert tunable in tune.chosen_rules(None, home)
+    assert tunable not in tune.chosen_rules(None, Scenario())
+    with pytest.raises(ValueError, match="nothing to tune on scenario 'rough_turning'"):
+        tune.chosen_rules([tunable], Scenario())
