@@ -33,7 +33,7 @@ class Rule:
     changes_edges: bool = False
     """Whether it says itself when to change the edge, where edges are changed on command."""
     tuned_on: str | None = None
-    """The preset on which alone it is tuned, for all scenarios: of rules that take minutes to play, in parameters without unit."""
+    """The preset on which alone it is tuned, for all scenarios; for rules slow to play, whose parameters have no unit."""
 
     @property
     def ranges(self) -> dict[str, Range]:
