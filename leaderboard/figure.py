@@ -49,7 +49,7 @@ def _intervals(axes: Axes, board: Board) -> None:
         axes.plot(estimate.value, place, "o", color=colour, markerfacecolor=colour if standing.admissible else "white")
         if standing.name == references(board.task.scenario).fixed:
             axes.axvline(estimate.value, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
-    labels = [standing.name + ("" if standing.admissible else " (not admissible)") for standing in board.standings]
+    labels = [standing.name for standing in board.standings]
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.5, -0.5)
     # Logarithmic away from 0: the poorest policies lie many times farther off than the best lie apart.
@@ -60,10 +60,11 @@ def _intervals(axes: Axes, board: Board) -> None:
     axes.set_xlim(lowest - 0.2 * abs(lowest), highest + 0.2 * abs(highest))
     axes.xaxis.set_major_formatter("{x:.0f}")
     axes.set_xlabel("mean return with 95 % interval [s], log scale")
-    axes.set_title(f"{len(board.task.draws)} held-out draws", loc="left", fontsize="medium")
+    axes.set_title(f"{len(board.task.draws)} held-out draws; hollow: not admissible", loc="left", fontsize="small")
     axes.grid(axis="x", linewidth=0.4)
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(axis="y", length=0)
+    axes.tick_params(axis="x", labelsize="small")
 
 
 def _same_bar(panels: Sequence[Axes], episodes: tuple[Trajectory, Trajectory], scenario: Scenario) -> None:
