@@ -4,6 +4,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 SCENARIO ?= rough_turning
 INTERVALS ?=
 DRAWS ?= 256
+BOARD_DRAWS ?= 64
 RUNS ?= runs
 RESULTS ?= results
 ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurning-Surface-v0 RoughTurning-Shift-v0 RoughTurning-Batch-v0
@@ -25,7 +26,7 @@ seeds: .venv/ready
 
 # Every controller of the literature on every task that it can play.
 boards: .venv/ready
-	set -e; for env in $(ENVS); do .venv/bin/python -m leaderboard run --env $$env --draws $(DRAWS) --results $(RESULTS); done
+	set -e; for env in $(ENVS); do .venv/bin/python -m leaderboard run --env $$env --draws $(BOARD_DRAWS) --results $(RESULTS); done
 
 # Lint, types and tests.
 test: .venv/ready
