@@ -12,7 +12,9 @@ from baselines import (
     grid_search,
     load_override,
     omative,
+    optimiser,
     part_planning,
+    predictive,
     tmac,
     tuned,
     two_limits,
@@ -48,6 +50,8 @@ RULES = merged(
         omative,
         constant_force,
         current_limit,
+        optimiser,
+        predictive,
         part_planning,
     )
 )
