@@ -35,9 +35,7 @@ def test_the_edge_is_changed_when_the_nominal_wear_says_so(change_at):
 def test_changing_in_time_pays_where_being_late_costs():
     late = changed(SHIFT, economics={"unplanned_stop": 60.0}, control={"time_limit": 120.0})
     returns = [
-        play(lambda lanes, share=share: timely(RULE).build(late, lanes, {"margin": 1.0, CHANGE_AT: share}), late, [0])[
-            "return"
-        ]
+        play(lambda lanes, share=share: timely(RULE).build(late, lanes, {"margin": 1.0, CHANGE_AT: share}), late, [0])["return"]
         for share in (0.7, 5.0)
     ]
     assert (returns[0] > returns[1]).all()

@@ -1,0 +1,103 @@
+"""The optimiser holds limits and saves the edge, whatever it is told."""
+
+import numpy as np
+import pytest
+
+from baselines.optimiser import RULES, Optimiser
+from baselines.play import play
+from tests.baselines.test_kalman import QUIET
+from tests.turning_env.playing import changed
+from turning_env import RoughTurningVectorEnv, Scenario
+from turning_env.draws import tuning_draws
+from turning_env.observation import bounds
+
+TIGHT = changed(QUIET, limits={"power": 4.5})
+EXACT = changed(TIGHT, sensors={"force_noise": 0.0, "power_noise": 0.0})
+
+
+def driven(scenario: Scenario, policy: Optimiser, intervals: int) -> list[dict[str, np.ndarray]]:
+    env = RoughTurningVectorEnv(2, scenario)
+    seen, _ = env.reset(seed=0)
+    policy.reset(np.ones(2, np.bool_))
+    infos = []
+    for _ in range(intervals):
+        seen, _, _, _, info = env.step(policy.act(seen))
+        infos.append(info)
+    return infos
+
+
+def test_on_a_known_bar_it_works_at_a_limit() -> None:
+    infos = driven(EXACT, Optimiser(EXACT, 2, 2.0, 1.0), 60)
+    loads = np.array([[i["thrust_force"][0] / 1500.0, i["power"][0] / 4.5] for i in infos[15:] if i["cutting"].all()])
+    assert loads.max() < 1.02
+    assert 0.9 < np.median(loads.max(axis=1)) <= 1.0
+
+
+def test_dear_overload_leaves_a_wider_margin() -> None:
+    known = changed(Scenario(), limits={"power": 4.5})
+
+    def highest_load(severity: float) -> float:
+        infos = driven(TIGHT, Optimiser(known, 2, severity, 1.5), 60)[20:]
+        return float(np.mean([max(i["thrust_force"][0] / 1500.0, i["power"][0] / 4.5) for i in infos if i["cutting"].all()]))
+
+    assert highest_load(4.0) < highest_load(0.5) - 0.01
+
+
+def observation(**entries: float) -> np.ndarray:
+    """One lane in metal, a few minutes into its edge, with loads as predicted but for ``entries``."""
+    names = ("power", "force", "speed", "feed", "commanded_speed", "commanded_feed", "time", "wear", "power_ratio", "force_ratio")
+    values = {name: 0.0 for name in names} | {"time": 1.5, "wear": 0.6, "cutting": 1.0} | entries
+    return np.array([list(values.values())], np.float32)
+
+
+@pytest.mark.parametrize("load", [2.5, 15.0])
+def test_a_load_above_the_limit_lowers_the_feed(load: float) -> None:
+    policy = Optimiser(Scenario(), 1, 2.0, 1.0)
+    policy.reset(np.ones(1, np.bool_))
+    policy.act(observation(cutting=0.0, power=-5.0, force=-5.0, power_ratio=-5.0, force_ratio=-5.0))
+    for _ in range(5):
+        action = policy.act(observation(power=load, force=load, power_ratio=load, force_ratio=load))
+    assert action[0, 1] < -0.3
+
+
+@pytest.mark.parametrize("preset", ["rough_turning", "paper", "forging", "shift"])
+def test_actions_are_finite_whatever_is_observed(preset: str) -> None:
+    """Warnings count as errors throughout this suite."""
+    scenario = Scenario.load(preset)
+    low, high = bounds(scenario)
+    rng = np.random.default_rng(0)
+    policy = Optimiser(scenario, 16, 1.5, 1.0)
+    policy.reset(np.ones(16, np.bool_))
+    for _ in range(20):
+        seen = rng.uniform(low, high, (16, len(low)))
+        seen[:, 10] = rng.random(16) < 0.8
+        actions = policy.act(seen.astype(np.float32))
+        assert (np.abs(actions) <= 1.0).all()
+
+
+def test_a_lane_is_reset_alone() -> None:
+    scenario = Scenario()
+    policy, fresh = Optimiser(scenario, 2, 1.5, 1.0), Optimiser(scenario, 2, 1.5, 1.0)
+    driven(scenario, policy, 30)
+    policy.reset(np.array([True, False]))
+    fresh.reset(np.ones(2, np.bool_))
+    seen = RoughTurningVectorEnv(2, scenario).reset(seed=5)[0]
+    kept, anew = policy.act(seen), fresh.act(seen)
+    assert kept[0].tolist() == anew[0].tolist()
+
+
+def test_it_earns_more_than_the_limits_of_its_knowledge_would_suggest() -> None:
+    """On a few draws: more than fixed parameters, and with little overload."""
+    scenario = changed(Scenario(), control={"time_limit": 4.0})
+    middle = {name: 0.5 * (found.low + found.high) for name, found in RULES["optimiser"].ranges.items()}
+    ours = play(lambda lanes: RULES["optimiser"].build(scenario, lanes, middle), scenario, tuning_draws(4))
+    assert ours["return"].mean() > 0
+    assert ours["severe_overload_time"].sum() < 0.02 * ours["engaged_time"].sum()
+
+
+def test_edges_are_changed_before_they_are_found_worn() -> None:
+    scenario = changed(Scenario.load("shift"), control={"time_limit": 25.0})
+    episodes = play(lambda lanes: RULES["optimiser"].build(scenario, lanes, {"severity": 1.5, "caution": 1.0}), scenario, [0])
+    changes = np.floor(episodes["edges_used"])
+    assert (changes >= 1).all()
+    assert episodes["stopped_time"] == pytest.approx(120.0 * changes, abs=121.0)
