@@ -11,7 +11,8 @@ equation per D, as the edge's life runs down whatever is done (Bellman 1957). Th
 edge costs the same whatever is done with it. A slower or faster insert needs no other price if dD is counted at the nominal rate.
 
 Where edges are changed and time is limited, a second costs what could be earned in it elsewhere, which is found so that a whole
-edge, its price and its change pay for all the time they take.
+edge, its price and its change pay for all the time they take. Where they are changed on command, life that is worth nothing need
+not be used: the price is never below 0, and the edge is best changed where it reaches 0.
 """
 
 import numpy as np
@@ -44,13 +45,17 @@ def prices_of_life(scenario: Scenario, overload_price: float) -> Array:
     if scenario.control.edge_changes == "end":
         return _prices(value - 1.0, rate, weight)
     economics = scenario.economics
+    least = 0.0 if scenario.control.edge_changes == "commanded" else -np.inf
+
+    def prices(time_price: float) -> Array:
+        return np.maximum(_prices(value - time_price, rate, weight), least)
 
     def gain_of_an_edge(time_price: float) -> float:
-        mean_price = float(_prices(value - time_price, rate, weight).mean())
-        return mean_price - 60.0 * (economics.edge_cost + time_price * economics.edge_change_time)
+        change = time_price * economics.edge_change_time
+        return float(prices(time_price).mean()) - 60.0 * (economics.edge_cost + change)
 
     most = min(_MOST_TIME_PRICE, float(value.max()) + 1.0)
-    return _prices(value - brentq(gain_of_an_edge, 0.0, most, xtol=1e-3), rate, weight)
+    return prices(brentq(gain_of_an_edge, 0.0, most, xtol=1e-3))
 
 
 def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, Array]:
