@@ -47,8 +47,8 @@ class Column:
 
 
 def _decimals(width: float) -> int:
-    """Decimals, at most two, that show an interval of this width in two digits."""
-    return min(max(1 - math.floor(math.log10(width)), 0), 2) if width > 0.0 else 0
+    """Decimals, at most two, that show an interval of this width in two digits; none where it is but rounding."""
+    return min(max(1 - math.floor(math.log10(width)), 0), 2) if width > 1e-6 else 0
 
 
 RETURNS = (
