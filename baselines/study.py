@@ -1,7 +1,7 @@
 """Searches the parameters of one rule with Optuna, and keeps on disk what it has found until the search is used.
 
 The first trial is the middle of every range; a tree-structured Parzen estimator chooses the others. All play the same draws. The
-best mean return wins among the admissible settings; where none is admissible, the one that overloads least.
+best mean return wins among the admissible settings; where none is admissible, among all.
 
 What a trial tries follows from its number and the trials finished before it, and from nothing else. So the same search finds the
 same setting, interrupted or not.
@@ -169,8 +169,8 @@ def _feasible(trial: FrozenTrial) -> bool:
     return trial.constraints[_OVERLOAD] <= 0.0
 
 
-def _merit(trial: FrozenTrial) -> tuple[float, float]:
-    """Sorts trials: admissible ones by mean return, others below them by how far they are from admissible."""
+def _merit(trial: FrozenTrial) -> tuple[bool, float]:
+    """Sorts trials by mean return, admissible ones above the others."""
     value = trial.value
     assert value is not None  # it has finished
-    return -max(trial.constraints[_OVERLOAD], 0.0), value
+    return _feasible(trial), value
