@@ -142,7 +142,7 @@ RULES = {
         {"force_share": FORCE_SHARE},
     ),
     "constant_force_with_speed": Rule(
-        "the same with a part program of its own",
+        "constant cutting force at a share of the force limit (roughness control paper), with the program's speed and feed tuned",
         _build,
         on_speed_and_feed,
         {"force_share": FORCE_SHARE, **PROGRAM},

@@ -103,7 +103,7 @@ RULES = {
         {"force_share": FORCE_SHARE},
     ),
     "current_limit_with_speed": Rule(
-        "the same with a part program of its own",
+        "feed by a 16-grade switch within a limit of the force (servo current paper), with the program's speed and feed tuned",
         _build,
         lambda scenario: on_speed_and_feed(scenario) and _force_grows(scenario),
         {"force_share": FORCE_SHARE, **PROGRAM},
