@@ -17,6 +17,11 @@ def sets_feed(scenario: Scenario) -> bool:
     return scenario.control.action in ("incremental", "set_point", "override")
 
 
+def set_point_action(value: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
+    """The action, -1 at the low end of a range and 1 at the high end, that commands a value."""
+    return 2.0 * (value - low) / (high - low) - 1.0
+
+
 def towards(
     reading: Reading,
     scenario: Scenario,
@@ -36,10 +41,9 @@ def towards(
             np.log(feed / reading.commanded_feed) / control.feed_step,
         ]
     elif control.action == "set_point":
-        speed_range = machine.cutting_speed_max - machine.cutting_speed_min
         columns = [
-            2.0 * (cutting_speed - machine.cutting_speed_min) / speed_range - 1.0,
-            2.0 * (feed - machine.feed_min) / (machine.feed_max - machine.feed_min) - 1.0,
+            set_point_action(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max),
+            set_point_action(feed, machine.feed_min, machine.feed_max),
         ]
     else:
         columns = [2.0 * feed / (control.override_max * control.initial_feed) - 1.0]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from baselines.commands import sets_speed_and_feed, towards
 from baselines.policy import Actions, Observations
 from baselines.rule import Range, Rule
+from baselines.scales import Scales
 from turning_env import Scenario, read
 from turning_env.compilation import compiled
 from turning_env.machinability import force_and_power, log_wear_coefficient
@@ -143,25 +144,20 @@ class RescaledGridSearch(GridSearch):
 
     def __init__(self, scenario: Scenario, lanes: int, margin: float, smoothing: float) -> None:
         super().__init__(scenario, lanes)
-        self._margin, self._smoothing = margin, smoothing
-        self._force_scale = np.ones(lanes)
-        self._power_scale = np.ones(lanes)
+        self._margin, self._scales = margin, Scales(lanes, smoothing)
 
     def reset(self, lanes: NDArray[np.bool_]) -> None:
         """Back to the nominal models."""
-        self._force_scale[lanes] = 1.0
-        self._power_scale[lanes] = 1.0
+        self._scales.reset(lanes)
 
     def act(self, observations: Observations) -> Actions:
         """Actions, shape (lanes, 2), for observations, shape (lanes, 11)."""
         reading = read(observations, self._scenario)
-        gain = np.where(reading.cutting & (reading.power_ratio > 0), self._smoothing, 0.0)
-        self._force_scale += gain * (reading.force_ratio - self._force_scale)
-        self._power_scale += gain * (reading.power_ratio - self._power_scale)
+        measured = reading.cutting & (reading.power_ratio > 0)
+        force_scale, power_scale = self._scales.follow(measured, reading.force_ratio, reading.power_ratio)
         limits = self._scenario.limits
-        # A scale is kept off 0, where a limit would be infinite; no lathe cuts with a tenth of the nominal force.
-        self._force_limits = self._margin * limits.thrust_force / np.maximum(self._force_scale, 0.1)
-        self._power_limits = self._margin * limits.power / np.maximum(self._power_scale, 0.1)
+        self._force_limits = self._margin * limits.thrust_force / force_scale
+        self._power_limits = self._margin * limits.power / power_scale
         return super().act(observations)
 
 

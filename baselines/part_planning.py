@@ -9,6 +9,7 @@ known to neither: margins hold the limits. Where blanks are not probed, all are 
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.commands import set_point_action
 from baselines.policy import Actions, Observations
 from baselines.process import Process
 from baselines.rule import Parameters, Range, Rule
@@ -36,14 +37,11 @@ def plan(scenario: Scenario, passes: Array, allowance: Array, cutting_speed: Arr
     """
     machine, most = scenario.machine, scenario.control.passes_max
 
-    def in_range(value: Array, low: float, high: float) -> Array:
-        return 2.0 * (value - low) / (high - low) - 1.0
-
     actions = np.empty((len(passes), 2 + 2 * most))
     actions[:, 0] = 2.0 * (passes - 0.5) / most - 1.0
     actions[:, 1] = allowance / scenario.workpiece.depth_of_cut - 1.0
-    actions[:, 2::2] = in_range(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)
-    actions[:, 3::2] = in_range(feed, machine.feed_min, machine.feed_max)
+    actions[:, 2::2] = set_point_action(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)
+    actions[:, 3::2] = set_point_action(feed, machine.feed_min, machine.feed_max)
     return np.clip(actions, -1.0, 1.0).astype(np.float32)
 
 

@@ -26,7 +26,8 @@ from baselines.fixed import FixedParameters
 from baselines.policy import Actions, Observations
 from baselines.process import ALIKE, Array, Limit, Line, Process
 from baselines.rule import Range, Rule
-from turning_env import PowerLaw, Reading, Scenario, read
+from baselines.scales import Scales
+from turning_env import PowerLaw, Scenario, read
 
 TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")
 """The paper's rules."""
@@ -39,8 +40,6 @@ _FEED = PowerLaw(coefficient=1.0, feed=1.0)
 
 LEAST_DEPTH = 1e-6
 """What no depth of cut is taken for [mm]."""
-LEAST_SCALE = 0.1
-"""Least measured over predicted force and power that is believed [-]: no lathe cuts with a tenth of the nominal force."""
 
 
 def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
@@ -171,14 +170,11 @@ class AdaptiveRule:
 
     def __init__(self, scenario: Scenario, lanes: int, rule: str, margin: float, smoothing: float) -> None:
         self._scenario, self._process, self._rule = scenario, Process.of(scenario), rule
-        self._margin, self._smoothing = margin, smoothing
-        self._force_scale = np.ones(lanes)
-        self._power_scale = np.ones(lanes)
+        self._margin, self._scales = margin, Scales(lanes, smoothing)
 
     def reset(self, lanes: NDArray[np.bool_]) -> None:
         """Back to the nominal models."""
-        self._force_scale[lanes] = 1.0
-        self._power_scale[lanes] = 1.0
+        self._scales.reset(lanes)
 
     def act(self, observations: Observations) -> Actions:
         """Actions for observations, both of one row per lane."""
@@ -188,18 +184,13 @@ class AdaptiveRule:
         # A fresh edge is taken to have the wear that it has after one interval: without any, nothing would limit it.
         fresh = self._process.wear(reading.cutting_speed, reading.feed, depth, time=interval)
         wear = np.maximum(reading.nominal_wear, fresh)
-        self._rescale(reading, depth, wear)
-        used = (np.maximum(scale, LEAST_SCALE) / self._margin for scale in (self._force_scale, self._power_scale))
-        speeds, feeds = set_point(self._rule, self._process.rescaled(*used), depth, wear=wear)
-        return towards(reading, self._scenario, speeds, feeds)
-
-    def _rescale(self, reading: Reading, depth: float, wear: Array) -> None:
-        """Move the scales towards what is measured."""
-        gain = np.where(reading.cutting & (reading.power > 0), self._smoothing, 0.0)
         force = self._process.thrust_force.law(reading.cutting_speed, reading.feed, depth, wear=wear)
         power = self._process.power.law(reading.cutting_speed, reading.feed, depth, wear=wear)
-        self._force_scale += gain * (reading.thrust_force / force - self._force_scale)
-        self._power_scale += gain * (reading.power / power - self._power_scale)
+        measured = reading.cutting & (reading.power > 0)
+        scales = self._scales.follow(measured, reading.thrust_force / force, reading.power / power)
+        used = (scale / self._margin for scale in scales)
+        speeds, feeds = set_point(self._rule, self._process.rescaled(*used), depth, wear=wear)
+        return towards(reading, self._scenario, speeds, feeds)
 
 
 def fixes_a_point(rule: str, scenario: Scenario) -> bool:

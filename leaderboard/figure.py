@@ -43,11 +43,12 @@ def write(board: Board, path: Path) -> None:
 
 
 def _intervals(axes: Axes, board: Board) -> None:
+    fixed = references(board.task.scenario).fixed
     for place, standing in enumerate(board.standings):
         estimate, colour = standing.mean_return, BLUE if standing.admissible else VERMILLION
         axes.plot([estimate.low, estimate.high], [place, place], color=colour)
         axes.plot(estimate.value, place, "o", color=colour, markerfacecolor=colour if standing.admissible else "white")
-        if standing.name == references(board.task.scenario).fixed:
+        if standing.name == fixed:
             axes.axvline(estimate.value, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
     labels = [standing.name for standing in board.standings]
     axes.set_yticks(range(len(labels)), labels)

@@ -7,12 +7,12 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from baselines.overload import CONFIDENCE, RESAMPLES
 from leaderboard import columns
 from leaderboard.board import Board
 from leaderboard.charts import interval_plot, strips
 from leaderboard.results import write_whole
 from leaderboard.standings import highest
-from leaderboard.statistics import CONFIDENCE, RESAMPLES
 from turning_env import IDS, Scenario, presets
 
 

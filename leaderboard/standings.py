@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from baselines.overload import CONFIDENCE, ratio
 from leaderboard.results import PolicyRecord, Result, ResultError
-from leaderboard.statistics import CONFIDENCE, Bootstrap, Estimate, Floats, improvement, interquartile_mean
+from leaderboard.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean
 from turning_env import Scenario
 
 
@@ -134,7 +135,7 @@ def _standing(
         improves_on_published = Estimate.of(float(np.mean(wins)), bootstrap.means(wins, name))
 
     engaged, severe = episodes["engaged_time"], episodes["severe_overload_time"]
-    severe_shares = _ratio(bootstrap.means(severe, name), bootstrap.means(engaged, name))
+    severe_shares = ratio(bootstrap.means(severe, name), bootstrap.means(engaged, name))
     severe_limit = float(np.quantile(severe_shares, CONFIDENCE))
     removed, minutes, edges = episodes["removed"], total_minutes(episodes, scenario), episodes["edges_used"]
     return Standing(
@@ -183,11 +184,6 @@ def total_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
         stops = economics.edge_change_time * episodes["edges_used"] + economics.breakage_downtime * episodes["edges_broken"]
         total = total + stops
     return total
-
-
-def _ratio(parts: Floats, wholes: Floats) -> Floats:
-    """``parts / wholes``, and 0 where a whole is 0: a policy that never cuts overloads nothing."""
-    return np.divide(parts, wholes, out=np.zeros(np.shape(parts)), where=wholes > 0.0)
 
 
 def _share(parts: Floats, wholes: Floats) -> float:

@@ -11,11 +11,10 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.overload import CONFIDENCE, KEY, RESAMPLES
+
 Floats = NDArray[np.float64]
 
-CONFIDENCE = 0.95
-RESAMPLES = 2000
-_KEY = 709  # fixed, so that the same rows give the same numbers
 _CHUNK = 100  # resamples whose rows are held in memory at a time
 
 
@@ -40,12 +39,12 @@ class Bootstrap:
 
     def __init__(self, draws: int, resamples: int = RESAMPLES) -> None:
         self.resamples = resamples
-        self._draws = np.random.default_rng(_KEY).integers(draws, size=(resamples, draws))
+        self._draws = np.random.default_rng(KEY).integers(draws, size=(resamples, draws))
         self._draw_weights = _weights(self._draws, draws)
 
     def _seeds(self, policy: str, count: int) -> NDArray[np.int64]:
         # Keyed by name: two policies' training seeds have nothing in common, even where they are called the same.
-        return np.random.default_rng([_KEY, crc32(policy.encode())]).integers(count, size=(self.resamples, count))
+        return np.random.default_rng([KEY, crc32(policy.encode())]).integers(count, size=(self.resamples, count))
 
     def means(self, rows: Floats, policy: str) -> Floats:
         """Mean of ``policy``'s rows (seeds, draws) in each resample, shape (resamples,)."""

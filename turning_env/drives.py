@@ -15,6 +15,18 @@ def lag_share(time: float, time_constant: float) -> float:
 
 
 @compiled
+def clipped(action):
+    """An action within -1..1."""
+    return min(max(action, -1.0), 1.0)
+
+
+@compiled
+def set_point(action, low, high):
+    """What an action of -1..1 (what lies outside is clipped) commands, linear between a range's ends."""
+    return low + 0.5 * (clipped(action) + 1.0) * (high - low)
+
+
+@compiled
 def follow_commands(lane, parameters):
     """Move actual cutting speed [m/min] and feed [mm/rev] towards their commands over one sub-step."""
     lane.cutting_speed += (lane.commanded_cutting_speed - lane.cutting_speed) * parameters.spindle_share

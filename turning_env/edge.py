@@ -32,9 +32,14 @@ def fit_edge(lane, parameters):
 @compiled
 def charge_life(lane, parameters, used_life_before, report):
     """Charge the share of the edge's life that has been used since."""
-    used = min(lane.used_life, 1.0) - used_life_before
-    report.edges_used += used
-    report.reward_edge -= parameters.edge_price * used
+    charge(parameters, min(lane.used_life, 1.0) - used_life_before, report)
+
+
+@compiled
+def charge(parameters, share, report):
+    """Charge a share of an edge's life."""
+    report.edges_used += share
+    report.reward_edge -= parameters.edge_price * share
 
 
 @compiled
@@ -50,18 +55,20 @@ def break_edge(lane, parameters, report):
 def replace_edge(lane, parameters, broken, report):
     """Change an edge that has just been found broken or worn out."""
     found = parameters.breakage_downtime if broken else parameters.unplanned_stop
-    stand_still(lane, parameters, found + parameters.edge_change_time, report)
-    lane.edge += 1
-    fit_edge(lane, parameters)
+    change_edge(lane, parameters, found + parameters.edge_change_time, report)
 
 
 @compiled
 def discard_edge(lane, parameters, report):
     """Change an edge on command, and charge what it had left."""
-    lost = max(0.0, 1.0 - lane.used_life)
-    report.edges_used += lost
-    report.reward_edge -= parameters.edge_price * lost
-    stand_still(lane, parameters, parameters.edge_change_time, report)
+    charge(parameters, max(0.0, 1.0 - lane.used_life), report)
+    change_edge(lane, parameters, parameters.edge_change_time, report)
+
+
+@compiled
+def change_edge(lane, parameters, minutes, report):
+    """Put the next edge in, which takes so much machine time [min]."""
+    stand_still(lane, parameters, minutes, report)
     lane.edge += 1
     fit_edge(lane, parameters)
 

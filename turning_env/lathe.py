@@ -7,7 +7,7 @@ Written once, for one lathe, as scalar Python over the records of ``records.py``
 import math
 
 from turning_env.compilation import compiled
-from turning_env.drives import follow_commands
+from turning_env.drives import clipped, follow_commands, set_point
 from turning_env.economics import settle
 from turning_env.edge import break_edge, charge_life, discard_edge, fit_edge, replace_edge
 from turning_env.machinability import force_and_power, log_wear_coefficient
@@ -91,19 +91,13 @@ def command(lane, parameters, action):
         speed = lane.commanded_cutting_speed
         feed = 0.5 * (clipped(action[0]) + 1.0) * p.override_max * p.initial_feed
     elif p.action == SET_POINT:
-        speed = p.cutting_speed_min + 0.5 * (clipped(action[0]) + 1.0) * (p.cutting_speed_max - p.cutting_speed_min)
-        feed = p.feed_min + 0.5 * (clipped(action[1]) + 1.0) * (p.feed_max - p.feed_min)
+        speed = set_point(action[0], p.cutting_speed_min, p.cutting_speed_max)
+        feed = set_point(action[1], p.feed_min, p.feed_max)
     else:
         speed = lane.commanded_cutting_speed * math.exp(p.cutting_speed_step * clipped(action[0]))
         feed = lane.commanded_feed * math.exp(p.feed_step * clipped(action[1]))
     lane.commanded_cutting_speed = min(max(speed, p.cutting_speed_min), p.cutting_speed_max)
     lane.commanded_feed = min(max(feed, p.feed_min), p.feed_max)
-
-
-@compiled
-def clipped(action):
-    """An action within -1..1."""
-    return min(max(action, -1.0), 1.0)
 
 
 @compiled

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from turning_env.compilation import compiled
+from turning_env.drives import clipped, set_point
 
 LEAST_DEPTH = 0.01
 """Depth of a pass [mm] below which the control's models are not asked."""
@@ -18,8 +19,8 @@ LEAST_DEPTH = 0.01
 def part_passes(parameters, action):
     """(number of passes, depth of each [mm]) of an action in -1..1; see ``RoughTurningEnv``."""
     p = parameters
-    passes = min(1 + int(0.5 * (min(max(action[0], -1.0), 1.0) + 1.0) * p.passes_max), p.passes_max)
-    allowance = p.depth_of_cut * (1.0 + min(max(action[1], -1.0), 1.0))
+    passes = min(1 + int(0.5 * (clipped(action[0]) + 1.0) * p.passes_max), p.passes_max)
+    allowance = p.depth_of_cut * (1.0 + clipped(action[1]))
     return passes, allowance / passes
 
 
@@ -33,10 +34,8 @@ def start_part(lane, parameters):
 def start_pass(lane, parameters, action, start, number, passes, depth, report):
     """Set speed, feed and depth of a pass, 0 the first, and return its sub-step [min]."""
     p = parameters
-    speed = min(max(action[2 + 2 * number], -1.0), 1.0)
-    feed = min(max(action[3 + 2 * number], -1.0), 1.0)
-    lane.commanded_cutting_speed = p.cutting_speed_min + 0.5 * (speed + 1.0) * (p.cutting_speed_max - p.cutting_speed_min)
-    lane.commanded_feed = p.feed_min + 0.5 * (feed + 1.0) * (p.feed_max - p.feed_min)
+    lane.commanded_cutting_speed = set_point(action[2 + 2 * number], p.cutting_speed_min, p.cutting_speed_max)
+    lane.commanded_feed = set_point(action[3 + 2 * number], p.feed_min, p.feed_max)
     lane.path = start
     lane.pass_floor = (passes - 1 - number) * depth
     lane.pass_ceiling = math.inf if number == 0 else (passes - number) * depth

@@ -7,9 +7,9 @@ import pytest
 from baselines.commands import sets_speed_and_feed
 from baselines.process import Limit, Process
 from baselines.reproduce.part_programming import handbook_process
+from baselines.scales import LEAST_SCALE
 from baselines.two_limits import (
     ECONOMIC_OPTIMUM,
-    LEAST_SCALE,
     RULES,
     TWO_LIMITS,
     AdaptiveRule,
