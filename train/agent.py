@@ -1,59 +1,22 @@
-"""Trained agents as policies."""
+"""Trained agents as policies, from the folders of one's own trainings."""
 
-from dataclasses import dataclass
+import importlib
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from stable_baselines3 import PPO
-
-from baselines.policy import Actions, Observations, PolicyFactory
-from train.run import Run
-from turning_env import Scenario
-
-ALGORITHMS = {"ppo": PPO}
-
-
-class MemorylessAgent:
-    """A policy that is a function of the present observation: a trained model's most likely action."""
-
-    def __init__(self, model: Any) -> None:
-        self._model = model
-
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
-        """Nothing to forget."""
-
-    def act(self, observations: Observations) -> Actions:
-        """Actions, shape (lanes, 2), for observations, shape (lanes, 11)."""
-        actions, _ = self._model.predict(observations, deterministic=True)
-        return np.asarray(actions, np.float32)
-
-
-@dataclass(frozen=True)
-class TrainedAgent:
-    """A finished training, ready to play."""
-
-    name: str
-    seed: int
-    env_id: str
-    scenario: Scenario
-    command: str
-    parameters: dict[str, Any]
-    trained_intervals: int
-    make: PolicyFactory
+from train.actor import Actor, ActorPolicy
+from train.run import HYPERPARAMETERS, Run
+from train.trained_agent import TrainedAgent
+from turning_env.files import digest_of_files
 
 
 def load(folder: Path) -> TrainedAgent:
     """Load the finished agent of one of your own runs. It is a pickle, which can run code: never load a stranger's.
 
     Raises:
-        ValueError: the folder holds no finished training.
+        ValueError: the folder holds no finished training, or none of an algorithm that is known.
     """
     run = Run.read(folder)
-    if not run.policy.exists():
-        raise ValueError(f"the training in {folder} is not finished: run its command again: {run.command}")
-    model = ALGORITHMS[run.algorithm].load(run.policy, device="cpu")
+    actor = load_actor(run)
     return TrainedAgent(
         name=run.algorithm,
         seed=run.seed,
@@ -62,5 +25,21 @@ def load(folder: Path) -> TrainedAgent:
         command=run.command,
         parameters=run.parameters,
         trained_intervals=run.parameters["intervals"],
-        make=lambda lanes: MemorylessAgent(model),
+        digest=digest_of_files(folder, "*"),
+        make=lambda lanes: ActorPolicy(actor, lanes),
     )
+
+
+def load_actor(run: Run) -> Actor:
+    """The actor of a finished training, by the ``actor`` of its algorithm's file. Never load a stranger's: see ``load``.
+
+    Raises:
+        ValueError: the training is not finished, or of no algorithm that is known.
+    """
+    if not (HYPERPARAMETERS / f"{run.algorithm}.toml").is_file():
+        known = ", ".join(sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
+        raise ValueError(f"{run.folder} holds a training of {run.algorithm!r}, but there are {known}")
+    if not run.policy.exists():
+        raise ValueError(f"the training in {run.folder} is not finished: run its command again: {run.command}")
+    actor: Actor = importlib.import_module(f"train.{run.algorithm}").actor(run.policy)
+    return actor.eval()

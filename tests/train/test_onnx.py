@@ -1,0 +1,282 @@
+"""An agent's file acts as the agent, says what it is, and nothing but such a file is loaded."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import pytest
+import torch
+from numpy.typing import NDArray
+from onnx import helper, numpy_helper
+
+from tests.train import onnx_agents
+from train import agent_file, export, onnx_policy
+from train.actor import Actor, ActorPolicy
+from train.feedforward import Feedforward
+from train.onnx_policy import OnnxPolicy, session_of
+from turning_env import Scenario
+
+ALL = np.ones(5, np.bool_)
+ACTORS = {False: onnx_agents.memoryless, True: onnx_agents.remembering}
+
+
+def observations(steps: int, lanes: int = 5) -> NDArray[np.float32]:
+    return np.random.default_rng(1).uniform(-1, 3, (steps, lanes, 11)).astype(np.float32)
+
+
+def policy(lanes: int, memory: bool) -> OnnxPolicy:
+    file = agent_file.checked(onnx_agents.content(memory))
+    made = OnnxPolicy(session_of(file), file.memory_size, lanes)
+    made.reset(np.ones(lanes, np.bool_))
+    return made
+
+
+@pytest.mark.parametrize("memory", [False, True])
+def test_a_file_acts_as_the_agent_and_forgets_lane_by_lane(memory: bool) -> None:
+    original, exported = ActorPolicy(ACTORS[memory](), 5), policy(5, memory)
+    for step, observation in enumerate(observations(20)):
+        started = np.arange(5) == step % 7
+        for each in (original, exported):
+            each.reset(started)
+        mine, its = original.act(observation), exported.act(observation)
+        assert (its.shape, its.dtype) == ((5, 2), np.float32)
+        np.testing.assert_allclose(its, mine, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("memory", [False, True])
+def test_a_lane_acts_alike_whatever_plays_beside_it(memory: bool) -> None:
+    together, alone = policy(5, memory), [policy(1, memory) for _ in range(5)]
+    for observation in observations(10):
+        separate = [each.act(observation[lane : lane + 1]) for lane, each in enumerate(alone)]
+        np.testing.assert_array_equal(together.act(observation), np.concatenate(separate))
+
+
+def test_the_same_agent_gives_the_same_bytes() -> None:
+    for memory in (False, True):
+        with torch.no_grad():
+            again = export.to_onnx(ACTORS[memory](), export.metadata(onnx_agents.run(Path())))
+        assert again == onnx_agents.content(memory)
+
+
+def test_a_file_says_what_it_is_and_nothing_of_where_it_was_made(tmp_path: Path) -> None:
+    agent = onnx_policy.load(onnx_agents.write(tmp_path, seed=3))
+    run = onnx_agents.run(tmp_path, seed=3)
+    assert (agent.name, agent.seed, agent.env_id, agent.scenario) == ("ppo", 3, "RoughTurning-v0", run.scenario)
+    assert (agent.command, agent.parameters, agent.trained_intervals) == (run.command, run.parameters, 1000)
+    assert sys.prefix.encode() not in onnx_agents.content()
+    assert b".py" not in onnx_agents.content()
+
+
+def test_exporting_writes_files_that_were_compared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(export, "load_actor", lambda run: ACTORS[run.seed == 1]())
+    folders = []
+    for seed in (0, 1):
+        run = onnx_agents.run(tmp_path / "runs" / str(seed), seed)
+        run.begin()
+        folders.append(str(run.folder))
+    out = tmp_path / "out"
+    assert export.main([*folders, "--out", str(out), "--json"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    for seed, line in enumerate(captured.out.splitlines()):
+        told = json.loads(line)
+        path = Path(told["path"])
+        assert path == out / f"ppo-seed{seed}.onnx"
+        assert told["digest"] == onnx_policy.load(path).digest
+        assert told["size"] == path.stat().st_size < 20_000
+        assert told["observations"] == 10_000
+        assert told["largest_difference"] <= 1e-5
+        assert told["latency"] > 0
+    assert export.main([*folders, "--out", str(out)]) == 0
+    assert "largest difference" in capsys.readouterr().out
+
+
+def test_a_file_that_acts_otherwise_is_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Fickle(Actor):
+        def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+            action = (0.1 * observation[:, :2]).clamp(-1, 1)
+            return action if torch.compiler.is_compiling() else action + 2e-5, memory
+
+    run = onnx_agents.run(tmp_path / "run")
+    run.begin()
+    monkeypatch.setattr(export, "load_actor", lambda run: Fickle())
+    assert export.main([str(run.folder), "--out", str(tmp_path / "out")]) == 2
+    assert "acts otherwise, by up to 2" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_cannot_be_exported_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = onnx_agents.run(tmp_path / "run")
+    arguments = [str(run.folder), "--out", str(tmp_path / "out")]
+    assert export.main(arguments) == 2
+    assert "holds no training run" in capsys.readouterr().err
+    run.begin()
+    assert export.main(arguments) == 2
+    assert "not finished" in capsys.readouterr().err
+    monkeypatch.setattr(export, "load_actor", lambda run: Feedforward(torch.nn.Linear(11, 3)))
+    assert export.main(arguments) == 2
+    assert "has outputs {'action': 3}, but must have {'action': 2}" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def changed(change: Callable[[onnx.ModelProto], object], memory: bool = False) -> bytes:
+    model = onnx.load_model_from_string(onnx_agents.content(memory))
+    change(model)
+    return bytes(model.SerializeToString())
+
+
+def retold(name: str, value: str | None) -> Callable[[onnx.ModelProto], object]:
+    def change(model: onnx.ModelProto) -> None:
+        properties = {entry.key: entry.value for entry in model.metadata_props}
+        if value is None:
+            del properties[name]
+        else:
+            properties[name] = value
+        del model.metadata_props[:]
+        helper.set_model_props(model, properties)
+
+    return change
+
+
+def elsewhere(model: onnx.ModelProto) -> None:
+    tensor = model.graph.initializer[0]
+    tensor.ClearField("raw_data")
+    tensor.data_location = onnx.TensorProto.EXTERNAL
+    tensor.external_data.add(key="location", value="../../etc/passwd")
+
+
+def insert(*nodes: onnx.NodeProto) -> Callable[[onnx.ModelProto], object]:
+    return lambda model: model.graph.node.extend(nodes)
+
+
+def wider(model: onnx.ModelProto) -> None:
+    model.graph.input[0].type.tensor_type.shape.dim[1].dim_value = 12
+
+
+def fixed_lanes(model: onnx.ModelProto) -> None:
+    model.graph.input[0].type.tensor_type.shape.dim[0].dim_value = 4
+
+
+def bomb(model: onnx.ModelProto) -> None:
+    model.graph.initializer.append(numpy_helper.from_array(np.array([1, 10**9, 11]), "shape"))
+    model.graph.node.append(helper.make_node("Expand", ["observation", "shape"], ["huge"]))
+
+
+def unclipped(model: onnx.ModelProto) -> None:
+    for tensor in model.graph.initializer:
+        if list(tensor.dims) == [2]:
+            tensor.raw_data = np.array([np.nan, 0], np.float32).tobytes()
+
+
+def renamed(model: onnx.ModelProto) -> None:
+    model.graph.output[0].name = "deed"
+
+
+def doubled(model: onnx.ModelProto) -> None:
+    model.metadata_props.add(key="seed", value="1")
+
+
+BRANCH = helper.make_graph([], "branch", [], [])
+REFUSED: dict[str, tuple[Callable[[onnx.ModelProto], object], str]] = {
+    "metadata missing": (retold("scenario", None), "metadata scenario: Field required"),
+    "metadata unknown": (retold("mood", "good"), "metadata mood: Extra inputs"),
+    "metadata twice": (doubled, "names something twice"),
+    "metadata no JSON": (retold("seed", "one"), "metadata seed is not JSON"),
+    "metadata deep": (retold("parameters", "[" * 100_000), "metadata parameters is not JSON"),
+    "metadata of another type": (retold("seed", '"1"'), "metadata seed: Input should be a valid integer"),
+    "another format": (retold("format", "rough-turning/agent/9"), "metadata format: .*rough-turning/agent/1"),
+    "a path for a name": (retold("algorithm", "../ppo"), "metadata algorithm: "),
+    "an unknown id": (retold("env_id", "Pendulum-v1"), "env_id is 'Pendulum-v1', but must be one of RoughTurning-v0"),
+    "another scenario's digest": (retold("scenario_digest", "0"), "scenario_digest is not that of scenario"),
+    "an impossible scenario": (retold("scenario", '{"limits": {"power": -1.0}}'), "metadata scenario.limits.power: "),
+    "another space": (retold("action_space", '{"low": [0.0], "high": [1.0]}'), "action_space is not that of"),
+    "another width": (wider, "has inputs {'observation': 12}, but must have {'observation': 11}"),
+    "a fixed number of lanes": (fixed_lanes, r"'observation' must be float32 of shape \(any number of lanes, entries\)"),
+    "another output": (renamed, "has outputs {'deed': 2}, but must have {'action': 2}"),
+    "weights elsewhere": (elsewhere, "keeps its weights .* in another file"),
+    "a loop": (insert(helper.make_node("Loop", ["", ""], ["x"], body=BRANCH)), "uses the operator 'Loop'"),
+    "a foreign operator": (insert(helper.make_node("Relu", ["x"], ["y"], domain="evil")), "uses the operator 'Relu'"),
+    "a hidden graph": (insert(helper.make_node("Relu", ["x"], ["y"], body=BRANCH)), "holds a graph of its own"),
+    "a foreign operator set": (lambda model: model.opset_import.add(domain="evil", version=1), "uses operator sets"),
+    "an old operator set": (lambda model: setattr(model.opset_import[0], "version", 7), "uses operator sets"),
+    "functions": (lambda model: model.functions.add(name="f"), "holds functions"),
+    "many nodes": (insert(*[helper.make_node("Relu", ["observation"], ["y"])] * 2_001), "has 2.* nodes, but may have 2000"),
+    "a value too large": (bomb, "value 'huge' has more than 1000000 entries per lane"),
+    "a value from nowhere": (insert(helper.make_node("Relu", ["nowhere"], ["y"])), "is not valid ONNX"),
+    "actions that are no numbers": (unclipped, "which are not two actions"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_other_files_are_refused_with_the_reason(case: str, tmp_path: Path) -> None:
+    change, message = REFUSED[case]
+    path = tmp_path / "agent.onnx"
+    path.write_bytes(changed(change))
+    with pytest.raises(ValueError, match=r"agent\.onnx: .*" + message):
+        onnx_policy.load(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(b"", "no ONNX file"), (b"text", "no ONNX file"), (b"\0" * 20_000_001, "is larger than 20000000 bytes")],
+    ids=["empty", "text", "large"],
+)
+def test_what_is_no_onnx_is_refused(content: bytes, message: str, tmp_path: Path) -> None:
+    (tmp_path / "agent.onnx").write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        onnx_policy.load(tmp_path / "agent.onnx")
+
+
+@pytest.mark.parametrize("memory", [False, True])
+def test_damaged_files_are_refused_or_act(memory: bool, tmp_path: Path) -> None:
+    content, generator = onnx_agents.content(memory), np.random.default_rng(2)
+    path = tmp_path / "agent.onnx"
+    reasons = []
+    for _ in range(150):
+        damaged = bytearray(content[: generator.integers(len(content))] if generator.random() < 0.2 else content)
+        for place in generator.integers(len(damaged) or 1, size=generator.integers(1, 5)).tolist():
+            damaged[place : place + 1] = generator.bytes(int(generator.integers(3)))
+        path.write_bytes(damaged)
+        try:
+            actions = onnx_policy.load(path).make(1).act(np.zeros((1, 11), np.float32))
+        except ValueError as error:
+            reasons.append(str(error))
+        else:
+            assert np.abs(actions).max() <= 1
+    assert len(reasons) > 50
+    assert all(reason.startswith(f"{path}: ") for reason in reasons)
+
+
+def test_an_agent_plays_other_scenarios_that_mean_the_same(tmp_path: Path) -> None:
+    agent = onnx_policy.load(onnx_agents.write(tmp_path))
+    agent.check_fits(Scenario.load("forging"))
+    with pytest.raises(
+        ValueError, match=r"trained on scenario 'short' with control.action = 'incremental', cannot play 'override'"
+    ):
+        agent.check_fits(Scenario.load("override"))
+    with pytest.raises(ValueError, match=r"control\.edge_changes"):
+        agent.check_fits(Scenario.load("shift"))
+
+
+def test_wrong_observations_are_refused() -> None:
+    wrong: Any
+    for wrong in (np.zeros((5, 12), np.float32), np.zeros((5, 11))):
+        with pytest.raises(ValueError, match="cannot act on these observations"):
+            policy(5, False).act(wrong)
+
+
+def test_playing_a_file_needs_no_torch() -> None:
+    code = "import sys, train.onnx_policy; print(*{'torch', 'stable_baselines3', 'sb3_contrib'} & sys.modules.keys())"
+    finished = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert finished.stdout.strip() == ""
