@@ -15,7 +15,8 @@ class RoughTurningVecEnv(VecEnv):
     """``count`` lathes behind Stable-Baselines3's ``VecEnv``.
 
     An episode's end puts ``terminal_observation``, ``TimeLimit.truncated`` and ``episode`` (return [s of machine time] and
-    length, unscaled) into that lane's info; all other infos are empty. Rewards are multiplied by ``reward_scale``.
+    length, unscaled) into that lane's info; all other infos are empty. Rewards are multiplied by ``reward_scale``. A subclass
+    from which something else is to be learned gives it as ``learned_rewards``.
     """
 
     def __init__(self, scenario: Scenario, count: int, reward_scale: float = 1.0) -> None:
@@ -40,6 +41,7 @@ class RoughTurningVecEnv(VecEnv):
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         observations, rewards, terminated, truncated, infos = self.lathes_env.step(self._actions)
+        learned = self.learned_rewards(rewards, infos)
         ended = terminated | truncated
         self._returns += rewards
         self._lengths += 1
@@ -52,7 +54,11 @@ class RoughTurningVecEnv(VecEnv):
             }
         self._returns[ended] = 0.0
         self._lengths[ended] = 0
-        return observations, (rewards * self.reward_scale).astype(np.float32), ended, lane_infos
+        return observations, (learned * self.reward_scale).astype(np.float32), ended, lane_infos
+
+    def learned_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
+        """What is learned from, shape (count,) [s], for an interval's rewards and infos: here the rewards themselves."""
+        return rewards
 
     def close(self) -> None:
         self.lathes_env.close()

@@ -1,0 +1,30 @@
+"""Trainings of every algorithm that take about a second."""
+
+from pathlib import Path
+from typing import Any
+
+from train import lagrangian_ppo, ppo, recurrent_ppo, sac, tqc
+from train.run import Run
+from train.training import Algorithm
+from turning_env import Scenario
+
+SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}})
+
+ALGORITHMS = {module.ALGORITHM.name: module.ALGORITHM for module in (ppo, sac, tqc, recurrent_ppo, lagrangian_ppo)}
+
+_ON_POLICY = {"intervals": 2048, "lanes": 8, "rollout": 64, "batch_size": 256, "epochs": 2}
+# So few are remembered that the oldest are overwritten while actions are still random.
+_OFF_POLICY = {"intervals": 2048, "lanes": 8, "random_intervals": 1100, "memory": 800, "batch_size": 32, "batches_per_step": 1}
+PARAMETERS: dict[str, dict[str, Any]] = {
+    "ppo": _ON_POLICY,
+    "sac": _OFF_POLICY,
+    "tqc": _OFF_POLICY | {"quantiles": 5},
+    "recurrent_ppo": _ON_POLICY | {"memory_cells": 4},
+    "lagrangian_ppo": _ON_POLICY,
+}
+
+
+def small_run(algorithm: Algorithm, runs: Path, scenario: Scenario = SCENARIO, **changes: Any) -> Run:
+    """A short training of seed 3."""
+    parameters = PARAMETERS[algorithm.name] | changes
+    return Run.plan(algorithm.name, "RoughTurning-v0", scenario, 3, runs, "a command", parameters)

@@ -1,0 +1,71 @@
+"""PPO with a memory (LSTM), for what a single observation does not tell: train one agent for one training seed.
+
+    python -m train.recurrent_ppo --seed 0
+
+Running the same command again resumes an interrupted training, and does nothing if it is finished. What a run's folder holds:
+``train/training.py``. (Hochreiter and Schmidhuber 1997, doi 10.1162/neco.1997.9.8.1735; Schulman et al. 2017, arXiv 1707.06347.)
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import torch
+from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+from sb3_contrib import RecurrentPPO
+from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
+
+from train import command
+from train.actor import Actor
+from train.ppo import settings
+from train.run import Run
+from train.training import Algorithm
+from train.vec_env import RoughTurningVecEnv
+
+
+class RecurrentActor(Actor):
+    """Layers behind one layer of LSTM; the memory is its hidden state and its cell state side by side."""
+
+    def __init__(self, policy: RecurrentActorCriticPolicy) -> None:
+        super().__init__()
+        self.lstm = policy.lstm_actor
+        self.layers = torch.nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
+        self.memory_size = 2 * self.lstm.hidden_size
+
+    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        # The LSTM wants an axis of time before each observation and of layers before each state.
+        hidden, cell = (state.contiguous() for state in memory.unsqueeze(0).chunk(2, dim=2))
+        output, (hidden, cell) = self.lstm(observation.unsqueeze(0), (hidden, cell))
+        return self.layers(output.squeeze(0)).clamp(-1.0, 1.0), torch.cat((hidden, cell), dim=2).squeeze(0)
+
+
+def new_model(run: Run, lathes: RoughTurningVecEnv) -> RecurrentPPO:
+    """An untrained model."""
+    p, values = run.parameters, settings(run)
+    values["policy_kwargs"] |= {"lstm_hidden_size": p["memory_cells"], "enable_critic_lstm": p["critic_has_memory"]}
+    return RecurrentPPO("MlpLstmPolicy", lathes, **values)
+
+
+def actor(path: Path) -> RecurrentActor:
+    """The finished agent in a ``policy.zip`` of your own."""
+    policy: Any = RecurrentPPO.load(path, device="cpu").policy
+    return RecurrentActor(policy)
+
+
+SEARCH = {
+    "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
+    "discount": FloatDistribution(0.5, 0.95),
+    "epochs": IntDistribution(2, 8),
+    "memory_cells": CategoricalDistribution([16, 32, 64]),
+}
+
+ALGORITHM = Algorithm("recurrent_ppo", "recurrent PPO", RecurrentPPO, new_model, actor, SEARCH, kept=("_last_lstm_states",))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    return command.main(ALGORITHM, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
