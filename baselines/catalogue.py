@@ -88,14 +88,20 @@ def playable(name: str, scenario: Scenario) -> Rule:
     return as_played(rule, scenario)
 
 
-def entry(name: str, scenario: Scenario) -> Entry:
-    """A controller, with its tuned parameters where it has any.
+def entry(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> Entry:
+    """A controller, built with what is told of a scenario, with its tuned parameters where it has any.
+
+    Args:
+        name: the controller's.
+        scenario: what it is to play.
+        tuned_on: the scenario whose tuned parameters it plays with; without, that which it plays.
 
     Raises:
         KeyError: there is no controller of this name; names those there are.
         ValueError: it cannot play the scenario.
-        NotTuned: it has not been tuned for this scenario, or not with the parameters that it has now.
+        NotTuned: it has not been tuned on that scenario, or not with the parameters that it has now.
     """
-    rule = playable(name, scenario)
-    parameters = rule.fixed | (tuned.setting(name, rule, scenario) if rule.ranges else {})
-    return Entry(name, rule.description, parameters, lambda lanes: rule.build(scenario, lanes, parameters))
+    told = scenario.as_told()
+    rule = playable(name, told)
+    parameters = rule.fixed | (tuned.setting(name, rule, (tuned_on or scenario).as_told()) if rule.ranges else {})
+    return Entry(name, rule.description, parameters, lambda lanes: rule.build(told, lanes, parameters))

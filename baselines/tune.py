@@ -72,6 +72,8 @@ def main(arguments: list[str] | None = None) -> int:
             raise ValueError(f"{parsed.trials} trials asked for, but there must be 1 or more")
         tuning_draws(parsed.draws)
         scenario = Scenario.load(parsed.scenario)
+        if scenario != scenario.as_told():
+            raise ValueError(f"scenario {scenario.name!r} has a lot of which rules are not told: they are tuned without one")
         chosen = chosen_rules(parsed.rules, scenario)
         if parsed.rules is not None:
             kept_rules(chosen, scenario, budget)  # refused before hours of playing, not after

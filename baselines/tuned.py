@@ -1,6 +1,7 @@
 """What the tunable rules were tuned to, kept as data: one JSON file per scenario's name."""
 
 import json
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -30,16 +31,18 @@ def contents(scenario: Scenario) -> dict[str, Any]:
 
 
 def parameters(scenario: Scenario) -> dict[str, Parameters]:
-    """Tuned parameters by rule and name, of the rules that have been tuned.
+    """Tuned parameters by rule and name, of the rules that have been tuned for this scenario by whatever name.
 
     Raises:
         NotTuned: there are none for this scenario; says which command makes them.
     """
-    values = contents(scenario)
-    if values.get("scenario_digest") != scenario.digest():
-        found = "were tuned for other values" if values else "have not been tuned"
-        raise NotTuned(f"the rules of scenario {scenario.name!r} {found}: run `{_COMMAND}`")
-    return {name: rule["parameters"] for name, rule in values["rules"].items()}
+    own = contents(scenario)
+    others = (json.loads(file.read_text("utf-8")) for file in sorted(FOLDER.glob("*.json")))
+    for values in chain([own], others):
+        if values.get("scenario_digest") == scenario.digest():
+            return {name: rule["parameters"] for name, rule in values["rules"].items()}
+    found = "were tuned for other values" if own else "have not been tuned"
+    raise NotTuned(f"the rules of scenario {scenario.name!r} {found}: run `{_COMMAND}`")
 
 
 def setting(name: str, rule: Rule, scenario: Scenario) -> Parameters:

@@ -9,11 +9,13 @@ from turning_env.env import RoughTurningEnv
 from turning_env.observation import Reading, read
 from turning_env.power_law import PowerLaw
 from turning_env.scenario import Scenario, ScenarioError, presets
+from turning_env.splits import SPLITS
 from turning_env.vector_env import RoughTurningVectorEnv
 from turning_env.wrappers import FeedSwitch, VectorFeedSwitch
 
 __all__ = [
     "IDS",
+    "SPLITS",
     "FeedSwitch",
     "PowerLaw",
     "Reading",

@@ -25,7 +25,12 @@ def main(arguments: list[str] | None = None) -> int:
     if parsed.command == "presets":
         print("\n".join(presets()))
     elif parsed.command == "schema":
-        print(json.dumps(Scenario.model_json_schema(), indent=1))
+        schema = Scenario.model_json_schema()
+        schema["properties"]["base"] = {
+            "enum": list(presets()),
+            "description": "The preset from which the file states what differs.",
+        }
+        print(json.dumps(schema, indent=1))
     else:
         try:
             print(Scenario.load(parsed.scenario).to_toml(), end="")

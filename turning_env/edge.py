@@ -16,12 +16,12 @@ from turning_env.keyed_random import EDGE_CHANNEL, standard_normals
 
 @compiled
 def fit_edge(lane, parameters):
-    """Put the lane's present edge, fresh, into the holder; the tool is out of the metal."""
+    """Put the lane's present edge into the holder, fresh as far as is known; the tool is out of the metal."""
     edge_normal, strength_normal = standard_normals(lane, EDGE_CHANNEL, 0, lane.edge)
-    lane.log_wear_factor = parameters.wear_factor_spread * edge_normal
+    lane.log_wear_factor = parameters.log_lot_wear + parameters.wear_factor_spread * edge_normal
     lane.edge_strength = parameters.edge_strength * math.exp(parameters.edge_strength_spread * strength_normal)
     lane.cutting_time = 0.0
-    lane.used_life = 0.0
+    lane.used_life = parameters.initial_used_life
     lane.nominal_used_life = 0.0
     lane.thrust_force = 0.0
     lane.power = 0.0

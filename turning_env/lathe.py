@@ -218,7 +218,7 @@ def cut_metal(lane, parameters, engaged, turns):
     """Wear the edge for an engaged time [min], then let thrust force [N] and power [kW] follow for so many turns [rev]."""
     speed, feed, depth = math.log(lane.cutting_speed), math.log(lane.feed), math.log(lane.depth_of_cut)
     hardness = lane.log_hardness
-    log_coefficient = lane.log_wear_factor + log_wear_coefficient(parameters, speed, feed, depth, hardness)
+    log_coefficient = lane.log_wear_factor + log_wear_coefficient(parameters, speed, feed, depth, hardness) + lane.log_skin_wear
     end = lane.cutting_time + engaged
     lane.used_life = advance_used_life(parameters, lane.used_life, log_coefficient, lane.cutting_time, end)
     lane.cutting_time = end

@@ -50,7 +50,8 @@ LANE = np.dtype(
         ("depth_cell", np.float64),
         ("depth_left", np.float64),
         ("depth_right", np.float64),
-        ("log_hardness", np.float64),  # [-]
+        ("log_hardness", np.float64),  # mean of the cut, with its skin [-]
+        ("log_skin_wear", np.float64),  # what the skin in the cut adds to log wear [-]
         ("depth_of_cut", np.float64),  # [mm]
         ("pass_floor", np.float64),  # a pass cuts what stands higher than this above the finished contour [mm]
         ("pass_ceiling", np.float64),  # and, the passes before it having cut the rest, lower than this [mm]
@@ -81,6 +82,8 @@ PARAMETERS = np.dtype(
         ("wear_factor_spread", np.float64),
         ("edge_strength", np.float64),
         ("edge_strength_spread", np.float64),
+        ("log_lot_wear", np.float64),
+        ("initial_used_life", np.float64),
         ("cutting_speed_min", np.float64),
         ("cutting_speed_max", np.float64),
         ("feed_min", np.float64),
@@ -114,6 +117,10 @@ PARAMETERS = np.dtype(
         ("depth_bar_spread", np.float64),
         ("depth_along_spread", np.float64),
         ("depth_nodes_per_length", np.float64),
+        ("log_lot_hardness", np.float64),
+        ("skin_thickness", np.float64),
+        ("skin_hardness", np.float64),
+        ("skin_wear", np.float64),
         ("hardness_bar_spread", np.float64),
         ("hardness_along_spread", np.float64),
         ("hardness_nodes_per_length", np.float64),
@@ -140,6 +147,8 @@ PARAMETERS = np.dtype(
         ("probe", np.bool_),
         ("power_noise", np.float64),
         ("force_noise", np.float64),
+        ("power_bias", np.float64),
+        ("force_bias", np.float64),
         ("power_sensor_share", np.float64),
         ("force_sensor_share", np.float64),
         ("reference_productivity", np.float64),
@@ -228,7 +237,7 @@ def parameter_records(scenario: Scenario) -> Any:
     """The scenario as the one record that the transition reads (an array of one, as Numba passes arrays faster)."""
     material, tool, machine, workpiece = scenario.material, scenario.tool, scenario.machine, scenario.workpiece
     control, sensors, limits, surface = scenario.control, scenario.sensors, scenario.limits, scenario.surface
-    drive, economics = scenario.feed_drive, scenario.economics
+    drive, economics, lot = scenario.feed_drive, scenario.economics, scenario.lot
     sub_step = control.interval / control.sub_steps
     # Where no time passes when an edge is changed, the price of the edge holds that time.
     timeless = control.edge_changes == "end"
@@ -240,6 +249,9 @@ def parameter_records(scenario: Scenario) -> Any:
         "power_law": material.power.record(),
         "wear_rule": EQUIVALENT_TIME if tool.wear_rule == "equivalent_time" else CLOCK_TIME,
         "log_wear_criterion": np.log(tool.wear_criterion),
+        "log_lot_wear": np.log(lot.wear_factor),
+        "log_lot_hardness": np.log(lot.hardness_factor),
+        "initial_used_life": (lot.initial_wear / tool.wear_criterion) ** (1.0 / material.wear.time),
         "log_cutting_speed_min": np.log(machine.cutting_speed_min),
         "log_cutting_speed_span": np.log(machine.cutting_speed_max / machine.cutting_speed_min),
         "log_feed_min": np.log(machine.feed_min),
@@ -280,7 +292,7 @@ def parameter_records(scenario: Scenario) -> Any:
         "power_limit": limits.power,
         "overload_tolerance": limits.overload_tolerance,
     }
-    for section in (tool, machine, drive, workpiece, control, surface, sensors, economics):
+    for section in (tool, machine, drive, workpiece, control, surface, sensors, lot, economics):
         for name in type(section).model_fields:
             if name in (PARAMETERS.names or ()):
                 values.setdefault(name, getattr(section, name))

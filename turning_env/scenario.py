@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import tomli_w
 from pydantic import ValidationError, field_validator, model_validator
@@ -20,6 +20,7 @@ from turning_env.sections import (
     Economics,
     FeedDrive,
     Limits,
+    Lot,
     Machine,
     Material,
     Sensors,
@@ -27,6 +28,8 @@ from turning_env.sections import (
     Tool,
     Workpiece,
 )
+
+_PRESETS = resources.files("turning_env") / "presets"
 
 
 class Scenario(Section):
@@ -42,6 +45,7 @@ class Scenario(Section):
     control: Control = Control()
     surface: Surface = Surface()
     sensors: Sensors = Sensors()
+    lot: Lot = Lot()
     economics: Economics = Economics()
     limits: Limits = Limits()
 
@@ -60,6 +64,13 @@ class Scenario(Section):
             low, high = getattr(self.machine, f"{name}_min"), getattr(self.machine, f"{name}_max")
             if not low <= start <= high:
                 raise ValueError(f"control.initial_{name} is {start}, but must lie in the machine's {low} to {high}")
+        return self
+
+    @model_validator(mode="after")
+    def _edges_start_unfinished(self) -> Self:
+        wear, criterion = self.lot.initial_wear, self.tool.wear_criterion
+        if wear >= criterion:
+            raise ValueError(f"lot.initial_wear is {wear}, but must be below tool.wear_criterion, which is {criterion}")
         return self
 
     @model_validator(mode="after")
@@ -92,11 +103,12 @@ class Scenario(Section):
     def load(cls, source: "str | os.PathLike[str] | Scenario") -> "Scenario":
         """The scenario of a preset's name, a TOML file's path, or the scenario itself.
 
-        A TOML file states only what differs from the defaults; without a name, it is called as the file is.
+        A TOML file states only what differs from the defaults or, with ``base = "PRESET"``, from that preset; without a name, it
+        is called as the file is.
 
         Raises:
-            ScenarioError: no such preset or file, not TOML, an unknown key, or a value out of range; names the field,
-                the value and what is allowed.
+            ScenarioError: no such preset or file, not TOML, an unknown key, a value out of range, or presets based on one
+                another in a circle; names the field, the value and what is allowed.
             TypeError: ``source`` is none of the three.
         """
         if isinstance(source, Scenario):
@@ -104,17 +116,29 @@ class Scenario(Section):
         if not isinstance(source, str | os.PathLike):
             raise TypeError(f"a scenario is a preset's name, a path or a Scenario, not {type(source).__name__}")
         if isinstance(source, str) and source in presets():
-            text = (resources.files("turning_env") / "presets" / f"{source}.toml").read_bytes()
-            return cls._parse(text, f"preset {source}", source)
+            return cls._preset(source, ())
         path = Path(source)
         if not path.is_file():
             raise ScenarioError(f"no preset and no file is called {str(source)!r}; presets: {', '.join(presets())}")
-        return cls._parse(path.read_bytes(), str(path), path.stem)
+        return cls._parse(path.read_bytes(), str(path), path.stem, ())
 
     @classmethod
-    def _parse(cls, text: bytes, source: str, name: str) -> "Scenario":
+    def _preset(cls, name: str, below: tuple[str, ...]) -> "Scenario":
+        """A preset on which the presets ``below`` are based, each on the next."""
+        if name in below:
+            raise ScenarioError(f"presets are based on one another in a circle: {' on '.join((*below, name))}")
+        return cls._parse((_PRESETS / f"{name}.toml").read_bytes(), f"preset {name}", name, (*below, name))
+
+    @classmethod
+    def _parse(cls, text: bytes, source: str, name: str, below: tuple[str, ...]) -> "Scenario":
         try:
-            return cls.model_validate({"name": name} | tomllib.loads(text.decode()))
+            values = tomllib.loads(text.decode())
+            base = values.pop("base", None)
+            if base is not None:
+                if base not in presets():
+                    raise ScenarioError(f"{source}: base: {base!r} is not a preset; presets: {', '.join(presets())}")
+                values = _merged(cls._preset(base, below).model_dump(exclude={"name"}), values)
+            return cls.model_validate({"name": name} | values)
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ScenarioError(f"{source} is not TOML: {error}") from error
         except ValidationError as error:
@@ -129,9 +153,14 @@ class Scenario(Section):
         replace_file(Path(path), lambda partial: partial.write_text(self.to_toml(), "utf-8"))
 
     def digest(self) -> str:
-        """SHA-256 of all values but the name: equal digests mean equal physics."""
-        values = json.dumps(self.model_dump(exclude={"name"}), sort_keys=True)
+        """SHA-256 of all values but the name: equal digests mean equal physics. A lot that is as told is left out."""
+        left_out = {"name", "lot"} if self.lot == Lot() else {"name"}
+        values = json.dumps(self.model_dump(exclude=left_out), sort_keys=True)
         return hashlib.sha256(values.encode()).hexdigest()
+
+    def as_told(self) -> "Scenario":
+        """The scenario as the controller knows it, with which it is built: of the same name, but nothing known of the lot."""
+        return self.model_copy(update={"lot": Lot()})
 
 
 class ScenarioError(ValueError):
@@ -140,8 +169,16 @@ class ScenarioError(ValueError):
 
 def presets() -> tuple[str, ...]:
     """Names of the scenarios that come with the package."""
-    folder = resources.files("turning_env") / "presets"
-    return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
+    return tuple(sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir() if entry.name.endswith(".toml")))
+
+
+def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+    """The base's values, overwritten entry by entry in tables, and in tables within tables."""
+    merged = base | values
+    for key in base.keys() & values.keys():
+        if isinstance(base[key], dict) and isinstance(values[key], dict):
+            merged[key] = _merged(base[key], values[key])
+    return merged
 
 
 def _complaints(error: ValidationError) -> Iterator[str]:

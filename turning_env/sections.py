@@ -192,6 +192,23 @@ class Sensors(Section):
     force_time_constant: float = quantity(0.05, 0, 60, "s", "lag of measured thrust force (assumption)")
 
 
+class Lot(Section):
+    """In what this lot of bars, edges and sensors differs from what the controller is told: the rest of the scenario."""
+
+    hardness_factor: float = quantity(1, 0.1, 10, "-", "mean hardness of the lot over nominal")
+    skin_thickness: float = quantity(
+        0, 0, 50, "mm", "thickness of the skin that a blank is left with by forging or casting; 0: none"
+    )
+    skin_hardness: float = quantity(1, 0.1, 10, "-", "hardness of the skin over that of the metal beneath")
+    skin_wear: float = quantity(1, 0.1, 10, "-", "wear of an edge in nothing but skin over that in metal of the same hardness")
+    wear_factor: float = quantity(1, 0.1, 10, "-", "mean wear of the lot's inserts over nominal")
+    initial_wear: float = quantity(0, 0, 5, "mm", "flank wear that every edge starts with, though taken for fresh")
+    power_bias: float = quantity(0, -0.9, 10, "-", "measured over true power, less 1")
+    force_bias: float = quantity(
+        0, -0.9, 10, "-", "measured over true thrust force (or servo current, where that is sensed), less 1"
+    )
+
+
 class Economics(Section):
     """What things are worth, in machine time. Money divided by the machine's rate gives these numbers."""
 

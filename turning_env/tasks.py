@@ -1,4 +1,7 @@
-"""The tasks that are not ``RoughTurning-v0``: each its specification, on a preset of its own. The transition is the same."""
+"""The tasks that are not ``RoughTurning-v0``: each its specification, on a preset of its own. The transition is the same.
+
+``RoughTurning-v0`` itself has shift splits, presets that show what controllers made for it do elsewhere: ``turning_env.SPLITS``.
+"""
 
 import os
 

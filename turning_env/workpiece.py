@@ -8,7 +8,8 @@ length apart and has unit variance everywhere.
 Relative hardness is log-normal, so it stays positive. The depth of cut is the nominal depth plus the allowance's
 deviation, and never falls below 1 % of nominal (assumption: a blank that measures under size is still just scraped).
 The nominal depth may step along a bar, and the depth ripple with the spindle's turns (run-out). A pass of several cuts what
-stands between its floor and its ceiling.
+stands between its floor and its ceiling. A blank may carry a skin, harder and more abrasive than the metal beneath: hardness and
+wear are means over the cut's depth (assumption), so that a shallow cut, nearly all skin, is the worst.
 """
 
 import math
@@ -67,7 +68,9 @@ def look_up_fields(lane, parameters, cut):
         lane.hardness_right = standard_normals(lane, HARDNESS_CHANNEL, bar, cell + 1)[0]
     hardness_noise = between_nodes(lane.hardness_left, lane.hardness_right, hardness_nodes - cell)
     lane.log_hardness = (
-        parameters.hardness_bar_spread * lane.bar_hardness_normal + parameters.hardness_along_spread * hardness_noise
+        parameters.log_lot_hardness
+        + parameters.hardness_bar_spread * lane.bar_hardness_normal
+        + parameters.hardness_along_spread * hardness_noise
     )
 
     depth_nodes = along * parameters.depth_nodes_per_length
@@ -86,6 +89,18 @@ def look_up_fields(lane, parameters, cut):
         depth *= 1.0 + parameters.depth_ripple * math.sin(parameters.depth_ripple_angle_per_turn * lane.turns)
     depth = max(depth, LEAST_DEPTH_SHARE * nominal)
     lane.depth_of_cut = min(depth, lane.pass_ceiling) - lane.pass_floor
+    lane.log_skin_wear = 0.0
+    if parameters.skin_thickness > 0.0 and lane.depth_of_cut > 0.0:
+        cut_skin(lane, parameters, depth)
+
+
+@compiled
+def cut_skin(lane, parameters, depth):
+    """Let what the cut holds of the skin, the outermost of a blank's depth [mm], harden the cut and wear the edge."""
+    lowest = max(depth - parameters.skin_thickness, lane.pass_floor)
+    share = max(min(depth, lane.pass_ceiling) - lowest, 0.0) / lane.depth_of_cut
+    lane.log_hardness += math.log1p(share * (parameters.skin_hardness - 1.0))
+    lane.log_skin_wear = math.log1p(share * (parameters.skin_wear - 1.0))
 
 
 @compiled

@@ -3,6 +3,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from baselines import catalogue, tune, tuned
@@ -11,6 +12,7 @@ from baselines.edge_changes import CHANGE_AT, TimelyChanges
 from baselines.fixed import FixedParameters
 from baselines.rule import Range, Rule
 from turning_env import Scenario
+from turning_env.observation import bounds
 
 TUNABLE = Rule(
     "made up",
@@ -115,6 +117,52 @@ def test_a_rule_of_fixed_parameters_needs_no_tuning(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(tuned, "FOLDER", tmp_path)
     assert entry("grid_search", Scenario()).parameters == {}
     assert entry("fixed_handbook", Scenario()).parameters == dict(catalogue.RULES["fixed_handbook"].parameters)
+
+
+@pytest.mark.parametrize("name", ["fixed_tuned", "rescaled_grid_search", "adaptive_pn", "optimiser"])
+def test_on_an_untold_lot_a_rule_is_the_very_same(name: str) -> None:
+    harder, base = Scenario.load("harder_lot"), Scenario.load("rough_turning")
+    lanes, generator = 3, np.random.default_rng(0)
+    low, high = bounds(base)
+    ours, theirs = entry(name, harder), entry(name, base)
+    assert ours.parameters == theirs.parameters
+    policies = [found.make(lanes) for found in (ours, theirs)]
+    for policy in policies:
+        policy.reset(np.ones(lanes, np.bool_))
+    for _ in range(20):
+        seen = generator.uniform(np.maximum(low, -2), np.minimum(high, 2), (lanes, len(low))).astype(np.float32)
+        seen[:, 10] = 1
+        actions, expected = (policy.act(seen) for policy in policies)
+        assert actions.tobytes() == expected.tobytes()
+
+
+def test_a_scenario_that_differs_from_a_tuned_one_by_its_name_alone_is_tuned(tunable: str) -> None:
+    keep({tunable: {"feed": 0.3}}, Scenario(name="tuned"))
+    assert entry(tunable, Scenario(name="other")).parameters["feed"] == 0.3
+    keep({tunable: {"feed": 0.2}}, Scenario.model_validate({"name": "other", "limits": {"power": 6.5}}))
+    assert entry(tunable, Scenario(name="other")).parameters["feed"] == 0.3
+
+
+def test_a_rule_plays_one_scenario_with_what_was_found_on_another(tunable: str) -> None:
+    keep({tunable: {"feed": 0.3}}, Scenario())
+    other = Scenario.load("small_diameter")
+    with pytest.raises(tuned.NotTuned, match="scenario 'small_diameter' have not been tuned"):
+        entry(tunable, other)
+    for home in (Scenario(), Scenario.load("harder_lot")):
+        assert entry(tunable, other, tuned_on=home).parameters == {"cutting_speed": 100.0, "feed": 0.3}
+
+
+def test_a_rule_is_built_with_what_is_told(tunable: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    built: list[Scenario] = []
+
+    def build(scenario: Scenario, lanes: int, parameters: dict[str, float]) -> FixedParameters:
+        built.append(scenario)
+        return FixedParameters(scenario, **parameters)
+
+    monkeypatch.setitem(RULES, tunable, replace(TUNABLE, build=build, parameters={"cutting_speed": 100.0, "feed": 0.3}))
+    lot = Scenario.model_validate({"lot": {"hardness_factor": 2.0}, "limits": {"power": 6.5}})
+    entry(tunable, lot).make(1)
+    assert built == [lot.as_told()]
 
 
 def test_a_rule_that_is_tuned_on_one_preset_plays_others_with_what_was_found_there(

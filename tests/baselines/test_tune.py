@@ -109,6 +109,7 @@ def test_what_was_tuned_for_other_values_is_not_kept(folder: Path) -> None:
         (["--draws", "0"], "0 draws asked for"),
         (["--trials", "0"], "0 trials asked for"),
         (["--scenario", "nowhere"], "nowhere"),
+        (["--scenario", "harder_lot"], "scenario 'harder_lot' has a lot of which rules are not told"),
         (["--rules", "nonsense"], "no controller is called 'nonsense'; there are fixed_handbook, fixed_tuned, other"),
         (["--rules", "other", "fixed_handbook"], "fixed_handbook has nothing to tune"),
         (["--rules", "unable"], "unable cannot play"),

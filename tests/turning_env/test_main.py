@@ -30,4 +30,5 @@ def test_the_schema_says_unit_and_range(capsys: pytest.CaptureFixture[str]) -> N
     assert main(["schema"]) == 0
     schema = json.loads(capsys.readouterr().out)
     bar_length = schema["$defs"]["Workpiece"]["properties"]["bar_length"]
+    assert schema["properties"]["base"]["enum"] == list(presets())
     assert (bar_length["unit"], bar_length["minimum"], bar_length["maximum"]) == ("mm", 1, 1e5)

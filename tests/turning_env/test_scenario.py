@@ -2,6 +2,7 @@
 
 import json
 import math
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,9 @@ from turning_env.quantity import Section
 from turning_env.sections import Control, Machine, Material, Tool
 
 PRESETS = (
-    *("batch_casting", "batch_forging", "batch_rolled", "batch_welded", "casting", "forging", "override"),
-    *("override_current", "paper", "rolled", "rough_turning", "rough_turning_current", "shift", "surface", "welded"),
+    *("batch_casting", "batch_forging", "batch_rolled", "batch_welded", "casting", "ck45", "forging", "forging_skin"),
+    *("harder_lot", "override", "override_current", "paper", "rolled", "rough_turning", "rough_turning_current"),
+    *("sensor_bias", "shift", "small_diameter", "surface", "welded", "worn_lot"),
 )
 
 
@@ -62,6 +64,25 @@ def test_a_file_states_only_what_differs(toml):
     scenario = toml("[limits]\npower = 9\n")
     assert scenario.limits.power == 9
     assert scenario.model_copy(update={"limits": Scenario().limits}).digest() == Scenario().digest()
+
+
+def test_a_file_states_only_what_differs_from_its_base(toml):
+    base = Scenario.load("override_current")
+    scenario = toml("base = 'override_current'\n[material.power]\nfeed = 0.7\n[workpiece]\ndepth_profile = [1.5]\n")
+    power = base.material.power.model_copy(update={"feed": 0.7})
+    workpiece = base.workpiece.model_copy(update={"depth_profile": (1.5,)})
+    material = base.material.model_copy(update={"power": power})
+    assert scenario == base.model_copy(update={"name": "mine", "material": material, "workpiece": workpiece})
+    assert tomllib.loads(scenario.to_toml()).keys() == Scenario.model_fields.keys()
+
+
+def test_presets_based_on_one_another_in_a_circle_are_refused(toml, tmp_path, monkeypatch):
+    monkeypatch.setattr("turning_env.scenario._PRESETS", tmp_path)
+    for name, base in (("one", "two"), ("two", "three"), ("three", "one")):
+        (tmp_path / f"{name}.toml").write_text(f"base = '{base}'\n")
+    for load in (lambda: Scenario.load("one"), lambda: toml("base = 'one'\n")):
+        with pytest.raises(ScenarioError, match="in a circle: one on two on three on one"):
+            load()
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -116,6 +137,11 @@ def test_digest_ignores_the_name_and_nothing_else():
         ("[material.wear]\ncoefficient = 1\n", ["wear.time is 0.0", "above 0"]),
         ("[material.wear]\ncoefficient = 1\ntime = 1\nwear = 1\n", ["wear.wear is 1.0", "only 0"]),
         ("[material.power]\ncoefficient = 1\ntime = 1\n", ["power.time is 1.0", "only 0"]),
+        ("[lot]\ninitial_wear = 0.3\n", ["lot.initial_wear is 0.3", "below tool.wear_criterion, which is 0.3"]),
+        ("base = 'forgings'\n", ["base: 'forgings' is not a preset; presets: batch_casting, "]),
+        ("base = 3\n", ["base: 3 is not a preset"]),
+        ("base = 'casting'\n[workpiece]\nlength = 3\n", ["workpiece: unknown key length"]),
+        ("base = 'casting'\ntool = 3\n", ["tool", "3"]),
         ("name = '../up'\n", ["name: '../up' is not allowed", "1 to 64"]),
         ("not toml", ["is not TOML"]),
         (b"name = '\xff'", ["is not TOML"]),
