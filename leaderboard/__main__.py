@@ -1,15 +1,18 @@
-"""``python -m leaderboard run|show|page|figure``."""
+"""``python -m leaderboard run|show|page|figure|verify|cards``."""
 
 import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from leaderboard import table
+from leaderboard import generalisation, table
 from leaderboard.board import Board, read_board, read_boards
 from leaderboard.results import ResultError, Task, current_digests, result_folder
-from turning_env import IDS, Scenario, ScenarioError
+from turning_env import IDS, SPLITS, Scenario, ScenarioError
 from turning_env.draws import held_out_draws
+
+SPLITS_ENV_ID = "RoughTurning-v0"
+"""Of which there are splits."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,13 +33,28 @@ def _run(options: argparse.Namespace) -> None:
     from leaderboard import run  # needed only here: plays
 
     task = Task(env_id=options.env, scenario=_scenario(options), draws=options.draws)
-    contestants = run.rules(options.policies, task.scenario) + run.agents(options.agents)
-    if not contestants:
-        raise ResultError("there is nothing to play: name a policy or give an agent")
-    folder, digest = result_folder(options.results, task.env_id, task.scenario.name), current_digests(task).task
-    run.play_all(task, contestants, folder, options.fresh)
-    _print([read_board(folder, digest)])
-    _write_page(read_boards(options.results, {folder: digest}), options.results)
+    tasks = [task, *(_splits(task) if options.splits else [])]
+    playing = {}
+    for each in tasks:  # all of them first: what cannot be played is found before anything is
+        contestants = [
+            *run.named(options.policies, each.scenario, None if each is task else task.scenario),
+            *run.agents(options.agents, each.scenario),
+        ]
+        if not contestants:
+            raise ResultError("there is nothing to play: name a policy or give an agent")
+        playing[result_folder(options.results, each.env_id, each.scenario.name)] = (each, contestants)
+    digests = {folder: current_digests(each).task for folder, (each, _) in playing.items()}
+    for folder, (each, contestants) in playing.items():
+        run.play_all(each, contestants, folder, options.fresh)
+    _print([read_board(folder, digest) for folder, digest in digests.items()])
+    _write_page(read_boards(options.results, digests), options.results)
+
+
+def _splits(task: Task) -> list[Task]:
+    """The tasks on which policies made for the task's scenario meet what they were not made for."""
+    if task.env_id != SPLITS_ENV_ID:
+        raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID}")
+    return [task.model_copy(update={"scenario": Scenario.load(name)}) for name in SPLITS]
 
 
 def _show(options: argparse.Namespace) -> None:
@@ -65,6 +83,8 @@ def _print(boards: Sequence[Board]) -> None:
             names = ", ".join(str(path) for path in board.left_out)
             why = "they are of other scenario values, draws, versions or code"
             print(f"leaderboard: left out, as {why}: {names}", file=sys.stderr)
+    if (across := generalisation.across(boards)) is not None:
+        print(generalisation.render(across) + "\n")
 
 
 def _write_page(boards: Sequence[Board], results: Path) -> None:
@@ -86,7 +106,12 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m leaderboard", description="Rank policies on common draws.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     results = argparse.ArgumentParser(add_help=False)
-    results.add_argument("--results", type=Path, default=Path("results"), help="folder of the results (default: results)")
+    results.add_argument(
+        "--results",
+        type=Path,
+        default=Path("results"),
+        help="folder of the results (default: results; leaderboard/rows holds those that come with the project)",
+    )
     environment = argparse.ArgumentParser(add_help=False)
     environment.add_argument("--env", choices=IDS, default="RoughTurning-v0", help="the environment's id")
     environment.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own preset")
@@ -94,7 +119,8 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", parents=[results, environment], help="play policies, then show and page")
     run.add_argument("--draws", type=_draws, default="256", help="number of held-out draws (default: 256)")
     run.add_argument("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all)")
-    run.add_argument("--agents", nargs="*", type=Path, default=[], metavar="RUN_FOLDER", help="finished trainings")
+    run.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders of your own")
+    run.add_argument("--splits", action="store_true", help=f"also play the splits: {', '.join(SPLITS)}")
     run.add_argument("--fresh", action="store_true", help="play again what has been played")
     run.set_defaults(command=_run)
 

@@ -8,11 +8,12 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from baselines.overload import CONFIDENCE, RESAMPLES
-from leaderboard import columns
+from leaderboard import columns, generalisation
 from leaderboard.board import Board
 from leaderboard.charts import interval_plot, strips
 from leaderboard.results import write_whole
 from leaderboard.standings import highest
+from train.trained_agent import ONNX_SUFFIX
 from turning_env import IDS, Scenario, presets
 
 
@@ -38,6 +39,7 @@ def render(boards: Sequence[Board]) -> str:
     templates.filters["unit"] = lambda text: str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
     return templates.get_template("page.html.j2").render(
         sections=[_section(board) for board in boards],
+        across=generalisation.across(boards),
         confidence=f"{100 * CONFIDENCE:g} %",
         resamples=RESAMPLES,
     )
@@ -76,12 +78,15 @@ def _best_rules(board: Board) -> list[str]:
 
 def reproducing_command(board: Board) -> str:
     """The command line that plays the board's results again."""
-    task = board.task
+    task, policies = board.task, [result.policy for result in board.results]
     words = ["python", "-m", "leaderboard", "run", "--env", task.env_id]
-    if task.env_id not in IDS or Scenario.load(IDS[task.env_id]) != task.scenario:
+    made_for = {policy.made_for.scenario for policy in policies if policy.kind == "rule" and policy.made_for is not None}
+    if made_for:  # a split: played with the scenario that it is a split of
+        words += ["--scenario", min(made_for), "--splits"]
+    elif task.env_id not in IDS or Scenario.load(IDS[task.env_id]) != task.scenario:
         known = task.scenario.name in presets() and Scenario.load(task.scenario.name) == task.scenario
         words += ["--scenario", task.scenario.name if known else "SCENARIO.toml"]
     words += ["--draws", str(len(task.draws)), "--policies"]
-    words += [result.policy.name for result in board.results if result.policy.kind == "rule"]
-    folders = [f"{result.policy.label.upper()}_RUN_FOLDER" for result in board.results if result.policy.kind == "agent"]
-    return shlex.join([*words, "--agents", *folders] if folders else words)
+    words += [policy.name for policy in policies if policy.kind != "agent"]
+    files = [f"{policy.label}{ONNX_SUFFIX}" for policy in policies if policy.kind == "agent"]
+    return shlex.join([*words, "--agents", *files] if files else words)

@@ -1,7 +1,11 @@
-"""Result files: what one policy did on one task, episode by episode. Everything shown is computed from these rows."""
+"""Result files: what one policy did on one task, episode by episode. Everything shown is computed from these rows.
+
+They are JSON, compressed with xz (``xzcat`` shows it): floats come back bit for bit, in a third of the space.
+"""
 
 import hashlib
 import json
+import lzma
 import re
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
@@ -15,9 +19,12 @@ from baselines.play import EPISODE_FIELDS, Episodes
 from turning_env import Scenario
 from turning_env.files import replace_file
 
-SCHEMA: Literal["rough-turning/results/2"] = "rough-turning/results/2"
+SCHEMA: Literal["rough-turning/results/3"] = "rough-turning/results/3"
 TRAJECTORIES_FILE = "trajectories.json"
-_RECORDED_VERSIONS = ("rough-turning", "numpy", "numba")
+SUFFIX = ".json.xz"
+MOST_BYTES = 200_000_000
+"""Of a file, uncompressed."""
+_RECORDED_VERSIONS = ("rough-turning", "numpy", "numba", "onnxruntime")
 
 
 class ResultError(ValueError):
@@ -57,31 +64,47 @@ class Digests(Part):
         return cls(scenario=scenario, draws=draws, code=code, task=whole)
 
 
+class MadeFor(Part):
+    """The scenario that a policy was tuned or trained on."""
+
+    scenario: str
+    """Its name."""
+    digest: str
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Self:
+        """Of a scenario."""
+        return cls(scenario=scenario.name, digest=scenario.digest())
+
+
 class PolicyRecord(Part):
     """Who played."""
 
     name: str
-    kind: Literal["rule", "agent"]
+    kind: Literal["rule", "agent", "reference"]
+    """A reference is no policy: it is computed from what no policy is told."""
     description: str
     parameters: dict[str, JsonValue]
     digest: str
-    """SHA-256 of what it acts by: a rule's parameters, an agent's saved files."""
+    """SHA-256 of what it acts by: a rule's parameters, an agent's ONNX file, or all that its training's folder holds."""
     training_seed: int | None
     """Of an agent. Agents of one name and several training seeds are one policy on the board."""
     command: str | None
     """What trained an agent."""
+    made_for: MadeFor | None = None
+    """None: the scenario that is played."""
 
     @field_validator("name")
     @classmethod
     def _names_a_file(cls, name: str) -> str:
-        if not re.fullmatch(r"[^./\\\0][^/\\\0]*", name) or f"{name}.json" == TRAJECTORIES_FILE:
+        if not re.fullmatch(r"[^./\\\0][^/\\\0]*", name):
             raise ValueError(f"{name!r} cannot be a policy's name, as its results are kept in a file of that name")
         return name
 
     @model_validator(mode="after")
     def _agents_have_seeds(self) -> Self:
         if (self.kind == "agent") != (self.training_seed is not None):
-            raise ValueError(f"training_seed is {self.training_seed}, but an agent has one and a rule has none")
+            raise ValueError(f"training_seed is {self.training_seed}, but an agent has one and others have none")
         return self
 
     @property
@@ -93,7 +116,7 @@ class PolicyRecord(Part):
 class Result(Part):
     """What one policy did on one task."""
 
-    schema_: Literal["rough-turning/results/2"] = Field(alias="schema")
+    schema_: Literal["rough-turning/results/3"] = Field(alias="schema")
     task: Task
     digests: Digests
     policy: PolicyRecord
@@ -144,7 +167,7 @@ def result_folder(results: Path, env_id: str, scenario_name: str) -> Path:
 
 def result_path(folder: Path, policy: PolicyRecord) -> Path:
     """Where a policy's result lies in its ``result_folder``."""
-    return folder / f"{policy.label}.json"
+    return folder / f"{policy.label}{SUFFIX}"
 
 
 def read_result(path: Path) -> Result:
@@ -167,7 +190,7 @@ def read_result(path: Path) -> Result:
 def result_files(folder: Path) -> list[Path]:
     """The files of one ``result_folder`` that should be results."""
     # Hidden ones are what a killed process has left.
-    return sorted(path for path in folder.glob("[!.]*.json") if path.name != TRAJECTORIES_FILE)
+    return sorted(folder.glob(f"[!.]*{SUFFIX}"))
 
 
 PartType = TypeVar("PartType", bound=Part)
@@ -180,20 +203,31 @@ def read_part(kind: type[PartType], path: Path) -> PartType:
         ResultError: the file cannot be read, or something in it is not allowed.
     """
     try:
-        return kind.model_validate(json.loads(path.read_text("utf-8")))
+        return kind.model_validate(json.loads(_content(path)))
     except ValidationError as error:
         raise ResultError(f"{path}: " + "; ".join(_complaints(error))) from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError, lzma.LZMAError, EOFError) as error:
         raise ResultError(f"{path} cannot be read: {error}") from error
 
 
+def _content(path: Path) -> bytes:
+    if not path.name.endswith(".xz"):
+        return path.read_bytes()
+    with lzma.open(path, format=lzma.FORMAT_XZ) as stream:
+        content = stream.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise ValueError(f"it holds more than {MOST_BYTES} bytes")
+    return content
+
+
 def write_part(part: Part, path: Path) -> None:
-    """Write a file, all of it or nothing; its folder is made.
+    """Write a file, all of it or nothing, compressed where its name ends in .xz; its folder is made.
 
     Raises:
         ResultError: the folder or the file cannot be written.
     """
-    write_whole(path, json.dumps(part.model_dump(by_alias=True), allow_nan=False) + "\n")
+    content = (json.dumps(part.model_dump(by_alias=True), allow_nan=False) + "\n").encode()
+    _write(path, lzma.compress(content, preset=9 | lzma.PRESET_EXTREME) if path.name.endswith(".xz") else content)
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -202,8 +236,12 @@ def write_whole(path: Path, text: str) -> None:
     Raises:
         ResultError: the folder or the file cannot be written.
     """
+    _write(path, text.encode())
+
+
+def _write(path: Path, content: bytes) -> None:
     try:
-        replace_file(path, lambda partial: partial.write_text(text, "utf-8"))
+        replace_file(path, lambda partial: partial.write_bytes(content))
     except OSError as error:
         raise ResultError(f"{path} cannot be written: {error.strerror}") from error
 

@@ -2,17 +2,17 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Never
 
 from tqdm import tqdm
 
-from baselines.play import play
-from baselines.policy import PolicyFactory
 from leaderboard.board import read_board
+from leaderboard.contestants import Contestant, Player
+from leaderboard.references import references as known_references
 from leaderboard.results import (
     TRAJECTORIES_FILE,
+    MadeFor,
     PolicyRecord,
     Result,
     ResultError,
@@ -28,82 +28,108 @@ from leaderboard.results import (
 )
 from leaderboard.standings import References, Standing, check_alike, references
 from leaderboard.trajectories import Trajectories, Trajectory, record
+from train.trained_agent import ONNX_SUFFIX
 from turning_env import Scenario
-from turning_env.files import digest_of_files
 
 MOST_TRAJECTORIES = 3
 
 
-@dataclass(frozen=True)
-class Contestant:
-    """A policy that can play."""
+def named(names: Sequence[str] | None, scenario: Scenario, tuned_on: Scenario | None = None) -> list[Player]:
+    """The named rule-based controllers and references of a scenario, or without names all that there are.
 
-    policy: PolicyRecord
-    make: PolicyFactory
-
-
-def rules(names: Sequence[str] | None, scenario: Scenario) -> list[Contestant]:
-    """The named rule-based controllers as tuned to the scenario, or without names all that there are.
+    Args:
+        names: which.
+        scenario: what they play.
+        tuned_on: the scenario to which the rules are tuned; without, that which they play.
 
     Raises:
-        ResultError: there is no controller of that name (says which there are), or it is not tuned for the scenario.
+        ResultError: there is none of that name (says which there are), or it is not tuned for the scenario.
     """
     from baselines import catalogue  # reads the rules' tuned values, which only playing needs
 
-    known = catalogue.names(scenario)
+    bounds = {reference.policy.name: reference for reference in known_references(scenario)}
+    known = [*catalogue.names(scenario), *bounds]
     if unknown := sorted(set(names or ()) - set(known)):
         raise ResultError(f"no policy is called {', '.join(unknown)}; there are {', '.join(known)}")
-    contestants = []
-    for name in known if names is None else dict.fromkeys(names):
-        try:
-            entry = catalogue.entry(name, scenario)
-        except ValueError as error:
-            raise ResultError(f"{name} cannot play: {error}") from error
-        policy = PolicyRecord(
-            name=entry.name,
-            kind="rule",
-            description=entry.description,
-            parameters=dict(entry.parameters),
-            digest=digest_of(entry.parameters),
-            training_seed=None,
-            command=None,
-        )
-        contestants.append(Contestant(policy, entry.make))
-    return contestants
+    return [
+        bounds[name] if name in bounds else rule(name, scenario, tuned_on)
+        for name in dict.fromkeys(known if names is None else names)
+    ]
 
 
-def agents(folders: Sequence[Path]) -> list[Contestant]:
-    """The trained agents of training runs' folders.
+def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> Contestant:
+    """A rule-based controller: see ``named``.
 
     Raises:
-        ResultError: a folder holds no agent, or two hold the same algorithm with the same training seed.
+        ResultError: there is none of that name, or it is not tuned for the scenario.
     """
-    if not folders:
-        return []
-    from train import agent  # imports torch, which takes seconds
+    from baselines import catalogue
 
+    try:
+        entry = catalogue.entry(name, scenario, tuned_on)
+    except (KeyError, ValueError) as error:
+        raise ResultError(f"{name} cannot play: {error.args[0]}") from error
+    policy = PolicyRecord(
+        name=entry.name,
+        kind="rule",
+        description=entry.description,
+        parameters=dict(entry.parameters),
+        digest=digest_of(entry.parameters),
+        training_seed=None,
+        command=None,
+        made_for=None if tuned_on is None else MadeFor.of(tuned_on),
+    )
+    return Contestant(policy, entry.make)
+
+
+def agents(paths: Sequence[Path], scenario: Scenario) -> list[Contestant]:
+    """The trained agents of ONNX files, which may come from anywhere, and of one's own training runs' folders.
+
+    Raises:
+        ResultError: a path holds no agent, or one that cannot play the scenario, or two hold the same algorithm with the same
+            training seed.
+    """
     contestants: dict[str, Contestant] = {}
-    for folder in folders:
-        try:
-            trained = agent.load(folder)
-        except (OSError, ValueError) as error:
-            raise ResultError(f"no agent can be loaded from {folder}: {error}") from error
-        policy = PolicyRecord(
-            name=trained.name,
-            kind="agent",
-            description=f"trained for {trained.trained_intervals} intervals on scenario {trained.scenario.name}",
-            parameters=trained.parameters,
-            digest=digest_of_files(folder, "*"),
-            training_seed=trained.seed,
-            command=trained.command,
-        )
-        if policy.label in contestants:
-            raise ResultError(f"{folder} holds {policy.label}, which another of the given folders holds too")
-        contestants[policy.label] = Contestant(policy, trained.make)
+    for path in paths:
+        contestant = agent(path, scenario)
+        if contestant.policy.label in contestants:
+            raise ResultError(f"{path} holds {contestant.policy.label}, which another of the given agents is too")
+        contestants[contestant.policy.label] = contestant
     return list(contestants.values())
 
 
-def play_all(task: Task, contestants: Sequence[Contestant], folder: Path, fresh: bool) -> None:
+def agent(path: Path, scenario: Scenario) -> Contestant:
+    """The agent of an ONNX file or of a training run's folder: see ``agents``.
+
+    Raises:
+        ResultError: there is none, or it cannot play the scenario.
+    """
+    try:
+        if path.suffix == ONNX_SUFFIX:
+            from train import onnx_policy
+
+            trained = onnx_policy.load(path)
+        else:
+            from train import agent  # imports torch, which takes seconds
+
+            trained = agent.load(path)
+        trained.check_fits(scenario)
+    except (OSError, ValueError) as error:
+        raise ResultError(f"no agent can be loaded from {path}: {error}") from error
+    policy = PolicyRecord(
+        name=trained.name,
+        kind="agent",
+        description=f"trained for {trained.trained_intervals} intervals on scenario {trained.scenario.name}",
+        parameters=trained.parameters,
+        digest=trained.digest,
+        training_seed=trained.seed,
+        command=trained.command,
+        made_for=MadeFor.of(trained.scenario),
+    )
+    return Contestant(policy, trained.make)
+
+
+def play_all(task: Task, contestants: Sequence[Player], folder: Path, fresh: bool) -> None:
     """Have every contestant play the task, and write each result as it finishes.
 
     Results in ``folder`` of the same task, code and policy stand, unless ``fresh``. Then a few trajectories are recorded.
@@ -125,7 +151,7 @@ def play_all(task: Task, contestants: Sequence[Contestant], folder: Path, fresh:
     _record_trajectories(task, contestants, folder, fresh)
 
 
-def _finished(task: Task, contestants: Sequence[Contestant], folder: Path) -> set[Path]:
+def _finished(task: Task, contestants: Sequence[Player], folder: Path) -> set[Path]:
     """The results that stand. What would make the ranking fail is found here, before anything is played."""
     probe = folder / "writable"
     write_whole(probe, "")
@@ -150,16 +176,16 @@ def _finished(task: Task, contestants: Sequence[Contestant], folder: Path) -> se
     return finished
 
 
-def _play(task: Task, contestant: Contestant, bar: "tqdm[Never]") -> Result:
+def _play(task: Task, contestant: Player, bar: "tqdm[Never]") -> Result:
     start = bar.n
 
     def on_interval(ended: int) -> None:
         bar.update(start + ended - bar.n)
 
-    return Result.of(task, contestant.policy, play(contestant.make, task.scenario, task.draws, on_interval))
+    return Result.of(task, contestant.policy, contestant.episodes(task.scenario, task.draws, on_interval))
 
 
-def _record_trajectories(task: Task, contestants: Sequence[Contestant], folder: Path, fresh: bool) -> None:
+def _record_trajectories(task: Task, contestants: Sequence[Player], folder: Path, fresh: bool) -> None:
     digest = current_digests(task).task
     path = folder / TRAJECTORIES_FILE
     if fresh or not _is_readable(path):
@@ -167,7 +193,7 @@ def _record_trajectories(task: Task, contestants: Sequence[Contestant], folder: 
     board = read_board(folder, digest)
     recorded = {episode.policy.name: episode for episode in board.trajectories.episodes} if board.trajectories else {}
     # One training seed stands for an agent: the first given.
-    able = {contestant.policy.name: contestant for contestant in reversed(contestants)}
+    able = {each.policy.name: each for each in reversed(contestants) if isinstance(each, Contestant)}
     episodes: list[Trajectory] = []
     for name in _shown(board.standings, references(task.scenario)):
         if name in recorded:
@@ -186,7 +212,7 @@ def _is_readable(path: Path) -> bool:
 
 
 def _shown(standings: Sequence[Standing], refer: References) -> list[str]:
-    """The policies whose trajectories are shown, in the order of rank: the first, and the two that all are compared with."""
-    names = [standing.name for standing in standings]
-    chosen = dict.fromkeys([names[0], *(name for name in (refer.published, refer.fixed) if name in names), *names])
+    """The policies whose trajectories are shown, by rank: the first, and the two that all are compared with."""
+    names = [standing.name for standing in standings if standing.kind != "reference"]
+    chosen = dict.fromkeys([*names[:1], *(name for name in (refer.published, refer.fixed) if name in names), *names])
     return sorted(list(chosen)[:MOST_TRAJECTORIES], key=names.index)

@@ -31,8 +31,9 @@ from train import agent_file
 from train.actor import Actor, ActorPolicy
 from train.agent import load_actor
 from train.agent_file import FORMAT, Metadata, Space
-from train.onnx_policy import SUFFIX, OnnxPolicy, session_of
+from train.onnx_policy import OnnxPolicy, session_of
 from train.run import Run
+from train.trained_agent import ONNX_SUFFIX
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
@@ -87,7 +88,7 @@ def export(folder: Path, out: Path) -> Exported:
     difference = largest_difference(actor, from_file(LANES), run.scenario)
     if not difference <= MOST_DIFFERENCE:
         raise ValueError(f"the agent in {folder} cannot be exported: its file acts otherwise, by up to {difference:g}")
-    path = out / f"{file.label}{SUFFIX}"
+    path = out / f"{file.label}{ONNX_SUFFIX}"
     replace_file(path, lambda partial: partial.write_bytes(content))
     seconds = latency(from_file(1), len(file.metadata.observation_space.low))
     return Exported(str(path), file.digest, len(content), 2 * LANES * STEPS, difference, seconds)

@@ -18,8 +18,6 @@ from train import agent_file
 from train.agent_file import AgentFile
 from train.trained_agent import TrainedAgent
 
-SUFFIX = ".onnx"
-
 
 class OnnxPolicy:
     """An agent's file that controls ``lanes`` lanes, on one thread and in one order, so that it always acts alike."""

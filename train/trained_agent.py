@@ -6,6 +6,9 @@ from typing import Any
 from baselines.policy import PolicyFactory
 from turning_env import Scenario
 
+ONNX_SUFFIX = ".onnx"
+"""Of agents' files that need neither PyTorch nor trust: see ``agent_file.py``."""
+
 
 @dataclass(frozen=True)
 class TrainedAgent:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from baselines.play import EPISODE_FIELDS
 from baselines.policy import Actions, Observations
+from leaderboard.contestants import Contestant
 from leaderboard.results import PolicyRecord, Result, Task, digest_of
-from leaderboard.run import Contestant
 from turning_env import Scenario
 
 ENV_ID = "RoughTurning-v0"

@@ -79,7 +79,7 @@ def test_page_draws_trajectories_and_says_where_numbers_come_from(board: Board) 
     assert html.count("<polyline") == 3 * 7
     assert board.results[0].digests.task in html
     assert "python -m leaderboard run --env RoughTurning-v0 --scenario SCENARIO.toml --draws 4" in html
-    assert "--agents PPO-SEED0_RUN_FOLDER PPO-SEED1_RUN_FOLDER" in html
+    assert "--agents ppo-seed0.onnx ppo-seed1.onnx" in html
     assert "time_limit = 0.2" in html
 
 

@@ -1,6 +1,7 @@
 """Result files come back bit for bit, and nothing else comes back."""
 
 import json
+import lzma
 import math
 from pathlib import Path
 from typing import Any
@@ -39,13 +40,13 @@ def test_round_trip_is_exact(make_result: MakeResult, folder: Path) -> None:
 
 
 def test_agents_have_a_file_per_training_seed(make_result: MakeResult, folder: Path) -> None:
-    assert _written(make_result("ppo", 3), folder).name == "ppo-seed3.json"
+    assert _written(make_result("ppo", 3), folder).name == "ppo-seed3.json.xz"
 
 
 @pytest.mark.parametrize(
     ("where", "value", "message"),
     [
-        (["schema"], "rough-turning/results/0", r"schema: 'rough-turning/results/0' is not allowed.*rough-turning/results/2"),
+        (["schema"], "rough-turning/results/0", r"schema: 'rough-turning/results/0' is not allowed.*rough-turning/results/3"),
         (["mood"], 1, r"mood: 1 is not allowed: Extra inputs"),
         (["policy", "kind"], "oracle", r"policy.kind: 'oracle' is not allowed"),
         (["policy", "training_seed"], 1, r"training_seed is 1"),
@@ -64,37 +65,37 @@ def test_errors_name_file_field_and_value(
     make_result: MakeResult, folder: Path, where: list[str], value: Any, message: str
 ) -> None:
     path = _written(make_result("rule"), folder)
-    document = json.loads(path.read_text())
+    document = json.loads(lzma.decompress(path.read_bytes()))
     section = document
     for key in where[:-1]:
         section = section[key]
     section[where[-1]] = value
-    path.write_text(json.dumps(document))
-    with pytest.raises(ResultError, match=r"rule\.json: .*" + message):
+    path.write_bytes(lzma.compress(json.dumps(document).encode()))
+    with pytest.raises(ResultError, match=r"rule\.json\.xz: .*" + message):
         read_result(path)
 
 
-@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b'"text"'])
+@pytest.mark.parametrize("content", [b"", b"{", *map(lzma.compress, (b"", b"{", b"[]", b"[" * 100_000, b"\xff\xfe", b'"text"'))])
 def test_foreign_files_are_named(folder: Path, content: bytes) -> None:
     folder.mkdir(parents=True)
-    (folder / "foreign.json").write_bytes(content)
-    with pytest.raises(ResultError, match=r"foreign\.json"):
+    (folder / "foreign.json.xz").write_bytes(content)
+    with pytest.raises(ResultError, match=r"foreign\.json\.xz"):
         read_board(folder)
 
 
 def test_a_file_must_be_where_its_policy_says(make_result: MakeResult, folder: Path) -> None:
     path = _written(make_result("rule"), folder)
-    copy = path.with_name("copy.json")
+    copy = path.with_name("copy.json.xz")
     copy.write_bytes(path.read_bytes())
-    with pytest.raises(ResultError, match=r"copy\.json: policy is 'rule'"):
+    with pytest.raises(ResultError, match=r"copy\.json\.xz: policy is 'rule'"):
         read_board(folder)
     elsewhere = folder.parents[1] / "Other-v0" / folder.name
     elsewhere.mkdir(parents=True)
-    copy.rename(elsewhere / "rule.json")
+    copy.rename(elsewhere / "rule.json.xz")
     with pytest.raises(ResultError, match=r"task\.env_id is 'RoughTurning-v0', but the folder is of 'Other-v0'"):
         read_board(elsewhere)
     other_scenario = elsewhere.rename(folder.with_name("other"))
-    with pytest.raises(ResultError, match=r"rule\.json: task\.scenario\.name is 'rough_turning', .* is of 'other'"):
+    with pytest.raises(ResultError, match=r"rule\.json\.xz: task\.scenario\.name is 'rough_turning', .* is of 'other'"):
         read_board(other_scenario)
 
 
@@ -107,7 +108,7 @@ def test_results_on_different_tasks_are_not_ranked_together(make_result: MakeRes
     path = _written(other, folder)
     last = read_board(folder)
     assert [standing.name for standing in last.standings] == ["other"]
-    assert last.left_out == [folder / "mine.json"]
+    assert last.left_out == [folder / "mine.json.xz"]
     board = read_board(folder, mine.digests.task)
     assert [standing.name for standing in board.standings] == ["mine"]
     assert board.left_out == [path]
@@ -122,7 +123,7 @@ def test_results_of_different_code_are_not_ranked_together(
     _written(make_result("new"), folder)
     board = read_board(folder)
     assert [standing.name for standing in board.standings] == ["new"]
-    assert board.left_out == [folder / "old.json"]
+    assert board.left_out == [folder / "old.json.xz"]
 
 
 def test_boards_come_in_the_order_of_ids_and_then_of_scenarios(tmp_path: Path, make_result: MakeResult, task: Task) -> None:
@@ -141,7 +142,7 @@ def test_boards_come_in_the_order_of_ids_and_then_of_scenarios(tmp_path: Path, m
         other = mine.model_copy(update={"task": task.model_copy(update={"env_id": env_id, "scenario": scenario})})
         _written(other, result_folder(results, env_id, name))
     (results / "RoughTurning-v0" / "empty").mkdir()
-    (results / "RoughTurning-v0" / "astray.json").write_text("{")
+    (results / "RoughTurning-v0" / "astray.json.xz").write_text("{")
     found = read_boards(results, {})
     assert [(board.task.env_id, board.task.scenario.name) for board in found] == boards
 
@@ -154,7 +155,7 @@ def test_no_results_say_how_to_make_some(tmp_path: Path) -> None:
 def test_nothing_is_left_of_a_write_that_fails(make_result: MakeResult, folder: Path) -> None:
     folder.parent.mkdir(parents=True)
     folder.write_text("a file where the folder should be")
-    with pytest.raises(ResultError, match=r"rule\.json cannot be written: "):
+    with pytest.raises(ResultError, match=r"rule\.json\.xz cannot be written: "):
         _written(make_result("rule"), folder)
 
 
@@ -172,5 +173,5 @@ def test_a_broken_write_leaves_the_old_file(make_result: MakeResult, folder: Pat
 
 def test_what_a_killed_write_left_is_no_result(make_result: MakeResult, folder: Path) -> None:
     path = _written(make_result("rule"), folder)
-    (folder / ".partial-1-other.json").write_text("{")
+    (folder / ".partial-1-other.json.xz").write_text("{")
     assert result_files(folder) == [path]

@@ -1,19 +1,22 @@
 """Playing: what is played, what is resumed, what is refused, and the command line over all of it."""
 
-import sys
+import hashlib
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from baselines.play import play
-from leaderboard import run
+from baselines.play import EPISODE_FIELDS, Episodes, play
+from leaderboard import contestants, run
 from leaderboard.__main__ import main
-from leaderboard.results import ResultError, Task, read_part, read_result
-from leaderboard.run import Contestant, play_all
+from leaderboard.contestants import Contestant, Reference
+from leaderboard.results import MadeFor, ResultError, Task, read_part, read_result
+from leaderboard.run import play_all
 from leaderboard.trajectories import Trajectories
-from tests.leaderboard.conftest import Steady, contestant
+from tests.leaderboard.conftest import Steady, contestant, record_of
+from tests.train import onnx_agents
+from train import agent
 from turning_env import Scenario
 
 
@@ -26,14 +29,14 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[float]:
         actions.append(float(make(1)._actions[0, 1]))
         return play(make, *arguments)
 
-    monkeypatch.setattr(run, "play", watched)
+    monkeypatch.setattr(contestants, "play", watched)
     return actions
 
 
 def test_results_are_what_the_policies_do(task: Task, folder: Path) -> None:
     play_all(task, [contestant("slow"), contestant("quick", (0.0, 1.0))], folder, fresh=False)
     for name, action in (("slow", (0.0, 0.0)), ("quick", (0.0, 1.0))):
-        result = read_result(folder / f"{name}.json")
+        result = read_result(folder / f"{name}.json.xz")
         for field, values in play(lambda lanes, action=action: Steady(lanes, action), task.scenario, task.draws).items():
             np.testing.assert_array_equal(result.episodes[field], values)
 
@@ -70,20 +73,20 @@ def test_an_interrupted_run_goes_on(task: Task, folder: Path, played: list[float
     second = contestant("two", (0, 0.2))
     with pytest.raises(KeyboardInterrupt):
         play_all(task, [contestant("one", (0, 0.1)), Contestant(second.policy, interrupted)], folder, fresh=False)
-    assert [path.name for path in folder.iterdir()] == ["one.json"]
+    assert [path.name for path in folder.iterdir()] == ["one.json.xz"]
     play_all(task, [contestant("one", (0, 0.1)), second], folder, fresh=False)
     assert played == pytest.approx([0.1, 0.2])
 
 
 def test_an_unreadable_file_is_played_again_or_else_named(task: Task, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     play_all(task, [contestant("one")], folder, fresh=False)
-    (folder / "one.json").write_text("{")
+    (folder / "one.json.xz").write_text("{")
     (folder / "trajectories.json").write_text("{")
     play_all(task, [contestant("one")], folder, fresh=False)
-    assert "one.json cannot be read" in capsys.readouterr().err
-    read_result(folder / "one.json")
-    (folder / "foreign.json").write_text("{}")
-    with pytest.raises(ResultError, match=r"foreign\.json"):
+    assert "one.json.xz cannot be read" in capsys.readouterr().err
+    read_result(folder / "one.json.xz")
+    (folder / "foreign.json.xz").write_text("{}")
+    with pytest.raises(ResultError, match=r"foreign\.json\.xz"):
         play_all(task, [contestant("one")], folder, fresh=False)
 
 
@@ -109,41 +112,94 @@ def test_trajectories_are_of_one_draw_and_of_the_policies_to_compare(task: Task,
 
 def test_rules_come_from_the_catalogue() -> None:
     scenario = Scenario()
-    (handbook,) = run.rules(["fixed_handbook"], scenario)
+    (handbook,) = run.named(["fixed_handbook"], scenario)
     assert handbook.policy.kind == "rule"
     assert handbook.policy.parameters
+    assert handbook.policy.made_for is None
     with pytest.raises(ResultError, match=r"no policy is called nonsense; there are .*grid_search"):
-        run.rules(["grid_search", "nonsense"], scenario)
+        run.named(["grid_search", "nonsense"], scenario)
+    untuned = scenario.model_copy(update={"limits": scenario.limits.model_copy(update={"power": 6.5})})
+    with pytest.raises(ResultError, match=r"fixed_tuned cannot play: .*baselines\.tune"):
+        run.named(["fixed_tuned"], untuned)
+    (elsewhere,) = run.named(["fixed_tuned"], untuned, tuned_on=scenario)
+    assert elsewhere.policy.made_for == MadeFor.of(scenario)
+    assert elsewhere.policy.parameters == run.named(["fixed_tuned"], scenario)[0].policy.parameters
+
+
+def bound(scenario: Scenario, draws: Sequence[int], on_interval: Callable[[int], None]) -> Episodes:
+    """No policy earns more."""
+    on_interval(len(draws))
+    return {name: np.full(len(draws), 1000.0 if name == "return" else 0.0) for name in EPISODE_FIELDS}
+
+
+def test_references_are_ranked_but_do_not_play(task: Task, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    known = Reference(record_of("oracle").model_copy(update={"kind": "reference"}), bound)
+    monkeypatch.setattr(run, "known_references", lambda scenario: [known])
+    assert run.named(["oracle"], task.scenario) == [known]
+    assert "oracle" in [each.policy.name for each in run.named(None, Scenario())]
+    play_all(task, [known, contestant("one")], folder, fresh=False)
+    assert read_result(folder / "oracle.json.xz").episodes["return"] == [1000.0] * 4
+    assert [each.policy.name for each in read_part(Trajectories, folder / "trajectories.json").episodes] == ["one"]
 
 
 def test_agents_come_from_their_folders(tmp_path: Path, scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
-    def load(folder: Path) -> SimpleNamespace:
-        if not folder.is_dir():
-            raise ValueError(f"{folder} holds no training run")
-        return SimpleNamespace(
-            name="ppo",
-            seed=int(folder.name[-1]),
-            scenario=scenario,
-            parameters={"gamma": 0.9},
-            trained_intervals=1000,
-            command="train",
-            make=Steady,
-        )
-
-    monkeypatch.setitem(sys.modules, "train.agent", SimpleNamespace(load=load))
-    monkeypatch.setattr("train.agent", SimpleNamespace(load=load), raising=False)
-    for seed in (0, 1):
-        (tmp_path / f"run{seed}").mkdir()
-        (tmp_path / f"run{seed}" / "policy.zip").write_text(str(seed))
-    first, second = run.agents([tmp_path / "run0", tmp_path / "run1"])
+    monkeypatch.setattr(agent, "load_actor", lambda run: onnx_agents.memoryless(run.seed))
+    folders = [tmp_path / f"run{seed}" for seed in (0, 1)]
+    for seed, folder in enumerate(folders):
+        onnx_agents.run(folder, seed).begin()
+    first, second = run.agents(folders, scenario)
     assert (first.policy.label, second.policy.label) == ("ppo-seed0", "ppo-seed1")
     assert first.policy.digest != second.policy.digest
-    (tmp_path / "run0" / "policy.zip").write_text("trained anew")
-    assert run.agents([tmp_path / "run0"])[0].policy.digest != first.policy.digest
+    assert first.policy.made_for == MadeFor.of(onnx_agents.SCENARIO)
+    (folders[0] / "policy.zip").write_text("trained anew")
+    assert run.agents(folders[:1], scenario)[0].policy.digest != first.policy.digest
     with pytest.raises(ResultError, match="ppo-seed0, which another"):
-        run.agents([tmp_path / "run0", tmp_path / "run0"])
+        run.agents([folders[0], folders[0]], scenario)
     with pytest.raises(ResultError, match=r"nowhere.* holds no training run"):
-        run.agents([tmp_path / "nowhere"])
+        run.agents([tmp_path / "nowhere"], scenario)
+
+
+def test_agents_come_from_files_and_act_as_those_of_the_folders(
+    tmp_path: Path, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(agent, "load_actor", lambda run: onnx_agents.remembering(run.seed))
+    onnx_agents.run(tmp_path / "run", 2).begin()
+    path = onnx_agents.write(tmp_path, 2, memory=True)
+    from_file, from_folder = (run.agents([each], task.scenario)[0] for each in (path, tmp_path / "run"))
+    assert from_file.policy.digest == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert from_file.policy.model_copy(update={"digest": from_folder.policy.digest}) == from_folder.policy
+    mine, its = (each.episodes(task.scenario, task.draws, lambda ended: None) for each in (from_file, from_folder))
+    for name, values in mine.items():
+        np.testing.assert_allclose(values, its[name], rtol=1e-4, atol=1e-3)
+    with pytest.raises(ResultError, match="ppo-seed2, which another"):
+        run.agents([path, tmp_path / "run"], task.scenario)
+    with pytest.raises(ResultError, match="cannot play 'shift'"):
+        run.agents([path], Scenario.load("shift"))
+    path.write_bytes(b"damaged")
+    with pytest.raises(ResultError, match=r"no agent can be loaded from .*ppo-seed2\.onnx: .* is no ONNX file"):
+        run.agents([path], task.scenario)
+
+
+def test_splits_are_played_by_what_was_made_for_the_scenario(
+    tmp_path: Path, scenario: Scenario, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    splits = ("harder_lot", "ck45")
+    monkeypatch.setattr("leaderboard.__main__.SPLITS", splits)
+    agent_path = onnx_agents.write(tmp_path, 0)
+    words = ["run", "--results", str(tmp_path / "results"), "--splits", "--draws", "2", "--policies", "fixed_tuned"]
+    assert main([*words, "--agents", str(agent_path)]) == 0
+    for name in splits:
+        result = read_result(tmp_path / "results" / "RoughTurning-v0" / name / "fixed_tuned.json.xz")
+        assert result.policy.made_for == MadeFor.of(Scenario.load("rough_turning"))
+    shown = capsys.readouterr().out
+    table = shown[shown.index("return [s] of policies made for rough_turning") :].splitlines()
+    assert table[2].split() == ["policy", "rough_turning", *splits]
+    assert table[3].split()[0] == "fixed_tuned"
+    html = (tmp_path / "results" / "index.html").read_text("utf-8")
+    assert "Where they were not made for" in html
+    assert "--scenario rough_turning --splits --draws 2" in html
+    assert main(["run", "--results", str(tmp_path), "--env", "RoughTurning-Shift-v0", "--splits", "--policies"]) == 1
+    assert "no splits of RoughTurning-Shift-v0" in capsys.readouterr().err
 
 
 def test_command_line(tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]) -> None:

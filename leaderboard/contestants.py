@@ -1,0 +1,37 @@
+"""What can be ranked: policies that act on observations, and references that are computed otherwise."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from baselines.play import Episodes, play
+from baselines.policy import PolicyFactory
+from leaderboard.results import PolicyRecord
+from turning_env import Scenario
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A policy that can play."""
+
+    policy: PolicyRecord
+    make: PolicyFactory
+
+    def episodes(self, scenario: Scenario, draws: Sequence[int], on_interval: Callable[[int], None]) -> Episodes:
+        """Play one episode per draw: see ``baselines.play.play``."""
+        return play(self.make, scenario, draws, on_interval)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What no policy plays, as it knows more than observations tell: a bound. Its record is of the kind "reference"."""
+
+    policy: PolicyRecord
+    compute: Callable[[Scenario, Sequence[int], Callable[[int], None]], Episodes]
+    """The episodes of a scenario and draws; calls the third after each piece of work with the number of episodes done."""
+
+    def episodes(self, scenario: Scenario, draws: Sequence[int], on_interval: Callable[[int], None]) -> Episodes:
+        """What it comes to on each draw."""
+        return self.compute(scenario, draws, on_interval)
+
+
+Player = Contestant | Reference
