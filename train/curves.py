@@ -1,0 +1,186 @@
+"""Draws learning curves: what each algorithm has reached after how many intervals, over its training seeds.
+
+    python -m train.curves runs/RoughTurning-v0/rough_turning/*-seed* --out docs/learning_curves.png --level predictive=-75
+
+A line is the mean over an algorithm's training seeds, its band the 95 % bootstrap interval over them. Returns are those of the
+episodes trained on, in which the agent explores. ``--level`` draws what something else reaches, as a rule does.
+"""
+
+import argparse
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter, SymmetricalLogLocator
+from numpy.typing import NDArray
+
+from baselines.overload import CONFIDENCE, KEY, RESAMPLES
+from train import learning_curve
+from train.run import Run
+from turning_env.files import replace_file
+
+POINTS = 200
+
+# Okabe and Ito's colours, told apart by colour-blind readers too; by their style, in black and white.
+STYLES = (
+    ("#0072B2", "-"),
+    ("#D55E00", (0, (5, 1))),
+    ("#009E73", (0, (3, 1, 1, 1))),
+    ("#CC79A7", (0, (1, 1))),
+    ("#E69F00", (0, (5, 1, 1, 1, 1, 1))),
+    ("#56B4E9", (0, (8, 2))),
+    ("#000000", (0, (2, 2))),
+)
+GREY = "#666666"
+AXES = {"intervals": "control intervals trained for", "wall_time": "time of training [s]"}
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Of one algorithm: arrays of shape (POINTS,)."""
+
+    seeds: int
+    place: Floats
+    """Intervals, or time of training [s]."""
+    mean: Floats
+    """Over training seeds [s]."""
+    low: Floats
+    """Its interval's lower end [s]; with one training seed, the mean."""
+    high: Floats
+    """Likewise the upper end."""
+
+
+def curves(folders: Sequence[Path], against: str) -> tuple[str, dict[str, Curve]]:
+    """What the runs were trained on, and their curves by algorithm, in the order in which the algorithms are first named.
+
+    Raises:
+        ValueError: a folder holds no run or no learning curve, or runs cannot be compared; names them.
+    """
+    runs = [Run.read(folder) for folder in folders]
+    tasks = {(run.env_id, run.scenario.digest()): run for run in runs}
+    if len(tasks) > 1:
+        one, other, *_ = tasks.values()
+        raise ValueError(f"{one.folder} and {other.folder} are trainings on different tasks")
+    groups: dict[str, list[Run]] = {}
+    for run in runs:
+        groups.setdefault(run.algorithm, []).append(run)
+    if len(groups) > len(STYLES):
+        raise ValueError(f"{len(groups)} algorithms are more than the {len(STYLES)} that can be told apart")
+    return f"{runs[0].env_id}, scenario {runs[0].scenario.name}", {name: _curve(group, against) for name, group in groups.items()}
+
+
+def _curve(runs: Sequence[Run], against: str) -> Curve:
+    first = runs[0]
+    for run in runs[1:]:
+        if run.parameters != first.parameters:
+            raise ValueError(f"{first.folder} and {run.folder} are trainings with different hyperparameters")
+    if len({run.seed for run in runs}) < len(runs):
+        raise ValueError(f"a training seed of {first.algorithm} is given more than once")
+    tables = []
+    for run in runs:
+        rows = learning_curve.read(run.folder)
+        if not rows:
+            raise ValueError(f"no episode has ended yet in the training in {run.folder}")
+        tables.append([np.array([row[name] for row in rows]) for name in (against, "mean_return")])
+    start, end = max(places[0] for places, _ in tables), min(places[-1] for places, _ in tables)
+    if start > end:
+        raise ValueError(f"trainings of {first.algorithm} have nothing in common: go on with those not finished")
+    place = np.linspace(start, end, POINTS)
+    values = np.array([np.interp(place, places, returns) for places, returns in tables])
+    low, high = interval(values)
+    return Curve(len(runs), place, values.mean(axis=0), low, high)
+
+
+def interval(values: Floats) -> tuple[Floats, Floats]:
+    """Percentile bootstrap interval of the mean over the first axis (training seeds), one per entry of the second."""
+    count = len(values)
+    resamples = np.random.default_rng(KEY).integers(count, size=(RESAMPLES, count))
+    weights = np.stack([(resamples == seed).mean(axis=1) for seed in range(count)], axis=1)
+    tail = (1.0 - CONFIDENCE) / 2.0
+    low, high = np.quantile(weights @ values, [tail, 1.0 - tail], axis=0)
+    return low, high
+
+
+def draw(title: str, found: Mapping[str, Curve], levels: Mapping[str, float], against: str) -> Figure:
+    """One field with a line per algorithm and per level."""
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    axes: Axes = figure.subplots()
+    for (name, curve), (colour, style) in zip(found.items(), STYLES, strict=False):
+        seeds = f"{curve.seeds} seed{'s' if curve.seeds > 1 else ''}"
+        axes.fill_between(curve.place, curve.low, curve.high, color=colour, alpha=0.2, linewidth=0.0)
+        axes.plot(curve.place, curve.mean, color=colour, linestyle=style, linewidth=1.5, label=f"{name}, {seeds}")
+    for name, level in levels.items():
+        axes.axhline(level, color=GREY, linewidth=0.8, linestyle=":", zorder=0)
+        axes.annotate(
+            f"{name} {level:.0f} s",
+            (0.0, level),
+            xycoords=("axes fraction", "data"),
+            xytext=(4, 2),
+            textcoords="offset points",
+            color=GREY,
+            fontsize="small",
+        )
+    # Logarithmic away from 0: agents begin many times farther from it than they end apart.
+    axes.set_yscale("symlog", linthresh=100)
+    axes.yaxis.set_major_locator(SymmetricalLogLocator(base=10, linthresh=100, subs=(1.0, 2.0, 3.0, 5.0)))
+    axes.yaxis.set_major_formatter("{x:.0f}")
+    axes.set_ylabel(f"mean return per episode with {CONFIDENCE:.0%} interval [s], log scale")
+    axes.set_xlabel(AXES[against])
+    axes.xaxis.set_major_formatter(EngFormatter())
+    axes.set_xlim(left=0.0)
+    axes.set_title(title, loc="left", fontsize="small")
+    axes.grid(linewidth=0.4)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(loc="lower right", frameon=False)
+    return figure
+
+
+def _level(text: str) -> tuple[str, float]:
+    """A name and its return [s] from ``NAME=VALUE``.
+
+    Raises:
+        ValueError: the text is nothing of that kind.
+    """
+    name, separator, value = text.rpartition("=")
+    try:
+        level = float(value)
+    except ValueError:
+        level = math.nan
+    if not (separator and name and math.isfinite(level)):
+        raise ValueError(f"--level is {text!r}, but must be NAME=VALUE with a return in s")
+    return name, level
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m train.curves", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN_FOLDER", help="trainings on one task")
+    parser.add_argument("--out", type=Path, default=Path("docs/learning_curves.png"), metavar="PNG", help="default: %(default)s")
+    parser.add_argument("--level", action="append", default=[], metavar="NAME=VALUE", help="a return [s] to compare with")
+    parser.add_argument("--against", choices=list(AXES), default="intervals", help="default: %(default)s")
+    parsed = parser.parse_args(arguments)
+    out: Path = parsed.out
+    try:
+        levels = dict(map(_level, parsed.level))
+        title, found = curves(parsed.runs, parsed.against)
+        figure = draw(title, found, levels, parsed.against)
+        replace_file(out, lambda partial: figure.savefig(partial, dpi=200, format="png"))
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"error: {out} cannot be written: {error.strerror}", file=sys.stderr)
+        return 2
+    print(out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

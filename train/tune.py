@@ -1,0 +1,232 @@
+"""Tunes an algorithm's hyperparameters on tuning draws, and prints the winner as a table for its hyperparameter file.
+
+    python -m train.tune --algorithm sac --trials 20 --intervals 500000
+
+A trial trains an agent for each of some training seeds, and plays them all on the same tuning draws. The best mean return wins
+among the settings that are admissible at the leaderboard's confidence limit; where none is, among all. The first trial is what
+the hyperparameter file says; a tree-structured Parzen estimator chooses the others, within ``SEARCH`` in the algorithm's file.
+
+The trials are kept in ``RUNS/tuning``, so that the same command goes on where it stopped, and one with more trials adds to them.
+The table is printed and not written: the files are kept by hand, with what is to be said of each value.
+"""
+
+import argparse
+import hashlib
+import importlib
+import json
+import shlex
+import sys
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import optuna
+import tomli_w
+from optuna.samplers import TPESampler
+from optuna.storages import JournalStorage
+from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
+from optuna.trial import FrozenTrial, TrialState
+from tqdm import tqdm
+
+from baselines.overload import severe_limit
+from baselines.play import play
+from train.actor import ActorPolicy
+from train.run import Run, hyperparameters
+from train.training import SEEDS, Algorithm, train
+from turning_env import IDS, Scenario
+from turning_env.draws import tuning_draws
+
+ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo")
+"""Those that can be tuned."""
+DRAWS = 64
+"""Tuning draws that each agent plays."""
+
+_OVERLOAD = "overload"  # name of the constraint in the journal
+_ENDED = (TrialState.COMPLETE, TrialState.PRUNED)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is tuned, and on what."""
+
+    algorithm: str
+    env_id: str
+    scenario: Scenario
+    intervals: int
+    """Of each training."""
+    seeds: int
+    """Trainings per trial: those of the training seeds 0, 1, ..."""
+    runs: Path
+
+    @property
+    def known(self) -> dict[str, Any]:
+        """The hyperparameter file's values."""
+        return hyperparameters(self.algorithm, self.env_id) | {"intervals": self.intervals}
+
+    @property
+    def name(self) -> str:
+        """Of all that the trials have in common; a journal's trials of another task are let be."""
+        searched = algorithm_of(self.algorithm).search
+        fixed = {name: value for name, value in self.known.items() if name not in searched}
+        return _digest([self.algorithm, self.env_id, self.scenario.digest(), fixed, self.seeds, DRAWS])
+
+    @property
+    def folder(self) -> Path:
+        """Where the trials are kept."""
+        return self.runs / "tuning" / self.algorithm
+
+
+@dataclass(frozen=True)
+class Played:
+    """What a setting reached on the tuning draws."""
+
+    mean_return: float
+    """[s], over draws and training seeds."""
+    severe_limit: float
+    """Upper confidence limit of the severely overloaded share of cutting time: see ``baselines/overload.py``."""
+
+
+def algorithm_of(name: str) -> Algorithm:
+    """The algorithm of a name."""
+    algorithm: Algorithm = importlib.import_module(f"train.{name}").ALGORITHM
+    return algorithm
+
+
+def evaluate(task: Task, setting: dict[str, Any]) -> Played | str:
+    """Train with a setting and play the agents; the reason, if that comes to nothing, as when a number is not finite any more."""
+    algorithm = algorithm_of(task.algorithm)
+    runs = task.folder / _digest([task.name, setting])
+    episodes = []
+    for seed in range(task.seeds):
+        command = f"a trial of python -m train.tune --algorithm {task.algorithm}"
+        run = Run.plan(task.algorithm, task.env_id, task.scenario, seed, runs, command, task.known | setting)
+        run.begin()
+        try:
+            make = partial(ActorPolicy, algorithm.actor(train(run, algorithm)).eval())
+            episodes.append(play(make, task.scenario, tuning_draws(DRAWS)))
+        except ValueError as error:
+            return str(error)
+    returns, severe, engaged = (
+        np.concatenate([each[name] for each in episodes]) for name in ("return", "severe_overload_time", "engaged_time")
+    )
+    return Played(float(returns.mean()), severe_limit(severe, engaged))
+
+
+def search(task: Task, trials: int, workers: int) -> FrozenTrial:
+    """Find the best setting in so many trials, so many of them side by side; goes on with a search that was interrupted.
+
+    Raises:
+        ValueError: every training came to nothing.
+    """
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    study = optuna.create_study(storage=_journal(task), study_name=task.name, direction="maximize", load_if_exists=True)
+    distributions = dict(algorithm_of(task.algorithm).search)
+    for unfinished in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+        study.tell(unfinished.number, state=TrialState.FAIL)  # interrupted; the sampler must not heed it
+    if not study.get_trials(deepcopy=False, states=(*_ENDED, TrialState.WAITING)):
+        study.enqueue_trial({name: task.known[name] for name in distributions})
+    ended = len(study.get_trials(deepcopy=False, states=_ENDED))
+    running: dict[Future[Played | str], optuna.Trial] = {}
+    with (
+        _workers(workers) as pool,
+        tqdm(total=max(trials, ended), initial=ended, desc=f"tuning {task.algorithm}", unit="trial", disable=None) as bar,
+    ):
+        while ended < trials:
+            while len(running) < min(workers, trials - ended):
+                # A sampler per trial, as its random numbers must not depend on how often the search was interrupted.
+                study.sampler = TPESampler(seed=ended + len(running), n_startup_trials=5)
+                trial = study.ask(distributions)
+                running[pool.submit(evaluate, task, trial.params)] = trial
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                _tell(study, running.pop(future), future.result(), task)
+                ended += 1
+                bar.update()
+    complete = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
+    if not complete:
+        raise ValueError(f"none of {ended} trials came to anything")
+    return max(complete, key=_merit)
+
+
+def _tell(study: optuna.Study, trial: optuna.Trial, played: Played | str, task: Task) -> None:
+    if isinstance(played, str):
+        study.tell(trial, state=TrialState.PRUNED)
+        tqdm.write(f"trial {trial.number}: came to nothing with {trial.params}: {played}", sys.stderr)
+        return
+    trial.set_constraint(_OVERLOAD, played.severe_limit - task.scenario.limits.overload_allowance)
+    study.tell(trial, played.mean_return)
+    share = f"severely overloaded for at most {100 * played.severe_limit:.2f} % of cutting time"
+    tqdm.write(f"trial {trial.number}: mean return {played.mean_return:.1f} s, {share}, with {trial.params}", sys.stderr)
+
+
+def admissible(trial: FrozenTrial) -> bool:
+    """Whether a trial's setting holds the allowance of overload."""
+    return trial.constraints[_OVERLOAD] <= 0.0
+
+
+def _merit(trial: FrozenTrial) -> tuple[bool, float]:
+    assert trial.value is not None  # it has finished
+    return admissible(trial), trial.value
+
+
+@contextmanager
+def _workers(count: int) -> Iterator[ProcessPoolExecutor]:
+    """So many processes, which are not waited for when the search is interrupted."""
+    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _journal(task: Task) -> JournalStorage:
+    path = task.folder / "journal.log"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return JournalStorage(JournalFileBackend(str(path), JournalFileOpenLock(str(path))))
+
+
+def _digest(values: list[Any]) -> str:
+    return hashlib.sha256(json.dumps(values).encode()).hexdigest()[:16]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m train.tune", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--algorithm", required=True, choices=ALGORITHMS, help="what is tuned")
+    parser.add_argument("--env", default="RoughTurning-v0", choices=list(IDS), help="environment id")
+    parser.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
+    parser.add_argument("--trials", type=int, default=20, help="settings tried in all (default: 20)")
+    parser.add_argument("--seeds", type=int, default=1, help="trainings per trial (default: 1)")
+    parser.add_argument("--intervals", type=int, help="environment steps per training (default: the hyperparameter file's)")
+    parser.add_argument("--workers", type=int, default=1, help="trials side by side (default: 1)")
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs")
+    parsed = parser.parse_args(arguments)
+    for name, most in (("trials", 100_000), ("seeds", SEEDS), ("intervals", 10**12), ("workers", 1000)):
+        value = getattr(parsed, name)
+        if value is not None and not 1 <= value <= most:
+            parser.error(f"--{name} is {value}, but must be 1 to {most}")
+    command = "python -m train.tune " + shlex.join(sys.argv[1:] if arguments is None else arguments)
+    try:
+        scenario = Scenario.load(parsed.scenario or IDS[parsed.env])
+        intervals = parsed.intervals or hyperparameters(parsed.algorithm, parsed.env)["intervals"]
+        task = Task(parsed.algorithm, parsed.env, scenario, intervals, parsed.seeds, parsed.runs)
+        best = search(task, parsed.trials, parsed.workers)
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted: run the same command again to go on", file=sys.stderr)
+        return 130
+    print(f"# {command}")
+    print(f"# trial {best.number}: mean return {best.value:.1f} s, {'' if admissible(best) else 'not '}admissible")
+    print(tomli_w.dumps({parsed.env: best.params}), end="")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
