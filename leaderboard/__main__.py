@@ -19,14 +19,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
-        options.command(options)
+        status: int | None = options.command(options)
     except (ResultError, ScenarioError) as error:
         print(f"leaderboard: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("leaderboard: interrupted; finished policies are kept, and the same command goes on from there", file=sys.stderr)
+        print("leaderboard: interrupted; what is finished is kept, and the same command goes on from there", file=sys.stderr)
         return 130
-    return 0
+    return status or 0
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -72,6 +72,17 @@ def _figure(options: argparse.Namespace) -> None:
     print(f"wrote {options.out}")
 
 
+def _verify(options: argparse.Namespace) -> int:
+    from leaderboard import verify  # needed only here: plays
+
+    selection = verify.Selection(options.env, options.scenario, options.policies)
+    complaints = verify.verify(options.rows, options.agents, selection, options.jobs, options.memory, options.fresh)
+    for complaint in complaints:
+        print(complaint)
+    print(f"{len(complaints)} complaints" if complaints else "every row came back bit for bit")
+    return 1 if complaints else 0
+
+
 def _scenario(options: argparse.Namespace) -> Scenario:
     return Scenario.load(options.scenario or IDS[options.env])
 
@@ -102,6 +113,12 @@ def _draws(text: str) -> list[int]:
         raise argparse.ArgumentTypeError(str(error)) from error
 
 
+def _jobs(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return int(text)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m leaderboard", description="Rank policies on common draws.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
@@ -129,6 +146,20 @@ def _parser() -> argparse.ArgumentParser:
 
     page = commands.add_parser("page", parents=[results], help="write RESULTS/index.html")
     page.set_defaults(command=_page)
+
+    shipped = argparse.ArgumentParser(add_help=False)
+    shipped.add_argument("--rows", type=Path, default=Path("leaderboard/rows"), help="results (default: leaderboard/rows)")
+    shipped.add_argument("--agents", type=Path, default=Path("agents"), help="agents' ONNX files (default: agents)")
+
+    verify = commands.add_parser("verify", parents=[shipped], help="play the project's own results again; fail if any differs")
+    verify.add_argument("--env", choices=IDS, help="only of this id")
+    verify.add_argument("--scenario", metavar="NAME", help="only on this scenario")
+    verify.add_argument("--policies", nargs="+", metavar="NAME", help="only of these policies")
+    verify.add_argument("--jobs", type=_jobs, default=1, metavar="N", help="rows played at a time (default: 1)")
+    verify.add_argument("--fresh", action="store_true", help="play again what came back before with the same code")
+    memory = "where it is kept what came back (default: results/verified.json)"
+    verify.add_argument("--memory", type=Path, default=Path("results/verified.json"), metavar="FILE", help=memory)
+    verify.set_defaults(command=_verify)
 
     figure = commands.add_parser("figure", parents=[results, environment], help="draw the ranking for print")
     figure.add_argument("--out", type=Path, default=Path("docs/leaderboard.png"), help="picture (default: docs/leaderboard.png)")

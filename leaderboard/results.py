@@ -145,7 +145,7 @@ class Result(Part):
             task=task,
             digests=current_digests(task),
             policy=policy,
-            versions={name: version(name) for name in _RECORDED_VERSIONS},
+            versions=present_versions(),
             episodes={name: values.tolist() for name, values in episodes.items()},
         )
 
@@ -153,6 +153,11 @@ class Result(Part):
 def current_digests(task: Task) -> Digests:
     """The digests of a task as this process plays it."""
     return Digests.of(task, version("rough-turning"), code_digest())
+
+
+def present_versions() -> dict[str, str]:
+    """Versions of what plays."""
+    return {name: version(name) for name in _RECORDED_VERSIONS}
 
 
 def digest_of(value: Any) -> str:

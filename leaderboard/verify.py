@@ -1,0 +1,216 @@
+"""Plays again what comes with the project, and says where it does not come back bit for bit."""
+
+import hashlib
+import json
+import multiprocessing
+import re
+import signal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from baselines.play import EPISODE_FIELDS, Episodes
+from leaderboard import contestants, references, run
+from leaderboard.contestants import Player
+from leaderboard.results import (
+    SUFFIX,
+    MadeFor,
+    PolicyRecord,
+    Result,
+    ResultError,
+    Task,
+    current_digests,
+    digest_of,
+    present_versions,
+    read_result,
+    result_files,
+    result_folder,
+    write_whole,
+)
+from train import agent_file, onnx_policy
+from train.trained_agent import ONNX_SUFFIX
+from turning_env import Scenario, presets
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which rows and agents' files are looked at. None: all."""
+
+    env_id: str | None = None
+    scenario: str | None = None
+    policies: Sequence[str] | None = None
+    """By name, with or without the training seed."""
+
+    def holds(self, path: Path, suffix: str) -> bool:
+        """Whether it holds a file that lies as results and agents do: id / scenario / label."""
+        label = path.name.removesuffix(suffix)
+        return (
+            self.env_id in (None, path.parent.parent.name)
+            and self.scenario in (None, path.parent.name)
+            and (self.policies is None or any(re.fullmatch(rf"{re.escape(name)}(-seed\d+)?", label) for name in self.policies))
+        )
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What has come of one row."""
+
+    row: Path
+    complaints: list[str]
+    key: str
+    """Of the row, the agent in it, and the code: see ``key_of``."""
+
+
+def verify(rows: Path, agents: Path, selection: Selection, jobs: int, memory: Path, fresh: bool) -> list[str]:
+    """Play every selected row again.
+
+    Args:
+        rows: folder of the results that come with the project.
+        agents: folder of the agents' files.
+        selection: which of them.
+        jobs: how many rows are played at a time, each in a process of its own.
+        memory: file in which it is kept which rows have come back, so that they need not be played again with the same code.
+        fresh: play these as well.
+
+    Returns:
+        What is wrong, each with the file that it is wrong with: values that do not come back, rows of other code, agents without
+        a row or a file. Empty if nothing is.
+
+    Raises:
+        ResultError: there are no such rows, or ``memory`` cannot be read or written.
+    """
+    paths = [path for folder in sorted(rows.glob("*/*")) for path in result_files(folder) if selection.holds(path, SUFFIX)]
+    if not paths:
+        raise ResultError(f"{rows} holds no such rows")
+    verified = set() if fresh else _remembered(memory)
+    complaints = list(_without_row(rows, agents, selection))
+    with _mapper(jobs) as mapped, tqdm(total=len(paths), unit="row", dynamic_ncols=True, disable=None) as bar:
+        for verdict in mapped(partial(verdict_on, agents=agents, verified=frozenset(verified)), paths):
+            bar.set_description(verdict.row.name.removesuffix(SUFFIX))
+            bar.update()
+            complaints += [f"{verdict.row}: {complaint}" for complaint in verdict.complaints]
+            if not verdict.complaints and verdict.key not in verified:
+                verified.add(verdict.key)
+                write_whole(memory, json.dumps(sorted(verified), indent=1) + "\n")
+    return sorted(complaints)
+
+
+Mapper = Callable[[Callable[[Path], Verdict], Iterable[Path]], Iterable[Verdict]]
+
+
+@contextmanager
+def _mapper(jobs: int) -> Iterator[Mapper]:
+    """Maps a function over paths, in this process or in several; these end when the context does."""
+    if jobs == 1:
+        yield map
+        return
+    # Spawned: forked ones would share this process's threads and locks. An interruption is this process's to handle.
+    context = multiprocessing.get_context("spawn")
+    with context.Pool(jobs, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+        yield pool.imap_unordered
+
+
+def verdict_on(path: Path, agents: Path, verified: frozenset[str]) -> Verdict:
+    """Play one row again, unless its key is among the verified ones."""
+    try:
+        result = read_result(path)
+        key = key_of(path)
+        _check_task(result)
+        player = player_of(result.policy, result.task, agents)
+        if key in verified:
+            return Verdict(path, [], key)
+        episodes = player.episodes(result.task.scenario, result.task.draws, lambda ended: None)
+    except ResultError as error:
+        return Verdict(path, [str(error).removeprefix(f"{path}: ")], "")
+    return Verdict(path, differences(result, episodes), key)
+
+
+def key_of(path: Path) -> str:
+    """What decides whether a row comes back: the file, which names the environment's and the rules' code, and what else plays."""
+    parts = [path, *(Path(module.__file__ or "") for module in (agent_file, onnx_policy, contestants, references))]
+    return digest_of([*(hashlib.sha256(part.read_bytes()).hexdigest() for part in parts), present_versions()])
+
+
+def _check_task(result: Result) -> None:
+    """See that the row is of the present code and values."""
+    task, present = result.task, current_digests(result.task)
+    if result.digests != present:
+        fields = [name for name, digest in present if digest != getattr(result.digests, name)]
+        raise ResultError(f"is not of the present code: its digests of {', '.join(fields)} are others")
+    if task.scenario.name in presets() and Scenario.load(task.scenario.name) != task.scenario:
+        raise ResultError(f"is not of the present preset {task.scenario.name!r}: values differ")
+
+
+def player_of(policy: PolicyRecord, task: Task, agents: Path) -> Player:
+    """What a row's policy is now: a rule by name from the catalogue, an agent from its file, a reference by name.
+
+    Raises:
+        ResultError: it is no longer there, or no longer the same.
+    """
+    if policy.kind == "agent":
+        player: Player = run.agent(_agent_path(policy, task, agents), task.scenario)
+    elif policy.kind == "reference":
+        known = {reference.policy.name: reference for reference in references.references(task.scenario)}
+        if policy.name not in known:
+            raise ResultError(f"there is no reference {policy.name!r} for scenario {task.scenario.name!r}")
+        player = known[policy.name]
+    else:
+        player = run.rule(policy.name, task.scenario, _made_for(policy))
+    if player.policy != policy:
+        fields = [name for name, value in player.policy if value != getattr(policy, name)]
+        raise ResultError(f"{policy.label} is no longer what played: {', '.join(fields)} differ")
+    return player
+
+
+def _agent_path(policy: PolicyRecord, task: Task, agents: Path) -> Path:
+    trained_on = task.scenario.name if policy.made_for is None else policy.made_for.scenario
+    path = result_folder(agents, task.env_id, trained_on) / f"{policy.label}{ONNX_SUFFIX}"
+    if not path.is_file():
+        raise ResultError(f"its agent's file is missing: {path}")
+    return path
+
+
+def _made_for(policy: PolicyRecord) -> Scenario | None:
+    """The scenario to which a rule was tuned, if not that which it plays."""
+    if policy.made_for is None:
+        return None
+    scenario = Scenario.load(policy.made_for.scenario)
+    if MadeFor.of(scenario) != policy.made_for:
+        raise ResultError(f"is not of the present preset {scenario.name!r}, which its policy was made for: values differ")
+    return scenario
+
+
+def differences(result: Result, episodes: Episodes) -> list[str]:
+    """The fields of a row that have not come back bit for bit, each with the largest difference."""
+    complaints = []
+    for name in EPISODE_FIELDS:
+        recorded, played = np.array(result.episodes[name]), episodes[name]
+        other = recorded.view(np.int64) != played.view(np.int64)
+        if other.any():
+            largest = float(np.max(np.abs(recorded - played)))
+            complaints.append(f"{name} differs on {int(other.sum())} of {len(other)} draws, by up to {largest:g}")
+    return complaints
+
+
+def _without_row(rows: Path, agents: Path, selection: Selection) -> Iterator[str]:
+    """Of the selected agents' files those that have no row of their own on the scenario that they were trained on."""
+    for path in sorted(agents.glob(f"*/*/*{ONNX_SUFFIX}")):
+        if not selection.holds(path, ONNX_SUFFIX):
+            continue
+        row = rows / path.relative_to(agents).with_name(path.name.removesuffix(ONNX_SUFFIX) + SUFFIX)
+        if not row.is_file():
+            yield f"{path}: has no row {row}"
+
+
+def _remembered(memory: Path) -> set[str]:
+    if not memory.exists():
+        return set()
+    try:
+        return {str(key) for key in json.loads(memory.read_text("utf-8"))}
+    except (OSError, ValueError, TypeError) as error:
+        raise ResultError(f"{memory} cannot be read: {error}; delete it, or verify with --fresh") from error
