@@ -83,6 +83,13 @@ def _verify(options: argparse.Namespace) -> int:
     return 1 if complaints else 0
 
 
+def _cards(options: argparse.Namespace) -> None:
+    from leaderboard import cards  # needed only here: imports Jinja2 and ONNX
+
+    for path in cards.write_all(options.rows, options.agents):
+        print(f"wrote {path}")
+
+
 def _scenario(options: argparse.Namespace) -> Scenario:
     return Scenario.load(options.scenario or IDS[options.env])
 
@@ -160,6 +167,9 @@ def _parser() -> argparse.ArgumentParser:
     memory = "where it is kept what came back (default: results/verified.json)"
     verify.add_argument("--memory", type=Path, default=Path("results/verified.json"), metavar="FILE", help=memory)
     verify.set_defaults(command=_verify)
+
+    cards = commands.add_parser("cards", parents=[shipped], help="write the model card of every agent in the agents' folder")
+    cards.set_defaults(command=_cards)
 
     figure = commands.add_parser("figure", parents=[results, environment], help="draw the ranking for print")
     figure.add_argument("--out", type=Path, default=Path("docs/leaderboard.png"), help="picture (default: docs/leaderboard.png)")

@@ -1,0 +1,87 @@
+"""A card says what the files and the rows say."""
+
+import hashlib
+from pathlib import Path
+
+import onnx
+import pytest
+
+from leaderboard import run
+from leaderboard.__main__ import main
+from leaderboard.results import MadeFor, Result, Task, result_folder, result_path, write_part
+from tests.leaderboard.conftest import ENV_ID
+from tests.train import onnx_agents
+from turning_env import Scenario
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, task: Task) -> Path:
+    """Two training seeds of one agent with their rows, also on a split, and a rule."""
+    own = task.model_copy(update={"scenario": onnx_agents.SCENARIO})
+    short_split = Scenario.load("harder_lot").model_copy(update={"control": onnx_agents.SCENARIO.control})
+    split = task.model_copy(update={"scenario": short_split, "draws": [5, 6]})
+    paths = [onnx_agents.write(tmp_path / "agents" / ENV_ID / "short", seed, memory=True) for seed in (0, 1)]
+    for each in (own, split):
+        for player in [*run.agents(paths, each.scenario), run.rule("fixed_handbook", each.scenario)]:
+            assert player.policy.made_for in (None, MadeFor.of(own.scenario))
+            result = Result.of(each, player.policy, player.episodes(each.scenario, each.draws, lambda ended: None))
+            write_part(result, result_path(result_folder(tmp_path / "rows", ENV_ID, each.scenario.name), player.policy))
+    return tmp_path
+
+
+def command(shipped: Path) -> list[str]:
+    return ["cards", "--rows", str(shipped / "rows"), "--agents", str(shipped / "agents")]
+
+
+def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(command(shipped)) == 0
+    folder = shipped / "agents" / ENV_ID / "short"
+    assert capsys.readouterr().out == f"wrote {folder / 'ppo.md'}\n"
+    card = (folder / "ppo.md").read_text("utf-8")
+    for seed in (0, 1):
+        content = (folder / f"ppo-seed{seed}.onnx").read_bytes()
+        digest = hashlib.sha256(content).hexdigest()
+        assert f"| {seed} | `ppo-seed{seed}.onnx` | {len(content)} | `{digest}` |\n" in card
+    for said in (
+        "# ppo on RoughTurning-v0, scenario short\n",
+        onnx_agents.SCENARIO.digest(),
+        "trained with PPO, with a memory of 7 numbers",
+        "1,000 intervals per training seed",
+        "\ntrain it\ntrain it\n```",
+        "| discount | 0.8 |\n",
+        "| Input | `memory` | lanes x 7, float32 |",
+        "| Output | `action` | lanes x 2, float32 | -1 to 1 |\n",
+        "4 held-out draws, 2 training seeds",
+        "| return | ",
+        "| broken edges | ",
+        "| `harder_lot` | ",
+        "Simulation only",
+    ):
+        assert said in card, said
+    program = card[card.index("```python\n") + 10 : card.rindex("```")]
+    names: dict[str, object] = {}
+    exec(program, names)
+    assert {"agent", "policy"} < names.keys()
+
+
+def test_cards_without_results_are_refused(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = shipped / "agents" / ENV_ID / "short"
+    (shipped / "rows" / ENV_ID / "short" / "ppo-seed1.json.xz").unlink()
+    assert main(command(shipped)) == 1
+    assert "ppo-seed1.onnx has no results" in capsys.readouterr().err
+    (folder / "ppo-seed1.onnx").rename(folder / "ppo-seed7.onnx")
+    assert main(command(shipped)) == 1
+    assert f"holds ppo-seed1 and should be at {ENV_ID}/short/ppo-seed1.onnx" in capsys.readouterr().err
+    for path in folder.iterdir():
+        path.unlink()
+    assert main(command(shipped)) == 1
+    assert "holds no agents" in capsys.readouterr().err
+
+
+def test_agents_of_one_name_must_be_alike(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = shipped / "agents" / ENV_ID / "short" / "ppo-seed1.onnx"
+    model = onnx.load_model_from_string(path.read_bytes())
+    next(entry for entry in model.metadata_props if entry.key == "trained_intervals").value = "2000"
+    path.write_bytes(model.SerializeToString())
+    assert main(command(shipped)) == 1
+    assert "the files of ppo cannot share a card, as they differ in trained_intervals" in capsys.readouterr().err
