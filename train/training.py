@@ -6,7 +6,7 @@ they are pickles, which can run code.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -51,9 +51,9 @@ class Algorithm:
     """Makes the lathes to learn from; takes scenario, number of lanes and reward scale."""
     kept: tuple[str, ...] = ()
     """What belongs into a checkpoint beside what Stable-Baselines3 saves of a model."""
-    callbacks: Callable[[Run], list[BaseCallback]] = field(default=lambda run: [])
+    callbacks: Callable[[Run], list[BaseCallback]] = lambda run: []
     """What is done besides while a run is trained."""
-    columns: Callable[[Any], dict[str, float]] = field(default=lambda model: {})
+    columns: Callable[[Any], dict[str, float]] = lambda model: {}
     """Its own columns of the learning curve."""
     log_interval: int = 5
     """Rollouts, or off-policy episodes, between entries in the TensorBoard logs."""
