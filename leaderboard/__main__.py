@@ -11,6 +11,7 @@ from leaderboard.results import ResultError, Task, current_digests, result_folde
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
 from turning_env.draws import held_out_draws
 
+PAGE = "index.html"
 SPLITS_ENV_ID = "RoughTurning-v0"
 """Of which there are splits."""
 
@@ -47,7 +48,7 @@ def _run(options: argparse.Namespace) -> None:
     for folder, (each, contestants) in playing.items():
         run.play_all(each, contestants, folder, options.fresh)
     _print([read_board(folder, digest) for folder, digest in digests.items()])
-    _write_page(read_boards(options.results, digests), options.results)
+    _write_page(read_boards(options.results, digests), options.results / PAGE)
 
 
 def _splits(task: Task) -> list[Task]:
@@ -62,7 +63,7 @@ def _show(options: argparse.Namespace) -> None:
 
 
 def _page(options: argparse.Namespace) -> None:
-    _write_page(read_boards(options.results, {}), options.results)
+    _write_page(read_boards(options.results, {}), options.out or options.results / PAGE)
 
 
 def _figure(options: argparse.Namespace) -> None:
@@ -105,10 +106,9 @@ def _print(boards: Sequence[Board]) -> None:
         print(generalisation.render(across) + "\n")
 
 
-def _write_page(boards: Sequence[Board], results: Path) -> None:
+def _write_page(boards: Sequence[Board], path: Path) -> None:
     from leaderboard import page  # needed only here: imports Jinja2
 
-    path = results / "index.html"
     page.write(boards, path)
     print(f"wrote {path}")
 
@@ -151,7 +151,8 @@ def _parser() -> argparse.ArgumentParser:
     show = commands.add_parser("show", parents=[results], help="print the ranking")
     show.set_defaults(command=_show)
 
-    page = commands.add_parser("page", parents=[results], help="write RESULTS/index.html")
+    page = commands.add_parser("page", parents=[results], help="write all rankings as one HTML file")
+    page.add_argument("--out", type=Path, metavar="FILE", help="where it is written (default: RESULTS/index.html)")
     page.set_defaults(command=_page)
 
     shipped = argparse.ArgumentParser(add_help=False)

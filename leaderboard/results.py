@@ -1,6 +1,6 @@
 """Result files: what one policy did on one task, episode by episode. Everything shown is computed from these rows.
 
-They are JSON, compressed with xz (``xzcat`` shows it): floats come back bit for bit, in a third of the space.
+They are JSON, compressed with xz (``xzcat`` shows it): floats come back bit for bit, in less than a third of the space.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ from turning_env import Scenario
 from turning_env.files import replace_file
 
 SCHEMA: Literal["rough-turning/results/3"] = "rough-turning/results/3"
-TRAJECTORIES_FILE = "trajectories.json"
+TRAJECTORIES_FILE = "trajectories.json.xz"
 SUFFIX = ".json.xz"
 MOST_BYTES = 200_000_000
 """Of a file, uncompressed."""
@@ -97,7 +97,7 @@ class PolicyRecord(Part):
     @field_validator("name")
     @classmethod
     def _names_a_file(cls, name: str) -> str:
-        if not re.fullmatch(r"[^./\\\0][^/\\\0]*", name):
+        if not re.fullmatch(r"[^./\\\0][^/\\\0]*", name) or f"{name}{SUFFIX}" == TRAJECTORIES_FILE:
             raise ValueError(f"{name!r} cannot be a policy's name, as its results are kept in a file of that name")
         return name
 
@@ -195,7 +195,7 @@ def read_result(path: Path) -> Result:
 def result_files(folder: Path) -> list[Path]:
     """The files of one ``result_folder`` that should be results."""
     # Hidden ones are what a killed process has left.
-    return sorted(folder.glob(f"[!.]*{SUFFIX}"))
+    return sorted(path for path in folder.glob(f"[!.]*{SUFFIX}") if path.name != TRAJECTORIES_FILE)
 
 
 PartType = TypeVar("PartType", bound=Part)

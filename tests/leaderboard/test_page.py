@@ -98,7 +98,7 @@ def test_page_names_the_best_rule(board: Board, folder: Path) -> None:
 
 
 def test_page_without_trajectories(board: Board, folder: Path) -> None:
-    (folder / "trajectories.json").unlink()
+    (folder / "trajectories.json.xz").unlink()
     html = page.render([read_board(folder)])
     assert "<polyline" not in html
     assert "On the same bars" not in html

@@ -50,6 +50,7 @@ def test_agents_have_a_file_per_training_seed(make_result: MakeResult, folder: P
         (["mood"], 1, r"mood: 1 is not allowed: Extra inputs"),
         (["policy", "kind"], "oracle", r"policy.kind: 'oracle' is not allowed"),
         (["policy", "training_seed"], 1, r"training_seed is 1"),
+        (["policy", "name"], "trajectories", r"policy.name: 'trajectories' is not allowed"),
         (["policy", "name"], "../up", r"policy.name: '../up' is not allowed"),
         (["task", "scenario", "limits", "power"], -1.0, r"task.scenario.limits.power: -1.0 is not allowed: .*0.001"),
         (["task", "draws"], [1, 2, 3], r"holds 4 values, but there are 3 draws"),

@@ -57,11 +57,11 @@ def test_what_other_code_has_made_is_played_again(
 ) -> None:
     contestants = [contestant("fixed_tuned", (0, 0.1)), contestant("grid_search", (0, 0.2))]
     play_all(task, contestants, folder, fresh=False)
-    recorded = read_part(Trajectories, folder / "trajectories.json")
+    recorded = read_part(Trajectories, folder / "trajectories.json.xz")
     monkeypatch.setattr("leaderboard.results.code_digest", lambda: "0" * 64)
     play_all(task, contestants[:1], folder, fresh=False)
     assert played == pytest.approx([0.1, 0.2, 0.1])
-    assert read_part(Trajectories, folder / "trajectories.json").task != recorded.task
+    assert read_part(Trajectories, folder / "trajectories.json.xz").task != recorded.task
     play_all(task, contestants, folder, fresh=False)
     assert played == pytest.approx([0.1, 0.2, 0.1, 0.2])
 
@@ -81,7 +81,7 @@ def test_an_interrupted_run_goes_on(task: Task, folder: Path, played: list[float
 def test_an_unreadable_file_is_played_again_or_else_named(task: Task, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     play_all(task, [contestant("one")], folder, fresh=False)
     (folder / "one.json.xz").write_text("{")
-    (folder / "trajectories.json").write_text("{")
+    (folder / "trajectories.json.xz").write_text("{")
     play_all(task, [contestant("one")], folder, fresh=False)
     assert "one.json.xz cannot be read" in capsys.readouterr().err
     read_result(folder / "one.json.xz")
@@ -100,14 +100,14 @@ def test_trajectories_are_of_one_draw_and_of_the_policies_to_compare(task: Task,
     names = ["fixed_tuned", "grid_search", "also", "best"]
     contestants = [contestant(name, (0.0, 0.1 * place)) for place, name in enumerate(names)]
     play_all(task, contestants, folder, fresh=False)
-    recorded = read_part(Trajectories, folder / "trajectories.json")
+    recorded = read_part(Trajectories, folder / "trajectories.json.xz")
     assert recorded.draw == task.draws[0]
     assert {"fixed_tuned", "grid_search"} < {episode.policy.name for episode in recorded.episodes}
     assert len(recorded.episodes) == 3
     assert recorded.episodes[0].series["minutes"] == pytest.approx(np.arange(1, 13) / 60, rel=1e-5)
     # A later run that lacks a policy keeps its trajectory.
     play_all(task, contestants[:1], folder, fresh=False)
-    assert read_part(Trajectories, folder / "trajectories.json") == recorded
+    assert read_part(Trajectories, folder / "trajectories.json.xz") == recorded
 
 
 def test_rules_come_from_the_catalogue() -> None:
@@ -139,7 +139,7 @@ def test_references_are_ranked_but_do_not_play(task: Task, folder: Path, monkeyp
     assert "oracle" in [each.policy.name for each in run.named(None, Scenario())]
     play_all(task, [known, contestant("one")], folder, fresh=False)
     assert read_result(folder / "oracle.json.xz").episodes["return"] == [1000.0] * 4
-    assert [each.policy.name for each in read_part(Trajectories, folder / "trajectories.json").episodes] == ["one"]
+    assert [each.policy.name for each in read_part(Trajectories, folder / "trajectories.json.xz").episodes] == ["one"]
 
 
 def test_agents_come_from_their_folders(tmp_path: Path, scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -217,6 +217,8 @@ def test_command_line(tmp_path: Path, scenario: Scenario, capsys: pytest.Capture
     assert capsys.readouterr().out.splitlines() == shown.splitlines()[:-1]
     assert main(["page", *common]) == 0
     assert (results / "index.html").read_text() == page
+    assert main(["page", *common, "--out", str(tmp_path / "site" / "page.html")]) == 0
+    assert (tmp_path / "site" / "page.html").read_text() == page
     assert main(["figure", *common, "--out", str(tmp_path / "figures" / "board.png")]) == 0
     assert (tmp_path / "figures" / "board.png").read_bytes().startswith(b"\x89PNG")
 

@@ -14,11 +14,12 @@ import torch
 from numpy.typing import NDArray
 from onnx import helper, numpy_helper
 
-from tests.train import onnx_agents
-from train import agent_file, export, onnx_policy
+from tests.train import onnx_agents, small
+from train import agent, agent_file, export, onnx_policy
 from train.actor import Actor, ActorPolicy
 from train.feedforward import Feedforward
 from train.onnx_policy import OnnxPolicy, session_of
+from train.training import Algorithm, new_model
 from turning_env import Scenario
 
 ALL = np.ones(5, np.bool_)
@@ -96,6 +97,22 @@ def test_exporting_writes_files_that_were_compared(
         assert told["latency"] > 0
     assert export.main([*folders, "--out", str(out)]) == 0
     assert "largest difference" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("algorithm", small.ALGORITHMS.values(), ids=small.ALGORITHMS)
+def test_agents_of_every_algorithm_can_be_exported(algorithm: Algorithm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(export, "STEPS", 10)
+    monkeypatch.setattr(export, "TIMED_CALLS", 10)
+    run = small.small_run(algorithm, tmp_path)
+    run.begin()
+    model = new_model(run, algorithm)
+    model.env = None
+    model.save(run.policy)
+    exported = export.export(run.folder, tmp_path / "out")
+    assert exported.largest_difference <= 1e-5
+    mine, its = agent.load(run.folder).make(5), onnx_policy.load(Path(exported.path)).make(5)
+    for observation in observations(5):
+        np.testing.assert_allclose(its.act(observation), mine.act(observation), rtol=0, atol=1e-5)
 
 
 def test_a_file_that_acts_otherwise_is_not_written(
