@@ -240,14 +240,19 @@ class LoadFilter:
         timing = np.divide(0.5 * self._sub_step * drift, self._lags, out=np.zeros_like(drift), where=self._lags > 0)
         loads, derivatives = self._loads(self._mean)
         surprise = np.where(good, np.log(np.where(good, measured, 1.0) / expected) - loads, 0.0)
-        derivatives *= good[..., np.newaxis]
+        self._correct(derivatives * good[..., np.newaxis], surprise, self._noise + timing**2)
+        self.measured |= good.any(axis=1)
+
+    def _correct(self, derivatives: Array, surprise: Array, variance: Array) -> None:
+        """Correct mean and covariance by what measurements of these derivatives, (lanes, k, 5), were beyond what was expected of
+        them, (lanes, k); variance of their noise: (lanes, k)."""
         spread = derivatives @ self._covariance @ derivatives.swapaxes(1, 2)
-        spread[:, (0, 1), (0, 1)] += self._noise + timing**2
+        measurements = np.arange(surprise.shape[1])
+        spread[:, measurements, measurements] += variance
         gain = np.linalg.solve(spread, derivatives @ self._covariance).swapaxes(1, 2)
         self._mean += np.einsum("nij,nj->ni", gain, surprise)
         covariance = self._covariance - gain @ derivatives @ self._covariance
         self._covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
-        self.measured |= good.any(axis=1)
 
 
 def feed_velocity(scenario: Scenario, cutting_speed: Array, feed: Array) -> Array:

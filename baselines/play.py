@@ -39,6 +39,8 @@ def play(
     scenario: Scenario,
     seeds: Sequence[int],
     on_interval: Callable[[int], None] = lambda ended: None,
+    *,
+    tell: bool = False,
 ) -> Episodes:
     """Play one episode per seed, all side by side.
 
@@ -47,6 +49,7 @@ def play(
         scenario: what to play.
         seeds: the draws.
         on_interval: called after each interval with the number of episodes that have ended.
+        tell: only for references that no policy may match: whether to call ``tell(infos)`` before every ``act``.
 
     Returns:
         An array of shape (len(seeds),) for each of ``EPISODE_FIELDS``.
@@ -57,27 +60,30 @@ def play(
     lanes = len(seeds)
     env = RoughTurningVectorEnv(lanes, scenario, AutoresetMode.SAME_STEP)
     policy = make_policy(lanes)
-    observations, _ = env.reset(seed=list(seeds))
+    observations, infos = env.reset(seed=list(seeds))
     policy.reset(np.ones(lanes, np.bool_))
     episodes: Episodes = {name: np.zeros(lanes) for name in EPISODE_FIELDS}
     running = np.ones(lanes, np.bool_)
     while running.any():
+        if tell:
+            policy.tell(infos)  # type: ignore[attr-defined]
         observations, rewards, terminated, truncated, infos = env.step(policy.act(observations))
         ended = terminated | truncated
+        of_interval = infos
         if ended.any():
             final = infos["final_info"]
-            infos = {name: np.where(ended, final[name], infos[name]) for name in (*SUMS, *LAST, "cost")}
+            of_interval = {name: np.where(ended, final[name], infos[name]) for name in (*SUMS, *LAST, "cost")}
             policy.reset(ended)
             ending = running & ended
             for name in LAST:
-                episodes[name][ending] = infos[name][ending]
+                episodes[name][ending] = of_interval[name][ending]
             episodes["truncated"] += running & truncated
         counted = running.astype(np.float64)
         episodes["return"] += counted * rewards
         episodes["intervals"] += counted
         for name in SUMS:
-            episodes[name] += counted * infos[name]
-        episodes["excess"] += counted * infos["cost"] * infos["time"]
+            episodes[name] += counted * of_interval[name]
+        episodes["excess"] += counted * of_interval["cost"] * of_interval["time"]
         running &= ~ended
         on_interval(lanes - int(running.sum()))
     return episodes

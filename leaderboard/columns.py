@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from leaderboard.standings import OVERRIDE, PARTS, ROUGHNESS, SPEED_AND_FEED, Standing
 from leaderboard.statistics import Estimate
@@ -62,6 +62,34 @@ RETURNS = (
     ),
 )
 
+SCORE = (
+    Column(
+        "score",
+        "-",
+        "Where the return lies between fixed parameters, 0, and the clairvoyant bound, 100; paired by draw.",
+        lambda s: s.score,
+        1,
+        100,
+    ),
+    Column(
+        "of the way",
+        "%",
+        "Share of the way from the rescaled grid search to the causal reference, which knows the present state perfectly but not "
+        "what is to come.",
+        lambda s: s.way_gone,
+        0,
+        100,
+    ),
+    Column(
+        "over causal",
+        "s",
+        "Return less that of the causal reference on the same draws: what is lost by not knowing and by not controlling as well. "
+        "The clairvoyant bound's is what not foreseeing costs.",
+        lambda s: s.over_causal,
+        0,
+    ),
+)
+
 _TASKS = (
     ("where speed and feed are set", SPEED_AND_FEED),
     ("where only the feed is set", OVERRIDE),
@@ -105,80 +133,100 @@ COMPARISONS = (
     ),
 )
 
-LIMITS = (
-    Column(
-        "over a limit", "%", "Share of cutting time above the limit of force or of power.", lambda s: s.overload_share, 2, 100
-    ),
-    Column(
-        "severely over",
-        "%",
-        "Share of cutting time above a limit by more than the tolerance.",
-        lambda s: s.severe_share,
-        2,
-        100,
-    ),
-    Column(
-        "severely over, at most",
-        "%",
-        "Upper 95 % confidence limit of that share (one-sided). Within the allowance, the policy is admissible.",
-        lambda s: s.severe_limit,
-        2,
-        100,
-    ),
-    Column(
-        "excess",
-        "%",
-        "Relative excess over the limits, force and power added, averaged over cutting time.",
-        lambda s: s.excess,
-        3,
-        100,
-    ),
+
+def _of_play(columns: Sequence[Column]) -> tuple[Column, ...]:
+    """The columns with nothing to say of what has not been played: a bound."""
+
+    def played(value: Callable[[Standing], Value]) -> Callable[[Standing], Value]:
+        return lambda standing: value(standing) if standing.minutes > 0.0 else None
+
+    return tuple(replace(column, value=played(column.value)) for column in columns)
+
+
+LIMITS = _of_play(
+    (
+        Column(
+            "over a limit", "%", "Share of cutting time above the limit of force or of power.", lambda s: s.overload_share, 2, 100
+        ),
+        Column(
+            "severely over",
+            "%",
+            "Share of cutting time above a limit by more than the tolerance.",
+            lambda s: s.severe_share,
+            2,
+            100,
+        ),
+        Column(
+            "severely over, at most",
+            "%",
+            "Upper 95 % confidence limit of that share (one-sided). Within the allowance, the policy is admissible.",
+            lambda s: s.severe_limit,
+            2,
+            100,
+        ),
+        Column(
+            "excess",
+            "%",
+            "Relative excess over the limits, force and power added, averaged over cutting time.",
+            lambda s: s.excess,
+            3,
+            100,
+        ),
+    )
 )
 
-WORKSHOP = (
-    Column(
-        "time",
-        "min",
-        "Mean time of an episode: machine time, edge changes and the downtime of breakages.",
-        lambda s: s.minutes,
-        2,
-    ),
-    Column(
-        "cost per part", "min", "That time and the price of edges, per part turned, in machine time.", lambda s: s.part_cost, 2
-    ),
-    Column(
-        "roughness deviation",
-        "%",
-        "Relative deviation of Ra from its reference, averaged over cutting time.",
-        lambda s: s.roughness_deviation,
-        2,
-        100,
-    ),
-    Column(
-        "productivity",
-        "cm3/min",
-        "Metal removed over all time: machine time, edge changes and the downtime of breakages. An edge that the time limit "
-        "leaves unfinished is charged its used share of a change.",
-        lambda s: s.productivity,
-        1,
-    ),
-    Column(
-        "cost",
-        "min/dm3",
-        "All that time, and the price of the edges used up, in minutes of machine time, over metal removed.",
-        lambda s: s.cost,
-        2,
-    ),
-    Column("edges", "edges", "Mean number of edges that an episode uses up.", lambda s: s.edges, 2),
-    Column(
-        "broken edges",
-        "per 100",
-        "Edges broken, per hundred used up; one that the time limit leaves unfinished counts as its used share.",
-        lambda s: s.broken_share,
-        1,
-        100,
-    ),
-    Column("used life", "%", "Used share of the edge's life when the episode ends, on average.", lambda s: s.used_life, 1, 100),
+WORKSHOP = _of_play(
+    (
+        Column(
+            "time",
+            "min",
+            "Mean time of an episode: machine time, edge changes and the downtime of breakages.",
+            lambda s: s.minutes,
+            2,
+        ),
+        Column(
+            "cost per part",
+            "min",
+            "That time and the price of edges, per part turned, in machine time.",
+            lambda s: s.part_cost,
+            2,
+        ),
+        Column(
+            "roughness deviation",
+            "%",
+            "Relative deviation of Ra from its reference, averaged over cutting time.",
+            lambda s: s.roughness_deviation,
+            2,
+            100,
+        ),
+        Column(
+            "productivity",
+            "cm3/min",
+            "Metal removed over all time: machine time, edge changes and the downtime of breakages. An edge that the time limit "
+            "leaves unfinished is charged its used share of a change.",
+            lambda s: s.productivity,
+            1,
+        ),
+        Column(
+            "cost",
+            "min/dm3",
+            "All that time, and the price of the edges used up, in minutes of machine time, over metal removed.",
+            lambda s: s.cost,
+            2,
+        ),
+        Column("edges", "edges", "Mean number of edges that an episode uses up.", lambda s: s.edges, 2),
+        Column(
+            "broken edges",
+            "per 100",
+            "Edges broken, per hundred used up; one that the time limit leaves unfinished counts as its used share.",
+            lambda s: s.broken_share,
+            1,
+            100,
+        ),
+        Column(
+            "used life", "%", "Used share of the edge's life when the episode ends, on average.", lambda s: s.used_life, 1, 100
+        ),
+    )
 )
 
 

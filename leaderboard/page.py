@@ -49,6 +49,7 @@ def _section(board: Board) -> dict[str, Any]:
     trajectories = board.trajectories
     groups = {
         "Return": columns.RETURNS,
+        "Score": columns.SCORE,
         "Compared on the same draws": columns.COMPARISONS,
         "Limits": columns.LIMITS,
         "In the workshop": columns.WORKSHOP,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from baselines.overload import CONFIDENCE, ratio
+from leaderboard.references import CAUSAL, CLAIRVOYANT
 from leaderboard.results import PolicyRecord, Result, ResultError
 from leaderboard.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean
 from turning_env import Scenario
@@ -20,9 +21,11 @@ class References:
     """Fixed parameters: the zero of the score."""
     published: str
     """The published controller."""
+    adaptive: str | None = None
+    """The best that the literature's controllers come to when they adapt: from here to the causal reference is the way to go."""
 
 
-SPEED_AND_FEED = References("fixed_tuned", "grid_search")
+SPEED_AND_FEED = References("fixed_tuned", "grid_search", "rescaled_grid_search")
 OVERRIDE = References("programmed_feed", "modified_fuzzy_override")
 ROUGHNESS = References("programmed_feed", "constant_force")
 PARTS = References("parts_fixed_tuned", "parts_app_pt")
@@ -53,6 +56,9 @@ class Standing:
     best_rule: str | None  # of the other policies that are rules, the one with the highest mean return
     over_best_rule: Estimate | None  # [s]
     improves_on_published: Estimate | None  # probability
+    score: Estimate | None  # 0 the fixed parameters, 1 the clairvoyant bound
+    way_gone: Estimate | None  # share of the way from the adaptive reference to the causal one
+    over_causal: Estimate | None  # [s]
     minutes: float  # of an episode, changes and downtime counted [min]
     part_cost: float | None  # edges included, None where no parts are turned [min]
     roughness_deviation: float | None  # mean while cutting, relative; None where no roughness is held
@@ -68,7 +74,7 @@ class Standing:
 
 
 def rank(results: Sequence[Result]) -> list[Standing]:
-    """The policies of one task, admissible ones first, then by mean return; there must be a result.
+    """The policies of one task, admissible ones first, then by mean return; then the references. There must be a result.
 
     Raises:
         ResultError: agents of one name differ in more than the training seed.
@@ -81,7 +87,12 @@ def rank(results: Sequence[Result]) -> list[Standing]:
     bootstrap = Bootstrap(len(results[0].task.draws))
     rules = {name: float(np.mean(rows[name]["return"])) for name, group in groups.items() if group[0].policy.kind == "rule"}
     standings = [_standing(group, rows, rules, bootstrap) for group in groups.values()]
-    return sorted(standings, key=lambda standing: (not standing.admissible, -standing.mean_return.value, standing.name))
+    return sorted(standings, key=_place)
+
+
+def _place(standing: Standing) -> tuple[bool, bool, float, str]:
+    """What standings are sorted by."""
+    return standing.kind == "reference", not standing.admissible, -standing.mean_return.value, standing.name
 
 
 def highest(returns: Mapping[str, float]) -> str | None:
@@ -134,6 +145,14 @@ def _standing(
         wins = improvement(returns, rows[refer.published]["return"])
         improves_on_published = Estimate.of(float(np.mean(wins)), bootstrap.means(wins, name))
 
+    def share_of_way(start: str | None, end: str) -> Estimate | None:
+        if start is None or start not in rows or end not in rows or name in (start, end):
+            return None
+        far, near = rows[end]["return"], rows[start]["return"]
+        way, replicates = np.mean(far) - np.mean(near), bootstrap.means(far, end) - bootstrap.means(near, start)
+        gone = np.mean(returns) - np.mean(near)
+        return Estimate.of(float(gone / way), (mean_returns - bootstrap.means(near, start)) / replicates)
+
     engaged, severe = episodes["engaged_time"], episodes["severe_overload_time"]
     severe_shares = ratio(bootstrap.means(severe, name), bootstrap.means(engaged, name))
     severe_limit = float(np.quantile(severe_shares, CONFIDENCE))
@@ -153,6 +172,9 @@ def _standing(
         best_rule=best_rule,
         over_best_rule=difference(best_rule),
         improves_on_published=improves_on_published,
+        score=share_of_way(refer.fixed, CLAIRVOYANT),
+        way_gone=share_of_way(refer.adaptive, CAUSAL),
+        over_causal=difference(CAUSAL),
         minutes=float(np.mean(minutes)),
         part_cost=(
             _share(minutes + scenario.economics.edge_cost * edges, episodes["intervals"])

@@ -32,11 +32,13 @@ class Steady:
         return self._actions
 
 
-def record_of(name: str, seed: int | None = None, parameters: dict[str, float] | None = None) -> PolicyRecord:
-    """A rule, or with a training seed an agent."""
+def record_of(
+    name: str, seed: int | None = None, parameters: dict[str, float] | None = None, kind: str | None = None
+) -> PolicyRecord:
+    """A rule, with a training seed an agent, or what ``kind`` says."""
     return PolicyRecord(
         name=name,
-        kind="rule" if seed is None else "agent",
+        kind=kind or ("rule" if seed is None else "agent"),  # type: ignore[arg-type]
         description="made up",
         parameters=dict(parameters or {}),
         digest=digest_of(parameters),
@@ -73,10 +75,12 @@ def make_result(task: Task) -> MakeResult:
     """Makes a result with the given values, and a plain minute of cutting where nothing is given."""
     plain = {"time": 60.0, "engaged_time": 60.0, "removed": 100.0, "used_life": 0.5, "truncated": 1.0}
 
-    def make(name: str, seed: int | None = None, parameters: dict[str, float] | None = None, **values: object) -> Result:
+    def make(
+        name: str, seed: int | None = None, parameters: dict[str, float] | None = None, kind: str | None = None, **values: object
+    ) -> Result:
         count = len(task.draws)
         episodes = {field: np.broadcast_to(np.float64(plain.get(field, 0.0)), count) for field in EPISODE_FIELDS}
         episodes |= {field: np.broadcast_to(np.asarray(value, np.float64), count) for field, value in values.items()}
-        return Result.of(task, record_of(name, seed, parameters), episodes)
+        return Result.of(task, record_of(name, seed, parameters, kind), episodes)
 
     return make

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from leaderboard.columns import LIMITS, WORKSHOP
 from leaderboard.results import ResultError
 from leaderboard.standings import rank
 from tests.leaderboard.conftest import MakeResult
@@ -123,3 +124,26 @@ def test_a_policy_that_never_cuts_has_numbers(make_result: MakeResult) -> None:
 def test_agents_of_one_name_must_be_alike(make_result: MakeResult) -> None:
     with pytest.raises(ResultError, match=r"ppo-seed0 and ppo-seed1 .* parameters: \{'gamma': 0\.9\}, \{'gamma': 0\.99\}"):
         rank([make_result("ppo", 0, {"gamma": 0.9}), make_result("ppo", 1, {"gamma": 0.99})])
+
+
+def test_score_runs_from_fixed_parameters_to_the_clairvoyant_bound(make_result: MakeResult) -> None:
+    returns = {"fixed_tuned": -100.0, "rescaled_grid_search": -40.0, "good": -10.0}
+    rows = [make_result(name, **{"return": value}) for name, value in returns.items()]
+    rows += [make_result("clairvoyant", kind="reference", **{"return": 100.0, "time": 0.0, "engaged_time": 0.0})]
+    rows += [make_result("causal", kind="reference", **{"return": 0.0})]
+    standings = {standing.name: standing for standing in rank(rows)}
+    assert list(standings)[-2:] == ["clairvoyant", "causal"]  # references are listed, not ranked
+    good = standings["good"]
+    assert good.score is not None
+    assert good.way_gone is not None
+    assert good.over_causal is not None
+    assert (good.score.value, good.way_gone.value, good.over_causal.value) == pytest.approx((0.45, 0.75, -10.0))
+    assert standings["fixed_tuned"].score is standings["clairvoyant"].score is None
+    assert standings["good"].best_rule == "rescaled_grid_search"
+    assert standings["clairvoyant"].minutes == 0.0
+    assert all(column.cell(standings["clairvoyant"]).number is None for column in (*LIMITS, *WORKSHOP))
+
+
+def test_without_references_there_is_no_score(make_result: MakeResult) -> None:
+    standings = rank([make_result("fixed_tuned"), make_result("good", **{"return": 1.0})])
+    assert all(standing.score is standing.way_gone is standing.over_causal is None for standing in standings)
