@@ -82,7 +82,7 @@ def test_a_loaded_agent_does_what_its_model_predicts(algorithm: Algorithm, tmp_p
 
 
 @every_algorithm
-def test_every_id_can_be_learned(algorithm: Algorithm, tmp_path: Path) -> None:
+def test_there_is_an_agent_for_every_id(algorithm: Algorithm, tmp_path: Path) -> None:
     for preset in IDS.values():
         scenario = Scenario.load(preset)
         run = small_run(algorithm, tmp_path, scenario)
