@@ -50,12 +50,11 @@ class Card:
     @property
     def what(self) -> str:
         """One sentence of what it is."""
-        title = importlib.import_module(f"train.{self.name}").ALGORITHM.title  # written from one's own trainings
-        memory = (
-            f"with a memory of {self.memory_size} numbers"
-            if self.memory_size
-            else "whose action follows from the present observation"
-        )
+        try:
+            title = importlib.import_module(f"train.{self.name}").ALGORITHM.title
+        except (ModuleNotFoundError, AttributeError):  # of an algorithm that is not the project's
+            title = self.name
+        memory = f"with a memory of {self.memory_size} numbers" if self.memory_size else "a function of the present observation"
         return f"A controller trained with {title}, {memory}."
 
     @property

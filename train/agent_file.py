@@ -108,7 +108,7 @@ class Metadata(BaseModel):
         for name, text in properties.items():
             field = cls.model_fields.get(name)
             try:
-                values[name] = json.loads(text) if field is not None and field.annotation in _JSON_FIELDS else text
+                values[name] = _from_json(text) if field is not None and field.annotation in _JSON_FIELDS else text
             except (ValueError, RecursionError) as error:
                 raise ValueError(f"metadata {name} is not JSON: {error}") from error
         try:
@@ -119,6 +119,12 @@ class Metadata(BaseModel):
             raise ValueError(
                 f"metadata {field_name}: {details['msg']}".replace("metadata : Value error, ", "metadata ")
             ) from error
+
+
+def _from_json(text: str) -> Any:
+    value = json.loads(text)
+    json.dumps(value, ensure_ascii=False).encode()  # halves of surrogate pairs can be read, but not written
+    return value
 
 
 _JSON_FIELDS = (int, Scenario, Space, dict[str, JsonValue], dict[str, str])

@@ -211,6 +211,8 @@ REFUSED: dict[str, tuple[Callable[[onnx.ModelProto], object], str]] = {
     "metadata twice": (doubled, "names something twice"),
     "metadata no JSON": (retold("seed", "one"), "metadata seed is not JSON"),
     "metadata deep": (retold("parameters", "[" * 100_000), "metadata parameters is not JSON"),
+    "metadata that cannot be written": (retold("parameters", '{"a": "\\ud800"}'), "metadata parameters is not JSON"),
+    "metadata of no number": (retold("parameters", '{"a": NaN}'), "metadata parameters.a.* finite number"),
     "metadata of another type": (retold("seed", '"1"'), "metadata seed: Input should be a valid integer"),
     "another format": (retold("format", "rough-turning/agent/9"), "metadata format: .*rough-turning/agent/1"),
     "a path for a name": (retold("algorithm", "../ppo"), "metadata algorithm: "),
