@@ -77,10 +77,13 @@ def _verify(options: argparse.Namespace) -> int:
     from leaderboard import verify  # needed only here: plays
 
     selection = verify.Selection(options.env, options.scenario, options.policies)
-    complaints = verify.verify(options.rows, options.agents, selection, options.jobs, options.memory, options.fresh)
+    complaints = verify.verify(
+        options.rows, options.agents, selection, options.jobs, options.memory, options.fresh, options.draws
+    )
     for complaint in complaints:
         print(complaint)
-    print(f"{len(complaints)} complaints" if complaints else "every row came back bit for bit")
+    what = "every row" if options.draws is None else "the start of every row"
+    print(f"{len(complaints)} complaints" if complaints else f"{what} came back bit for bit")
     return 1 if complaints else 0
 
 
@@ -120,7 +123,7 @@ def _draws(text: str) -> list[int]:
         raise argparse.ArgumentTypeError(str(error)) from error
 
 
-def _jobs(text: str) -> int:
+def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
     return int(text)
@@ -163,7 +166,9 @@ def _parser() -> argparse.ArgumentParser:
     verify.add_argument("--env", choices=IDS, help="only of this id")
     verify.add_argument("--scenario", metavar="NAME", help="only on this scenario")
     verify.add_argument("--policies", nargs="+", metavar="NAME", help="only of these policies")
-    verify.add_argument("--jobs", type=_jobs, default=1, metavar="N", help="rows played at a time (default: 1)")
+    verify.add_argument("--jobs", type=_positive, default=1, metavar="N", help="rows played at a time (default: 1)")
+    quick = "a quick look: only the first draws of each row"
+    verify.add_argument("--draws", type=_positive, metavar="N", help=quick)
     verify.add_argument("--fresh", action="store_true", help="play again what came back before with the same code")
     memory = "where it is kept what came back (default: results/verified.json)"
     verify.add_argument("--memory", type=Path, default=Path("results/verified.json"), metavar="FILE", help=memory)

@@ -66,7 +66,9 @@ class Verdict:
     """Of the row, the agent in it, and the code: see ``key_of``."""
 
 
-def verify(rows: Path, agents: Path, selection: Selection, jobs: int, memory: Path, fresh: bool) -> list[str]:
+def verify(
+    rows: Path, agents: Path, selection: Selection, jobs: int, memory: Path, fresh: bool, draws: int | None = None
+) -> list[str]:
     """Play every selected row again.
 
     Args:
@@ -76,6 +78,7 @@ def verify(rows: Path, agents: Path, selection: Selection, jobs: int, memory: Pa
         jobs: how many rows are played at a time, each in a process of its own.
         memory: file in which it is kept which rows have come back, so that they need not be played again with the same code.
         fresh: play these as well.
+        draws: play only so many of each row's draws, the first; such rows are not kept in ``memory``.
 
     Returns:
         What is wrong, each with the file that it is wrong with: values that do not come back, rows of other code, agents without
@@ -90,11 +93,11 @@ def verify(rows: Path, agents: Path, selection: Selection, jobs: int, memory: Pa
     verified = set() if fresh else _remembered(memory)
     complaints = list(_without_row(rows, agents, selection))
     with _mapper(jobs) as mapped, tqdm(total=len(paths), unit="row", dynamic_ncols=True, disable=None) as bar:
-        for verdict in mapped(partial(verdict_on, agents=agents, verified=frozenset(verified)), paths):
+        for verdict in mapped(partial(verdict_on, agents=agents, verified=frozenset(verified), draws=draws), paths):
             bar.set_description(verdict.row.name.removesuffix(SUFFIX))
             bar.update()
             complaints += [f"{verdict.row}: {complaint}" for complaint in verdict.complaints]
-            if not verdict.complaints and verdict.key not in verified:
+            if not verdict.complaints and verdict.key not in verified and draws is None:
                 verified.add(verdict.key)
                 write_whole(memory, json.dumps(sorted(verified), indent=1) + "\n")
     return sorted(complaints)
@@ -115,8 +118,8 @@ def _mapper(jobs: int) -> Iterator[Mapper]:
         yield pool.imap_unordered
 
 
-def verdict_on(path: Path, agents: Path, verified: frozenset[str]) -> Verdict:
-    """Play one row again, unless its key is among the verified ones."""
+def verdict_on(path: Path, agents: Path, verified: frozenset[str], draws: int | None = None) -> Verdict:
+    """Play one row again, or its first draws, unless its key is among the verified ones."""
     try:
         result = read_result(path)
         key = key_of(path)
@@ -124,7 +127,7 @@ def verdict_on(path: Path, agents: Path, verified: frozenset[str]) -> Verdict:
         player = player_of(result.policy, result.task, agents)
         if key in verified:
             return Verdict(path, [], key)
-        episodes = player.episodes(result.task.scenario, result.task.draws, lambda ended: None)
+        episodes = player.episodes(result.task.scenario, result.task.draws[:draws], lambda ended: None)
     except ResultError as error:
         return Verdict(path, [str(error).removeprefix(f"{path}: ")], "")
     return Verdict(path, differences(result, episodes), key)
@@ -186,10 +189,11 @@ def _made_for(policy: PolicyRecord) -> Scenario | None:
 
 
 def differences(result: Result, episodes: Episodes) -> list[str]:
-    """The fields of a row that have not come back bit for bit, each with the largest difference."""
+    """The fields of a row, or of its first draws, that have not come back bit for bit, each with the largest difference."""
     complaints = []
     for name in EPISODE_FIELDS:
-        recorded, played = np.array(result.episodes[name]), episodes[name]
+        played = episodes[name]
+        recorded = np.array(result.episodes[name])[: len(played)]
         other = recorded.view(np.int64) != played.view(np.int64)
         if other.any():
             largest = float(np.max(np.abs(recorded - played)))

@@ -149,12 +149,25 @@ def test_what_came_back_is_not_played_again(shipped: Path, monkeypatch: pytest.M
         assert len(complaints(shipped, fresh=False)) == 1
 
 
+def test_a_quick_look_is_at_the_first_draws(shipped: Path) -> None:
+    path = row(shipped, RULE)
+    episodes = read_result(path).episodes
+    rewrite(path, episodes=episodes | {"return": [*episodes["return"][:3], 0.0], "wear": [0.0, *episodes["wear"][1:]]})
+    arguments = (shipped / "rows", shipped / "agents", EVERYTHING, 1, shipped / "verified.json", False)
+    (quick,) = verify.verify(*arguments, draws=2)
+    assert quick.startswith(f"{path}: wear differs on 1 of 2 draws")
+    assert not (shipped / "verified.json").exists()
+    assert len(verify.verify(*arguments)) == 2
+
+
 def test_command_line(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["verify", "--rows", str(shipped / "rows"), "--agents", str(shipped / "agents")]
     arguments += ["--memory", str(shipped / "memory.json")]
     assert main(arguments) == 0
     assert capsys.readouterr().out == "every row came back bit for bit\n"
     assert len(json.loads((shipped / "memory.json").read_text())) == 4
+    assert main([*arguments, "--draws", "1"]) == 0
+    assert capsys.readouterr().out == "the start of every row came back bit for bit\n"
     row(shipped, RULE).write_bytes(b"damaged")
     assert main([*arguments, "--env", ENV_ID, "--scenario", "short", "--policies", RULE]) == 1
     assert "fixed_handbook.json.xz: " in capsys.readouterr().out
