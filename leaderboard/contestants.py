@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from baselines.play import Episodes, play
 from baselines.policy import PolicyFactory
-from leaderboard.results import PolicyRecord
+from leaderboard.results import PolicyRecord, ResultError
 from turning_env import Scenario
 
 
@@ -17,8 +17,15 @@ class Contestant:
     make: PolicyFactory
 
     def episodes(self, scenario: Scenario, draws: Sequence[int], on_interval: Callable[[int], None]) -> Episodes:
-        """Play one episode per draw: see ``baselines.play.play``."""
-        return play(self.make, scenario, draws, on_interval)
+        """Play one episode per draw: see ``baselines.play.play``.
+
+        Raises:
+            ResultError: its actions have the wrong shape or are not finite.
+        """
+        try:
+            return play(self.make, scenario, draws, on_interval)
+        except ValueError as error:
+            raise ResultError(f"{self.policy.label} cannot play: {error}") from error
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Playing: what is played, what is resumed, what is refused, and the command line over all of it."""
 
 import hashlib
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -94,6 +95,13 @@ def test_agents_that_cannot_be_ranked_are_refused_before_play(task: Task, folder
     with pytest.raises(ResultError, match="ppo-seed0 and ppo-seed1 cannot be one policy"):
         play_all(task, [contestant("ppo", (0, 0.1), 0), contestant("ppo", (0, 0.2), 1)], folder, fresh=False)
     assert not played
+
+
+def test_a_policy_whose_actions_are_no_numbers_is_named(task: Task, folder: Path) -> None:
+    lost = Contestant(record_of("lost"), lambda lanes: Steady(lanes, (math.nan, 0.0)))
+    with pytest.raises(ResultError, match=r"lost cannot play: .*finite"):
+        play_all(task, [contestant("one"), lost], folder, fresh=False)
+    assert [path.name for path in folder.iterdir()] == ["one.json.xz"]
 
 
 def test_trajectories_are_of_one_draw_and_of_the_policies_to_compare(task: Task, folder: Path) -> None:
