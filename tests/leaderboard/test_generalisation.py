@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from leaderboard import generalisation
+from leaderboard import generalisation, page
 from leaderboard.board import Board
 from leaderboard.results import MadeFor, PolicyRecord, Result, Task
 from leaderboard.standings import rank
 from tests.leaderboard.conftest import ENV_ID, MakeResult, record_of
+from tests.leaderboard.test_page import Outline
 from turning_env import SPLITS, Scenario
 
 BASE = Scenario.load("rough_turning")
@@ -52,6 +53,12 @@ def test_policies_over_the_splits_for_which_they_were_not_made(make_result: Make
     }
     assert not table.admissible("greedy", first)
     lines = {line.split()[0]: line.split()[1:] for line in generalisation.render(table).splitlines()[3:]}
+    html = page.render([base, *splits])
+    outline = Outline()
+    outline.feed(html)
+    assert not outline.open
+    assert "Where they were not made for" in html
+    assert html.count('<td class="refused" data-value') == 1
     assert lines == {"greedy": ["5", "2", "NO"], "ppo": ["4", "1"], "tuned": ["3"], "oracle": ["9", "12"]}
 
 

@@ -27,7 +27,9 @@ def board(task: Task, folder: Path, make_result: MakeResult) -> Board:
     return read_board(folder)
 
 
-class _Outline(HTMLParser):
+class Outline(HTMLParser):
+    """The elements of a page, and those that are still open."""
+
     VOID = ("meta", "line", "circle", "polyline")
 
     def __init__(self) -> None:
@@ -49,7 +51,7 @@ class _Outline(HTMLParser):
 
 def test_page_is_well_formed_and_needs_nothing_beside_itself(board: Board) -> None:
     html = page.render([board])
-    outline = _Outline()
+    outline = Outline()
     outline.feed(html)
     assert not outline.open
     assert not re.search(r"https?:|url\(|@import|src=|<link|<img|<iframe", html)
@@ -64,7 +66,7 @@ def test_hostile_names_are_text(board: Board) -> None:
 
 
 def test_tables_are_accessible_and_say_who_is_not_admissible(board: Board) -> None:
-    outline = _Outline()
+    outline = Outline()
     html = page.render([board])
     outline.feed(html)
     heads = [attributes for tag, attributes in outline.seen if tag == "th"]
