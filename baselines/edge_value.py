@@ -15,6 +15,8 @@ edge, its price and its change pay for all the time they take. Where they are ch
 not be used: the price is never below 0, and the edge is best changed where it reaches 0.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -39,11 +41,25 @@ def expected_excess(log_mean: Array, spread: Array | float) -> Array:
     return np.asarray(np.exp(log_mean + 0.5 * np.square(spread)) * ndtr(ratio + spread) - ndtr(ratio))
 
 
+class Worth(NamedTuple):
+    """What time and life are worth."""
+
+    time: float
+    """Price of a second [s]: 1, or where time is limited what could be earned in it."""
+    life: Array
+    """Price p(D) of a whole life [s] at each of ``USED_LIVES``."""
+
+
 def prices_of_life(scenario: Scenario, overload_price: float) -> Array:
     """Price p(D) of a whole life [s] at each of ``USED_LIVES``, if overload has this price [s per s and relative excess of 1]."""
+    return worth(scenario, overload_price).life
+
+
+def worth(scenario: Scenario, overload_price: float) -> Worth:
+    """The prices of time and life, if overload has this price [s per s and relative excess of 1]."""
     value, rate, weight = _outcomes(scenario, overload_price)
     if scenario.control.edge_changes == "end":
-        return _prices(value - 1.0, rate, weight)
+        return Worth(1.0, _prices(value - 1.0, rate, weight))
     economics = scenario.economics
     least = 0.0 if scenario.control.edge_changes == "commanded" else -np.inf
 
@@ -55,7 +71,8 @@ def prices_of_life(scenario: Scenario, overload_price: float) -> Array:
         return float(prices(time_price).mean()) - 60.0 * (economics.edge_cost + change)
 
     most = min(_MOST_TIME_PRICE, float(value.max()) + 1.0)
-    return prices(brentq(gain_of_an_edge, 0.0, most, xtol=1e-3))
+    time_price = brentq(gain_of_an_edge, 0.0, most, xtol=1e-3)
+    return Worth(time_price, prices(time_price))
 
 
 def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, Array]:

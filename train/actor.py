@@ -12,8 +12,9 @@ from baselines.policy import Actions, Observations
 class Actor(torch.nn.Module):
     """An agent's most likely action, with everything that belongs to it inside: scaling, memory, clipping.
 
-    ``forward(observation, memory)`` takes float32 tensors of shape (lanes, entries) and (lanes, memory_size), and gives the action
-    in -1..1 of shape (lanes, actions) and the memory for the next call. Before an episode's first observation the memory is 0.
+    ``forward(observation, memory)`` takes float32 tensors of shape (lanes, entries) and (lanes, memory_size), and gives the
+    action in -1..1 of shape (lanes, actions) and the memory for the next call. Before an episode's first observation the memory
+    is 0.
     """
 
     memory_size: int = 0

@@ -23,7 +23,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from train import command, ppo
 from train.run import Run
 from train.training import Algorithm
-from train.vec_env import RoughTurningVecEnv
+from train.vec_env import RoughTurningVecEnv, of_interval
 
 
 class AllowanceVecEnv(RoughTurningVecEnv):
@@ -39,7 +39,7 @@ class AllowanceVecEnv(RoughTurningVecEnv):
 
     def learned_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
         """Rewards without the price of overload, but with the multiplier's."""
-        overload, severe, engaged = (_of_interval(infos, name) for name in _TERMS)
+        overload, severe, engaged = (of_interval(infos, name) for name in _TERMS)
         self._severe_time += float(severe.sum())
         self._engaged_time += float(engaged.sum())
         return rewards - overload - self.multiplier * severe
@@ -58,12 +58,6 @@ class AllowanceVecEnv(RoughTurningVecEnv):
 
 
 _TERMS = ("reward_overload", "severe_overload_time", "engaged_time")  # all [s]
-
-
-def _of_interval(infos: dict[str, Any], name: str) -> NDArray[np.float64]:
-    """A term of the interval just run, also in lanes where an episode ended and the next has begun."""
-    values: NDArray[np.float64] = infos[name]
-    return np.where(infos["_final_info"], infos["final_info"][name], values) if "final_info" in infos else values
 
 
 class DualAscent(BaseCallback):

@@ -21,6 +21,7 @@ from train.actor import Actor
 from train.learning_curve import LearningCurve
 from train.run import Run
 from train.vec_env import RoughTurningVecEnv
+from turning_env import Scenario
 from turning_env.draws import TUNING_START
 from turning_env.files import replace_file
 
@@ -55,6 +56,8 @@ class Algorithm:
     """What is done besides while a run is trained."""
     columns: Callable[[Any], dict[str, float]] = lambda model: {}
     """Its own columns of the learning curve."""
+    plays: Callable[[Scenario], bool] = lambda scenario: True
+    """Whether it can learn on a scenario."""
     log_interval: int = 5
     """Rollouts, or off-policy episodes, between entries in the TensorBoard logs."""
 
@@ -133,8 +136,12 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000) -> Pa
         checkpoint_every: environment steps between checkpoints.
 
     Raises:
-        ValueError: the folder holds a run of other settings.
+        ValueError: the folder holds a run of other settings, or the algorithm cannot learn on the scenario.
     """
+    if not algorithm.plays(run.scenario):
+        raise ValueError(
+            f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}, whose actions or aim it does not know"
+        )
     run.begin()
     if run.policy.exists():
         return run.policy

@@ -42,7 +42,7 @@ from train.training import SEEDS, Algorithm, train
 from turning_env import IDS, Scenario
 from turning_env.draws import tuning_draws
 
-ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo")
+ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
 """Those that can be tuned."""
 DRAWS = 64
 """Tuning draws that each agent plays."""

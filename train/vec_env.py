@@ -76,3 +76,9 @@ class RoughTurningVecEnv(VecEnv):
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: int | Iterable[int] | None = None) -> list[bool]:
         return [False] * len(list(self._get_indices(indices)))
+
+
+def of_interval(infos: dict[str, Any], name: str) -> NDArray[np.float64]:
+    """An entry of the vector environment's infos as it was when the interval ended, also where the next episode has begun."""
+    values: NDArray[np.float64] = infos[name]
+    return np.where(infos["_final_info"], infos["final_info"][name], values) if "final_info" in infos else values

@@ -1,0 +1,288 @@
+"""A recurrent agent taught in hindsight by the machinability models: train one agent for one training seed.
+
+    python -m train.analytic_gradient --seed 0
+
+The agent remembers (a GRU) and sees observations alone. After every few intervals a privileged teacher, the models at the true
+states (``train/model_gain.py``), tells the gradient of what those intervals have earned with respect to what the agent commanded,
+and that is passed through its memory back to what it saw. No value function is learned and nothing need be explored: the gradient
+is exact but for how the bars' true states would have come at other places.
+
+Running the same command again resumes an interrupted training, and does nothing if it is finished. What a run's folder holds:
+``train/training.py``. (Gradients of a differentiable model: Freeman et al. 2021, arXiv 2106.13281; a teacher that knows what the
+student cannot: Chen et al. 2020, arXiv 1912.12294; GRU: Cho et al. 2014, arXiv 1406.1078.)
+"""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import torch
+from optuna.distributions import CategoricalDistribution, FloatDistribution
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.type_aliases import MaybeCallback
+from stable_baselines3.common.utils import LinearSchedule
+
+from train import command
+from train.actor import Actor
+from train.commands import Commands
+from train.hindsight import HindsightVecEnv
+from train.model_gain import ModelGain, Truth
+from train.run import Run
+from train.training import Algorithm
+from train.vec_env import RoughTurningVecEnv
+from turning_env import Scenario
+
+Tensor = torch.Tensor
+
+
+class RecurrentActor(Actor):
+    """A GRU between two layers, which wants a cutting speed and a feed; see ``train/commands.py`` for how it gets there."""
+
+    def __init__(self, scenario: Scenario, entries: int, cells: int) -> None:
+        super().__init__()
+        self.commands = Commands(scenario)
+        self.memory_size = cells
+        self.encoder = torch.nn.Linear(entries, cells)
+        self.memory_cell = torch.nn.GRUCell(cells, cells)
+        self.hidden = torch.nn.Linear(cells + entries, cells)
+        self.head = torch.nn.Linear(cells, self.commands.wants + self.commands.changes_edges)
+        with torch.no_grad():
+            self.head.weight.mul_(0.1)
+            self.head.bias.zero_()
+            if self.commands.changes_edges:
+                self.head.bias[-1] = -1.0
+
+    def forward(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
+        memory = self.memory_cell(torch.relu(self.encoder(observation)), memory)
+        return self.commands.action(self._wanted(memory, observation), observation), memory
+
+    def unroll(self, observations: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
+        """What is wanted in a sequence, shape (intervals, lanes, wants), from observations of shape (intervals, lanes, entries).
+
+        Where an episode ``begins``, 1 in shape (intervals, lanes, 1), all before it is forgotten.
+        """
+        seen, memories = torch.relu(self.encoder(observations)), []
+        for step, keep in zip(seen, 1.0 - begins, strict=True):
+            memory = self.memory_cell(step, memory * keep)
+            memories.append(memory)
+        return self._wanted(torch.stack(memories), observations)
+
+    def _wanted(self, memory: Tensor, observation: Tensor) -> Tensor:
+        wanted: Tensor = self.head(torch.relu(self.hidden(torch.cat([memory, observation], dim=-1))))
+        return wanted if self.commands.changes_edges else wanted.tanh()
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How an agent is taught."""
+
+    cells: int
+    """Of the memory, and of the layers around it."""
+    rollout: int
+    """Intervals per lane between updates."""
+    batch_lanes: int
+    """Lanes in one step of gradient descent."""
+    epochs: int
+    """Times that each rollout is learned from."""
+    exploration: float
+    """Standard deviation of what is added to actions, so that a little more than the way taken is seen [-]."""
+    max_gradient_norm: float
+
+
+@dataclass
+class Rollout:
+    """What was seen and what was true; fields of shape (intervals, lanes, ...)."""
+
+    memory: Tensor
+    """Before the first interval, shape (lanes, cells)."""
+    begins: Tensor
+    observations: Tensor
+    before: np.ndarray[Any, np.dtype[np.float64]]
+    after: np.ndarray[Any, np.dtype[np.float64]]
+    changed: np.ndarray[Any, np.dtype[np.bool_]]
+
+
+class AnalyticGradient(BaseAlgorithm):
+    """The algorithm, as Stable-Baselines3 knows algorithms: what it saves, logs and calls back is that library's.
+
+    Args:
+        policy: ``RecurrentActor``.
+        env: lathes that tell the truth in hindsight.
+        learning_rate: as in Stable-Baselines3.
+        scenario: what is played.
+        settings: how the agent is taught.
+    """
+
+    policy: Any
+    env: Any
+    scenario: Any
+    settings: Any
+
+    def __init__(
+        self,
+        policy: type[Actor] = RecurrentActor,
+        env: HindsightVecEnv | None = None,
+        learning_rate: Any = 1e-3,
+        scenario: Scenario | None = None,
+        settings: Settings | None = None,
+        *,
+        tensorboard_log: str | None = None,
+        seed: int | None = None,
+        device: str = "cpu",
+        _init_setup_model: bool = True,
+    ) -> None:
+        super().__init__(
+            policy,  # type: ignore[arg-type]
+            env,
+            learning_rate,
+            tensorboard_log=tensorboard_log,
+            seed=seed,
+            device=device,
+            support_multi_env=True,
+            monitor_wrapper=False,
+        )
+        self.scenario, self.settings = scenario, settings
+        if _init_setup_model:
+            self._setup_model()
+
+    def _setup_model(self) -> None:
+        self._setup_lr_schedule()
+        self.set_random_seed(self.seed)
+        entries = self.observation_space.shape[0]  # type: ignore[index]
+        self.policy = self.policy_class(self.scenario, entries, self.settings.cells)
+        self.policy.optimizer = torch.optim.Adam(self.policy.parameters(), lr=self.lr_schedule(1.0))
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "gain"]
+
+    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
+        return ["policy", "policy.optimizer"], []
+
+    def learn(
+        self,
+        total_timesteps: int,
+        callback: MaybeCallback = None,
+        log_interval: int = 5,
+        tb_log_name: str = "analytic_gradient",
+        reset_num_timesteps: bool = True,
+        progress_bar: bool = False,
+    ) -> Self:
+        """Collect and learn in turns until so many intervals have been seen."""
+        self.gain = ModelGain(self.scenario)
+        if reset_num_timesteps:
+            self.memory = torch.zeros(self.n_envs, self.settings.cells)
+        total, callbacks = self._setup_learn(total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar)
+        callbacks.on_training_start(locals(), globals())
+        while self.num_timesteps < total:
+            callbacks.on_rollout_start()
+            rollout = self.collect(callbacks)
+            callbacks.on_rollout_end()
+            self._update_current_progress_remaining(self.num_timesteps, total)
+            self._update_learning_rate(self.policy.optimizer)
+            self.logger.record("train/gain", self.train(rollout))
+            self.logger.dump(self.num_timesteps)
+        callbacks.on_training_end()
+        return self
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[np.ndarray[Any, np.dtype[np.float32]], Any]:
+        """Actions for observations of shape (lanes, entries), and the memory to give back as ``state`` with the next."""
+        seen = torch.as_tensor(observation)
+        memory = torch.zeros(len(seen), self.settings.cells) if state is None else torch.as_tensor(state)
+        if episode_start is not None:
+            memory = memory * (1.0 - torch.as_tensor(episode_start).float().unsqueeze(-1))
+        with torch.no_grad():
+            actions, memory = self.policy(seen, memory)
+        return actions.numpy(), memory.numpy()
+
+    def collect(self, callbacks: BaseCallback) -> Rollout:
+        """Let the agent, as it is, run its lathes for a while."""
+        start, steps = self.memory, []
+        for _ in range(self.settings.rollout):
+            seen, begins = torch.from_numpy(self._last_obs), torch.from_numpy(self._last_episode_starts).float().unsqueeze(-1)
+            with torch.no_grad():
+                actions, self.memory = self.policy(seen, self.memory * (1.0 - begins))
+            actions = actions + self.settings.exploration * torch.randn_like(actions)
+            observations, _, ended, infos = self.env.step(actions.clamp(-1.0, 1.0).numpy())
+            steps.append((begins, seen, self.env.before, self.env.after, self.env.changed))
+            self._last_obs, self._last_episode_starts = observations, ended
+            self.num_timesteps += self.n_envs
+            self._update_info_buffer(infos, ended)
+            callbacks.on_step()
+        begun, observed, before, after, changed = zip(*steps, strict=True)
+        return Rollout(start, torch.stack(begun), torch.stack(observed), np.stack(before), np.stack(after), np.stack(changed))
+
+    def train(self, rollout: Rollout) -> float:
+        """Learn from a rollout; returns its mean gain per interval [s]."""
+        gains = []
+        for _ in range(self.settings.epochs):
+            for lanes in torch.randperm(self.n_envs).split(self.settings.batch_lanes):  # type: ignore[no-untyped-call]
+                gain = self.mean_gain(rollout, lanes)
+                self.policy.optimizer.zero_grad()
+                (-gain).backward()  # type: ignore[no-untyped-call]
+                torch.nn.utils.clip_grad_norm_(self.policy.parameters(), self.settings.max_gradient_norm)
+                self.policy.optimizer.step()
+                gains.append(gain.item())
+        return float(np.mean(gains))
+
+    def mean_gain(self, rollout: Rollout, lanes: Tensor) -> Tensor:
+        """Mean gain per interval [s] of some lanes in a rollout, as a function of what the agent wants."""
+        observations, chosen = rollout.observations[:, lanes], lanes.numpy()
+        truth = Truth(self.scenario, rollout.before[:, :, chosen], rollout.after[:, :, chosen], rollout.changed[:, chosen])
+        wanted = self.policy.unroll(observations, rollout.memory[lanes], rollout.begins[:, lanes])
+        commands = self.policy.commands
+        speed, feed = commands.actual(observations)
+        log_speed, log_feed = commands.commanded(wanted, observations)
+        gain: Tensor = self.gain(log_speed, log_feed, speed, feed, truth)
+        return gain.mean()
+
+
+def new_model(run: Run, lathes: RoughTurningVecEnv) -> AnalyticGradient:
+    """An untrained model."""
+    assert isinstance(lathes, HindsightVecEnv)
+    p = run.parameters
+    return AnalyticGradient(
+        RecurrentActor,
+        lathes,
+        LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),
+        run.scenario,
+        Settings(**{name: p[name] for name in Settings.__dataclass_fields__}),
+        tensorboard_log=str(run.folder / "tensorboard"),
+        seed=run.seed,
+    )
+
+
+def actor(path: Path) -> RecurrentActor:
+    """The finished agent in a ``policy.zip`` of your own."""
+    policy: RecurrentActor = AnalyticGradient.load(path, device="cpu").policy
+    return policy
+
+
+SEARCH = {
+    "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
+    "rollout": CategoricalDistribution([32, 64, 128]),
+    "cells": CategoricalDistribution([32, 64, 128]),
+}
+
+
+def plays(scenario: Scenario) -> bool:
+    """Whether the teacher knows what pays on a scenario: metal, cut at a feed that is set by the interval."""
+    return scenario.control.action in Commands.ACTIONS and scenario.control.aim == "removal"
+
+
+ALGORITHM = Algorithm(
+    "analytic_gradient", "analytic-gradient", AnalyticGradient, new_model, actor, SEARCH, lathes=HindsightVecEnv, plays=plays
+)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    return command.main(ALGORITHM, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
