@@ -1,0 +1,316 @@
+"""What each choice in PPO's training is worth: agents trained alike but for one thing, played on the same tuning draws.
+
+    python -m benchmarks.ablation
+    python -m benchmarks.ablation --intervals 2000000 --seeds 3 --out docs/ablation.md
+    python -m benchmarks.ablation --variants as_it_is discount_0.99
+
+Each variant is trained as ``train/hyperparameters/ppo.toml`` says but for what its row names, and all for as many intervals.
+Whatever an agent learns from, it is scored by the environment's own return. Trainings are kept in ``RUNS/ablation``, so that the
+same command goes on where it stopped, and one with more seeds adds to them.
+"""
+
+import argparse
+import dataclasses
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium.spaces import Box
+from numpy.typing import NDArray
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env.stacked_observations import StackedObservations
+from tqdm import tqdm
+
+from baselines.edge_value import USED_LIVES, worth
+from baselines.overload import CONFIDENCE, ratio, severe_share
+from baselines.play import Episodes, play
+from leaderboard.statistics import Bootstrap, Estimate
+from train import ppo
+from train.actor import Actor, ActorPolicy
+from train.run import Run
+from train.training import SEEDS, Algorithm, train
+from train.vec_env import RoughTurningVecEnv, of_interval
+from turning_env import IDS, Scenario
+from turning_env.draws import tuning_draws
+from turning_env.files import replace_file
+
+ENV_ID = "RoughTurning-v0"
+DRAWS = 128
+"""Tuning draws that each agent plays."""
+FRAMES = 4
+"""Observations in a row that an agent with history sees."""
+
+
+def edge_price(scenario: Scenario) -> float:
+    """Price of a whole edge and its change [s]."""
+    return 60.0 * (scenario.economics.edge_cost + scenario.economics.edge_change_time)
+
+
+def life_left_behind(infos: dict[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Used share of life [-] at the interval's end, and whether the edge is worn out or broken, each of shape (count,)."""
+    used = np.minimum(of_interval(infos, "used_life"), 1.0)
+    return used, (used >= 1.0) | of_interval(infos, "broken").astype(np.bool_)
+
+
+class ChargedAtEnd(RoughTurningVecEnv):
+    """Lathes from which it is learned that an edge costs nothing until it is worn out or broken, and then its whole price."""
+
+    def learned_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
+        """Rewards in which what is charged for used life is put off to the edge's end."""
+        used, ended = life_left_behind(infos)
+        # A broken edge pays for what was left of it as it is: what is put off is what it had used.
+        return rewards - of_interval(infos, "reward_edge") - np.where(ended, edge_price(self.lathes_env.scenario) * used, 0.0)
+
+
+class PricedByLeft(RoughTurningVecEnv):
+    """Lathes from which it is learned that life has the price at which it is best used, p(D), in place of the flat price.
+
+    What is added to an interval's reward is the difference of a potential of the used life D,
+
+        price D - integral of p from 0 to D,
+
+    so that it adds up to the same over every whole edge, whatever is done (Ng, Harada and Russell 1999, without a discount; a
+    broken edge counts as used up). With the discount in the potential's difference, nothing would change for an agent with
+    little foresight, and it is such an agent that a flat price lets use up a fresh edge too gladly.
+    """
+
+    def __init__(self, scenario: Scenario, count: int, reward_scale: float = 1.0) -> None:
+        super().__init__(scenario, count, reward_scale)
+        prices = worth(scenario, scenario.economics.overload_price).life
+        self._price = edge_price(scenario)
+        self._used_lives = np.concatenate([[0.0], USED_LIVES])
+        integral = np.concatenate([[0.0], np.cumsum(prices) / len(prices)])
+        self._potentials = self._price * self._used_lives - integral
+
+    def potential(self, used: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of used shares of life [-], of any shape; in s."""
+        potential: NDArray[np.float64] = np.interp(used, self._used_lives, self._potentials)
+        return potential
+
+    def learned_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
+        """Rewards and the potential's difference."""
+        used, ended = life_left_behind(infos)
+        before = used + of_interval(infos, "reward_edge") / self._price
+        return rewards + self.potential(np.where(ended, 1.0, used)) - self.potential(before)
+
+
+class Stacked(RoughTurningVecEnv):
+    """Lathes that show the last ``FRAMES`` observations side by side, latest last; before an episode's first they are 0."""
+
+    def __init__(self, scenario: Scenario, count: int, reward_scale: float = 1.0) -> None:
+        super().__init__(scenario, count, reward_scale)
+        one = self.lathes_env.single_observation_space
+        assert isinstance(one, Box)
+        self._stack: Any = StackedObservations(count, FRAMES, one)
+        self.observation_space = Box(np.tile(one.low, FRAMES), np.tile(one.high, FRAMES), dtype=np.float32)
+
+    def reset(self) -> NDArray[np.float32]:
+        """First observations, shape (count, FRAMES * 11), 0 but for the last 11."""
+        observations: NDArray[np.float32] = self._stack.reset(super().reset())
+        return observations
+
+    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        observations, rewards, ended, infos = super().step_wait()
+        observations, infos = self._stack.update(observations, ended, infos)
+        return observations, rewards, ended, infos
+
+
+class StackedActor(Actor):
+    """Layers that see the last ``FRAMES`` observations; the memory is all of them but the present one, latest last."""
+
+    def __init__(self, *layers: torch.nn.Module, entries: int) -> None:
+        """``layers`` lead from ``FRAMES`` observations of so many entries to actions."""
+        super().__init__()
+        self.layers = torch.nn.Sequential(*layers)
+        self.entries = entries
+        self.memory_size = (FRAMES - 1) * entries
+
+    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        stacked = torch.cat((memory, observation), dim=1)
+        return self.layers(stacked).clamp(-1.0, 1.0), stacked[:, self.entries :]
+
+
+def stacked_actor(path: Path) -> StackedActor:
+    """The finished agent with history in a ``policy.zip`` of your own."""
+    policy: Any = PPO.load(path, device="cpu").policy
+    entries = policy.observation_space.shape[0] // FRAMES
+    return StackedActor(policy.mlp_extractor.policy_net, policy.action_net, entries=entries)
+
+
+class ProcessorTime(BaseCallback):
+    """Counts the processor time [s] of a training in its model, from where its agent's file and its checkpoints have it."""
+
+    def _on_training_start(self) -> None:
+        self._start = time.process_time() - getattr(self.model, "processor_time", 0.0)
+
+    def _on_rollout_start(self) -> None:
+        self._note()
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_training_end(self) -> None:
+        self._note()
+
+    def _note(self) -> None:
+        model: Any = self.model
+        model.processor_time = time.process_time() - self._start
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A training of PPO that differs in what is given here."""
+
+    title: str
+    """For people."""
+    parameters: dict[str, Any] = field(default_factory=dict)
+    """Hyperparameters that differ."""
+    control: dict[str, Any] = field(default_factory=dict)
+    """What differs in the scenario's table ``control``, in training and in play."""
+    algorithm: Algorithm = ppo.ALGORITHM
+
+    def scenario(self, base: Scenario) -> Scenario:
+        """The scenario with what differs."""
+        values = base.model_dump()
+        values["control"] |= self.control
+        return Scenario.model_validate(values)
+
+
+_AT_END = dataclasses.replace(ppo.ALGORITHM, lathes=ChargedAtEnd)
+
+VARIANTS = {
+    "as_it_is": Variant("as it is"),
+    "set_point": Variant("set points in place of increments", control={"action": "set_point"}),
+    "charged_at_end": Variant("edge charged at its end", algorithm=_AT_END),
+    "discount_0.5": Variant("discount 0.5", {"discount": 0.5}),
+    "discount_0.95": Variant("discount 0.95", {"discount": 0.95}),
+    "discount_0.99": Variant("discount 0.99", {"discount": 0.99}),
+    "charged_at_end_discount_0.99": Variant("edge charged at its end, discount 0.99", {"discount": 0.99}, algorithm=_AT_END),
+    "four_frames": Variant(
+        f"the last {FRAMES} observations", algorithm=dataclasses.replace(ppo.ALGORITHM, lathes=Stacked, actor=stacked_actor)
+    ),
+    "life_by_left": Variant("life priced by how much is left", algorithm=dataclasses.replace(ppo.ALGORITHM, lathes=PricedByLeft)),
+}
+"""By name, in the table's order. The others are compared with the first that is played."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """The agents of a variant on the tuning draws."""
+
+    name: str
+    episodes: Episodes
+    """As of ``baselines.play``, each of shape (training seeds, draws)."""
+    seconds: float
+    """Processor time of a training [s], mean over training seeds."""
+
+
+def play_variant(name: str, base: Scenario, seeds: int, runs: Path, overrides: dict[str, Any], command: str, bar: Any) -> Played:
+    """Train a variant's agents, as far as that is not done, and play them.
+
+    Raises:
+        ValueError: the folder of a training holds one of other settings, or numbers have not stayed finite.
+    """
+    variant = VARIANTS[name]
+    algorithm = dataclasses.replace(variant.algorithm, callbacks=lambda run: [ProcessorTime()])
+    scenario = variant.scenario(base)
+    played, seconds = [], []
+    for seed in range(seeds):
+        bar.set_postfix_str(f"{name}, seed {seed}")
+        folder = runs / "ablation" / name
+        path = train(Run.plan("ppo", ENV_ID, scenario, seed, folder, command, variant.parameters | overrides), algorithm)
+        played.append(play(partial(ActorPolicy, algorithm.actor(path).eval()), scenario, tuning_draws(DRAWS)))
+        model: Any = algorithm.model.load(path, device="cpu")
+        seconds.append(model.processor_time)
+        bar.update()
+    return Played(name, {key: np.stack([each[key] for each in played]) for key in played[0]}, float(np.mean(seconds)))
+
+
+def table(rows: Sequence[Played]) -> list[str]:
+    """Lines of a Markdown table of what the variants reached; differences are from the first row."""
+    bootstrap = Bootstrap(rows[0].episodes["return"].shape[1])
+    lines = [
+        "| | return [s] | less the first row's [s] | severely over a limit [% of cutting time] | edges broken per 100 "
+        "| training [s of processor time] |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        difference = "" if row is rows[0] else _text(_difference(bootstrap, row, rows[0]), 1)
+        mean_return = Estimate.of(row.episodes["return"].mean(), bootstrap.means(row.episodes["return"], row.name))
+        severe = severe_share(row.episodes["severe_overload_time"].ravel(), row.episodes["engaged_time"].ravel())
+        broken = ratio(*(row.episodes[key].sum(keepdims=True) for key in ("edges_broken", "edges_used"))).item()
+        cells = (VARIANTS[row.name].title, _text(mean_return, 0), difference, f"{100 * severe:.2f}", f"{100 * broken:.1f}")
+        lines.append(f"| {' | '.join(cells)} | {row.seconds:.0f} |")
+    return lines
+
+
+def _difference(bootstrap: Bootstrap, row: Played, other: Played) -> Estimate:
+    """Mean return [s] less another variant's, paired by draw."""
+    ours, theirs = row.episodes["return"], other.episodes["return"]
+    replicates = bootstrap.means(ours, row.name) - bootstrap.means(theirs, other.name)
+    return Estimate.of(ours.mean() - theirs.mean(), replicates)
+
+
+def _text(estimate: Estimate, decimals: int) -> str:
+    value, low, high = (f"{number:.{decimals}f}" for number in (estimate.value, estimate.low, estimate.high))
+    return f"{value} ({low} to {high})"
+
+
+def page(command: str, lines: Sequence[str], intervals: int, seeds: int) -> str:
+    """The table as a Markdown page, under the command and what it did."""
+    over = "draws and training seeds" if seeds > 1 else "draws: of what another training seed would do they know nothing"
+    text = (
+        "Each agent is PPO as in `train/hyperparameters/ppo.toml` but for what its row names, trained for "
+        f"{intervals:,} intervals\nwith {seeds} training seed{'s' * (seeds > 1)}, and plays the same {DRAWS} tuning draws of "
+        f"{ENV_ID}. Returns are the environment's own,\nwhatever was learned from. In brackets: {100 * CONFIDENCE:.0f} % "
+        f"bootstrap intervals over {over}.\nDifferences are paired by draw."
+    )
+    return "\n".join(["# What each choice in PPO's training is worth", "", "```bash", command, "```", "", text, "", *lines, ""])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train what is not trained yet, play, print the table; return the exit status."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.ablation", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--intervals", type=int, default=2_000_000, help="environment steps per training (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=1, help="trainings per variant (default: %(default)s)")
+    parser.add_argument(
+        "--variants", nargs="+", choices=VARIANTS, default=list(VARIANTS), help="rows (default: all)", metavar="NAME"
+    )
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs")
+    parser.add_argument("--out", type=Path, help="Markdown file for the table")
+    parsed = parser.parse_args(arguments)
+    for name, most in (("intervals", 10**12), ("seeds", SEEDS)):
+        if not 1 <= (value := getattr(parsed, name)) <= most:
+            parser.error(f"--{name} is {value}, but must be 1 to {most}")
+    command = f"python -m benchmarks.ablation {shlex.join(arguments)}".strip()
+    names = list(dict.fromkeys(parsed.variants))
+    overrides = {"intervals": parsed.intervals}
+    try:
+        base = Scenario.load(IDS[ENV_ID])
+        with tqdm(total=len(names) * parsed.seeds, unit="agent", disable=None) as bar:
+            rows = [play_variant(name, base, parsed.seeds, parsed.runs, overrides, command, bar) for name in names]
+        lines = table(rows)
+        print("\n".join(lines))
+        if parsed.out:
+            content = page(command, lines, parsed.intervals, parsed.seeds)
+            replace_file(parsed.out, lambda path: path.write_text(content, "utf-8"))
+    except (ValueError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted: run the same command again to go on", file=sys.stderr)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,206 @@
+"""The ablation's lathes charge what they should, its agents play as they were trained, and its table comes whole."""
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from benchmarks import ablation
+from benchmarks.ablation import FRAMES, VARIANTS, ChargedAtEnd, Played, PricedByLeft, Stacked, StackedActor, edge_price
+from tests.train.small import PARAMETERS, SCENARIO
+from tests.turning_env.playing import changed
+from train import ppo
+from train.actor import ActorPolicy
+from train.run import Run, hyperparameters
+from train.training import train
+from train.vec_env import RoughTurningVecEnv
+from turning_env import RoughTurningVectorEnv, Scenario
+
+# Of its edges some wear out, some break, and some last till the end.
+MIXED = changed(SCENARIO, tool={"edge_strength": 1500.0, "edge_strength_spread": 0.3}, control={"time_limit": 0.3})
+LANES = 8
+
+
+@pytest.mark.parametrize("lathes", [ChargedAtEnd, PricedByLeft])
+def test_what_is_learned_from_adds_up_over_an_edge(lathes: type[RoughTurningVecEnv]) -> None:
+    ours, single = lathes(MIXED, LANES, 0.5), RoughTurningVectorEnv(LANES, MIXED, "SameStep")
+    ours.seed(5)
+    ours.reset()
+    single.reset(seed=5)
+    generator = np.random.default_rng(1)
+    learned, kinds = np.zeros(LANES), set()
+    for _ in range(400):
+        actions = generator.uniform(-0.5, 1.0, (LANES, 2)).astype(np.float32)
+        _, rewards, dones, infos = ours.step(actions)
+        *_, terminated, truncated, terms = single.step(actions)
+        learned += rewards / 0.5
+        for lane in np.flatnonzero(dones):
+            used, broken = (terms["final_info"][name][lane] for name in ("used_life", "broken"))
+            kinds.add("unfinished" if truncated[lane] else "broken" if broken else "worn")
+            counted = 1.0 if terminated[lane] else used
+            if isinstance(ours, PricedByLeft):
+                more = ours.potential(counted)
+            else:  # what an edge has cost, if it is still in use, is still to be paid
+                more = edge_price(MIXED) * used if truncated[lane] else 0.0
+            assert learned[lane] == pytest.approx(infos[lane]["episode"]["r"] + more, rel=1e-4, abs=1e-2)
+            learned[lane] = 0.0
+    assert kinds == {"unfinished", "broken", "worn"}
+
+
+def test_an_edge_in_use_costs_nothing_where_it_is_charged_at_its_end() -> None:
+    ours, single = ChargedAtEnd(SCENARIO, LANES), RoughTurningVectorEnv(LANES, SCENARIO, "SameStep")
+    ours.seed(5)
+    ours.reset()
+    single.reset(seed=5)
+    for _ in range(10):
+        _, rewards, dones, _ = ours.step(np.zeros((LANES, 2), np.float32))
+        _, full, _, _, infos = single.step(np.zeros((LANES, 2), np.float32))
+        assert not dones.any()
+        np.testing.assert_allclose(rewards, full - infos["reward_edge"], rtol=1e-5, atol=1e-5)
+    assert (infos["reward_edge"] < 0.0).all()
+
+
+def test_a_fresh_edge_is_dear_and_a_worn_one_cheap_where_life_is_priced_by_what_is_left() -> None:
+    lathes = PricedByLeft(Scenario(), 1)
+    fresh, worn = (lathes.potential(np.array([low, low + 0.1])) for low in (0.0, 0.9))
+    assert fresh[1] < fresh[0]  # pays more than the flat price
+    assert worn[1] > worn[0]
+
+
+class Shown(torch.nn.Module):
+    """Layers that keep what they are shown."""
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        self.last = observations
+        return observations[:, :2]
+
+
+def test_history_is_what_was_seen_since_the_episode_began_in_training_and_in_play() -> None:
+    """An actor's layers are shown what the lathes of its training show."""
+    lathes, plain = Stacked(MIXED, LANES), RoughTurningVecEnv(MIXED, LANES)
+    shown = Shown()
+    policy = ActorPolicy(StackedActor(shown, entries=11), LANES)
+    lathes.seed(3)
+    plain.seed(3)
+    observations, single = lathes.reset().copy(), plain.reset()
+    assert lathes.observation_space.shape == (FRAMES * 11,)
+    generator, ends = np.random.default_rng(1), 0
+    for _ in range(200):
+        assert lathes.observation_space.contains(observations[0])
+        policy.act(single)
+        np.testing.assert_array_equal(shown.last.numpy(), observations)
+        actions = generator.uniform(-0.5, 1.0, (LANES, 2)).astype(np.float32)
+        before = observations
+        observations, _, dones, infos = lathes.step(actions)
+        single, _, _, plain_infos = plain.step(actions)
+        policy.reset(dones)
+        for lane in np.flatnonzero(dones):
+            ends += 1
+            last = np.concatenate([before[lane, 11:], plain_infos[lane]["terminal_observation"]])
+            np.testing.assert_array_equal(infos[lane]["terminal_observation"], last)
+            assert not observations[lane, :-11].any()
+    assert ends > 3
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trainings of some hundred intervals, on edges that wear out soon."""
+    known = hyperparameters("ppo", ablation.ENV_ID) | PARAMETERS["ppo"] | {"rollout": 32, "batch_size": 64}
+    monkeypatch.setattr("train.run.hyperparameters", lambda algorithm, env_id: known)
+    monkeypatch.setattr(ablation, "IDS", {ablation.ENV_ID: SCENARIO})
+    monkeypatch.setattr(ablation, "DRAWS", 3)
+
+
+@pytest.mark.usefixtures("small")
+def test_every_variant_is_trained_played_and_tabled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "docs" / "ablation.md"
+    arguments = ["--intervals", "300", "--runs", str(tmp_path / "runs"), "--out", str(out)]
+    assert ablation.main(arguments) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(" | ")[0][2:] for line in lines[2:]] == [variant.title for variant in VARIANTS.values()]
+    assert all(line.count("|") == lines[0].count("|") for line in lines)
+    written = out.read_text("utf-8")
+    assert "\n".join(lines) in written
+    assert f"python -m benchmarks.ablation {' '.join(arguments)}" in written
+    scenarios = {name: Run.read(ablation_folder(tmp_path, name)).scenario for name in VARIANTS}
+    assert scenarios["set_point"].control.action == "set_point"
+    assert scenarios["as_it_is"] == SCENARIO
+
+
+def ablation_folder(folder: Path, name: str) -> Path:
+    """Where a variant's first training is kept."""
+    return folder / "runs" / "ablation" / name / ablation.ENV_ID / SCENARIO.name / "ppo-seed0"
+
+
+@pytest.mark.usefixtures("small")
+def test_the_same_command_goes_on_and_repeats_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Interrupted in the middle of an agent with history, it ends where it would have ended."""
+    arguments = ["--intervals", "700", "--variants", "as_it_is", "four_frames", "--runs"]
+    whole, halves = ([*arguments, str(tmp_path / name / "runs")] for name in ("whole", "halves"))
+    out = tmp_path / "table.md"
+    monkeypatch.setattr(ablation, "train", partial(train, checkpoint_every=1))
+    assert ablation.main(whole) == 0
+    expected = returns(capsys)
+
+    noted = ablation.ProcessorTime._note
+    left = iter(range(6))
+
+    def interrupt(callback: Any) -> None:
+        if next(left, None) is None:
+            raise KeyboardInterrupt
+        noted(callback)
+
+    monkeypatch.setattr(ablation.ProcessorTime, "_note", interrupt)
+    assert ablation.main([*halves, "--out", str(out)]) == 130
+    assert not out.exists()
+    assert "go on" in capsys.readouterr().err
+    assert ablation_folder(tmp_path / "halves", "as_it_is").joinpath("policy.zip").exists()
+    assert ablation_folder(tmp_path / "halves", "four_frames").joinpath("checkpoint.zip").exists()
+    monkeypatch.setattr(ablation.ProcessorTime, "_note", noted)
+    assert ablation.main(halves) == 0
+    assert returns(capsys) == expected
+
+    monkeypatch.setattr(ppo.PPO, "learn", None)  # what is finished is not trained again
+    assert ablation.main(halves) == 0
+    assert returns(capsys) == expected
+
+
+def returns(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """Every row of a printed table without its processor time."""
+    return [line.rsplit("|", 2)[0] for line in capsys.readouterr().out.splitlines()]
+
+
+@pytest.mark.usefixtures("small")
+def test_trainings_of_other_settings_are_not_mixed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--variants", "as_it_is", "--runs", str(tmp_path), "--intervals"]
+    assert ablation.main([*arguments, "200"]) == 0
+    assert ablation.main([*arguments, "300"]) == 2
+    assert "other settings" in capsys.readouterr().err
+
+
+def test_differences_are_paired_by_draw() -> None:
+    """Draws differ by far more than the variants do."""
+    draws = np.linspace(-500.0, 500.0, 40)
+    rows = [
+        Played(name, {"return": np.stack([draws + more, draws + more + 2.0])} | dict.fromkeys(COUNTS, np.ones((2, 40))), 7.0)
+        for name, more in (("as_it_is", 0.0), ("discount_0.5", 30.0))
+    ]
+    first, second = (line.split(" | ") for line in ablation.table(rows)[2:])
+    assert (first[2], second[2]) == ("", "30.0 (28.0 to 32.0)")
+    assert first[1].startswith("1 (-")
+    assert second[3:] == ["100.00", "100.0", "7 |"]
+
+
+COUNTS = ("severe_overload_time", "engaged_time", "edges_broken", "edges_used")
+
+
+@pytest.mark.parametrize("arguments", [["--intervals", "0"], ["--seeds", "0"], ["--variants", "none"], ["--variants"]])
+def test_bad_arguments_are_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        ablation.main(arguments)
+    assert "usage" in capsys.readouterr().err
