@@ -72,7 +72,7 @@ class RecurrentActor(Actor):
 
     def _wanted(self, memory: Tensor, observation: Tensor) -> Tensor:
         wanted: Tensor = self.head(torch.relu(self.hidden(torch.cat([memory, observation], dim=-1))))
-        return wanted if self.commands.changes_edges else wanted.tanh()
+        return torch.cat([wanted[..., : self.commands.wants].tanh(), wanted[..., self.commands.wants :]], dim=-1)
 
 
 @dataclass(frozen=True)
@@ -103,6 +103,7 @@ class Rollout:
     before: np.ndarray[Any, np.dtype[np.float64]]
     after: np.ndarray[Any, np.dtype[np.float64]]
     changed: np.ndarray[Any, np.dtype[np.bool_]]
+    failed: np.ndarray[Any, np.dtype[np.bool_]]
 
 
 class AnalyticGradient(BaseAlgorithm):
@@ -208,13 +209,13 @@ class AnalyticGradient(BaseAlgorithm):
                 actions, self.memory = self.policy(seen, self.memory * (1.0 - begins))
             actions = actions + self.settings.exploration * torch.randn_like(actions)
             observations, _, ended, infos = self.env.step(actions.clamp(-1.0, 1.0).numpy())
-            steps.append((begins, seen, self.env.before, self.env.after, self.env.changed))
+            steps.append((begins, seen, self.env.before, self.env.after, self.env.changed, self.env.failed))
             self._last_obs, self._last_episode_starts = observations, ended
             self.num_timesteps += self.n_envs
             self._update_info_buffer(infos, ended)
             callbacks.on_step()
-        begun, observed, before, after, changed = zip(*steps, strict=True)
-        return Rollout(start, torch.stack(begun), torch.stack(observed), np.stack(before), np.stack(after), np.stack(changed))
+        begun, observed, *true = zip(*steps, strict=True)
+        return Rollout(start, torch.stack(begun), torch.stack(observed), *map(np.stack, true))
 
     def train(self, rollout: Rollout) -> float:
         """Learn from a rollout; returns its mean gain per interval [s]."""
@@ -232,12 +233,21 @@ class AnalyticGradient(BaseAlgorithm):
     def mean_gain(self, rollout: Rollout, lanes: Tensor) -> Tensor:
         """Mean gain per interval [s] of some lanes in a rollout, as a function of what the agent wants."""
         observations, chosen = rollout.observations[:, lanes], lanes.numpy()
-        truth = Truth(self.scenario, rollout.before[:, :, chosen], rollout.after[:, :, chosen], rollout.changed[:, chosen])
+        truth = Truth(
+            self.scenario,
+            rollout.before[:, :, chosen],
+            rollout.after[:, :, chosen],
+            rollout.changed[:, chosen],
+            rollout.failed[:, chosen],
+        )
         wanted = self.policy.unroll(observations, rollout.memory[lanes], rollout.begins[:, lanes])
         commands = self.policy.commands
         speed, feed = commands.actual(observations)
         log_speed, log_feed = commands.commanded(wanted, observations)
         gain: Tensor = self.gain(log_speed, log_feed, speed, feed, truth)
+        if commands.changes_edges:
+            gain = gain * (1.0 - torch.from_numpy(rollout.changed[:, chosen]).float())
+            gain = gain + self.gain.of_changing(wanted[..., -1], truth)
         return gain.mean()
 
 

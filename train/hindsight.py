@@ -23,10 +23,13 @@ class HindsightVecEnv(RoughTurningVecEnv):
     """At its end, likewise; an edge that was changed in it is the fresh one."""
     changed: NDArray[np.bool_]
     """Whether the edge was changed in it, shape (count,)."""
+    failed: NDArray[np.bool_]
+    """Whether that was because it was found worn out or broken, likewise."""
 
     def __init__(self, scenario: Scenario, count: int, reward_scale: float = 1.0) -> None:
         super().__init__(scenario, count, reward_scale)
         self._now = np.zeros((len(FIELDS), count))
+        self._commands_changes = scenario.control.edge_changes == "commanded"
 
     def reset(self) -> NDArray[np.float32]:
         """First observations. The tool stands in the air before the first bar."""
@@ -38,5 +41,7 @@ class HindsightVecEnv(RoughTurningVecEnv):
         self.before = self._now
         self.after = np.stack([of_interval(infos, name) for name in FIELDS])
         self.changed = of_interval(infos, "stopped_time") > 0.0
+        commanded = self._actions[:, -1] > 0.0 if self._commands_changes else False
+        self.failed = self.changed & ~np.asarray(commanded)
         self._now = np.stack([infos[name] for name in FIELDS])
         return rewards

@@ -35,8 +35,15 @@ LEAST_USED_LIFE = 1e-6
 class Truth:
     """True states at the points of intervals, from what was true at their ends; a field has shape (intervals, lanes, POINTS)."""
 
-    def __init__(self, scenario: Scenario, before: NDArray[np.float64], after: NDArray[np.float64], changed: NDArray[np.bool_]):
-        """``before``, ``after``: shape (intervals, len(FIELDS), lanes); ``changed``: (intervals, lanes). See ``hindsight.py``."""
+    def __init__(
+        self,
+        scenario: Scenario,
+        before: NDArray[np.float64],
+        after: NDArray[np.float64],
+        changed: NDArray[np.bool_],
+        failed: NDArray[np.bool_],
+    ) -> None:
+        """``before``, ``after``: shape (intervals, len(FIELDS), lanes); the others (intervals, lanes). See ``hindsight.py``."""
         work = scenario.workpiece
         pitch = work.bar_length + work.approach
         place = {name: number for number, name in enumerate(FIELDS)}
@@ -69,7 +76,7 @@ class Truth:
         entering = before[:, place["depth_of_cut"]] == 0.0
         self.unmeasured = _tensor(entering)  # 0 or 1, shape (intervals, lanes): the interval starts in air
         self.used_before = _tensor(before[:, place["used_life"]])  # [-], shape (intervals, lanes)
-        self.worn_out = _tensor(changed & (before[:, place["used_life"]] > 0.5))  # 0 or 1, likewise: also where it was commanded
+        self.failed = _tensor(failed)  # 0 or 1, likewise
 
 
 def _tensor(values: Any) -> Tensor:
@@ -104,6 +111,10 @@ class ModelGain:
         prices = np.full(len(USED_LIVES), edge_price) if flat else worths.life
         self._time_price = worths.time
         self._prices = torch.tensor(np.concatenate([prices[:1], prices]), dtype=torch.float32)
+        # What the rest of an edge is worth [s], at the nodes of the prices.
+        worths_between = 0.5 * (self._prices[1:] + self._prices[:-1]) / len(USED_LIVES)
+        self._rest = torch.cat([worths_between.flip(0).cumsum(0).flip(0), torch.zeros(1)])
+        self._stop = 60.0 * economics.unplanned_stop * worths.time
         self._edge_price, self._downtime = edge_price, 60.0 * economics.breakage_downtime
 
     def __call__(self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth) -> Tensor:
@@ -134,13 +145,19 @@ class ModelGain:
         gain = gain - truth.unmeasured * (truth.cutting * risk * lost).amax(dim=-1)
         return gain
 
+    def of_changing(self, leaning: Tensor, truth: Truth) -> Tensor:
+        """Gain [s] of changing edges with the chances whose logits are ``leaning``; all of shape (intervals, lanes).
+
+        Who changes an edge gives up what the rest of it is worth. Who does not, and finds it worn out an interval later, stands
+        still for longer.
+        """
+        chance = torch.sigmoid(leaning)
+        rest = _between_nodes(self._rest, truth.used_before)
+        return -(chance * rest + (1.0 - chance) * truth.failed * self._stop)
+
     def price(self, used_life: Tensor) -> Tensor:
         """Price p(D) of a whole life [s] at used shares [-] of it."""
-        nodes = len(self._prices) - 1
-        place = used_life.clamp(0.0, 1.0) * nodes
-        node = place.floor().clamp(max=nodes - 1)
-        low = node.long()
-        return torch.lerp(self._prices[low], self._prices[low + 1], place - node)
+        return _between_nodes(self._prices, used_life)
 
     def _follow(self, commanded: Tensor, actual: Tensor, drive: int) -> Tensor:
         """What the drive made of its commands at the points of every interval, shape (intervals, lanes, POINTS).
@@ -157,6 +174,15 @@ class ModelGain:
             end = commanded[number] + deviation * at_end
             carried = end - end.detach()
         return torch.stack(values)
+
+
+def _between_nodes(values: Tensor, used_life: Tensor) -> Tensor:
+    """Linear between values at equal steps of the used life from 0 to 1."""
+    steps = len(values) - 1
+    place = used_life.clamp(0.0, 1.0) * steps
+    node = place.floor().clamp(max=steps - 1)
+    low = node.long()
+    return torch.lerp(values[low], values[low + 1], place - node)
 
 
 class _Law:

@@ -7,6 +7,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
+from baselines.edge_value import worth
 from train.commands import Commands
 from train.hindsight import HindsightVecEnv
 from train.model_gain import ModelGain, Truth
@@ -34,13 +35,13 @@ def played() -> dict[str, Any]:
     env.seed(5)
     observations = env.reset()
     random = np.random.default_rng(1)
-    kept: dict[str, list[Any]] = {name: [] for name in ("seen", "wanted", "before", "after", "changed", "overload")}
+    kept: dict[str, list[Any]] = {name: [] for name in ("seen", "wanted", "before", "after", "changed", "failed", "overload")}
     for interval in range(INTERVALS):
         if interval % 15 == 0:
             wanted = torch.tensor(random.uniform([0.2, -0.2], [0.9, 0.6], (LANES, 2)), dtype=torch.float32)
         seen = torch.from_numpy(observations)
         observations, _, _, _ = env.step(commands.action(wanted, seen).numpy())
-        values = (seen, wanted, env.before, env.after, env.changed, -env.infos["reward_overload"])
+        values = (seen, wanted, env.before, env.after, env.changed, env.failed, -env.infos["reward_overload"])
         for name, value in zip(kept, values, strict=True):
             kept[name].append(value)
     return {name: torch.stack(rows) if torch.is_tensor(rows[0]) else np.stack(rows) for name, rows in kept.items()}
@@ -48,7 +49,7 @@ def played() -> dict[str, Any]:
 
 def gains(played: dict[str, Any], scenario: Scenario, wanted: torch.Tensor | None = None) -> torch.Tensor:
     commands = Commands(scenario)
-    truth = Truth(scenario, played["before"], played["after"], played["changed"])
+    truth = Truth(scenario, *(played[name] for name in ("before", "after", "changed", "failed")))
     log_speed, log_feed = commands.commanded(played["wanted"] if wanted is None else wanted, played["seen"])
     return ModelGain(scenario)(log_speed, log_feed, *commands.actual(played["seen"]), truth)
 
@@ -63,7 +64,7 @@ def test_overload_is_charged_as_the_lathe_charges_it(played: dict[str, Any]) -> 
     difference = ModelGain(BASE)
     difference._scenario, priced = free, gains(played, BASE)
     commands = Commands(BASE)
-    truth = Truth(BASE, played["before"], played["after"], played["changed"])
+    truth = Truth(BASE, *(played[name] for name in ("before", "after", "changed", "failed")))
     log_speed, log_feed = commands.commanded(played["wanted"], played["seen"])
     charged = (difference(log_speed, log_feed, *commands.actual(played["seen"]), truth) - priced).numpy()
     reported = played["overload"]
@@ -77,7 +78,7 @@ def test_life_is_charged_at_its_price(played: dict[str, Any]) -> None:
     expensive = ModelGain(BASE)
     expensive._prices = expensive._prices + 1000.0
     commands = Commands(BASE)
-    truth = Truth(BASE, played["before"], played["after"], played["changed"])
+    truth = Truth(BASE, *(played[name] for name in ("before", "after", "changed", "failed")))
     log_speed, log_feed = commands.commanded(played["wanted"], played["seen"])
     charged = gains(played, BASE) - expensive(log_speed, log_feed, *commands.actual(played["seen"]), truth)
     used = played["after"][:, 3] - played["before"][:, 3]
@@ -111,3 +112,22 @@ def test_a_job_pays_the_flat_price_of_life() -> None:
     override = Scenario.load("override")
     price = 60.0 * (override.economics.edge_cost + override.economics.edge_change_time)
     assert ModelGain(override).price(torch.tensor([0.0, 0.3, 1.0])).tolist() == pytest.approx([price] * 3)
+
+
+def test_an_edge_is_changed_when_what_is_left_of_it_is_worth_less_than_the_risk() -> None:
+    shift = Scenario.load("shift")
+    gain = ModelGain(shift)
+    leaning = torch.zeros(1, 2, requires_grad=True)
+
+    class Known:
+        used_before = torch.tensor([[0.3, 0.97]])
+        failed = torch.tensor([[0.0, 1.0]])
+
+    values = gain.of_changing(leaning, Known())  # type: ignore[arg-type]
+    values.sum().backward()
+    assert leaning.grad is not None
+    assert leaning.grad[0, 0] < 0 < leaning.grad[0, 1]
+    certain = gain.of_changing(torch.tensor([[99.0, 99.0]]), Known())[0]  # type: ignore[arg-type]
+    whole = float(worth(shift, shift.economics.overload_price).life.mean())
+    assert -whole < certain[0] < -0.2 * whole
+    assert -10.0 < certain[1] <= 0.0
