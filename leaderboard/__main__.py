@@ -1,6 +1,7 @@
-"""``python -m leaderboard run|show|page|figure|verify|cards``."""
+"""``python -m leaderboard run|show|page|figure|gallery|verify|cards``."""
 
 import argparse
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -71,6 +72,24 @@ def _figure(options: argparse.Namespace) -> None:
 
     figure.write(read_board(result_folder(options.results, options.env, _scenario(options).name)), options.out)
     print(f"wrote {options.out}")
+
+
+def _gallery(options: argparse.Namespace) -> None:
+    from leaderboard import gallery, habits, run  # needed only here: imports Matplotlib, plays
+
+    scenario = _scenario(options)
+    players = [*run.named(options.policies, scenario), *run.agents(options.agents, scenario)]
+    courses = gallery.play(players, scenario, options.draws)
+    written = gallery.write(courses, options.out)
+    if options.json:
+        told = {"env_id": options.env, "scenario": scenario.name, "draws": options.draws, "policies": habits.as_json(courses)}
+        print(json.dumps(told, indent=2))
+        return
+    print(habits.render(courses))
+    for path in written:
+        print(f"wrote {path}")
+    if left_out := [name for name in gallery.PICTURES if options.out / name not in written]:
+        print(f"not drawn, as there is nothing of it to see: {', '.join(left_out)}")
 
 
 def _verify(options: argparse.Namespace) -> int:
@@ -180,6 +199,14 @@ def _parser() -> argparse.ArgumentParser:
     figure = commands.add_parser("figure", parents=[results, environment], help="draw the ranking for print")
     figure.add_argument("--out", type=Path, default=Path("docs/leaderboard.png"), help="picture (default: docs/leaderboard.png)")
     figure.set_defaults(command=_figure)
+
+    gallery = commands.add_parser("gallery", parents=[environment], help="draw what a few policies do on the same bars")
+    gallery.add_argument("--draws", type=_draws, default="3", help="number of held-out draws (default: 3)")
+    gallery.add_argument("--policies", nargs="*", default=[], metavar="NAME", help="rule-based controllers")
+    gallery.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders")
+    gallery.add_argument("--out", type=Path, default=Path("docs/gallery"), help="folder of pictures (default: docs/gallery)")
+    gallery.add_argument("--json", action="store_true", help="print the numbers for machines")
+    gallery.set_defaults(command=_gallery)
     return parser
 
 

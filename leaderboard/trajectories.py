@@ -1,5 +1,6 @@
 """Recorded trajectories: what a few policies do, interval by interval, on one and the same draw."""
 
+import math
 from collections.abc import Sequence
 from typing import Literal, Self
 
@@ -64,20 +65,35 @@ class Trajectories(Part):
 
 def record(policy: PolicyRecord, make: PolicyFactory, scenario: Scenario, draw: int) -> Trajectory:
     """Play one episode and keep its course, up to ``MOST_INTERVALS``."""
+    course = play_course(make, scenario, draw, SERIES, MOST_INTERVALS)
+    return Trajectory(policy=policy, series={name: [_rounded(value) for value in values] for name, values in course.items()})
+
+
+def play_course(
+    make: PolicyFactory, scenario: Scenario, draw: int, names: Sequence[str], most: float = math.inf
+) -> dict[str, list[float]]:
+    """Play one episode, or its first ``most`` intervals.
+
+    Returns:
+        ``minutes``, the machine time elapsed, and each of ``names`` in ``info``, at the end of every interval.
+
+    Raises:
+        ValueError: an action has the wrong shape or is not finite.
+    """
     env = RoughTurningEnv(scenario)
     controller = make(1)
     observation, _ = env.reset(seed=draw)
     controller.reset(np.ones(1, np.bool_))
-    series: dict[str, list[float]] = {name: [] for name in ("minutes", *SERIES)}
+    series: dict[str, list[float]] = {name: [] for name in ("minutes", *names)}
     elapsed, ended = 0.0, False
-    while not ended and len(series["minutes"]) < MOST_INTERVALS:
+    while not ended and len(series["minutes"]) < most:
         observation, _, terminated, truncated, info = env.step(controller.act(observation[None])[0])
         elapsed += info["time"] / 60.0
-        series["minutes"].append(_rounded(elapsed))
-        for name in SERIES:
-            series[name].append(_rounded(info[name]))
+        series["minutes"].append(elapsed)
+        for name in names:
+            series[name].append(info[name])
         ended = terminated or truncated
-    return Trajectory(policy=policy, series=series)
+    return series
 
 
 def _rounded(value: float) -> float:
