@@ -161,7 +161,7 @@ def bar_entry(courses: Courses) -> Figure | None:
     grid[0, 0].set_ylim(bottom=0.0)
     grid[0, 0].set_ylabel("feed [mm/rev]")
     grid[1, 0].set_ylabel("force / limit or power / limit,\nthe higher of the two")
-    number = " and ".join(str(len(of_policy)) for of_policy in entries.values())
+    number = ", ".join(str(len(of_policy)) for of_policy in entries.values())
     _headline(
         figure,
         "Whether a policy slows down before a bar's start or after it",
@@ -210,7 +210,7 @@ def limits(courses: Courses) -> Figure | None:
 
 def used_life(courses: Courses) -> Figure:
     """Metal removed and wear over time, all policies in the same panels."""
-    figure = Figure(figsize=(_WIDTH, 4.4), layout="constrained")
+    figure = Figure(figsize=(_WIDTH, 4.8), layout="constrained")
     panels = figure.subplots(2, 1, sharex=True)
     for (label, colour), style in zip(_with_colour(courses), _STYLES, strict=False):
         of_policy = habits(courses[label])
@@ -222,7 +222,7 @@ def used_life(courses: Courses) -> Figure:
                 axes.plot(course["minutes"][-1], values[-1], "o", color=colour, markersize=4)
                 legend = "_"
     panels[0].set_ylabel("metal removed [cm3]")
-    panels[0].legend()
+    panels[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.1)
     panels[1].axhline(_scenario(courses).tool.wear_criterion, **_LIMIT)
     panels[1].set_ylabel("flank wear [mm]")
     panels[1].set_xlabel("machine time [min]")
