@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from baselines import clairvoyant
 from baselines.play import EPISODE_FIELDS, Episodes
 from leaderboard import contestants, references, run
 from leaderboard.contestants import Player
@@ -82,7 +83,7 @@ def verify(
 
     Returns:
         What is wrong, each with the file that it is wrong with: values that do not come back, rows of other code, agents without
-        a row or a file. Empty if nothing is.
+        a row or a file, returns beyond the clairvoyant bound. Empty if nothing is.
 
     Raises:
         ResultError: there are no such rows, or ``memory`` cannot be read or written.
@@ -91,7 +92,7 @@ def verify(
     if not paths:
         raise ResultError(f"{rows} holds no such rows")
     verified = set() if fresh else _remembered(memory)
-    complaints = list(_without_row(rows, agents, selection))
+    complaints = [*_without_row(rows, agents, selection), *_beyond_the_bound(paths)]
     with _mapper(jobs) as mapped, tqdm(total=len(paths), unit="row", dynamic_ncols=True, disable=None) as bar:
         for verdict in mapped(partial(verdict_on, agents=agents, verified=frozenset(verified), draws=draws), paths):
             bar.set_description(verdict.row.name.removesuffix(SUFFIX))
@@ -209,6 +210,21 @@ def _without_row(rows: Path, agents: Path, selection: Selection) -> Iterator[str
         row = rows / path.relative_to(agents).with_name(path.name.removesuffix(ONNX_SUFFIX) + SUFFIX)
         if not row.is_file():
             yield f"{path}: has no row {row}"
+
+
+def _beyond_the_bound(paths: Sequence[Path]) -> Iterator[str]:
+    """The rows that earned more on a draw than the clairvoyant bound beside them allows, beyond its tolerance."""
+    for path in paths:
+        limit = path.with_name(f"{references.CLAIRVOYANT}{SUFFIX}")
+        if path == limit or not limit.is_file():
+            continue
+        bound, row = read_result(limit), read_result(path)
+        if bound.digests.task != row.digests.task:
+            continue
+        allowed = np.array(bound.episodes["return"]) + clairvoyant.TOLERANCE * np.array(row.episodes["time"])
+        beyond = np.array(row.episodes["return"]) - allowed
+        if (beyond > 0.0).any():
+            yield f"{path}: beyond the clairvoyant bound on {int((beyond > 0.0).sum())} draws, by up to {float(beyond.max()):g} s"
 
 
 def _remembered(memory: Path) -> set[str]:
