@@ -180,12 +180,12 @@ def test_command_line(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None
         main([*arguments, "--jobs", "0"])
 
 
-def test_more_than_the_bound_allows_is_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_earning_too_much_is_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(references, "CLAIRVOYANT", "oracle")
     assert complaints(shipped) == []
     path = row(shipped, RULE)
     episodes = read_result(path).episodes
     rewrite(path, episodes=episodes | {"return": [*episodes["return"][:-1], 1e6]})
-    found = [complaint for complaint in complaints(shipped) if "bound" in complaint]
+    found = [complaint for complaint in complaints(shipped) if "beyond" in complaint]
     assert len(found) == 1
     assert found[0].startswith(f"{path}: beyond the clairvoyant bound on 1 draws, by up to 99")
