@@ -35,7 +35,7 @@ def _run(options: argparse.Namespace) -> None:
     from leaderboard import run  # needed only here: plays
 
     task = Task(env_id=options.env, scenario=_scenario(options), draws=options.draws)
-    tasks = [task, *(_splits(task) if options.splits else [])]
+    tasks = [task, *(_splits(task, options.split_draws) if options.splits else [])]
     playing = {}
     for each in tasks:  # all of them first: what cannot be played is found before anything is
         contestants = [
@@ -52,11 +52,11 @@ def _run(options: argparse.Namespace) -> None:
     _write_page(read_boards(options.results, digests), options.results / PAGE)
 
 
-def _splits(task: Task) -> list[Task]:
-    """The tasks on which policies made for the task's scenario meet what they were not made for."""
+def _splits(task: Task, draws: list[int]) -> list[Task]:
+    """The tasks on which policies made for the task's scenario meet, on these draws, what they were not made for."""
     if task.env_id != SPLITS_ENV_ID:
         raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID}")
-    return [task.model_copy(update={"scenario": Scenario.load(name)}) for name in SPLITS]
+    return [task.model_copy(update={"scenario": Scenario.load(name), "draws": draws}) for name in SPLITS]
 
 
 def _show(options: argparse.Namespace) -> None:
@@ -167,6 +167,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all)")
     run.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders of your own")
     run.add_argument("--splits", action="store_true", help=f"also play the splits: {', '.join(SPLITS)}")
+    on_each = "number of held-out draws of each split (default: 32)"
+    run.add_argument("--split-draws", type=_draws, default="32", metavar="DRAWS", help=on_each)
     run.add_argument("--fresh", action="store_true", help="play again what has been played")
     run.set_defaults(command=_run)
 

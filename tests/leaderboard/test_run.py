@@ -194,7 +194,18 @@ def test_splits_are_played_by_what_was_made_for_the_scenario(
     splits = ("harder_lot", "ck45")
     monkeypatch.setattr("leaderboard.__main__.SPLITS", splits)
     agent_path = onnx_agents.write(tmp_path, 0)
-    words = ["run", "--results", str(tmp_path / "results"), "--splits", "--draws", "2", "--policies", "fixed_tuned"]
+    words = [
+        "run",
+        "--results",
+        str(tmp_path / "results"),
+        "--splits",
+        "--draws",
+        "2",
+        "--split-draws",
+        "2",
+        "--policies",
+        "fixed_tuned",
+    ]
     assert main([*words, "--agents", str(agent_path)]) == 0
     for name in splits:
         result = read_result(tmp_path / "results" / "RoughTurning-v0" / name / "fixed_tuned.json.xz")
