@@ -216,7 +216,7 @@ def test_splits_are_played_by_what_was_made_for_the_scenario(
     assert table[3].split()[0] == "fixed_tuned"
     html = (tmp_path / "results" / "index.html").read_text("utf-8")
     assert "Where they were not made for" in html
-    assert "--scenario rough_turning --splits --draws 2" in html
+    assert "--scenario rough_turning --splits --split-draws 2" in html
     assert main(["run", "--results", str(tmp_path), "--env", "RoughTurning-Shift-v0", "--splits", "--policies"]) == 1
     assert "no splits of RoughTurning-Shift-v0" in capsys.readouterr().err
 
