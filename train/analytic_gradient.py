@@ -30,6 +30,7 @@ from train.actor import Actor
 from train.commands import Commands
 from train.hindsight import HindsightVecEnv
 from train.model_gain import ModelGain, Truth
+from train.odometer import Odometer
 from train.run import Run
 from train.training import Algorithm
 from train.vec_env import RoughTurningVecEnv
@@ -39,12 +40,17 @@ Tensor = torch.Tensor
 
 
 class RecurrentActor(Actor):
-    """A GRU between two layers, which wants a cutting speed and a feed; see ``train/commands.py`` for how it gets there."""
+    """A GRU between two layers, beside an odometer, which wants a cutting speed and a feed.
+
+    See ``train/commands.py`` for how it gets there. Its memory: the odometer's state, then the GRU's cells.
+    """
 
     def __init__(self, scenario: Scenario, entries: int, cells: int) -> None:
         super().__init__()
         self.commands = Commands(scenario)
-        self.memory_size = cells
+        self.odometer = Odometer(scenario, self.commands)
+        self.memory_size = Odometer.STATES + cells
+        entries += Odometer.READINGS
         self.encoder = torch.nn.Linear(entries, cells)
         self.memory_cell = torch.nn.GRUCell(cells, cells)
         self.hidden = torch.nn.Linear(cells + entries, cells)
@@ -56,22 +62,31 @@ class RecurrentActor(Actor):
                 self.head.bias[-1] = -1.0
 
     def forward(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
-        memory = self.memory_cell(torch.relu(self.encoder(observation)), memory)
-        return self.commands.action(self._wanted(memory, observation), observation), memory
+        place, cells = memory[:, : Odometer.STATES], memory[:, Odometer.STATES :]
+        readings, place = self.odometer(observation, place)
+        seen = torch.cat([observation, readings], dim=-1)
+        cells = self.memory_cell(torch.relu(self.encoder(seen)), cells)
+        return self.commands.action(self._wanted(cells, seen), observation), torch.cat([place, cells], dim=-1)
 
     def unroll(self, observations: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
         """What is wanted in a sequence, shape (intervals, lanes, wants), from observations of shape (intervals, lanes, entries).
 
         Where an episode ``begins``, 1 in shape (intervals, lanes, 1), all before it is forgotten.
         """
-        seen, memories = torch.relu(self.encoder(observations)), []
-        for step, keep in zip(seen, 1.0 - begins, strict=True):
-            memory = self.memory_cell(step, memory * keep)
-            memories.append(memory)
-        return self._wanted(torch.stack(memories), observations)
+        place, cells = memory[:, : Odometer.STATES], memory[:, Odometer.STATES :]
+        keeps = 1.0 - begins
+        all_readings, all_cells = [], []
+        for observation, keep in zip(observations, keeps, strict=True):
+            readings, place = self.odometer(observation, place * keep)
+            all_readings.append(readings)
+        seen = torch.cat([observations, torch.stack(all_readings)], dim=-1)
+        for step, keep in zip(torch.relu(self.encoder(seen)), keeps, strict=True):
+            cells = self.memory_cell(step, cells * keep)
+            all_cells.append(cells)
+        return self._wanted(torch.stack(all_cells), seen)
 
-    def _wanted(self, memory: Tensor, observation: Tensor) -> Tensor:
-        wanted: Tensor = self.head(torch.relu(self.hidden(torch.cat([memory, observation], dim=-1))))
+    def _wanted(self, cells: Tensor, seen: Tensor) -> Tensor:
+        wanted: Tensor = self.head(torch.relu(self.hidden(torch.cat([cells, seen], dim=-1))))
         return torch.cat([wanted[..., : self.commands.wants].tanh(), wanted[..., self.commands.wants :]], dim=-1)
 
 
@@ -174,7 +189,7 @@ class AnalyticGradient(BaseAlgorithm):
         """Collect and learn in turns until so many intervals have been seen."""
         self.gain = ModelGain(self.scenario)
         if reset_num_timesteps:
-            self.memory = torch.zeros(self.n_envs, self.settings.cells)
+            self.memory = torch.zeros(self.n_envs, self.policy.memory_size)
         total, callbacks = self._setup_learn(total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar)
         callbacks.on_training_start(locals(), globals())
         while self.num_timesteps < total:
@@ -193,7 +208,7 @@ class AnalyticGradient(BaseAlgorithm):
     ) -> tuple[np.ndarray[Any, np.dtype[np.float32]], Any]:
         """Actions for observations of shape (lanes, entries), and the memory to give back as ``state`` with the next."""
         seen = torch.as_tensor(observation)
-        memory = torch.zeros(len(seen), self.settings.cells) if state is None else torch.as_tensor(state)
+        memory = torch.zeros(len(seen), self.policy.memory_size) if state is None else torch.as_tensor(state)
         if episode_start is not None:
             memory = memory * (1.0 - torch.as_tensor(episode_start).float().unsqueeze(-1))
         with torch.no_grad():

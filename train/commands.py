@@ -12,8 +12,8 @@ from turning_env import Scenario
 
 Tensor = torch.Tensor
 
-CUTTING_SPEED, FEED, COMMANDED = 2, 3, slice(4, 6)
-"""Places in an observation."""
+ACTUAL, COMMANDED = slice(2, 4), slice(4, 6)
+"""Places of cutting speed and feed in an observation."""
 
 
 class Commands(torch.nn.Module):
@@ -73,7 +73,12 @@ class Commands(torch.nn.Module):
 
     def actual(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Actual cutting speed [m/min] and feed [mm/rev], each of shape (...)."""
-        values = torch.exp(self._logarithm(observation[..., [CUTTING_SPEED, FEED]]))
+        values = torch.exp(self._logarithm(observation[..., ACTUAL]))
+        return values[..., 0], values[..., 1]
+
+    def in_force(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Commanded cutting speed [m/min] and feed [mm/rev] of the last interval, each of shape (...)."""
+        values = torch.exp(self._logarithm(observation[..., COMMANDED]))
         return values[..., 0], values[..., 1]
 
     def _logarithm(self, place: Tensor) -> Tensor:

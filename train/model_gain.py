@@ -7,9 +7,10 @@ an agent is taught to travel each stretch at the least
 
 where p(D) is the price of the edge's life by dynamic programming (``baselines/edge_value.py``) in place of the flat one that the
 reward charges: both come to the same over a whole edge. In hindsight the true depth, hardness and wear of every stretch are
-known, and so is the gradient of its cost with respect to speed and feed, by the machinability models and the drives' lags. An
-expected breakage is charged where an unmeasured bar is entered. (Analytic gradients through a known model: Freeman et al. 2021,
-arXiv 2106.13281; the flat charge replaced: potential-based shaping, Ng et al. 1999. The combination is this project's.)
+known, and so is the gradient of its cost with respect to speed and feed, by the machinability models and the drives' lags. The
+highest force of an interval is charged the breakage that it makes likely, of an edge that nothing is known of. (Analytic
+gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the flat charge replaced: potential-based shaping, Ng et
+al. 1999. The combination is this project's.)
 """
 
 import math
@@ -73,8 +74,6 @@ class Truth:
         self.log_hardness = field("hardness", 1.0)  # [-]
         self.used_life = _tensor(np.clip(first + (last - first) * share, LEAST_USED_LIFE, 1.0))  # [-]
         self.cutting = _tensor(cutting)  # 0 or 1
-        entering = before[:, place["depth_of_cut"]] == 0.0
-        self.unmeasured = _tensor(entering)  # 0 or 1, shape (intervals, lanes): the interval starts in air
         self.used_before = _tensor(before[:, place["used_life"]])  # [-], shape (intervals, lanes)
         self.failed = _tensor(failed)  # 0 or 1, likewise
 
@@ -142,7 +141,7 @@ class ModelGain:
         gain: Tensor = -interval * cost.mean(dim=-1) * (velocity.detach() / velocity)
         risk = torch.special.ndtr((log_force - self._log_strength) / max(scenario.tool.edge_strength_spread, 1e-3))
         lost = self._downtime + self._edge_price * (1.0 - truth.used_life)
-        gain = gain - truth.unmeasured * (truth.cutting * risk * lost).amax(dim=-1)
+        gain = gain - (truth.cutting * risk * lost).amax(dim=-1)
         return gain
 
     def of_changing(self, leaning: Tensor, truth: Truth) -> Tensor:
