@@ -105,6 +105,9 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     * `RoughTurning-v0`: preset `rough_turning`, as described above.
     * `RoughTurning-Paper-v0`, `-Override-v0`, `-Surface-v0`, `-Shift-v0`, `-Batch-v0`: see `turning_env.tasks`.
 
+    Presets on which to see how well a policy generalises, with harder bars, skins, worn edges, biased sensors, another diameter
+    and another steel: `turning_env.SPLITS`.
+
     ## Version history
 
     * v0: initial version.

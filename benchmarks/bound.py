@@ -1,0 +1,61 @@
+"""How much the clairvoyant bound still moves when its grids are refined.
+
+    python -m benchmarks.bound
+
+Every step of the grids is halved in turn, then all of them. Draws are tuning draws.
+"""
+
+import argparse
+import sys
+import time
+
+import numpy as np
+
+from baselines.clairvoyant import GRID, TOLERANCE, Grid, bounds, covers
+from turning_env import Scenario
+from turning_env.draws import tuning_draws
+
+Row = tuple[str, float, float, float, float]
+
+
+def measure(scenario: Scenario, draws: int) -> list[Row]:
+    """Per grid: its name, the mean bound [s], the mean and the largest move from the bound as used [s], seconds per draw."""
+    finer = GRID.halved()
+    grids: dict[str, Grid] = {"as used": GRID}
+    grids |= {f"{name} halved": GRID._replace(**{name: getattr(finer, name)}) for name in GRID._fields}
+    grids |= {"all halved": finer}
+    rows, used = [], np.zeros(draws)
+    for name, grid in grids.items():
+        start = time.process_time()
+        bound = bounds(scenario, tuning_draws(draws), grid)
+        used = bound if name == "as used" else used
+        moves = bound - used
+        seconds = (time.process_time() - start) / draws
+        rows.append((name, float(bound.mean()), float(moves.mean()), float(np.abs(moves).max()), seconds))
+    return rows
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.bound", description="Refine the clairvoyant bound's grids.")
+    parser.add_argument("--scenario", default="rough_turning", help="preset or TOML file (default: rough_turning)")
+    parser.add_argument("--draws", type=int, default=8, help="tuning draws (default: 8)")
+    parsed = parser.parse_args(arguments)
+    try:
+        scenario = Scenario.load(parsed.scenario)
+        draws = len(tuning_draws(parsed.draws))
+        if not covers(scenario):
+            raise ValueError(f"the bound does not cover scenario {scenario.name!r}")
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    bounds(scenario, tuning_draws(1), Grid(50.0, 10, 4))  # compiles
+    print(f"{'steps':>14}  {'bound [s]':>9}  {'mean move [s]':>13}  {'largest [s]':>11}  {'per draw [s]':>12}")
+    for name, bound, mean, largest, seconds in measure(scenario, draws):
+        print(f"{name:>14}  {bound:9.2f}  {mean:13.2f}  {largest:11.2f}  {seconds:12.2f}")
+    print(f"Tolerance: {TOLERANCE:.1%} of an episode's machine time.")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
