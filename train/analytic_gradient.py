@@ -259,10 +259,11 @@ class AnalyticGradient(BaseAlgorithm):
         commands = self.policy.commands
         speed, feed = commands.actual(observations)
         log_speed, log_feed = commands.commanded(wanted, observations)
-        gain: Tensor = self.gain(log_speed, log_feed, speed, feed, truth)
+        gain: Tensor
+        gain, earnings = self.gain(log_speed, log_feed, speed, feed, truth)
         if commands.changes_edges:
             gain = gain * (1.0 - torch.from_numpy(rollout.changed[:, chosen]).float())
-            gain = gain + self.gain.of_changing(wanted[..., -1], truth)
+            gain = gain + self.gain.of_changing(wanted[..., -1], earnings, truth)
         return gain.mean()
 
 

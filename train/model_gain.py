@@ -116,8 +116,10 @@ class ModelGain:
         self._stop = 60.0 * economics.unplanned_stop * worths.time
         self._edge_price, self._downtime = edge_price, 60.0 * economics.breakage_downtime
 
-    def __call__(self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth) -> Tensor:
-        """Gain [s] of every interval, less what no command could have changed; shape (intervals, lanes).
+    def __call__(self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth) -> tuple[Tensor, Tensor]:
+        """Of every interval, its gain [s] less what no command could have changed, and its earnings [s] if life is worth nothing.
+
+        Both have shape (intervals, lanes); the second has no gradient.
 
         Args:
             log_speed: commanded cutting speed [log m/min], shape (intervals, lanes).
@@ -133,8 +135,8 @@ class ModelGain:
         log_force = self._force(*logs, log_wear, truth.log_hardness)
         excess = torch.relu(log_force.exp() - 1.0) + torch.relu(self._power(*logs, log_wear, truth.log_hardness).exp() - 1.0)
         life_rate = (self._wear(*logs, 0.0, truth.log_hardness) / self._life_exponent).exp() / 60.0  # [1/s]
-        cost = scenario.economics.overload_price * excess + self.price(truth.used_life) * life_rate
-        cost = self._time_price + truth.cutting * cost
+        overload = scenario.economics.overload_price * excess
+        cost = self._time_price + truth.cutting * (overload + self.price(truth.used_life) * life_rate)
         velocity = (speeds * feeds).mean(dim=-1)
         interval = scenario.control.interval
         # The way is as long as it was: who is faster has left it sooner.
@@ -142,17 +144,21 @@ class ModelGain:
         risk = torch.special.ndtr((log_force - self._log_strength) / max(scenario.tool.edge_strength_spread, 1e-3))
         lost = self._downtime + self._edge_price * (1.0 - truth.used_life)
         gain = gain - (truth.cutting * risk * lost).amax(dim=-1)
-        return gain
+        metal = speeds * feeds * truth.log_depth.exp() / scenario.economics.reference_productivity
+        earnings = interval * (truth.cutting * (metal - overload) - self._time_price).mean(dim=-1)
+        return gain, earnings.detach()
 
-    def of_changing(self, leaning: Tensor, truth: Truth) -> Tensor:
+    def of_changing(self, leaning: Tensor, earnings: Tensor, truth: Truth) -> Tensor:
         """Gain [s] of changing edges with the chances whose logits are ``leaning``; all of shape (intervals, lanes).
 
-        Who changes an edge gives up what the rest of it is worth. Who does not, and finds it worn out an interval later, stands
-        still for longer.
+        Who changes an edge gives up what the rest of it is worth. Who does not goes on for an interval: with an edge whose life
+        is worth nothing that earns less than its time could, and an edge that is found worn out makes the lathe stand still for
+        longer.
         """
         chance = torch.sigmoid(leaning)
-        rest = _between_nodes(self._rest, truth.used_before)
-        return -(chance * rest + (1.0 - chance) * truth.failed * self._stop)
+        worthless = (self.price(truth.used_before) <= 0.0) & (truth.failed == 0.0)
+        going_on = worthless * earnings - truth.failed * self._stop
+        return (1.0 - chance) * going_on - chance * _between_nodes(self._rest, truth.used_before)
 
     def price(self, used_life: Tensor) -> Tensor:
         """Price p(D) of a whole life [s] at used shares [-] of it."""

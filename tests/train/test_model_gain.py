@@ -51,7 +51,7 @@ def gains(played: dict[str, Any], scenario: Scenario, wanted: torch.Tensor | Non
     commands = Commands(scenario)
     truth = Truth(scenario, *(played[name] for name in ("before", "after", "changed", "failed")))
     log_speed, log_feed = commands.commanded(played["wanted"] if wanted is None else wanted, played["seen"])
-    return ModelGain(scenario)(log_speed, log_feed, *commands.actual(played["seen"]), truth)
+    return ModelGain(scenario)(log_speed, log_feed, *commands.actual(played["seen"]), truth)[0]
 
 
 def without(**economics: float) -> Scenario:
@@ -66,7 +66,7 @@ def test_overload_is_charged_as_the_lathe_charges_it(played: dict[str, Any]) -> 
     commands = Commands(BASE)
     truth = Truth(BASE, *(played[name] for name in ("before", "after", "changed", "failed")))
     log_speed, log_feed = commands.commanded(played["wanted"], played["seen"])
-    charged = (difference(log_speed, log_feed, *commands.actual(played["seen"]), truth) - priced).numpy()
+    charged = (difference(log_speed, log_feed, *commands.actual(played["seen"]), truth)[0] - priced).numpy()
     reported = played["overload"]
     assert reported.max() > 1.0
     inside = (played["before"][:, 1] > 0) & (played["after"][:, 1] > 0)  # entries and exits are known to a fifth of an interval
@@ -80,7 +80,7 @@ def test_life_is_charged_at_its_price(played: dict[str, Any]) -> None:
     commands = Commands(BASE)
     truth = Truth(BASE, *(played[name] for name in ("before", "after", "changed", "failed")))
     log_speed, log_feed = commands.commanded(played["wanted"], played["seen"])
-    charged = gains(played, BASE) - expensive(log_speed, log_feed, *commands.actual(played["seen"]), truth)
+    charged = gains(played, BASE) - expensive(log_speed, log_feed, *commands.actual(played["seen"]), truth)[0]
     used = played["after"][:, 3] - played["before"][:, 3]
     # Inserts wear more or less than the nominal, at which life is priced.
     ratio = charged.sum(0).numpy() / 1000.0 / used.sum(0)
@@ -117,17 +117,31 @@ def test_a_job_pays_the_flat_price_of_life() -> None:
 def test_an_edge_is_changed_when_what_is_left_of_it_is_worth_less_than_the_risk() -> None:
     shift = Scenario.load("shift")
     gain = ModelGain(shift)
-    leaning = torch.zeros(1, 2, requires_grad=True)
+    leaning, earnings = torch.zeros(1, 2, requires_grad=True), torch.full((1, 2), -0.1)
 
     class Known:
         used_before = torch.tensor([[0.3, 0.97]])
         failed = torch.tensor([[0.0, 1.0]])
 
-    values = gain.of_changing(leaning, Known())  # type: ignore[arg-type]
+    values = gain.of_changing(leaning, earnings, Known())  # type: ignore[arg-type]
     values.sum().backward()
     assert leaning.grad is not None
     assert leaning.grad[0, 0] < 0 < leaning.grad[0, 1]
-    certain = gain.of_changing(torch.tensor([[99.0, 99.0]]), Known())[0]  # type: ignore[arg-type]
+    certain = gain.of_changing(torch.tensor([[99.0, 99.0]]), earnings, Known())[0]  # type: ignore[arg-type]
     whole = float(worth(shift, shift.economics.overload_price).life.mean())
     assert -whole < certain[0] < -0.2 * whole
     assert -10.0 < certain[1] <= 0.0
+
+
+def test_an_edge_whose_life_is_worth_nothing_is_changed_where_going_on_earns_less_than_its_time() -> None:
+    gain = ModelGain(Scenario.load("shift"))
+    leaning = torch.zeros(1, 2, requires_grad=True)
+
+    class Known:
+        used_before = torch.tensor([[0.99, 0.99]])
+        failed = torch.tensor([[0.0, 0.0]])
+
+    assert float(gain.price(Known.used_before).max()) == 0.0
+    gain.of_changing(leaning, torch.tensor([[-0.1, 0.1]]), Known()).sum().backward()  # type: ignore[arg-type]
+    assert leaning.grad is not None
+    assert leaning.grad[0, 1] < 0 < leaning.grad[0, 0]
