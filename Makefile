@@ -5,28 +5,47 @@ SCENARIO ?= rough_turning
 INTERVALS ?=
 DRAWS ?= 256
 BOARD_DRAWS ?= 64
+SPLIT_DRAWS ?= 32
 RUNS ?= runs
 RESULTS ?= results
+SHIPPED ?= agents
+ROWS ?= leaderboard/rows
 ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurning-Surface-v0 RoughTurning-Shift-v0 RoughTurning-Batch-v0
 TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS) $(if $(INTERVALS),--intervals $(INTERVALS))
 RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --draws $(DRAWS) --results $(RESULTS)
 AGENT = $(RUNS)/RoughTurning-v0/$(SCENARIO)/ppo-seed
 
-.PHONY: leaderboard seeds boards test format clean
+# Agents that come with the project: environment's id and algorithm.
+AGENTS ?= $(addprefix RoughTurning-v0/,analytic_gradient ppo sac tqc lagrangian_ppo recurrent_ppo) \
+	$(addsuffix /ppo,RoughTurning-Override-v0 RoughTurning-Surface-v0 RoughTurning-Batch-v0) RoughTurning-Shift-v0/analytic_gradient
+SEEDS ?= 0 1 2 3 4
 
-# Train an agent, play it and every baseline on the held-out draws, rank them.
+.PHONY: leaderboard agents rows verify test format clean
+
+# Train an agent, play it, rank it with every rule and agent that comes with the project: their results need not be played again.
 leaderboard: .venv/ready
 	$(TRAIN) --seed 0
+	mkdir -p $(RESULTS)
+	cp -R leaderboard/rows/. $(RESULTS)
 	$(RUN) --agents $(AGENT)0
 
-# The same with five training seeds, two trainings at a time.
-seeds: .venv/ready
-	printf '%s\n' 0 1 2 3 4 | xargs -P 2 -I{} $(TRAIN) --seed {}
-	$(RUN) --agents $(foreach seed,0 1 2 3 4,$(AGENT)$(seed))
+# Train all agents that come with the project anew, two at a time, and export them.
+agents: .venv/ready
+	printf '%s\n' $(foreach agent,$(AGENTS),$(foreach seed,$(SEEDS),$(agent)/$(seed))) | xargs -P 2 -I{} sh -c \
+		'set -- $$(echo {} | tr / " "); .venv/bin/python -m train.$$2 --env $$1 --seed $$3 --runs $(RUNS) $(if $(INTERVALS),--intervals $(INTERVALS))'
+	set -e; for run in $(RUNS)/RoughTurning-*/*/*-seed*; do \
+		.venv/bin/python -m train.export $$run --out $(SHIPPED)/$$(dirname $${run#$(RUNS)/}); done
 
-# Every controller of the literature on every task that it can play.
-boards: .venv/ready
-	set -e; for env in $(ENVS); do .venv/bin/python -m leaderboard run --env $$env --draws $(BOARD_DRAWS) --results $(RESULTS); done
+# Play all that comes with the project: the rows of the leaderboard.
+rows: .venv/ready
+	set -e; for env in $(ENVS); do .venv/bin/python -m leaderboard run --env $$env --results $(ROWS) \
+		--agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null) $$(test $$env = RoughTurning-v0 \
+		&& echo --draws $(DRAWS) --splits --split-draws $(SPLIT_DRAWS) || echo --draws $(BOARD_DRAWS)); done
+	.venv/bin/python -m leaderboard cards --rows $(ROWS) --agents $(SHIPPED)
+
+# Play the rows again and fail if a number does not come back.
+verify: .venv/ready
+	.venv/bin/python -m leaderboard verify --jobs 2 $(VERIFY)
 
 # Lint, types and tests.
 test: .venv/ready

@@ -1,6 +1,7 @@
 """Every command and every program in the README, run in a copy of the repository, made small where it would take long."""
 
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -16,13 +17,16 @@ PROGRAMS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 # What makes a command small: options added to it, words replaced in it.
 SMALLER = {
     "make leaderboard": ("INTERVALS=20000 DRAWS=2 RUNS=few-runs RESULTS=few-results", {}),
-    "make seeds": ("INTERVALS=20000 DRAWS=2 RUNS=few-seeds RESULTS=few-seeds-results", {}),
-    "make boards": ("BOARD_DRAWS=2 RESULTS=few-boards ENVS=RoughTurning-Batch-v0", {}),
+    "make agents": ("INTERVALS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 AGENTS=RoughTurning-Surface-v0/ppo", {}),
+    "make rows": ("BOARD_DRAWS=2 SHIPPED=few-agents ROWS=few-rows ENVS=RoughTurning-Surface-v0", {}),
+    "make verify": ("VERIFY='--draws 2 --env RoughTurning-Surface-v0'", {}),
     "python -m train.ppo": ("--intervals 20000", {}),
     "python -m baselines.tune": ("--draws 1 --trials 2", {"rough_turning": "short.toml"}),
     "python -m leaderboard run": ("--draws 2", {}),
     "python -m benchmarks.throughput": ("--repeats 1", {}),
     "python -m benchmarks.overload_price": ("--draws 1", {}),
+    "python -m benchmarks.ablation": ("--intervals 16384 --runs few-ablations --variants as_it_is", {}),
+    "python -m benchmarks.bound": ("--draws 1", {}),
 }
 
 
@@ -44,8 +48,8 @@ def small(command: str) -> list[str]:
     """The words of a command, made small, with this Python for ``python``."""
     for start, (options, replaced) in SMALLER.items():
         if command.startswith(start):
-            command = " ".join(replaced.get(word, word) for word in f"{command} {options}".split())
-    words = command.split()
+            command = shlex.join(replaced.get(word, word) for word in shlex.split(f"{command} {options}"))
+    words = shlex.split(command)
     return [sys.executable, *words[1:]] if words[0] == "python" else words
 
 
