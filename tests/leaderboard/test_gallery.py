@@ -12,6 +12,7 @@ import pytest
 from leaderboard import gallery, habits
 from leaderboard.__main__ import main
 from leaderboard.contestants import Contestant
+from leaderboard.gallery import limits, operating_point
 from leaderboard.habits import HABITS, Course
 from leaderboard.references import references
 from leaderboard.results import ResultError
@@ -137,12 +138,12 @@ def test_every_picture_is_drawn(make_course: MakeCourse, tmp_path: Path) -> None
 
 def test_titles_say_what_is_seen(make_course: MakeCourse) -> None:
     moving = make_course(cutting_speed=np.linspace(100.0, 200.0, 63))
-    figure = gallery.operating_point({"moves": [moving], "rests": [make_course()]})
+    figure = operating_point.draw({"moves": [moving], "rests": [make_course()]})
     assert figure is not None
     titles = [axes.get_title(loc="left") for axes in figure.axes[:2]]
     assert titles[0].startswith("moves\nfrom 11")
     assert titles[1] == "rests\nstays at\n100 m/min, 0.20 mm/rev"
-    figure = gallery.limits({"over": [make_course(power=8.0)]})
+    figure = limits.draw({"over": [make_course(power=8.0)]})
     assert figure is not None
     texts = [axes.get_legend().get_texts()[0].get_text() for axes in figure.axes]
     assert texts == ["over: 0.0 % of cutting time above", "over: 100.0 % of cutting time above"]

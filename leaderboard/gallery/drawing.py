@@ -1,0 +1,55 @@
+"""What the pictures of the gallery share: sizes, how a policy and a limit look, and the lines that say what is seen."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+
+from leaderboard.figure import BLUE, GREY, ORANGE, VERMILLION
+from leaderboard.habits import Course
+from turning_env import Scenario
+
+Courses = Mapping[str, Sequence[Course]]
+"""The episodes of each policy, by its label: of all policies on the same draws."""
+
+WIDTH, PANEL = 7.2, 2.8
+"""A page's text, and the least that a panel's title needs [inch]."""
+LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 0.9}
+"""How a line at a limit looks."""
+# Okabe and Ito's colours, and line styles for those who see none. Vermillion is for limits.
+_COLOURS = (BLUE, ORANGE, "#009E73", "#CC79A7", "#56B4E9", "#000000")
+_STYLES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)))
+MOST_POLICIES = len(_COLOURS)
+"""More cannot be told apart."""
+
+
+def with_looks(courses: Courses) -> list[tuple[str, str, Any]]:
+    """Each policy's label, colour and line style: the same in every picture."""
+    return list(zip(courses, _COLOURS, _STYLES, strict=False))
+
+
+def scenario_of(courses: Courses) -> Scenario:
+    """The scenario that all play."""
+    return next(iter(courses.values()))[0].scenario
+
+
+def cuts(courses: Courses) -> bool:
+    """Whether every policy is seen in metal."""
+    return all(any(course.cutting.any() for course in episodes) for episodes in courses.values())
+
+
+def of_draws(courses: Courses) -> str:
+    """On how many draws each policy is seen, in words."""
+    number = len(next(iter(courses.values())))
+    return f"{number} draws" if number > 1 else "1 draw"
+
+
+def headline(figure: Figure, what: str, how: str) -> None:
+    """Say above a picture what it shows, and below it, or as its legend's title, how to read it."""
+    figure.suptitle(what, x=0.01, ha="left", fontweight="bold")
+    if not figure.legends:
+        figure.supxlabel(how, x=0.01, ha="left", fontsize="small", color=GREY)
+    else:  # both would lie at the bottom
+        figure.legends[0].set_title(how, FontProperties(size="small"))
+        figure.legends[0].get_title().set_color(GREY)

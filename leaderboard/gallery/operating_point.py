@@ -1,0 +1,94 @@
+"""Where an edge is used in the plane of cutting speed and feed, beside the limits there."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, NullLocator
+
+from baselines.process import Process
+from leaderboard.figure import BLUE
+from leaderboard.gallery.drawing import PANEL, WIDTH, Courses, cuts, headline, of_draws, scenario_of
+from leaderboard.habits import fifths
+from turning_env import Scenario
+
+# Of use, from fresh to worn: rises evenly in darkness, so that it survives grey print.
+_LIFE = LinearSegmentedColormap.from_list("life", ["#9FD0F0", BLUE, "#12233F"])
+_WORN = (0.1, 0.5, 1.0)  # used shares of life for which limits are drawn
+_LIMIT_STYLES: dict[str, Any] = {"force": "-", "power": "--"}
+
+
+def draw(courses: Courses) -> Figure | None:
+    """Cutting speed and feed as an edge wears, a panel for each policy; none where the speed is fixed or nothing is seen."""
+    scenario = scenario_of(courses)
+    if scenario.control.action in ("override", "part") or not cuts(courses):
+        return None
+    figure = Figure(figsize=(max(WIDTH, PANEL * len(courses)), 4.0), layout="constrained")
+    panels = figure.subplots(1, len(courses), sharex=True, sharey=True, squeeze=False)[0]
+    for axes, (label, episodes) in zip(panels, courses.items(), strict=True):
+        for course in episodes:
+            speed, feed, used = (course[name][course.cutting] for name in ("cutting_speed", "feed", "used_life"))
+            axes.scatter(speed, feed, 7, used, cmap=_LIFE, vmin=0.0, vmax=1.0, alpha=0.35, linewidths=0)
+        speeds, feeds = fifths(episodes, "cutting_speed"), fifths(episodes, "feed")
+        axes.plot(speeds, feeds, color="white", linewidth=2.6, zorder=3)
+        axes.plot(speeds, feeds, color="black", linewidth=1.0, zorder=4)
+        middles = (np.arange(len(speeds)) + 0.5) / len(speeds)
+        axes.scatter(speeds, feeds, 46, middles, cmap=_LIFE, vmin=0.0, vmax=1.0, edgecolors="black", linewidths=0.9, zorder=5)
+        done = np.flatnonzero(np.isfinite(speeds))
+        ends = [f"{speeds[place]:.0f} m/min, {feeds[place]:.2f} mm/rev" for place in (done[0], done[-1])]
+        moves = f"from {ends[0]}\nto {ends[1]}" if ends[0] != ends[1] else f"stays at\n{ends[0]}"
+        axes.set_title(f"{label}\n{moves}", loc="left", fontsize="medium")
+        axes.set_xlabel("cutting speed [m/min], log scale")
+    panels[0].set_ylabel("feed [mm/rev], log scale")
+    _zoom(panels, courses, scenario)
+    for axes in panels:
+        _limits_of_wear(axes, scenario)
+    figure.colorbar(ScalarMappable(Normalize(0.0, 1.0), _LIFE), ax=panels, label="used share of the edge's life", pad=0.01)
+    handles = [
+        Line2D([], [], color=_LIFE(0.5), linestyle=style, label=f"{name} over limit above")
+        for name, style in _LIMIT_STYLES.items()
+    ]
+    handles.append(Line2D([], [], color="black", marker="o", markerfacecolor=_LIFE(0.5), label="mean of each fifth of life"))
+    figure.legend(handles=handles, loc="outside lower left", ncols=3, alignment="left")
+    depth = scenario.workpiece.depth_of_cut
+    shares = ", ".join(f"{100.0 * used:g}" for used in _WORN)
+    headline(
+        figure,
+        "Where an edge is used, as it wears",
+        f"limits at {depth:g} mm depth of cut and nominal hardness, for edges of {shares} % used life, in their colours; "
+        f"{of_draws(courses)}",
+    )
+    return figure
+
+
+def _zoom(panels: Sequence[Axes], courses: Courses, scenario: Scenario) -> None:
+    """Both axes logarithmic, around what was used."""
+    for axis, name in (("x", "cutting_speed"), ("y", "feed")):
+        values = np.concatenate([course[name][course.cutting] for episodes in courses.values() for course in episodes])
+        low, high = (getattr(scenario.machine, f"{name}_{end}") for end in ("min", "max"))
+        bounds = max(values.min() / 1.1, low / 1.02), min(values.max() * 1.1, high * 1.02)
+        digits = (1, 1.5, 2, 3, 4, 6) if bounds[1] > 3.0 * bounds[0] else (1, 1.2, 1.4, 1.6, 1.8, 2, 2.5, 3, 4, 5, 6, 8)
+        ticks = [digit * 10.0**power for power in range(-4, 5) for digit in digits]
+        for axes in panels:
+            getattr(axes, f"set_{axis}scale")("log")
+            getattr(axes, f"set_{axis}lim")(*bounds)
+            subject = getattr(axes, f"{axis}axis")
+            subject.set_major_locator(FixedLocator([tick for tick in ticks if bounds[0] <= tick <= bounds[1]]))
+            subject.set_major_formatter("{x:g}")
+            subject.set_minor_locator(NullLocator())
+
+
+def _limits_of_wear(axes: Axes, scenario: Scenario) -> None:
+    """Where force and power reach their limits at nominal depth and hardness, for a fresh and a worn edge."""
+    process = Process.of(scenario)
+    speeds = np.geomspace(*axes.get_xlim(), 100)
+    for used in _WORN:
+        wear = process.wear_criterion * used**process.wear.time
+        for limit, style in zip((process.thrust_force, process.power), _LIMIT_STYLES.values(), strict=True):
+            line = limit.line(scenario.workpiece.depth_of_cut, 1.0, wear)
+            axes.plot(speeds, np.exp(line.highest_feed(np.log(speeds))), color=_LIFE(used), linestyle=style, linewidth=1.2)
