@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch.nn.functional import softplus
 
 from baselines.edge_value import USED_LIVES, worth
 from train.hindsight import FIELDS
@@ -149,16 +150,16 @@ class ModelGain:
         return gain, earnings.detach()
 
     def of_changing(self, leaning: Tensor, earnings: Tensor, truth: Truth) -> Tensor:
-        """Gain [s] of changing edges with the chances whose logits are ``leaning``; all of shape (intervals, lanes).
+        """To be made the most of, so that edges are changed where ``leaning`` is above 0; all of shape (intervals, lanes).
 
         Who changes an edge gives up what the rest of it is worth. Who does not goes on for an interval: with an edge whose life
         is worth nothing that earns less than its time could, and an edge that is found worn out makes the lathe stand still for
-        longer.
+        longer. A logistic loss weighed by both is least where ``leaning`` has the sign of the lesser cost, whatever is not known.
         """
-        chance = torch.sigmoid(leaning)
         worthless = (self.price(truth.used_before) <= 0.0) & (truth.failed == 0.0)
         going_on = worthless * earnings - truth.failed * self._stop
-        return (1.0 - chance) * going_on - chance * _between_nodes(self._rest, truth.used_before)
+        changing = _between_nodes(self._rest, truth.used_before) + torch.relu(going_on)
+        return -(changing * softplus(leaning) + torch.relu(-going_on) * softplus(-leaning))
 
     def price(self, used_life: Tensor) -> Tensor:
         """Price p(D) of a whole life [s] at used shares [-] of it."""

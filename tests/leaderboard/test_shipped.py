@@ -1,0 +1,75 @@
+"""What comes with the project: agents, their cards, and rows that come back, say what is claimed and keep to the bound."""
+
+from pathlib import Path
+
+import pytest
+
+from leaderboard import verify
+from leaderboard.board import read_board
+from leaderboard.references import CLAIRVOYANT
+from leaderboard.results import SUFFIX, result_files
+from leaderboard.verify import Selection
+from train import onnx_policy
+from turning_env import IDS, SPLITS
+
+ROOT = Path(__file__).parents[2]
+ROWS, AGENTS = ROOT / "leaderboard" / "rows", ROOT / "agents"
+FILES = sorted(AGENTS.glob("*/*/*.onnx"))
+BEST = "analytic_gradient"
+
+
+def complaints(
+    tmp_path: Path, draws: int, *policies: str, env: str = "RoughTurning-v0", scenario: str | None = None
+) -> list[str]:
+    return verify.verify(ROWS, AGENTS, Selection(env, scenario, list(policies)), 1, tmp_path / "memory.json", False, draws)
+
+
+def test_the_first_draws_of_rows_come_back(tmp_path: Path) -> None:
+    quick = ("fixed_tuned", "grid_search", "rescaled_grid_search", "ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", BEST)
+    assert complaints(tmp_path, 2, *quick, scenario="rough_turning") == []
+    assert complaints(tmp_path, 1, CLAIRVOYANT, "causal", "predictive", scenario="rough_turning") == []
+    assert complaints(tmp_path, 1, "rescaled_grid_search", BEST, scenario="ck45") == []
+    assert complaints(tmp_path, 1, "omative", "ppo", env="RoughTurning-Override-v0") == []
+
+
+def test_no_row_is_beyond_the_clairvoyant_bound() -> None:
+    paths = [path for folder in ROWS.glob("*/*") for path in result_files(folder)]
+    assert sum(path.name == f"{CLAIRVOYANT}{SUFFIX}" for path in paths) >= 2 + len(SPLITS)
+    assert list(verify._beyond_the_bound(paths)) == []
+
+
+def test_the_best_agent_is_what_is_claimed() -> None:
+    board = read_board(ROWS / "RoughTurning-v0" / "rough_turning")
+    standings = {standing.name: standing for standing in board.standings}
+    best = standings[BEST]
+    assert board.standings[0] is best
+    assert len(board.task.draws) == 256
+    assert len(best.training_seeds) == 5
+    assert best.admissible
+    assert best.way_gone is not None
+    assert best.way_gone.value >= 2.0 / 3.0
+    assert best.over_best_rule is not None
+    assert best.over_best_rule.low > 0.0
+    assert best.best_rule is not None
+    assert best.broken_share <= standings[best.best_rule].broken_share
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_every_policy_of_a_board_has_played_and_every_rule_is_there(env_id: str) -> None:
+    board = read_board(ROWS / env_id / IDS[env_id])
+    assert not board.left_out
+    assert {"rule"} <= {standing.kind for standing in board.standings}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: f"{path.parent.parent.name}-{path.stem}")
+def test_every_agent_can_be_loaded_and_has_a_card(path: Path) -> None:
+    agent = onnx_policy.load(path)
+    assert (agent.env_id, agent.scenario.name) == (path.parent.parent.name, path.parent.name)
+    assert path.stem == f"{agent.name}-seed{agent.seed}"
+    assert path.with_name(f"{agent.name}.md").is_file()
+    assert path.stat().st_size < 500_000
+
+
+def test_there_are_five_seeds_of_every_agent() -> None:
+    names = {path.with_name(path.stem.rpartition("-seed")[0]) for path in FILES}
+    assert len(FILES) == 5 * len(names)
