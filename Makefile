@@ -5,7 +5,7 @@ SCENARIO ?= rough_turning
 INTERVALS ?=
 DRAWS ?= 256
 BOARD_DRAWS ?= 64
-SPLIT_DRAWS ?= 32
+LONG_DRAWS ?= 32
 RUNS ?= runs
 RESULTS ?= results
 SHIPPED ?= agents
@@ -38,9 +38,16 @@ agents: .venv/ready
 
 # Play all that comes with the project: the rows of the leaderboard.
 rows: .venv/ready
-	set -e; for env in $(ENVS); do .venv/bin/python -m leaderboard run --env $$env --results $(ROWS) \
-		--agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null) $$(test $$env = RoughTurning-v0 \
-		&& echo --draws $(DRAWS) --splits --split-draws $(SPLIT_DRAWS) || echo --draws $(BOARD_DRAWS)); done
+	set -e; for env in $(ENVS); do \
+		case $$env in \
+			RoughTurning-v0) draws="--draws $(DRAWS) --splits --split-draws $(LONG_DRAWS)";; \
+			RoughTurning-Batch-v0) draws="--draws $(DRAWS)";; \
+			RoughTurning-Shift-v0) draws="--draws $(LONG_DRAWS)";; \
+			*) draws="--draws $(BOARD_DRAWS)";; \
+		esac; \
+		.venv/bin/python -m leaderboard run --env $$env --results $(ROWS) $$draws \
+			--agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \
+	done
 	.venv/bin/python -m leaderboard cards --rows $(ROWS) --agents $(SHIPPED)
 
 # Play the rows again and fail if a number does not come back.

@@ -66,10 +66,11 @@ class RecurrentActor(Actor):
         readings, place = self.odometer(observation, place)
         seen = torch.cat([observation, readings], dim=-1)
         cells = self.memory_cell(torch.relu(self.encoder(seen)), cells)
-        return self.commands.action(self._wanted(cells, seen), observation), torch.cat([place, cells], dim=-1)
+        wanted = self.bounded(self._unbounded(cells, seen))
+        return self.commands.action(wanted, observation), torch.cat([place, cells], dim=-1)
 
     def unroll(self, observations: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
-        """What is wanted in a sequence, shape (intervals, lanes, wants), from observations of shape (intervals, lanes, entries).
+        """What is wanted in a sequence, before it is bounded, from observations of shape (intervals, lanes, entries).
 
         Where an episode ``begins``, 1 in shape (intervals, lanes, 1), all before it is forgotten.
         """
@@ -83,11 +84,15 @@ class RecurrentActor(Actor):
         for step, keep in zip(torch.relu(self.encoder(seen)), keeps, strict=True):
             cells = self.memory_cell(step, cells * keep)
             all_cells.append(cells)
-        return self._wanted(torch.stack(all_cells), seen)
+        return self._unbounded(torch.stack(all_cells), seen)
 
-    def _wanted(self, cells: Tensor, seen: Tensor) -> Tensor:
-        wanted: Tensor = self.head(torch.relu(self.hidden(torch.cat([cells, seen], dim=-1))))
+    def bounded(self, wanted: Tensor) -> Tensor:
+        """What is wanted of speed and feed within -1..1; whether to change the edge needs no bounds."""
         return torch.cat([wanted[..., : self.commands.wants].tanh(), wanted[..., self.commands.wants :]], dim=-1)
+
+    def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
+        wanted: Tensor = self.head(torch.relu(self.hidden(torch.cat([cells, seen], dim=-1))))
+        return wanted
 
 
 @dataclass(frozen=True)
@@ -105,6 +110,8 @@ class Settings:
     exploration: float
     """Standard deviation of what is added to actions, so that a little more than the way taken is seen [-]."""
     max_gradient_norm: float
+    saturation_price: float = 0.0
+    """Of the squares of what is wanted before it is bounded, so that no want is stuck at the end of its range [s]."""
 
 
 @dataclass
@@ -255,7 +262,8 @@ class AnalyticGradient(BaseAlgorithm):
             rollout.changed[:, chosen],
             rollout.failed[:, chosen],
         )
-        wanted = self.policy.unroll(observations, rollout.memory[lanes], rollout.begins[:, lanes])
+        unbounded = self.policy.unroll(observations, rollout.memory[lanes], rollout.begins[:, lanes])
+        wanted = self.policy.bounded(unbounded)
         commands = self.policy.commands
         speed, feed = commands.actual(observations)
         log_speed, log_feed = commands.commanded(wanted, observations)
@@ -264,7 +272,9 @@ class AnalyticGradient(BaseAlgorithm):
         if commands.changes_edges:
             gain = gain * (1.0 - torch.from_numpy(rollout.changed[:, chosen]).float())
             gain = gain + self.gain.of_changing(wanted[..., -1], earnings, truth)
-        return gain.mean()
+        saturation = unbounded[..., : commands.wants].square().sum(dim=-1)
+        taught: Tensor = gain.mean() - self.settings.saturation_price * saturation.mean()
+        return taught
 
 
 def new_model(run: Run, lathes: RoughTurningVecEnv) -> AnalyticGradient:
@@ -276,7 +286,7 @@ def new_model(run: Run, lathes: RoughTurningVecEnv) -> AnalyticGradient:
         lathes,
         LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),
         run.scenario,
-        Settings(**{name: p[name] for name in Settings.__dataclass_fields__}),
+        Settings(**{name: p[name] for name in Settings.__dataclass_fields__ if name in p}),
         tensorboard_log=str(run.folder / "tensorboard"),
         seed=run.seed,
     )
