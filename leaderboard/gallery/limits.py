@@ -32,7 +32,7 @@ def draw(courses: Courses) -> Figure | None:
             over = percent[samples[label] > 1.0].sum()
             inside = np.clip(samples[label], edges[0], edges[-1] - _LEVEL / 2)
             axes.hist(inside, edges, weights=percent, histtype="stepfilled", color=colour, alpha=0.15)
-            what = f"{label}: {over:.1f} % of cutting time above"
+            what = f"{label}: {over:.1f} % above"
             axes.hist(inside, edges, weights=percent, histtype="step", color=colour, linestyle=style, label=what)
         axes.axvline(1.0, **LIMIT)
         axes.axvline(tolerated, linestyle=":", **LIMIT)

@@ -146,7 +146,7 @@ def test_titles_say_what_is_seen(make_course: MakeCourse) -> None:
     figure = limits.draw({"over": [make_course(power=8.0)]})
     assert figure is not None
     texts = [axes.get_legend().get_texts()[0].get_text() for axes in figure.axes]
-    assert texts == ["over: 0.0 % of cutting time above", "over: 100.0 % of cutting time above"]
+    assert texts == ["over: 0.0 % above", "over: 100.0 % above"]
 
 
 @pytest.mark.parametrize(
