@@ -16,8 +16,8 @@ RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --draws $(DRAWS
 AGENT = $(RUNS)/RoughTurning-v0/$(SCENARIO)/ppo-seed
 
 # Agents that come with the project: environment's id and algorithm.
-AGENTS ?= $(addprefix RoughTurning-v0/,analytic_gradient ppo sac tqc lagrangian_ppo recurrent_ppo) \
-	$(addsuffix /ppo,RoughTurning-Override-v0 RoughTurning-Surface-v0 RoughTurning-Batch-v0) RoughTurning-Shift-v0/analytic_gradient
+AGENTS ?= RoughTurning-v0/analytic_gradient RoughTurning-v0/ppo RoughTurning-Override-v0/analytic_gradient \
+	RoughTurning-Override-v0/ppo RoughTurning-Surface-v0/ppo
 SEEDS ?= 0 1 2 3 4
 
 .PHONY: leaderboard agents rows verify test format clean
@@ -31,10 +31,11 @@ leaderboard: .venv/ready
 
 # Train all agents that come with the project anew, two at a time, and export them.
 agents: .venv/ready
-	printf '%s\n' $(foreach agent,$(AGENTS),$(foreach seed,$(SEEDS),$(agent)/$(seed))) | xargs -P 2 -I{} sh -c \
-		'set -- $$(echo {} | tr / " "); .venv/bin/python -m train.$$2 --env $$1 --seed $$3 --runs $(RUNS) $(if $(INTERVALS),--intervals $(INTERVALS))'
-	set -e; for run in $(RUNS)/RoughTurning-*/*/*-seed*; do \
-		.venv/bin/python -m train.export $$run --out $(SHIPPED)/$$(dirname $${run#$(RUNS)/}); done
+	printf '%s\n' $(foreach agent,$(AGENTS),$(foreach seed,$(SEEDS),$(agent)/$(seed))) | xargs -P 2 -I{} sh -c '\
+		set -e -- $$(echo {} | tr / " "); \
+		run=$$(.venv/bin/python -m train.$$2 --env $$1 --seed $$3 --runs $(RUNS) $(if $(INTERVALS),--intervals $(INTERVALS))); \
+		folder=$$(dirname $$run); \
+		.venv/bin/python -m train.export $$folder --out $(SHIPPED)/$$1/$$(basename $$(dirname $$folder))'
 
 # Play all that comes with the project: the rows of the leaderboard.
 rows: .venv/ready
