@@ -52,9 +52,8 @@ class Commands(torch.nn.Module):
         if self.override:
             action = wanted[..., :1]
         else:
-            action = ((self._logarithm(wanted[..., :2]) - self._logarithm(observation[..., COMMANDED])) / self.step).clamp(
-                -1.0, 1.0
-            )
+            # Places are near one another and of order one: of logarithms the difference would be less exact.
+            action = ((wanted[..., :2] - observation[..., COMMANDED]) * (0.5 * self.span / self.step)).clamp(-1.0, 1.0)
         return torch.cat([action, wanted[..., -1:].clamp(-1.0, 1.0)], dim=-1) if self.changes_edges else action
 
     def commanded(self, wanted: Tensor, observation: Tensor) -> tuple[Tensor, Tensor]:
