@@ -72,12 +72,14 @@ class Commands(torch.nn.Module):
 
     def actual(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Actual cutting speed [m/min] and feed [mm/rev], each of shape (...)."""
-        values = torch.exp(self._logarithm(observation[..., ACTUAL]))
-        return values[..., 0], values[..., 1]
+        return self._speed_and_feed(observation[..., ACTUAL])
 
     def in_force(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Commanded cutting speed [m/min] and feed [mm/rev] of the last interval, each of shape (...)."""
-        values = torch.exp(self._logarithm(observation[..., COMMANDED]))
+        return self._speed_and_feed(observation[..., COMMANDED])
+
+    def _speed_and_feed(self, places: Tensor) -> tuple[Tensor, Tensor]:
+        values = torch.exp(self._logarithm(places))
         return values[..., 0], values[..., 1]
 
     def _logarithm(self, place: Tensor) -> Tensor:

@@ -14,6 +14,7 @@ al. 1999. The combination is this project's.)
 """
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -197,15 +198,10 @@ class _Law:
     def __init__(self, law: PowerLaw, log_most: float) -> None:
         # Plain floats: a record of NumPy's would turn tensors into arrays.
         record = law.record()
-        self._law = {name: float(record[name]) for name in record.dtype.names}
-        self._law["log_coefficient"] -= log_most
+        self._law = SimpleNamespace(**{name: float(record[name]) for name in record.dtype.names})
+        self._law.log_coefficient -= log_most
 
     def __call__(self, log_speed: Tensor, log_feed: Tensor, log_depth: Tensor, log_wear: Any, log_hardness: Tensor) -> Tensor:
         factors = (log_speed, log_feed, log_depth, 0.0, log_wear, log_hardness)
-        response: Tensor = log_response(_Fields(self._law), *factors)  # type: ignore[no-untyped-call]
+        response: Tensor = log_response(self._law, *factors)  # type: ignore[no-untyped-call]
         return response
-
-
-class _Fields:
-    def __init__(self, values: dict[str, float]) -> None:
-        self.__dict__.update(values)

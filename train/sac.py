@@ -52,7 +52,11 @@ def new_model(run: Run, lathes: RoughTurningVecEnv) -> SAC:
 
 def actor(path: Path) -> Feedforward:
     """The finished agent in a ``policy.zip`` of your own."""
-    network = SAC.load(path, device="cpu").actor
+    return squashed(SAC.load(path, device="cpu").actor)
+
+
+def squashed(network: Any) -> Feedforward:
+    """The most likely action of SAC's, and of TQC's, network."""
     return Feedforward(network.latent_pi, network.mu, torch.nn.Tanh())
 
 

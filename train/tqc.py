@@ -9,14 +9,13 @@ Running the same command again resumes an interrupted training, and does nothing
 import sys
 from pathlib import Path
 
-import torch
 from optuna.distributions import FloatDistribution, IntDistribution
 from sb3_contrib import TQC
 
 from train import command
 from train.feedforward import Feedforward
 from train.run import Run
-from train.sac import settings
+from train.sac import settings, squashed
 from train.training import Algorithm
 from train.vec_env import RoughTurningVecEnv
 
@@ -30,8 +29,7 @@ def new_model(run: Run, lathes: RoughTurningVecEnv) -> TQC:
 
 def actor(path: Path) -> Feedforward:
     """The finished agent in a ``policy.zip`` of your own."""
-    network = TQC.load(path, device="cpu").actor
-    return Feedforward(network.latent_pi, network.mu, torch.nn.Tanh())
+    return squashed(TQC.load(path, device="cpu").actor)
 
 
 SEARCH = {
