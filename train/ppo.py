@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import torch
 from optuna.distributions import FloatDistribution, IntDistribution
 from stable_baselines3 import PPO
 from stable_baselines3.common.utils import LinearSchedule
@@ -48,8 +49,13 @@ def settings(run: Run) -> dict[str, Any]:
 
 
 def new_model(run: Run, lathes: RoughTurningVecEnv) -> PPO:
-    """An untrained model."""
-    return PPO("MlpPolicy", lathes, **settings(run))
+    """An untrained model, whose first actions vary about 0, or about what the hyperparameters say."""
+    model = PPO("MlpPolicy", lathes, **settings(run))
+    means = run.parameters.get("initial_actions", [])
+    last_layer: Any = model.policy.action_net
+    with torch.no_grad():
+        last_layer.bias[: len(means)] = torch.tensor(means)
+    return model
 
 
 def actor(path: Path) -> Feedforward:
