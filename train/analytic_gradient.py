@@ -212,10 +212,10 @@ class AnalyticGradient(BaseAlgorithm):
         speed, feed = commands.actual(observations)
         log_speed, log_feed = commands.commanded(wanted, observations)
         gain: Tensor
-        gain, earnings = self.gain(log_speed, log_feed, speed, feed, truth)
+        gain, going_on = self.gain(log_speed, log_feed, speed, feed, truth)
         if commands.changes_edges:
-            gain = gain * (1.0 - torch.from_numpy(rollout.changed[:, chosen]).float())
-            gain = gain + self.gain.of_changing(wanted[..., -1], earnings, truth)
+            gain = gain * (1.0 - truth.changed)
+            gain = gain + self.gain.of_changing(wanted[..., -1], going_on)
         saturation = unbounded[..., : commands.wants].square().sum(dim=-1)
         taught: Tensor = gain.mean() - self.settings.saturation_price * saturation.mean()
         return taught

@@ -72,11 +72,12 @@ class Truth:
             return _tensor(np.log(np.where(cutting, mean, in_air)))
 
         first, last = ends("used_life")
+        last = np.where(changed[..., np.newaxis], first, last)  # of the edge that was in use at the start
         self.log_depth = field("depth_of_cut", work.depth_of_cut)  # [log mm]
         self.log_hardness = field("hardness", 1.0)  # [-]
         self.used_life = _tensor(np.clip(first + (last - first) * share, LEAST_USED_LIFE, 1.0))  # [-]
         self.cutting = _tensor(cutting)  # 0 or 1
-        self.used_before = _tensor(before[:, place["used_life"]])  # [-], shape (intervals, lanes)
+        self.changed = _tensor(changed)  # 0 or 1, shape (intervals, lanes)
         self.failed = _tensor(failed)  # 0 or 1, likewise
 
 
@@ -112,16 +113,14 @@ class ModelGain:
         prices = np.full(len(USED_LIVES), edge_price) if flat else worths.life
         self._time_price = worths.time
         self._prices = torch.tensor(np.concatenate([prices[:1], prices]), dtype=torch.float32)
-        # What the rest of an edge is worth [s], at the nodes of the prices.
-        worths_between = 0.5 * (self._prices[1:] + self._prices[:-1]) / len(USED_LIVES)
-        self._rest = torch.cat([worths_between.flip(0).cumsum(0).flip(0), torch.zeros(1)])
         self._stop = 60.0 * economics.unplanned_stop * worths.time
         self._edge_price, self._downtime = edge_price, 60.0 * economics.breakage_downtime
 
     def __call__(self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth) -> tuple[Tensor, Tensor]:
-        """Of every interval, its gain [s] less what no command could have changed, and its earnings [s] if life is worth nothing.
+        """Of every interval, its gain [s] less what no command could have changed, and what going on with the edge earned [s].
 
-        Both have shape (intervals, lanes); the second has no gradient.
+        Both have shape (intervals, lanes); the second has no gradient. An edge that was changed is taken to have met a bar as
+        drawn, had it stayed.
 
         Args:
             log_speed: commanded cutting speed [log m/min], shape (intervals, lanes).
@@ -138,7 +137,8 @@ class ModelGain:
         excess = torch.relu(log_force.exp() - 1.0) + torch.relu(self._power(*logs, log_wear, truth.log_hardness).exp() - 1.0)
         life_rate = (self._wear(*logs, 0.0, truth.log_hardness) / self._life_exponent).exp() / 60.0  # [1/s]
         overload = scenario.economics.overload_price * excess
-        cost = self._time_price + truth.cutting * (overload + self.price(truth.used_life) * life_rate)
+        price = self.price(truth.used_life)
+        cost = self._time_price + truth.cutting * (overload + price * life_rate)
         velocity = (speeds * feeds).mean(dim=-1)
         interval = scenario.control.interval
         # The way is as long as it was: who is faster has left it sooner.
@@ -147,24 +147,28 @@ class ModelGain:
         lost = self._downtime + self._edge_price * (1.0 - truth.used_life)
         gain = gain - (truth.cutting * risk * lost).amax(dim=-1)
         metal = speeds * feeds * truth.log_depth.exp() / scenario.economics.reference_productivity
-        earnings = interval * (truth.cutting * (metal - overload) - self._time_price).mean(dim=-1)
-        return gain, earnings.detach()
+        # While life has a price, metal earns just that beyond what time and overload cost, in the mean over bars.
+        earned = torch.where(price > 0.0, price * life_rate, metal - overload - self._time_price)
+        going_on = interval * (torch.maximum(truth.cutting, truth.changed.unsqueeze(-1)) * earned).mean(dim=-1)
+        return gain, torch.where(truth.failed > 0.0, -self._stop, going_on).detach()
 
-    def of_changing(self, leaning: Tensor, earnings: Tensor, truth: Truth) -> Tensor:
+    def of_changing(self, leaning: Tensor, going_on: Tensor) -> Tensor:
         """To be made the most of, so that edges are changed where ``leaning`` is above 0; all of shape (intervals, lanes).
 
-        Who changes an edge gives up what the rest of it is worth. Who does not goes on for an interval: with an edge whose life
-        is worth nothing that earns less than its time could, and an edge that is found worn out makes the lathe stand still for
-        longer. A logistic loss weighed by both is least where ``leaning`` has the sign of the lesser cost, whatever is not known.
+        Who goes on may still change the edge an interval later: it is best changed as soon as an interval more is expected to
+        lose, as that never gets better (optimal stopping in the monotone case, Chow and Robbins 1961). What going on earns in an
+        interval [s] is seldom known before; a logistic loss weighed by it is least where ``leaning`` has the sign of
+        its expectation, reversed.
         """
-        worthless = (self.price(truth.used_before) <= 0.0) & (truth.failed == 0.0)
-        going_on = worthless * earnings - truth.failed * self._stop
-        changing = _between_nodes(self._rest, truth.used_before) + torch.relu(going_on)
-        return -(changing * softplus(leaning) + torch.relu(-going_on) * softplus(-leaning))
+        return -(torch.relu(going_on) * softplus(leaning) + torch.relu(-going_on) * softplus(-leaning))
 
     def price(self, used_life: Tensor) -> Tensor:
         """Price p(D) of a whole life [s] at used shares [-] of it."""
-        return _between_nodes(self._prices, used_life)
+        steps = len(self._prices) - 1
+        place = used_life.clamp(0.0, 1.0) * steps
+        node = place.floor().clamp(max=steps - 1)
+        low = node.long()
+        return torch.lerp(self._prices[low], self._prices[low + 1], place - node)
 
     def _follow(self, commanded: Tensor, actual: Tensor, drive: int) -> Tensor:
         """What the drive made of its commands at the points of every interval, shape (intervals, lanes, POINTS).
@@ -181,15 +185,6 @@ class ModelGain:
             end = commanded[number] + deviation * at_end
             carried = end - end.detach()
         return torch.stack(values)
-
-
-def _between_nodes(values: Tensor, used_life: Tensor) -> Tensor:
-    """Linear between values at equal steps of the used life from 0 to 1."""
-    steps = len(values) - 1
-    place = used_life.clamp(0.0, 1.0) * steps
-    node = place.floor().clamp(max=steps - 1)
-    low = node.long()
-    return torch.lerp(values[low], values[low + 1], place - node)
 
 
 class _Law:

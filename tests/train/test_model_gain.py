@@ -113,30 +113,37 @@ def test_a_job_pays_the_flat_price_of_life() -> None:
     assert ModelGain(override).price(torch.tensor([0.0, 0.3, 1.0])).tolist() == pytest.approx([price] * 3)
 
 
-def test_an_edge_is_changed_when_what_is_left_of_it_is_worth_less_than_the_risk() -> None:
+def test_going_on_earns_what_life_is_worth_or_else_what_the_metal_leaves_and_a_failure_costs_the_stop() -> None:
     shift = Scenario.load("shift")
     gain = ModelGain(shift)
-    leaning, earnings = torch.zeros(1, 2, requires_grad=True), torch.full((1, 2), -0.1)
+    depth, pitch = shift.workpiece.depth_of_cut, shift.workpiece.bar_length + shift.workpiece.approach
+    # Lanes: in a bar with life left; without; the same and the edge changed; found worn out; in the air.
+    before = np.array([[pitch - 100.0] * 4 + [1.0], [depth] * 4 + [0.0], [1.0] * 4 + [0.0], [0.5, 0.95, 0.95, 0.999, 0.95]])
+    after = before + np.array([[1.0], [0.0], [0.0], [0.0]])
+    after[3, :4] = [0.501, 0.951, 0.0, 0.0]
+    changed, failed = np.array([[False, False, True, True, False]]), np.array([[False, False, False, True, False]])
+    truth = Truth(shift, before[np.newaxis], after[np.newaxis], changed, failed)
+    speed, feed = torch.full((1, 5), 160.0), torch.full((1, 5), 0.12)
+    _, (going_on,) = gain(speed.log(), feed.log(), speed, feed, truth)
 
-    class Known:
-        used_before = torch.tensor([[0.3, 0.97]])
-        failed = torch.tensor([[0.0, 1.0]])
+    wear = shift.material.wear(160.0, 0.12, depth) / shift.tool.wear_criterion
+    life_rate = wear ** (1.0 / shift.material.wear.time) / 60.0
+    assert gain.price(torch.tensor(0.95)) == 0.0
+    assert going_on[0] == pytest.approx(float(gain.price(torch.tensor(0.5005))) * life_rate, rel=1e-3)
+    assert going_on[1] == pytest.approx(
+        160.0 * 0.12 * depth / shift.economics.reference_productivity - gain._time_price, rel=1e-3
+    )
+    assert going_on[1] < 0.0
+    assert going_on[2] == pytest.approx(float(going_on[1]), rel=1e-3)
+    assert going_on[3] == pytest.approx(-gain._stop)
+    assert going_on[4] == 0.0
 
-    values = gain.of_changing(leaning, earnings, Known())  # type: ignore[arg-type]
-    values.sum().backward()
-    assert leaning.grad is not None
-    assert leaning.grad[0, 0] < 0 < leaning.grad[0, 1]
 
-
-def test_an_edge_whose_life_is_worth_nothing_is_changed_where_going_on_earns_less_than_its_time() -> None:
+def test_an_edge_is_changed_where_going_on_loses_in_the_mean() -> None:
     gain = ModelGain(Scenario.load("shift"))
-    leaning = torch.zeros(1, 2, requires_grad=True)
-
-    class Known:
-        used_before = torch.tensor([[0.99, 0.99]])
-        failed = torch.tensor([[0.0, 0.0]])
-
-    assert float(gain.price(Known.used_before).max()) == 0.0
-    gain.of_changing(leaning, torch.tensor([[-0.1, 0.1]]), Known()).sum().backward()  # type: ignore[arg-type]
-    assert leaning.grad is not None
-    assert leaning.grad[0, 1] < 0 < leaning.grad[0, 0]
+    # The best leaning for what going on may earn, all alike likely.
+    for outcomes in ([0.2, 0.1, -0.2], [0.2, -0.1, -0.2]):
+        leaning = torch.zeros(1, requires_grad=True)
+        gain.of_changing(leaning, torch.tensor(outcomes)).sum().backward()
+        assert leaning.grad is not None
+        assert np.sign(leaning.grad.item()) == -np.sign(sum(outcomes))
