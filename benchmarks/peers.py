@@ -1,0 +1,326 @@
+"""Environment steps per second beside peers: ``python -m benchmarks.peers --out docs``, which writes peers.md and peers.png.
+
+Measures every peer that can be imported, and this project, in one process; installs nothing (``pip install -e '.[peers]'`` does).
+All cases take turns, so that whatever else the machine does hits all alike, and ratios are taken within a turn. Steps per CPU
+second beside those per second tell who uses more than one core, or was kept waiting for one. Actions are random and drawn
+beforehand; starting episodes anew counts.
+"""
+
+import argparse
+import importlib
+import os
+import platform
+import statistics
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import cycle
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from tqdm import tqdm
+
+from turning_env import IDS, RoughTurningVectorEnv
+from turning_env.files import replace_file
+
+LANES = (1, 16, 256, 4096, 65536)
+REFERENCE = "Gymnasium Pendulum, unwrapped"
+OURS = "RoughTurning"
+_BATCHES = 16  # of actions, taken in turn
+_SCAN = 64  # steps in one call of a compiled loop
+
+
+class Case(NamedTuple):
+    """Something to time: ``step`` makes ``steps`` environment steps per call."""
+
+    name: str
+    lanes: int
+    steps: int
+    step: Callable[[], object]
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What one turn of a case took."""
+
+    rate: float
+    """Environment steps per second of wall time."""
+    cpu_rate: float
+    """The same per second of CPU time, of all threads."""
+
+
+def actions_of(space: gymnasium.Space[Any], *batch: int) -> Callable[[], Any]:
+    """Gives random actions of a space in turn, each with these dimensions before the space's own."""
+    rng = np.random.default_rng(0)
+    if isinstance(space, gymnasium.spaces.Discrete):
+        drawn: Any = rng.integers(0, space.n, (_BATCHES, *batch))
+    else:
+        assert isinstance(space, gymnasium.spaces.Box)
+        drawn = rng.uniform(space.low, space.high, (_BATCHES, *batch, *space.shape)).astype(space.dtype)
+    return cycle(drawn).__next__
+
+
+def one(name: str, env: gymnasium.Env[Any, Any]) -> Case:
+    """A single environment, reset whenever its episode ends."""
+    env.reset(seed=0)
+    action = actions_of(env.action_space)
+
+    def step() -> None:
+        _, _, terminated, truncated, _ = env.step(action())
+        if terminated or truncated:
+            env.reset()
+
+    return Case(name, 1, 1, step)
+
+
+def many(name: str, env: Any, lanes: int, space: gymnasium.Space[Any]) -> Case:
+    """Environments side by side, which start their next episodes by themselves."""
+    action = actions_of(space, lanes)
+    return Case(name, lanes, lanes, lambda: env.step(action()))
+
+
+def gymnasium_cases() -> Iterator[Case]:
+    """Gymnasium's own."""
+    yield one(REFERENCE, gymnasium.make("Pendulum-v1").unwrapped)
+    yield one("Gymnasium Pendulum", gymnasium.make("Pendulum-v1"))
+    for lanes in LANES:
+        env = gymnasium.make_vec("CartPole-v1", lanes, vectorization_mode="vector_entry_point")
+        env.reset(seed=0)
+        yield many("Gymnasium CartPole, vector", env, lanes, env.single_action_space)
+
+
+def our_cases() -> Iterator[Case]:
+    """This project's."""
+    main = f"{OURS}-v0"
+    yield one(f"{main}, unwrapped", gymnasium.make(main).unwrapped)
+    yield one(main, gymnasium.make(main))
+    for env_id, preset in IDS.items():
+        for lanes in LANES if env_id == main else (1024,):
+            env = RoughTurningVectorEnv(lanes, preset)
+            env.reset(seed=0)
+            yield many(f"{env_id}, vector", env, lanes, env.single_action_space)
+
+
+def envpool_cases() -> Iterator[Case]:
+    """EnvPool on one thread."""
+    envpool = importlib.import_module("envpool")
+    for lanes in LANES[1:-1]:
+        env = envpool.make_gymnasium("Pendulum-v1", num_envs=lanes, num_threads=1)
+        env.reset()
+        yield many("EnvPool Pendulum, 1 thread", env, lanes, env.action_space)
+
+
+def gymnax_cases() -> Iterator[Case]:
+    """gymnax: a compiled loop over steps, with random actions drawn in it."""
+    jax, gymnax = importlib.import_module("jax"), importlib.import_module("gymnax")
+    env, parameters = gymnax.make("Pendulum-v1")
+
+    def step(state: Any, key: Any) -> tuple[Any, Any]:
+        act, move = jax.random.split(key)
+        _, state, reward, _, _ = env.step(move, state, env.action_space(parameters).sample(act), parameters)
+        return state, reward
+
+    def scan(states: Any, key: Any) -> Any:
+        def all_lanes(states: Any, key: Any) -> Any:
+            return jax.vmap(step)(states, jax.random.split(key, jax.tree_util.tree_leaves(states)[0].shape[0]))
+
+        return jax.lax.scan(all_lanes, states, jax.random.split(key, _SCAN))
+
+    compiled_scan = jax.jit(scan)
+
+    for lanes in LANES[2:]:
+        key = jax.random.PRNGKey(0)
+        _, states = jax.vmap(env.reset, in_axes=(0, None))(jax.random.split(key, lanes), parameters)
+
+        def run(states: Any = states, key: Any = key) -> None:
+            jax.block_until_ready(compiled_scan(states, key))
+
+        yield Case("gymnax Pendulum, scan", lanes, lanes * _SCAN, run)
+
+
+def pufferlib_cases() -> Iterator[Case]:
+    """PufferLib's CartPole in C."""
+    cartpole = importlib.import_module("pufferlib.ocean.cartpole.cartpole")
+    for lanes in LANES:
+        env = cartpole.Cartpole(num_envs=lanes)
+        env.reset()
+        yield many("PufferLib CartPole", env, lanes, env.single_action_space)
+
+
+def motor_cases() -> Iterator[Case]:
+    """gym-electric-motor: the nearest peer by its field."""
+    motor = importlib.import_module("gym_electric_motor")
+    yield one("gym-electric-motor Cont-CC-PMSM", motor.make("Cont-CC-PMSM-v0"))
+
+
+PEERS: dict[str, Callable[[], Iterator[Case]]] = {
+    "gymnasium": gymnasium_cases,
+    "envpool": envpool_cases,
+    "gymnax": gymnax_cases,
+    "pufferlib": pufferlib_cases,
+    "gym_electric_motor": motor_cases,
+}
+"""Modules that hold peers."""
+
+
+def importable_cases(report: Callable[[str], None]) -> list[Case]:
+    """All cases of this project and of the peers that can be imported; of others, ``report`` is told why not."""
+    cases: list[Case] = []
+    for module, peer in PEERS.items():
+        try:
+            cases += peer()
+        except ImportError as error:
+            report(f"left out: {module}: {error}")
+        except Exception as error:  # whatever a peer does must not hinder the others
+            report(f"left out: {module} does not run here: {type(error).__name__}: {error}")
+    return [*cases, *our_cases()]
+
+
+def timed(case: Case, count: int) -> Timing:
+    """So many calls of a case."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    for _ in range(count):
+        case.step()
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    steps = count * case.steps
+    return Timing(steps / wall, steps / max(cpu, 1e-9))
+
+
+def measure(cases: Sequence[Case], repeats: int, seconds: float) -> list[list[Timing]]:
+    """Timings of every case (first index) in every turn (second), each of about ``seconds`` of wall time."""
+    counts = []
+    for case in cases:
+        case.step()  # compiles, or loads what was compiled
+        count = 1
+        while (taken := count * case.steps / timed(case, count).rate) < 0.2 * seconds:
+            count *= 2
+        counts.append(max(1, round(count * seconds / taken)))
+    timings: list[list[Timing]] = [[] for _ in cases]
+    with tqdm(total=repeats * len(cases), unit="case", dynamic_ncols=True, disable=None) as bar:
+        for _ in range(repeats):
+            for case, count, turns in zip(cases, counts, timings, strict=True):
+                bar.set_description(f"{case.name}, {case.lanes}")
+                turns.append(timed(case, count))
+                bar.update()
+    return timings
+
+
+class Row(NamedTuple):
+    """A case's medians over the turns, and the range of its ratio."""
+
+    name: str
+    lanes: int
+    rate: float
+    cpu_rate: float
+    ratio: float
+    lowest: float
+    highest: float
+
+
+def rows_of(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[Row]:
+    """The table; ratios are those to ``REFERENCE`` in the same turn."""
+    reference = [case.name for case in cases].index(REFERENCE)
+    rows = []
+    for case, turns in zip(cases, timings, strict=True):
+        ratios = [turn.rate / base.rate for turn, base in zip(turns, timings[reference], strict=True)]
+        rate, cpu_rate = (statistics.median(getattr(turn, name) for turn in turns) for name in ("rate", "cpu_rate"))
+        rows.append(Row(case.name, case.lanes, rate, cpu_rate, statistics.median(ratios), min(ratios), max(ratios)))
+    return rows
+
+
+def machine() -> str:
+    """What it was measured on."""
+    model = platform.processor() or platform.machine()
+    information = Path("/proc/cpuinfo")
+    if information.exists():
+        lines = [line for line in information.read_text("utf-8").splitlines() if line.startswith("model name")]
+        model = lines[0].partition(":")[2].strip() if lines else model
+    return f"{model}, {os.cpu_count()} logical cores, {platform.system()}, Python {platform.python_version()}"
+
+
+def page(rows: Sequence[Row], command: str, left_out: Sequence[str]) -> str:
+    """The table as Markdown."""
+    lines = [
+        "# Beside peers",
+        "",
+        "Environment steps per second, episodes started anew included: medians over turns that all cases take one after the",
+        f"other. Ratios are to `{REFERENCE}` in the same turn, with their range over the turns; quote these. One step",
+        "of `RoughTurning-v0` is a second of turning in ten sub-steps. Written by",
+        "",
+        "```bash",
+        command,
+        "```",
+        "",
+        f"on {machine()}.",
+        "",
+        "| | lanes | steps per second | per CPU second | ratio |",
+        "|---|---:|---:|---:|---:|",
+    ]
+    for row in rows:
+        ratio = f"{row.ratio:.3g} ({row.lowest:.3g} to {row.highest:.3g})"
+        name = f"**{row.name}**" if row.name.startswith(OURS) else row.name
+        lines.append(f"| {name} | {row.lanes} | {_rounded(row.rate)} | {_rounded(row.cpu_rate)} | {ratio} |")
+    lines += ["", "![Steps per second over lanes](peers.png)", ""]
+    lines += [f"- {reason}" for reason in left_out]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _rounded(rate: float) -> str:
+    for unit, name in ((1e6, " M"), (1e3, " k")):
+        if rate >= unit:
+            return f"{rate / unit:.3g}{name}"
+    return f"{rate:.3g}"
+
+
+def plot(rows: Sequence[Row], path: Path) -> None:
+    """Steps per second over lanes, one line per peer."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 4.8), layout="constrained")
+    axes = figure.add_subplot()
+    names = [name for name in dict.fromkeys(row.name for row in rows) if "unwrapped" not in name]
+    for number, name in enumerate(names):
+        of_name = [row for row in rows if row.name == name]
+        ours = name.startswith(OURS)
+        axes.plot(
+            [row.lanes for row in of_name],
+            [row.rate for row in of_name],
+            marker="os^Dv<>*Pp"[number % 10],
+            linewidth=2.0 if ours else 1.0,
+            linestyle="-" if ours else "--",
+            color=f"C{number % 10}",
+            label=name,
+        )
+    axes.set(xscale="log", yscale="log", xlabel="environments side by side", ylabel="environment steps per second")
+    axes.set_xticks(LANES, [str(lanes) for lanes in LANES])
+    axes.grid(True, which="major", alpha=0.3)
+    figure.legend(loc="outside right upper", fontsize="small", frameon=False)
+    replace_file(path, lambda temporary: figure.savefig(temporary, dpi=150, format="png"))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, print and write; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.peers", description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--repeats", type=int, default=7, help="turns that every case gets (default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=0.3, help="length of one turn in s (default: %(default)s)")
+    parser.add_argument("--out", type=Path, help="folder for peers.md and peers.png (default: only print)")
+    options = parser.parse_args(arguments)
+    if options.repeats < 1 or not options.seconds > 0:
+        parser.error("--repeats must be at least 1, and --seconds above 0")
+    left_out: list[str] = []
+    cases = importable_cases(left_out.append)
+    rows = rows_of(cases, measure(cases, options.repeats, options.seconds))
+    command = " ".join(["python -m benchmarks.peers", *(sys.argv[1:] if arguments is None else arguments)])
+    text = page(rows, command, left_out)
+    print(text, end="")
+    if options.out is not None:
+        plot(rows, options.out / "peers.png")
+        replace_file(options.out / "peers.md", lambda path: path.write_text(text, "utf-8"))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,51 @@
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from benchmarks import peers
+from benchmarks.peers import Case, Timing
+
+
+def test_ratios_are_taken_within_a_turn() -> None:
+    cases = [Case(name, 1, 1, lambda: None) for name in (peers.REFERENCE, "other")]
+    # The machine was half as fast in the second turn, and the other case waited for a core in the third.
+    timings = [
+        [Timing(100.0, 100.0), Timing(50.0, 100.0), Timing(100.0, 100.0)],
+        [Timing(300.0, 300.0), Timing(150.0, 300.0), Timing(200.0, 300.0)],
+    ]
+    reference, other = peers.rows_of(cases, timings)
+    assert (reference.ratio, reference.lowest, reference.highest) == (1.0, 1.0, 1.0)
+    assert (other.rate, other.cpu_rate) == (200.0, 300.0)
+    assert (other.ratio, other.lowest, other.highest) == (3.0, 2.0, 3.0)
+
+
+def test_what_cannot_be_imported_is_left_out_and_said(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def absent() -> Iterator[Case]:
+        import no_such_module  # type: ignore[import-not-found]
+
+        yield no_such_module
+
+    def broken() -> Iterator[Case]:
+        raise RuntimeError("old drivers")
+
+    monkeypatch.setattr(peers, "LANES", (1, 2, 4))
+    monkeypatch.setattr(peers, "PEERS", {"absent": absent, "gymnasium": peers.gymnasium_cases, "broken": broken})
+    assert peers.main(["--repeats", "1", "--seconds", "0.001", "--out", str(tmp_path)]) == 0
+    page = (tmp_path / "peers.md").read_text("utf-8")
+    assert page == capsys.readouterr().out
+    assert "python -m benchmarks.peers --repeats 1 --seconds 0.001" in page
+    assert "left out: absent: No module named 'no_such_module'" in page
+    assert "left out: broken does not run here: RuntimeError: old drivers" in page
+    for name, lanes in ((peers.REFERENCE, 1), ("Gymnasium CartPole, vector", 4), ("**RoughTurning-v0, vector**", 4)):
+        assert f"| {name} | {lanes} | " in page
+    assert (tmp_path / "peers.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("wrong", [["--repeats", "0"], ["--seconds", "0"]])
+def test_nonsense_is_refused(wrong: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        peers.main(wrong)
+    assert wrong[0] in capsys.readouterr().err
