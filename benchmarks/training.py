@@ -1,0 +1,169 @@
+"""What the environment costs in training with Stable-Baselines3: ``python -m benchmarks.training``.
+
+Three questions, in one process on one thread, all cases in turn:
+
+- how much faster many lathes step behind ``train.vec_env`` than single environments in Stable-Baselines3's ``DummyVecEnv``;
+- how much faster all of PPO is so, at settings made for many lanes;
+- what share of PPO's time, at the settings of ``train.ppo``, is spent in the environment.
+
+The exit status is 1 if an answer is not as good as it should be.
+"""
+
+import argparse
+import statistics
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
+from tqdm import tqdm
+
+from train import ppo
+from train.run import Run
+from train.training import new_model
+from train.vec_env import RoughTurningVecEnv
+from turning_env import IDS, Scenario
+
+MAIN = "RoughTurning-v0"
+LANES = 1024
+MANY_LANES: dict[str, Any] = {"n_steps": 16, "batch_size": 4096, "n_epochs": 2, "device": "cpu", "seed": 0}
+"""PPO for many lanes: long batches, few epochs."""
+
+LEAST_STEPPING_RATIO = 20.0
+LEAST_TRAINING_RATIO = 2.0
+MOST_SHARE = 0.10
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """How long it takes."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def singles(lanes: int) -> VecEnv:
+    """Single environments, one after the other."""
+    return DummyVecEnv([lambda: gymnasium.make(MAIN)] * lanes)
+
+
+def together(lanes: int) -> VecEnv:
+    """Lathes side by side."""
+    return RoughTurningVecEnv(Scenario.load(IDS[MAIN]), lanes)
+
+
+def stepping(env: VecEnv, steps: int) -> float:
+    """Time per step of all lanes [s], with actions drawn beforehand."""
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (8, env.num_envs, 2)).astype(np.float32)
+
+    def work() -> None:
+        for number in range(steps):
+            env.step(actions[number % len(actions)])
+
+    return seconds(work) / steps
+
+
+def learning(model: PPO, rollouts: int) -> float:
+    """Time per interval [s] of PPO, with all that it does."""
+    intervals = rollouts * model.n_envs * model.n_steps
+    return seconds(lambda: model.learn(intervals, reset_num_timesteps=False)) / intervals
+
+
+class Stopwatch(AbstractContextManager["Stopwatch"]):
+    """Time spent in the environment's own ``step`` [s]."""
+
+    def __init__(self, env: RoughTurningVecEnv) -> None:
+        self._lathes: Any = env.lathes_env
+        self._step = self._lathes.step
+        self.seconds = 0.0
+
+    def __enter__(self) -> "Stopwatch":
+        self._lathes.step = self._timed
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._lathes.step = self._step
+
+    def _timed(self, actions: Any) -> Any:
+        start = time.perf_counter()
+        result = self._step(actions)
+        self.seconds += time.perf_counter() - start
+        return result
+
+
+def share_in_environment(model: PPO, rollouts: int) -> float:
+    """Share of PPO's time that is spent in the environment's ``step`` [-]."""
+    env = model.get_env()
+    assert isinstance(env, RoughTurningVecEnv)
+    with Stopwatch(env) as inside:
+        total = seconds(lambda: model.learn(rollouts * model.n_envs * model.n_steps, reset_num_timesteps=False))
+    return inside.seconds / total
+
+
+def ppo_run(folder: Path) -> Run:
+    """What ``train.ppo`` would train."""
+    return Run.plan("ppo", MAIN, Scenario.load(IDS[MAIN]), 0, folder, "", {})
+
+
+def measure(repeats: int, lanes: int, folder: Path) -> dict[str, list[float]]:
+    """(Ratio of stepping, ratio of training, share) of every turn."""
+    torch.set_num_threads(1)
+    separate, joint = singles(lanes), together(lanes)
+    for env in (separate, joint):
+        env.seed(0)
+        env.reset()
+    many = [PPO("MlpPolicy", make(lanes), **MANY_LANES) for make in (singles, together)]
+    usual = new_model(ppo_run(folder), ppo.ALGORITHM)
+    measured: dict[str, list[float]] = {"stepping": [], "training": [], "share": []}
+    for _ in tqdm(range(repeats), unit="turn", dynamic_ncols=True, disable=None):
+        measured["stepping"].append(stepping(separate, 2) / stepping(joint, 50))
+        slow, fast = (learning(model, 1) for model in many)
+        measured["training"].append(slow / fast)
+        measured["share"].append(share_in_environment(usual, 1))
+    return measured
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure and print; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.training", description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--repeats", type=int, default=5, help="turns that every case gets (default: %(default)s)")
+    parser.add_argument("--lanes", type=int, default=LANES, help="lathes side by side (default: %(default)s)")
+    options = parser.parse_args(arguments)
+    if options.repeats < 1 or options.lanes < 1:
+        parser.error("--repeats and --lanes must be at least 1")
+    with TemporaryDirectory() as folder:
+        measured = measure(options.repeats, options.lanes, Path(folder))
+    medians = {name: statistics.median(values) for name, values in measured.items()}
+    spread = {name: f"({min(values):.3g} to {max(values):.3g})" for name, values in measured.items()}
+    batch = MANY_LANES["batch_size"]
+    verdicts = [
+        (
+            f"{options.lanes} lathes step {medians['stepping']:.3g} times {spread['stepping']} as fast as single environments in "
+            f"DummyVecEnv, at least {LEAST_STEPPING_RATIO:g}",
+            medians["stepping"] >= LEAST_STEPPING_RATIO,
+        ),
+        (
+            f"PPO with them, batch {batch}, is {medians['training']:.3g} times {spread['training']} as fast, at least "
+            f"{LEAST_TRAINING_RATIO:g}",
+            medians["training"] >= LEAST_TRAINING_RATIO,
+        ),
+        (
+            f"PPO as in train.ppo spends {100.0 * medians['share']:.3g} % of its time in the environment (shares "
+            f"{spread['share']}), at most {100.0 * MOST_SHARE:g} %",
+            medians["share"] <= MOST_SHARE,
+        ),
+    ]
+    for text, met in verdicts:
+        print(f"{'met   ' if met else 'FAILED'}  {text}")
+    return 0 if all(met for _, met in verdicts) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

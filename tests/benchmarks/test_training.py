@@ -1,0 +1,55 @@
+from pathlib import Path
+
+import pytest
+
+from benchmarks import training
+from train.vec_env import RoughTurningVecEnv
+from turning_env import Scenario
+
+
+def test_the_stopwatch_counts_the_environment_alone_and_leaves_it_as_it_was() -> None:
+    env = training.together(3)
+    assert isinstance(env, RoughTurningVecEnv)
+    env.seed(0)
+    env.reset()
+    with training.Stopwatch(env) as inside:
+        outside = training.stepping(env, 20)
+    assert 0.0 < inside.seconds < 20 * outside
+    before = inside.seconds
+    training.stepping(env, 1)
+    assert inside.seconds == before
+
+
+def test_every_question_gets_an_answer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(training, "MANY_LANES", training.MANY_LANES | {"batch_size": 32})
+    parameters = training.ppo_run(tmp_path).parameters
+    assert parameters["lanes"] * parameters["rollout"] > 1000
+    small = {"lanes": 8, "rollout": 16, "batch_size": 32}
+    monkeypatch.setattr(training, "ppo_run", lambda folder: _small(folder, small))
+    measured = training.measure(2, 4, tmp_path)
+    assert all(len(turns) == 2 for turns in measured.values())
+    assert all(value > 0.0 for turns in measured.values() for value in turns)
+    assert max(measured["share"]) < 1.0
+
+
+def _small(folder: Path, overrides: dict[str, object]) -> training.Run:
+    return training.Run.plan("ppo", training.MAIN, Scenario.load("rough_turning"), 0, folder, "", overrides)
+
+
+@pytest.mark.parametrize(("share", "status", "verdict"), [(0.05, 0, "met     PPO as"), (0.2, 1, "FAILED  PPO as")])
+def test_the_exit_status_is_the_verdict(
+    share: float, status: int, verdict: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answers = {"stepping": [30.0, 40.0, 50.0], "training": [3.0] * 3, "share": [share] * 3}
+    monkeypatch.setattr(training, "measure", lambda *arguments: answers)
+    assert training.main([]) == status
+    printed = capsys.readouterr().out
+    assert verdict in printed
+    assert "40 times (30 to 50)" in printed
+
+
+@pytest.mark.parametrize("wrong", ["--repeats", "--lanes"])
+def test_nonsense_is_refused(wrong: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        training.main([wrong, "0"])
+    assert "must be at least 1" in capsys.readouterr().err
