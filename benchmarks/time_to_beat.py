@@ -1,0 +1,136 @@
+"""How long until an agent that starts from nothing beats the best tuned rule: ``python -m benchmarks.time_to_beat --seeds 5``.
+
+Every so many intervals the clock stops while the agent, as it is, plays tuning draws that the rule has played, too. It has beaten
+the rule once it earns more in the mean, with the paired 95 % bootstrap interval above zero. The clock runs from when lathes and
+network are made, on one core per training; the learning rate falls as in a whole training, which an agent here need not finish.
+
+The exit status is 1 if an agent never beats the rule.
+"""
+
+import argparse
+import statistics
+import sys
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3.common.callbacks import BaseCallback
+from tqdm import tqdm
+
+from baselines import catalogue
+from baselines.play import play
+from leaderboard.statistics import Bootstrap, Estimate
+from train import analytic_gradient, ppo
+from train.actor import ActorPolicy
+from train.run import Run
+from train.training import SEEDS, Algorithm, new_model
+from turning_env import IDS, Scenario
+from turning_env.draws import tuning_draws
+
+ENV_ID = "RoughTurning-v0"
+ALGORITHMS = {module.ALGORITHM.name: module.ALGORITHM for module in (analytic_gradient, ppo)}
+
+
+class Beaten(Exception):
+    """Ends a training that has come far enough."""
+
+
+class Clock(BaseCallback):
+    """Asks ``beats`` of the model every so many intervals, with the time stopped; ends the training when it does."""
+
+    def __init__(self, every: int, beats: Callable[[Any], bool], total: int, label: str) -> None:
+        super().__init__()
+        self.every, self.beats = every, beats
+        self.seconds = 0.0
+        """Time of training so far [s]."""
+        self._since = time.perf_counter()
+        self._asked = 0
+        self._bar: Any = tqdm(total=total, unit="interval", unit_scale=True, desc=label, dynamic_ncols=True, disable=None)
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        self._bar.update(self.num_timesteps - self._bar.n)
+        if self.num_timesteps - self._asked >= self.every:
+            self.ask()
+
+    def ask(self) -> None:
+        """Stop the time and see."""
+        self._asked = self.num_timesteps
+        self.seconds += time.perf_counter() - self._since
+        if self.beats(self.model):
+            raise Beaten
+        self._since = time.perf_counter()
+
+    def close(self) -> None:
+        """Take the progress bar away."""
+        self._bar.close()
+
+
+def difference(ours: NDArray[np.float64], theirs: NDArray[np.float64]) -> Estimate:
+    """Mean of returns less others' on the same draws, both of shape (draws,) [s]."""
+    replicates = Bootstrap(len(ours)).means((ours - theirs)[np.newaxis], "difference")
+    return Estimate.of(float(np.mean(ours - theirs)), replicates)
+
+
+def time_to_beat(algorithm: Algorithm, seed: int, rule: NDArray[np.float64], every: int, overrides: dict[str, Any]) -> float:
+    """Seconds of training until an agent has beaten a rule's returns [s] on the first tuning draws; infinite if it never does."""
+    scenario = Scenario.load(IDS[ENV_ID])
+    torch.set_num_threads(1)
+    with TemporaryDirectory() as folder:
+        run = Run.plan(algorithm.name, ENV_ID, scenario, seed, Path(folder), "", overrides)
+        saved = Path(folder) / "policy.zip"
+
+        def beats(model: Any) -> bool:
+            model.save(saved)
+            agent = partial(ActorPolicy, algorithm.actor(saved).eval())
+            return difference(play(agent, scenario, tuning_draws(len(rule)))["return"], rule).low > 0.0
+
+        clock = Clock(every, beats, run.parameters["intervals"], run.label)
+        try:
+            model = new_model(run, algorithm)
+            model.learn(run.parameters["intervals"], callback=[*algorithm.callbacks(run), clock])
+            clock.ask()
+        except Beaten:
+            return clock.seconds
+        finally:
+            clock.close()
+    return np.inf
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train, print the times; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.time_to_beat", description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--algorithm", choices=ALGORITHMS, default="analytic_gradient", help="who learns (default: %(default)s)")
+    parser.add_argument("--rule", default="predictive", help="to be beaten (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=5, help="trainings (default: %(default)s)")
+    parser.add_argument("--draws", type=int, default=64, help="tuning draws played (default: %(default)s)")
+    parser.add_argument("--every", type=int, default=500_000, help="intervals between looks (default: %(default)s)")
+    parser.add_argument("--intervals", type=int, help="of a whole training (default: the hyperparameter file's)")
+    options = parser.parse_args(arguments)
+    for name, most in (("seeds", SEEDS), ("draws", 10**6), ("every", 10**12)):
+        if not 1 <= (value := getattr(options, name)) <= most:
+            parser.error(f"--{name} is {value}, but must be 1 to {most}")
+    scenario = Scenario.load(IDS[ENV_ID])
+    try:
+        rule = play(catalogue.entry(options.rule, scenario).make, scenario, tuning_draws(options.draws))["return"]
+    except (KeyError, ValueError) as error:
+        parser.error(str(error.args[0]))
+    overrides = {} if options.intervals is None else {"intervals": options.intervals}
+    times = []
+    for seed in range(options.seeds):
+        times.append(time_to_beat(ALGORITHMS[options.algorithm], seed, rule, options.every, overrides))
+        print(f"{options.algorithm}, seed {seed}: {times[-1]:.0f} s until it beats {options.rule}", flush=True)
+    print(f"median {statistics.median(times):.0f} s ({min(times):.0f} to {max(times):.0f})")
+    return 0 if max(times) < np.inf else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
