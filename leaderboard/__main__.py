@@ -9,6 +9,7 @@ from pathlib import Path
 from leaderboard import generalisation, table
 from leaderboard.board import Board, read_board, read_boards
 from leaderboard.results import ResultError, Task, current_digests, result_folder
+from train.workers import WorkersError, workers
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
 from turning_env.draws import held_out_draws
 
@@ -22,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         status: int | None = options.command(options)
-    except (ResultError, ScenarioError) as error:
+    except (ResultError, ScenarioError, WorkersError) as error:
         print(f"leaderboard: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -36,7 +37,7 @@ def _run(options: argparse.Namespace) -> None:
 
     task = Task(env_id=options.env, scenario=_scenario(options), draws=options.draws)
     tasks = [task, *(_splits(task, options.split_draws) if options.splits else [])]
-    playing = {}
+    rounds = []
     for each in tasks:  # all of them first: what cannot be played is found before anything is
         contestants = [
             *run.named(options.policies, each.scenario, None if each is task else task.scenario),
@@ -44,10 +45,10 @@ def _run(options: argparse.Namespace) -> None:
         ]
         if not contestants:
             raise ResultError("there is nothing to play: name a policy or give an agent")
-        playing[result_folder(options.results, each.env_id, each.scenario.name)] = (each, contestants)
-    digests = {folder: current_digests(each).task for folder, (each, _) in playing.items()}
-    for folder, (each, contestants) in playing.items():
-        run.play_all(each, contestants, folder, options.fresh)
+        rounds.append(run.Round(each, contestants, result_folder(options.results, each.env_id, each.scenario.name)))
+    digests = {each.folder: current_digests(each.task).task for each in rounds}
+    with workers(options.jobs, options.scheduler) as over:
+        run.play_all(rounds, options.fresh, over)
     _print([read_board(folder, digest) for folder, digest in digests.items()])
     _write_page(read_boards(options.results, digests), options.results / PAGE)
 
@@ -96,9 +97,8 @@ def _verify(options: argparse.Namespace) -> int:
     from leaderboard import verify  # needed only here: plays
 
     selection = verify.Selection(options.env, options.scenario, options.policies)
-    complaints = verify.verify(
-        options.rows, options.agents, selection, options.jobs, options.memory, options.fresh, options.draws
-    )
+    with workers(options.jobs, options.scheduler) as over:
+        complaints = verify.verify(options.rows, options.agents, selection, options.memory, options.fresh, options.draws, over)
     for complaint in complaints:
         print(complaint)
     what = "every row" if options.draws is None else "the start of every row"
@@ -162,7 +162,12 @@ def _parser() -> argparse.ArgumentParser:
     environment.add_argument("--env", choices=IDS, default="RoughTurning-v0", help="the environment's id")
     environment.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own preset")
 
-    run = commands.add_parser("run", parents=[results, environment], help="play policies, then show and page")
+    elsewhere = argparse.ArgumentParser(add_help=False)
+    who = elsewhere.add_mutually_exclusive_group()
+    who.add_argument("--jobs", type=_positive, default=1, metavar="N", help="processes that play at the same time (default: 1)")
+    who.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster play, such as tcp://host:8786")
+
+    run = commands.add_parser("run", parents=[results, environment, elsewhere], help="play policies, then show and page")
     run.add_argument("--draws", type=_draws, default="256", help="number of held-out draws (default: 256)")
     run.add_argument("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all)")
     run.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders of your own")
@@ -183,11 +188,12 @@ def _parser() -> argparse.ArgumentParser:
     shipped.add_argument("--rows", type=Path, default=Path("leaderboard/rows"), help="results (default: leaderboard/rows)")
     shipped.add_argument("--agents", type=Path, default=Path("agents"), help="agents' ONNX files (default: agents)")
 
-    verify = commands.add_parser("verify", parents=[shipped], help="play the project's own results again; fail if any differs")
+    verify = commands.add_parser(
+        "verify", parents=[shipped, elsewhere], help="play the project's own results again; fail if any differs"
+    )
     verify.add_argument("--env", choices=IDS, help="only of this id")
     verify.add_argument("--scenario", metavar="NAME", help="only on this scenario")
     verify.add_argument("--policies", nargs="+", metavar="NAME", help="only of these policies")
-    verify.add_argument("--jobs", type=_positive, default=1, metavar="N", help="rows played at a time (default: 1)")
     quick = "a quick look: only the first draws of each row"
     verify.add_argument("--draws", type=_positive, metavar="N", help=quick)
     verify.add_argument("--fresh", action="store_true", help="play again what came back before with the same code")

@@ -42,3 +42,16 @@ class Reference:
 
 
 Player = Contestant | Reference
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A player's episodes on some draws of a scenario: what is played at a time, by this process or by a worker."""
+
+    player: Player
+    scenario: Scenario
+    draws: Sequence[int]
+
+    def play(self, on_interval: Callable[[int], None] = lambda ended: None) -> Episodes:
+        """Play them; see ``Contestant.episodes``."""
+        return self.player.episodes(self.scenario, self.draws, on_interval)

@@ -2,13 +2,15 @@
 
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Never
 
 from tqdm import tqdm
 
+from baselines.play import Episodes
 from leaderboard.board import read_board
-from leaderboard.contestants import Contestant, Player
+from leaderboard.contestants import Contestant, Player, Turn
 from leaderboard.references import references as known_references
 from leaderboard.results import (
     TRAJECTORIES_FILE,
@@ -29,6 +31,7 @@ from leaderboard.results import (
 from leaderboard.standings import References, Standing, check_alike, references
 from leaderboard.trajectories import Trajectories, Trajectory, record
 from train.trained_agent import ONNX_SUFFIX
+from train.workers import Workers, spread
 from turning_env import Scenario
 
 MOST_TRAJECTORIES = 3
@@ -129,26 +132,58 @@ def agent(path: Path, scenario: Scenario) -> Contestant:
     return Contestant(policy, trained.make)
 
 
-def play_all(task: Task, contestants: Sequence[Player], folder: Path, fresh: bool) -> None:
-    """Have every contestant play the task, and write each result as it finishes.
+@dataclass(frozen=True)
+class Round:
+    """Who plays a task, and the folder of its results."""
 
-    Results in ``folder`` of the same task, code and policy stand, unless ``fresh``. Then a few trajectories are recorded.
+    task: Task
+    contestants: Sequence[Player]
+    folder: Path
+
+
+def play_all(rounds: Sequence[Round], fresh: bool, over: Workers | None = None) -> None:
+    """Have all contestants of all rounds play, and write each result as it is finished.
+
+    Results in a round's folder of the same task, code and policy stand, unless ``fresh``. Then a few trajectories of each round
+    are recorded.
+
+    Args:
+        rounds: who plays what.
+        fresh: whether to play again what has been played.
+        over: who does it, each turn a piece of work; without, this process, one turn after another. Results are the same.
 
     Raises:
-        ResultError: the folder cannot be written to; it holds something unreadable, something that belongs in another, or
+        ResultError: a folder cannot be written to; it holds something unreadable, something that belongs in another, or
             agents that are not alike but for the training seed.
+        WorkersError: the workers have gone, or do not run this code.
     """
-    finished = _finished(task, contestants, folder)
+    tasks: dict[Path, Task] = {}
+    turns: dict[Path, Turn] = {}
+    for each in rounds:  # all of them first: what is wrong is found before anything is played
+        finished = _finished(each.task, each.contestants, each.folder)
+        for contestant in each.contestants:
+            path = result_path(each.folder, contestant.policy)
+            if fresh or path not in finished:
+                tasks[path], turns[path] = each.task, Turn(contestant, each.task.scenario, each.task.draws)
+    total = sum(len(each.contestants) * len(each.task.draws) for each in rounds)
+    done = total - sum(len(turn.draws) for turn in turns.values())
     # Without miniters=0 the bar would stand still while episodes run and none ends; disable=None: quiet without a terminal.
-    with tqdm(total=len(contestants) * len(task.draws), unit="episode", miniters=0, dynamic_ncols=True, disable=None) as bar:
-        for contestant in contestants:
-            bar.set_description(contestant.policy.label)
-            path = result_path(folder, contestant.policy)
-            if path in finished and not fresh:
-                bar.update(len(task.draws))
-            else:
-                write_part(_play(task, contestant, bar), path)
-    _record_trajectories(task, contestants, folder, fresh)
+    with tqdm(total=total, initial=done, unit="episode", miniters=0, dynamic_ncols=True, disable=None) as bar:
+
+        def play_here(turn: Turn) -> Episodes:
+            bar.set_description(turn.player.policy.label)
+            return turn.play(lambda ended: _move(bar, done + ended))
+
+        for path, episodes in spread(over, Turn.play if over else play_here, turns.items()):
+            write_part(Result.of(tasks[path], turns[path].player.policy, episodes), path)
+            done += len(turns[path].draws)
+            _move(bar, done)
+    for each in rounds:
+        _record_trajectories(each.task, each.contestants, each.folder, fresh)
+
+
+def _move(bar: "tqdm[Never]", to: int) -> None:
+    bar.update(to - bar.n)
 
 
 def _finished(task: Task, contestants: Sequence[Player], folder: Path) -> set[Path]:
@@ -174,15 +209,6 @@ def _finished(task: Task, contestants: Sequence[Player], folder: Path) -> set[Pa
                 finished.add(path)
     check_alike(list(ranked.values()))
     return finished
-
-
-def _play(task: Task, contestant: Player, bar: "tqdm[Never]") -> Result:
-    start = bar.n
-
-    def on_interval(ended: int) -> None:
-        bar.update(start + ended - bar.n)
-
-    return Result.of(task, contestant.policy, contestant.episodes(task.scenario, task.draws, on_interval))
 
 
 def _record_trajectories(task: Task, contestants: Sequence[Player], folder: Path, fresh: bool) -> None:

@@ -2,13 +2,9 @@
 
 import hashlib
 import json
-import multiprocessing
 import re
-import signal
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +13,7 @@ from tqdm import tqdm
 from baselines import clairvoyant
 from baselines.play import EPISODE_FIELDS, Episodes
 from leaderboard import contestants, references, run
-from leaderboard.contestants import Player
+from leaderboard.contestants import Player, Turn
 from leaderboard.results import (
     SUFFIX,
     MadeFor,
@@ -35,6 +31,7 @@ from leaderboard.results import (
 )
 from train import agent_file, onnx_policy
 from train.trained_agent import ONNX_SUFFIX
+from train.workers import Workers, spread
 from turning_env import Scenario, presets
 
 
@@ -58,17 +55,24 @@ class Selection:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What has come of one row."""
+class Row:
+    """A row that can be played again."""
 
-    row: Path
-    complaints: list[str]
+    path: Path
+    result: Result
+    player: Player
     key: str
     """Of the row, the agent in it, and the code: see ``key_of``."""
 
 
 def verify(
-    rows: Path, agents: Path, selection: Selection, jobs: int, memory: Path, fresh: bool, draws: int | None = None
+    rows: Path,
+    agents: Path,
+    selection: Selection,
+    memory: Path,
+    fresh: bool,
+    draws: int | None = None,
+    over: Workers | None = None,
 ) -> list[str]:
     """Play every selected row again.
 
@@ -76,10 +80,10 @@ def verify(
         rows: folder of the results that come with the project.
         agents: folder of the agents' files.
         selection: which of them.
-        jobs: how many rows are played at a time, each in a process of its own.
         memory: file in which it is kept which rows have come back, so that they need not be played again with the same code.
         fresh: play these as well.
         draws: play only so many of each row's draws, the first; such rows are not kept in ``memory``.
+        over: who plays, each row a piece of work; without, this process.
 
     Returns:
         What is wrong, each with the file that it is wrong with: values that do not come back, rows of other code, agents without
@@ -87,51 +91,61 @@ def verify(
 
     Raises:
         ResultError: there are no such rows, or ``memory`` cannot be read or written.
+        WorkersError: the workers have gone, or do not run this code.
     """
     paths = [path for folder in sorted(rows.glob("*/*")) for path in result_files(folder) if selection.holds(path, SUFFIX)]
     if not paths:
         raise ResultError(f"{rows} holds no such rows")
     verified = set() if fresh else _remembered(memory)
     complaints = [*_without_row(rows, agents, selection), *_beyond_the_bound(paths)]
-    with _mapper(jobs) as mapped, tqdm(total=len(paths), unit="row", dynamic_ncols=True, disable=None) as bar:
-        for verdict in mapped(partial(verdict_on, agents=agents, verified=frozenset(verified), draws=draws), paths):
-            bar.set_description(verdict.row.name.removesuffix(SUFFIX))
+
+    with tqdm(total=len(paths), unit="row", dynamic_ncols=True, disable=None) as bar:
+
+        def turns() -> Iterator[tuple[Row, Turn]]:
+            for path in paths:
+                try:
+                    row = _row(path, agents)
+                except ResultError as error:
+                    complaints.append(_complaint(path, error))
+                else:
+                    if row.key not in verified:
+                        yield row, Turn(row.player, row.result.task.scenario, row.result.task.draws[:draws])
+                        continue
+                bar.update()
+
+        for row, played in spread(over, _episodes, turns()):
+            bar.set_description(row.path.name.removesuffix(SUFFIX))
             bar.update()
-            complaints += [f"{verdict.row}: {complaint}" for complaint in verdict.complaints]
-            if not verdict.complaints and verdict.key not in verified and draws is None:
-                verified.add(verdict.key)
+            found = [str(played)] if isinstance(played, ResultError) else differences(row.result, played)
+            complaints += [_complaint(row.path, each) for each in found]
+            if not found and draws is None:
+                verified.add(row.key)
                 write_whole(memory, json.dumps(sorted(verified), indent=1) + "\n")
     return sorted(complaints)
 
 
-Mapper = Callable[[Callable[[Path], Verdict], Iterable[Path]], Iterable[Verdict]]
+def _row(path: Path, agents: Path) -> Row:
+    """Read a row, and find who is to play it again.
+
+    Raises:
+        ResultError: it cannot be played again; says why.
+    """
+    result = read_result(path)
+    key = key_of(path)
+    _check_task(result)
+    return Row(path, result, player_of(result.policy, result.task, agents), key)
 
 
-@contextmanager
-def _mapper(jobs: int) -> Iterator[Mapper]:
-    """Maps a function over paths, in this process or in several; these end when the context does."""
-    if jobs == 1:
-        yield map
-        return
-    # Spawned: forked ones would share this process's threads and locks. An interruption is this process's to handle.
-    context = multiprocessing.get_context("spawn")
-    with context.Pool(jobs, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
-        yield pool.imap_unordered
-
-
-def verdict_on(path: Path, agents: Path, verified: frozenset[str], draws: int | None = None) -> Verdict:
-    """Play one row again, or its first draws, unless its key is among the verified ones."""
+def _episodes(turn: Turn) -> Episodes | ResultError:
+    """What a row's player does, or why it cannot play."""
     try:
-        result = read_result(path)
-        key = key_of(path)
-        _check_task(result)
-        player = player_of(result.policy, result.task, agents)
-        if key in verified:
-            return Verdict(path, [], key)
-        episodes = player.episodes(result.task.scenario, result.task.draws[:draws], lambda ended: None)
+        return turn.play()
     except ResultError as error:
-        return Verdict(path, [str(error).removeprefix(f"{path}: ")], "")
-    return Verdict(path, differences(result, episodes), key)
+        return error
+
+
+def _complaint(path: Path, what: object) -> str:
+    return f"{path}: {str(what).removeprefix(f'{path}: ')}"
 
 
 def key_of(path: Path) -> str:

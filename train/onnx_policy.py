@@ -51,6 +51,20 @@ class OnnxPolicy:
         return action
 
 
+class _Maker:
+    """Makes policies of a file. To another process it travels as the file, as ONNX Runtime's sessions cannot."""
+
+    def __init__(self, file: AgentFile) -> None:
+        self._file = file
+        self._session = session_of(file)
+
+    def __call__(self, lanes: int) -> OnnxPolicy:
+        return OnnxPolicy(self._session, self._file.memory_size, lanes)
+
+    def __reduce__(self) -> tuple[type["_Maker"], tuple[AgentFile]]:
+        return _Maker, (self._file,)
+
+
 def load(path: Path) -> TrainedAgent:
     """Load an agent from its file, which may come from anywhere: it is checked, and can run no code.
 
@@ -60,7 +74,7 @@ def load(path: Path) -> TrainedAgent:
     """
     file = agent_file.read(path)
     try:
-        session = session_of(file)
+        make = _Maker(file)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     metadata = file.metadata
@@ -73,7 +87,7 @@ def load(path: Path) -> TrainedAgent:
         parameters=metadata.parameters,
         trained_intervals=metadata.trained_intervals,
         digest=file.digest,
-        make=lambda lanes: OnnxPolicy(session, file.memory_size, lanes),
+        make=make,
     )
 
 

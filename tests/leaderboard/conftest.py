@@ -1,6 +1,6 @@
 """A short task, trivial policies, and results made up to order."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from baselines.play import EPISODE_FIELDS
 from baselines.policy import Actions, Observations
-from leaderboard.contestants import Contestant
+from leaderboard import run
+from leaderboard.contestants import Contestant, Player
 from leaderboard.results import PolicyRecord, Result, Task, digest_of
 from turning_env import Scenario
 
@@ -50,6 +51,11 @@ def record_of(
 def contestant(name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None = None) -> Contestant:
     """A policy that always acts alike."""
     return Contestant(record_of(name, seed, {"speed": action[0], "feed": action[1]}), lambda lanes: Steady(lanes, action))
+
+
+def play_all(task: Task, contestants: Sequence[Player], folder: Path, fresh: bool) -> None:
+    """Have them all play one task."""
+    run.play_all([run.Round(task, contestants, folder)], fresh)
 
 
 @pytest.fixture

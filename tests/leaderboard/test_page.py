@@ -10,8 +10,7 @@ from leaderboard import page, table
 from leaderboard.board import Board, read_board
 from leaderboard.charts import Scale, scale
 from leaderboard.results import Task, result_path, write_part
-from leaderboard.run import play_all
-from tests.leaderboard.conftest import MakeResult, contestant
+from tests.leaderboard.conftest import MakeResult, contestant, play_all
 
 HOSTILE = "<script>alert(1)"
 

@@ -13,9 +13,8 @@ from leaderboard import contestants, run
 from leaderboard.__main__ import main
 from leaderboard.contestants import Contestant, Reference
 from leaderboard.results import MadeFor, ResultError, Task, read_part, read_result
-from leaderboard.run import play_all
 from leaderboard.trajectories import Trajectories
-from tests.leaderboard.conftest import Steady, contestant, record_of
+from tests.leaderboard.conftest import Steady, contestant, play_all, record_of
 from tests.train import onnx_agents
 from train import agent
 from turning_env import Scenario

@@ -15,6 +15,7 @@ from leaderboard.results import Result, Task, read_result, result_folder, result
 from leaderboard.verify import Selection
 from tests.leaderboard.conftest import ENV_ID, record_of
 from tests.train import onnx_agents
+from train.workers import workers
 from turning_env import Scenario
 
 EVERYTHING = Selection()
@@ -46,7 +47,8 @@ def shipped(tmp_path: Path, task: Task, monkeypatch: pytest.MonkeyPatch) -> Path
 
 
 def complaints(shipped: Path, selection: Selection = EVERYTHING, jobs: int = 1, fresh: bool = True) -> list[str]:
-    return verify.verify(shipped / "rows", shipped / "agents", selection, jobs, shipped / "verified.json", fresh)
+    with workers(jobs, None) as over:
+        return verify.verify(shipped / "rows", shipped / "agents", selection, shipped / "verified.json", fresh, over=over)
 
 
 def row(shipped: Path, label: str, scenario: str = "short") -> Path:
@@ -153,7 +155,7 @@ def test_a_quick_look_is_at_the_first_draws(shipped: Path) -> None:
     path = row(shipped, RULE)
     episodes = read_result(path).episodes
     rewrite(path, episodes=episodes | {"return": [*episodes["return"][:3], 0.0], "wear": [0.0, *episodes["wear"][1:]]})
-    arguments = (shipped / "rows", shipped / "agents", EVERYTHING, 1, shipped / "verified.json", False)
+    arguments = (shipped / "rows", shipped / "agents", EVERYTHING, shipped / "verified.json", False)
     (quick,) = verify.verify(*arguments, draws=2)
     assert quick.startswith(f"{path}: wear differs on 1 of 2 draws")
     assert not (shipped / "verified.json").exists()
