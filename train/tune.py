@@ -7,6 +7,9 @@ among the settings that are admissible at the leaderboard's confidence limit; wh
 the hyperparameter file says; a tree-structured Parzen estimator chooses the others, within ``SEARCH`` in the algorithm's file.
 
 The trials are kept in ``RUNS/tuning``, so that the same command goes on where it stopped, and one with more trials adds to them.
+With ``--storage`` they are kept where several such commands, on one machine or on many, work on the same search at the same time;
+with ``--scheduler`` the workers of a Dask cluster train (docs/scaling.md).
+
 The table is printed and not written: the files are kept by hand, with what is to be said of each value.
 """
 
@@ -16,29 +19,27 @@ import importlib
 import json
 import shlex
 import sys
-from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import optuna
 import tomli_w
+from optuna.exceptions import StorageInternalError
 from optuna.samplers import TPESampler
-from optuna.storages import JournalStorage
-from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 from optuna.trial import FrozenTrial, TrialState
+from sqlalchemy.exc import SQLAlchemyError
 from tqdm import tqdm
 
 from baselines.overload import severe_limit
 from baselines.play import play
 from train.actor import ActorPolicy
 from train.run import Run, hyperparameters
+from train.storage import opened, shown
 from train.training import SEEDS, Algorithm, train
+from train.workers import cluster, processes
 from turning_env import IDS, Scenario
 from turning_env.draws import tuning_draws
 
@@ -118,35 +119,51 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Played | str:
     return Played(float(returns.mean()), severe_limit(severe, engaged))
 
 
-def search(task: Task, trials: int, workers: int) -> FrozenTrial:
-    """Find the best setting in so many trials, so many of them side by side; goes on with a search that was interrupted.
+def search(task: Task, trials: int, side_by_side: int, scheduler: str | None = None, storage: str | None = None) -> FrozenTrial:
+    """Find the best setting in so many trials; goes on with a search that was interrupted.
+
+    Args:
+        task: what is tuned.
+        trials: how many trials end in all; of searches that share a storage a few more, as none gives up what it has begun.
+        side_by_side: how many of them run at a time, each in a process of its own.
+        scheduler: address of a Dask cluster whose workers train; without, processes of this machine do.
+        storage: where the trials are kept and shared with other searches, see ``train/storage.py``; without, in the task's
+            folder, and not shared.
 
     Raises:
-        ValueError: every training came to nothing.
+        ValueError: every training came to nothing, the storage cannot be used, or there are no workers.
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    study = optuna.create_study(storage=_journal(task), study_name=task.name, direction="maximize", load_if_exists=True)
+    kept = opened(storage or str(task.folder / "journal.log"))
+    study = optuna.create_study(storage=kept, study_name=task.name, direction="maximize", load_if_exists=True)
     distributions = dict(algorithm_of(task.algorithm).search)
-    for unfinished in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
-        study.tell(unfinished.number, state=TrialState.FAIL)  # interrupted; the sampler must not heed it
-    if not study.get_trials(deepcopy=False, states=(*_ENDED, TrialState.WAITING)):
+    if not storage:
+        for unfinished in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+            study.tell(unfinished.number, state=TrialState.FAIL)  # killed; the sampler must not heed it
+    if not study.get_trials(deepcopy=False, states=(*_ENDED, TrialState.WAITING, TrialState.RUNNING)):
         study.enqueue_trial({name: task.known[name] for name in distributions})
-    ended = len(study.get_trials(deepcopy=False, states=_ENDED))
-    running: dict[Future[Played | str], optuna.Trial] = {}
+    ended = _ended(study)
+    running: list[optuna.Trial] = []
     with (
-        _workers(workers) as pool,
+        cluster(scheduler) if scheduler else processes(side_by_side) as over,
         tqdm(total=max(trials, ended), initial=ended, desc=f"tuning {task.algorithm}", unit="trial", disable=None) as bar,
     ):
-        while ended < trials:
-            while len(running) < min(workers, trials - ended):
-                # A sampler per trial, as its random numbers must not depend on how often the search was interrupted.
-                study.sampler = TPESampler(seed=ended + len(running), n_startup_trials=5)
-                trial = study.ask(distributions)
-                running[pool.submit(evaluate, task, trial.params)] = trial
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                _tell(study, running.pop(future), future.result(), task)
-                ended += 1
-                bar.update()
+        try:
+            while running or ended < trials:
+                while len(running) < min(side_by_side, trials - ended):
+                    # A sampler per trial, as its random numbers must not depend on how often the search was interrupted.
+                    # Those of searches that share their trials must differ.
+                    study.sampler = TPESampler(seed=None if storage else ended + len(running), n_startup_trials=5)
+                    running.append(study.ask(distributions))
+                    over.start(running[-1], evaluate, task, running[-1].params)
+                trial, played = over.finished()
+                running.remove(trial)
+                _tell(study, trial, played, task)
+                ended = _ended(study)
+                bar.update(ended - bar.n)
+        finally:
+            for trial in running:
+                study.tell(trial, state=TrialState.FAIL)  # interrupted
     complete = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
     if not complete:
         raise ValueError(f"none of {ended} trials came to anything")
@@ -174,20 +191,8 @@ def _merit(trial: FrozenTrial) -> tuple[bool, float]:
     return admissible(trial), trial.value
 
 
-@contextmanager
-def _workers(count: int) -> Iterator[ProcessPoolExecutor]:
-    """So many processes, which are not waited for when the search is interrupted."""
-    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _journal(task: Task) -> JournalStorage:
-    path = task.folder / "journal.log"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return JournalStorage(JournalFileBackend(str(path), JournalFileOpenLock(str(path))))
+def _ended(study: optuna.Study) -> int:
+    return len(study.get_trials(deepcopy=False, states=_ENDED))
 
 
 def _digest(values: list[Any]) -> str:
@@ -204,6 +209,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, default=1, help="trainings per trial (default: 1)")
     parser.add_argument("--intervals", type=int, help="environment steps per training (default: the hyperparameter file's)")
     parser.add_argument("--workers", type=int, default=1, help="trials side by side (default: 1)")
+    parser.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster train, such as tcp://host:8786")
+    kept = "journal file or database URL that several searches share (default: a journal in RUNS/tuning, not shared)"
+    parser.add_argument("--storage", metavar="FILE_OR_URL", help=kept)
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs")
     parsed = parser.parse_args(arguments)
     for name, most in (("trials", 100_000), ("seeds", SEEDS), ("intervals", 10**12), ("workers", 1000)):
@@ -212,11 +220,13 @@ def main(arguments: list[str] | None = None) -> int:
             parser.error(f"--{name} is {value}, but must be 1 to {most}")
     command = "python -m train.tune " + shlex.join(sys.argv[1:] if arguments is None else arguments)
     try:
+        if parsed.storage:
+            command = command.replace(shlex.quote(parsed.storage), shlex.quote(shown(parsed.storage)))
         scenario = Scenario.load(parsed.scenario or IDS[parsed.env])
         intervals = parsed.intervals or hyperparameters(parsed.algorithm, parsed.env)["intervals"]
         task = Task(parsed.algorithm, parsed.env, scenario, intervals, parsed.seeds, parsed.runs)
-        best = search(task, parsed.trials, parsed.workers)
-    except ValueError as error:
+        best = search(task, parsed.trials, parsed.workers, parsed.scheduler, parsed.storage)
+    except (ValueError, StorageInternalError, SQLAlchemyError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -229,4 +239,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from train import tune  # under the name by which workers know it
+
+    sys.exit(tune.main())

@@ -1,6 +1,7 @@
 import os
-from collections.abc import Callable
-from concurrent.futures import Future
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -9,21 +10,21 @@ import pytest
 from tests.train.small import ALGORITHMS, PARAMETERS, SCENARIO
 from train import tune
 from train.run import hyperparameters
+from train.workers import Workers
 
 
-class AtOnce:
-    """A pool of workers that does everything when it is asked to."""
+class AtOnce(Executor):
+    """Does everything when it is asked to, in this process."""
 
-    def __init__(self, workers: int, mp_context: Any) -> None:
-        pass
-
-    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
+    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:  # type: ignore[override]
         future: Future[Any] = Future()
         future.set_result(work(*arguments))
         return future
 
-    def shutdown(self, cancel_futures: bool) -> None:
-        pass
+
+@contextmanager
+def at_once(count: int) -> Iterator[Workers]:
+    yield Workers(AtOnce())
 
 
 def learning_rate_matters(task: tune.Task, setting: dict[str, Any]) -> tune.Played | str:
@@ -35,7 +36,7 @@ def learning_rate_matters(task: tune.Task, setting: dict[str, Any]) -> tune.Play
 
 @pytest.fixture
 def task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tune.Task:
-    monkeypatch.setattr(tune, "ProcessPoolExecutor", AtOnce)
+    monkeypatch.setattr(tune, "processes", at_once)
     monkeypatch.setattr(tune, "evaluate", learning_rate_matters)
     return tune.Task("sac", "RoughTurning-v0", SCENARIO, 100, 1, tmp_path)
 
