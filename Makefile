@@ -10,14 +10,16 @@ RUNS ?= runs
 RESULTS ?= results
 SHIPPED ?= agents
 ROWS ?= leaderboard/rows
+JOBS ?= 2
 ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurning-Surface-v0 RoughTurning-Shift-v0 RoughTurning-Batch-v0
 TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS) $(if $(INTERVALS),--intervals $(INTERVALS))
 RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --draws $(DRAWS) --results $(RESULTS)
 AGENT = $(RUNS)/RoughTurning-v0/$(SCENARIO)/ppo-seed
 
 # Agents that come with the project: environment's id and algorithm.
-AGENTS ?= RoughTurning-v0/analytic_gradient RoughTurning-v0/ppo RoughTurning-Override-v0/analytic_gradient \
-	RoughTurning-Override-v0/ppo RoughTurning-Surface-v0/ppo
+AGENTS ?= $(addprefix RoughTurning-v0/,analytic_gradient ppo recurrent_ppo lagrangian_ppo sac tqc) \
+	$(addprefix RoughTurning-Override-v0/,analytic_gradient ppo) RoughTurning-Surface-v0/ppo \
+	RoughTurning-Shift-v0/analytic_gradient RoughTurning-Batch-v0/ppo
 SEEDS ?= 0 1 2 3 4
 
 .PHONY: leaderboard agents rows verify test format clean
@@ -46,14 +48,14 @@ rows: .venv/ready
 			RoughTurning-Shift-v0) draws="--draws $(LONG_DRAWS)";; \
 			*) draws="--draws $(BOARD_DRAWS)";; \
 		esac; \
-		.venv/bin/python -m leaderboard run --env $$env --results $(ROWS) $$draws \
+		.venv/bin/python -m leaderboard run --env $$env --results $(ROWS) --jobs $(JOBS) $$draws \
 			--agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \
 	done
 	.venv/bin/python -m leaderboard cards --rows $(ROWS) --agents $(SHIPPED)
 
 # Play the rows again and fail if a number does not come back.
 verify: .venv/ready
-	.venv/bin/python -m leaderboard verify --jobs 2 $(VERIFY)
+	.venv/bin/python -m leaderboard verify --jobs $(JOBS) $(VERIFY)
 
 # Lint, types and tests.
 test: .venv/ready
