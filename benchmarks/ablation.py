@@ -3,6 +3,7 @@
     python -m benchmarks.ablation
     python -m benchmarks.ablation --intervals 2000000 --seeds 3 --out docs/ablation.md
     python -m benchmarks.ablation --variants as_it_is discount_0.99
+    python -m benchmarks.ablation --seeds 5 --jobs 8
 
 Each variant is trained as ``train/hyperparameters/ppo.toml`` says but for what its row names, and all for as many intervals.
 Whatever an agent learns from, it is scored by the environment's own return. Trainings are kept in ``RUNS/ablation``, so that the
@@ -38,6 +39,7 @@ from train.actor import Actor, ActorPolicy
 from train.run import Run
 from train.training import SEEDS, Algorithm, train
 from train.vec_env import RoughTurningVecEnv, of_interval
+from train.workers import spread, workers
 from turning_env import IDS, Scenario
 from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
@@ -213,25 +215,32 @@ class Played:
     """Processor time of a training [s], mean over training seeds."""
 
 
-def play_variant(name: str, base: Scenario, seeds: int, runs: Path, overrides: dict[str, Any], command: str, bar: Any) -> Played:
-    """Train a variant's agents, as far as that is not done, and play them.
+def play_agent(
+    agent: tuple[str, int], base: Scenario, runs: Path, overrides: dict[str, Any], command: str
+) -> tuple[Episodes, float]:
+    """Train a variant's agent of a training seed, as far as that is not done, and play it.
+
+    Returns:
+        The episodes, each of shape (draws,), and the training's processor time [s].
 
     Raises:
-        ValueError: the folder of a training holds one of other settings, or numbers have not stayed finite.
+        ValueError: the folder of the training holds one of other settings, or numbers have not stayed finite.
     """
+    name, seed = agent
     variant = VARIANTS[name]
     algorithm = dataclasses.replace(variant.algorithm, callbacks=lambda run: [ProcessorTime()])
     scenario = variant.scenario(base)
-    played, seconds = [], []
-    for seed in range(seeds):
-        bar.set_postfix_str(f"{name}, seed {seed}")
-        folder = runs / "ablation" / name
-        path = train(Run.plan("ppo", ENV_ID, scenario, seed, folder, command, variant.parameters | overrides), algorithm)
-        played.append(play(partial(ActorPolicy, algorithm.actor(path).eval()), scenario, tuning_draws(DRAWS)))
-        model: Any = algorithm.model.load(path, device="cpu")
-        seconds.append(model.processor_time)
-        bar.update()
-    return Played(name, {key: np.stack([each[key] for each in played]) for key in played[0]}, float(np.mean(seconds)))
+    run = Run.plan("ppo", ENV_ID, scenario, seed, runs / "ablation" / name, command, variant.parameters | overrides)
+    path = train(run, algorithm)
+    episodes = play(partial(ActorPolicy, algorithm.actor(path).eval()), scenario, tuning_draws(DRAWS))
+    model: Any = algorithm.model.load(path, device="cpu")
+    return episodes, model.processor_time
+
+
+def gathered(name: str, agents: Sequence[tuple[Episodes, float]]) -> Played:
+    """A variant's agents, by training seed."""
+    episodes = {key: np.stack([each[key] for each, _ in agents]) for key in agents[0][0]}
+    return Played(name, episodes, float(np.mean([seconds for _, seconds in agents])))
 
 
 def table(rows: Sequence[Played]) -> list[str]:
@@ -285,10 +294,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--variants", nargs="+", choices=VARIANTS, default=list(VARIANTS), help="rows (default: all)", metavar="NAME"
     )
+    who = parser.add_mutually_exclusive_group()
+    who.add_argument("--jobs", type=int, default=1, metavar="N", help="trainings at the same time (default: %(default)s)")
+    who.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster train, such as tcp://host:8786")
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs")
     parser.add_argument("--out", type=Path, help="Markdown file for the table")
     parsed = parser.parse_args(arguments)
-    for name, most in (("intervals", 10**12), ("seeds", SEEDS)):
+    for name, most in (("intervals", 10**12), ("seeds", SEEDS), ("jobs", 1000)):
         if not 1 <= (value := getattr(parsed, name)) <= most:
             parser.error(f"--{name} is {value}, but must be 1 to {most}")
     command = f"python -m benchmarks.ablation {shlex.join(arguments)}".strip()
@@ -296,8 +308,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     overrides = {"intervals": parsed.intervals}
     try:
         base = Scenario.load(IDS[ENV_ID])
-        with tqdm(total=len(names) * parsed.seeds, unit="agent", disable=None) as bar:
-            rows = [play_variant(name, base, parsed.seeds, parsed.runs, overrides, command, bar) for name in names]
+        work = partial(play_agent, base=base, runs=parsed.runs, overrides=overrides, command=command)
+        agents = [(name, seed) for name in names for seed in range(parsed.seeds)]
+        played = {}
+        with (
+            workers(parsed.jobs, parsed.scheduler) as over,
+            tqdm(total=len(agents), unit="agent", disable=None) as bar,
+        ):
+            for agent, outcome in spread(over, work, zip(agents, agents, strict=True)):
+                played[agent] = outcome
+                bar.set_postfix_str(f"{agent[0]}, seed {agent[1]}")
+                bar.update()
+        rows = [gathered(name, [played[name, seed] for seed in range(parsed.seeds)]) for name in names]
         lines = table(rows)
         print("\n".join(lines))
         if parsed.out:
@@ -313,4 +335,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from benchmarks import ablation  # under the name by which workers know it
+
+    sys.exit(ablation.main())
