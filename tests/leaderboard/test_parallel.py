@@ -1,11 +1,13 @@
 """Several processes and a Dask cluster come to the same files as one process, also when one of theirs is killed."""
 
 import os
+import pickle
 import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import cloudpickle
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,11 +16,12 @@ from baselines.policy import Actions, Observations
 from leaderboard import run
 from leaderboard.__main__ import main
 from leaderboard.contestants import Contestant
-from leaderboard.results import ResultError, Task, result_folder
+from leaderboard.results import ResultError, Task, read_result, result_folder, write_part
 from tests.dask_cluster import dask_cluster
 from tests.leaderboard.conftest import ENV_ID, Steady, contestant, record_of
 from tests.train import onnx_agents
 from train import workers
+from turning_env import IDS, Scenario
 
 
 class Deadly(Steady):
@@ -82,6 +85,15 @@ def expected(tmp_path: Path, rounds: Callable[[str], list[run.Round]]) -> dict[s
     return written
 
 
+@pytest.mark.parametrize("env_id", IDS)
+def test_every_policy_travels(env_id: str) -> None:
+    scenario = Scenario.load(IDS[env_id])
+    players = run.named(None, scenario)
+    arrived = pickle.loads(cloudpickle.dumps(players))
+    assert [player.policy for player in arrived] == [player.policy for player in players]
+    assert all(player.make(1).act for player in arrived if isinstance(player, Contestant))
+
+
 def test_processes_write_the_same(tmp_path: Path, rounds: Callable[[str], list[run.Round]], expected: dict[str, bytes]) -> None:
     (tmp_path / "killed").touch()
     with workers.workers(2, None) as over:
@@ -90,7 +102,10 @@ def test_processes_write_the_same(tmp_path: Path, rounds: Callable[[str], list[r
 
 
 def test_a_cluster_writes_the_same_though_a_worker_is_killed(
-    tmp_path: Path, rounds: Callable[[str], list[run.Round]], expected: dict[str, bytes]
+    tmp_path: Path,
+    rounds: Callable[[str], list[run.Round]],
+    expected: dict[str, bytes],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     with dask_cluster(tmp_path, workers=3) as cluster:
         with workers.workers(1, cluster.address) as over:
@@ -117,6 +132,12 @@ def test_a_cluster_writes_the_same_though_a_worker_is_killed(
         assert files(tmp_path / "rows") == files(tmp_path / "again")
         verified = ["--rows", rows, "--agents", str(agents), "--memory", str(tmp_path / "verified.json")]
         assert main(["verify", *arguments, *verified]) == 0
+        path = result_folder(tmp_path / "rows", ENV_ID, "short") / "fixed_handbook.json.xz"
+        row = read_result(path)
+        write_part(row.model_copy(update={"episodes": row.episodes | {"removed": [0.0, row.episodes["removed"][1]]}}), path)
+        capsys.readouterr()
+        assert main(["verify", *arguments, *verified]) == 1
+        assert capsys.readouterr().out.startswith(f"{path}: removed differs on 1 of 2 draws, by up to ")
 
 
 @pytest.mark.parametrize(
