@@ -35,6 +35,7 @@ ATTEMPTS = 3
 """So many times in a row may processes end without any piece being done."""
 
 _POLL = 2.0  # [s]
+_MOST_GREETING = 1_000_000  # bytes
 _AGAIN = "what is finished is kept: run the same command again to go on"
 _VERSIONS = ("rough-turning", "numpy", "numba", "onnxruntime", "torch", "stable-baselines3")
 
@@ -192,9 +193,7 @@ def cluster(address: str) -> Iterator[Workers]:
     except ImportError as error:
         raise WorkersError(f"a scheduler needs the extra 'distributed', which is not installed: {error}") from error
     try:
-        # First without Dask, whose client waits long for what is not there, and leaves a thread behind when it fails.
-        with socket.create_connection(_host_and_port(address), timeout=CONNECTING):
-            pass
+        _see_scheduler(address)
         client = Client(address, timeout=CONNECTING, set_as_default=False)  # type: ignore[no-untyped-call]
     except OSError as error:
         raise WorkersError(f"no scheduler can be reached at {address}: {_first_line(error)}") from error
@@ -206,14 +205,25 @@ def cluster(address: str) -> Iterator[Workers]:
         yield _Cluster(client, address)
 
 
-def _host_and_port(address: str) -> tuple[str, int]:
+def _see_scheduler(address: str) -> None:
+    """See that there is a scheduler without Dask, whose client waits for ever for what is none but listens.
+
+    Raises:
+        OSError: there is none.
+        WorkersError: it is no address.
+    """
     try:
         parts = urlsplit(address)
-        if parts.scheme in ("tcp", "tls") and parts.hostname and parts.port:
-            return parts.hostname, parts.port
+        host, port = parts.hostname, parts.port
     except ValueError:  # of the port
-        pass
-    raise WorkersError(f"the scheduler is {address!r}, but must be an address like tcp://host:8786")
+        host = port = None
+    if not host or not port or parts.scheme not in ("tcp", "tls"):
+        raise WorkersError(f"the scheduler is {address!r}, but must be an address like tcp://host:8786")
+    with socket.create_connection((host, port), timeout=CONNECTING) as connection, connection.makefile("rb") as stream:
+        if parts.scheme == "tcp":  # by tls it says nothing to us
+            greeting = stream.read(8)  # the length of what it says of itself
+            if len(greeting) < 8 or int.from_bytes(greeting, "little") > _MOST_GREETING:
+                raise OSError("what answers is no Dask scheduler")
 
 
 @contextmanager

@@ -2,7 +2,10 @@
 
 import os
 import signal
+import socket
+import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -113,3 +116,22 @@ def test_what_becomes_of_a_cluster_that_is_lost(tmp_path: Path, monkeypatch: pyt
             monkeypatch.setattr(workers, "PATIENCE", 60.0)
             with pytest.raises(WorkersError, match="the connection to the scheduler was lost"):
                 finish_all(over)
+
+
+@pytest.mark.parametrize("greeting", [b"", b"SSH-2.0-OpenSSH"])
+def test_what_listens_but_is_no_scheduler_is_refused(greeting: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "CONNECTING", 0.5)
+
+    def greet() -> None:
+        connection, _ = server.accept()
+        with connection, suppress(ConnectionError):
+            connection.sendall(greeting)
+            connection.recv(1)  # until the other hangs up
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=greet)
+        thread.start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with pytest.raises(WorkersError, match=f"no scheduler can be reached at {address}: "), workers.cluster(address):
+            pass
+        thread.join(10.0)
