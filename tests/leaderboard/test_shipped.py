@@ -22,7 +22,7 @@ BEST = "analytic_gradient"
 def complaints(
     tmp_path: Path, draws: int, *policies: str, env: str = "RoughTurning-v0", scenario: str | None = None
 ) -> list[str]:
-    return verify.verify(ROWS, AGENTS, Selection(env, scenario, list(policies)), 1, tmp_path / "memory.json", False, draws)
+    return verify.verify(ROWS, AGENTS, Selection(env, scenario, list(policies)), tmp_path / "memory.json", False, draws)
 
 
 def test_the_first_draws_of_rows_come_back(tmp_path: Path) -> None:
