@@ -143,12 +143,12 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             lathes.seed(0, seed)
             lathes.seeded = True
             lathes.start(_ONLY_LANE)
-        return lathes.observations[0].copy(), self._info()
+        return lathes.answers.observations[0].copy(), self._info()
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
         """Run one control interval. See the class's description for shapes, units and errors."""
         lathes = self._lathes
-        if not lathes.seeded or lathes.terminated[0] or lathes.truncated[0]:
+        if not lathes.seeded or lathes.answers.ends.any():
             raise ResetNeeded("call reset() first: no episode is under way")
         try:
             lathes.step((action,))
@@ -156,15 +156,15 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             numbers = f"{lathes.action_size} finite number" + "s" * (lathes.action_size != 1)
             raise ValueError(f"an action must be {numbers}, got {action!r}") from error
         return (
-            lathes.observations[0].copy(),
-            float(lathes.rewards[0]),
-            bool(lathes.terminated[0]),
-            bool(lathes.truncated[0]),
+            lathes.answers.observations[0].copy(),
+            float(lathes.answers.rewards[0]),
+            bool(lathes.answers.ends[0, 0]),
+            bool(lathes.answers.ends[1, 0]),
             self._info(),
         )
 
     def _info(self) -> Info:
-        info: Info = dict(zip(REPORT_FIELDS, self._lathes.report_values[0].tolist(), strict=True))
+        info: Info = dict(zip(REPORT_FIELDS, self._lathes.answers.table[:, 0].tolist(), strict=True))
         for flag in REPORT_FLAGS:
             info[flag] = bool(info[flag])
         return info

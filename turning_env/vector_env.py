@@ -85,17 +85,17 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         lathes.start(chosen & ~continued)
         lathes.next_episode(continued)
         lathes.seeded = True
-        return lathes.observations.copy(), self._infos(chosen)
+        return lathes.answers.observations.copy(), self._infos(chosen)
 
     def step(self, actions: Any) -> Step:
         """Run one control interval in every lane; actions of shape (num_envs, 2)."""
         lathes = self._lathes
         if not lathes.seeded:
             raise ResetNeeded("call reset() first: no episode is under way")
-        if self.autoreset_mode is AutoresetMode.DISABLED and lathes.lanes.ended.any():
-            raise ResetNeeded(f"the episodes of lanes {np.flatnonzero(lathes.lanes.ended).tolist()} have ended")
+        if self.autoreset_mode is AutoresetMode.DISABLED and lathes.answers.ends.any():
+            raise ResetNeeded(f"the episodes of lanes {np.flatnonzero(lathes.answers.ends.any(axis=0)).tolist()} have ended")
         lathes.step(actions)
-        terminated, truncated = lathes.terminated.copy(), lathes.truncated.copy()
+        terminated, truncated = lathes.answers.ends[0].copy(), lathes.answers.ends[1].copy()
         final: Infos = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             ended = terminated | truncated
@@ -103,8 +103,8 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
                 final = self._final_infos(ended)
                 lathes.next_episode(ended)
         return (
-            lathes.observations.copy(),
-            lathes.rewards.copy(),
+            lathes.answers.observations.copy(),
+            lathes.answers.rewards.copy(),
             terminated,
             truncated,
             final | self._infos(self._every_lane),
@@ -139,9 +139,9 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     def _infos(self, lanes: NDArray[np.bool_]) -> Infos:
         """One array per field of the report, with the mask of the lanes that it holds for."""
-        table = self._lathes.report_values.copy()
+        table = self._lathes.answers.table.copy()
         infos: Infos = {}
-        for name, values in zip(REPORT_FIELDS, table.T, strict=True):
+        for name, values in zip(REPORT_FIELDS, table, strict=True):
             infos[name] = values.astype(np.bool_) if name in REPORT_FLAGS else values
             infos["_" + name] = lanes
         return infos
@@ -149,5 +149,5 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
     def _final_infos(self, ended: NDArray[np.bool_]) -> Infos:
         final_obs = np.full(self.num_envs, None, dtype=object)
         for lane in np.flatnonzero(ended):
-            final_obs[lane] = self._lathes.observations[lane].copy()
+            final_obs[lane] = self._lathes.answers.observations[lane].copy()
         return {"final_obs": final_obs, "_final_obs": ended, "final_info": self._infos(ended), "_final_info": ended}
