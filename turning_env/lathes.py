@@ -39,19 +39,20 @@ def checked_seed(seed: Any, lane: int) -> int:
     return int(seed)
 
 
-def _entries(digest: str) -> tuple[Any, Any]:
-    @compiled
-    def write_lanes(lanes, work, report, rows, first, last, parameters, start, observations, table):
-        """Copy what some lanes of a block tell into the arrays of all lanes, in which the block begins at ``start``."""
-        write_state(lanes, report, first, last, parameters)
-        observe(lanes, work, first, last, parameters)
-        for k in range(table.shape[0]):
-            for i in range(first, last):
-                table[k, start + i] = rows[k, i]
+@compiled
+def write_lanes(lanes, work, report, rows, first, last, parameters, start, observations, table):
+    """Copy what some lanes of a block tell into the arrays of all lanes, in which the block begins at ``start``."""
+    write_state(lanes, report, first, last, parameters)
+    observe(lanes, work, first, last, parameters)
+    for k in range(table.shape[0]):
         for i in range(first, last):
-            for k in range(observations.shape[1]):
-                observations[start + i, k] = work.observation[k, i]
+            table[k, start + i] = rows[k, i]
+    for i in range(first, last):
+        for k in range(observations.shape[1]):
+            observations[start + i, k] = work.observation[k, i]
 
+
+def _entries(digest: str) -> tuple[Any, Any]:
     @compiled_entry
     def start_lanes(blocks, parameters, works, reports, rows, chosen, observations, table):
         """Start an episode in every chosen lane (``chosen``: bool per lane)."""
