@@ -7,7 +7,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from turning_env import observation
-from turning_env.compilation import compiled, compiled_entry, source_digest
+from turning_env.answers import Answers
+from turning_env.compilation import compiled, compiled_entry, handed_over, source_digest
 from turning_env.lathe import run_interval, start_episode
 from turning_env.observation import observe
 from turning_env.records import LANES, REPORT, REPORT_FIELDS, WIDTH, WORK, action_size, new_records, parameter_records
@@ -52,21 +53,41 @@ def write_lanes(lanes, work, report, rows, first, last, parameters, start, obser
             observations[start + i, k] = work.observation[k, i]
 
 
-def _entries(digest: str) -> tuple[Any, Any]:
+def _entries(digest: str) -> tuple[Any, Any, Any]:
+    @compiled_entry
+    def first_unfit(actions):
+        """The first lane whose action, of shape (lanes, action size), is not finite, or -1."""
+        digest  # noqa: B018 - see compiled_entry
+        unfit = 0
+        for lane in range(actions.shape[0]):
+            for k in range(actions.shape[1]):
+                unfit += 0 if abs(actions[lane, k]) < np.inf else 1
+        if unfit > 0:
+            for lane in range(actions.shape[0]):
+                for k in range(actions.shape[1]):
+                    if not np.isfinite(actions[lane, k]):
+                        return lane
+        return -1
+
     @compiled_entry
     def start_lanes(blocks, parameters, works, reports, rows, chosen, observations, table):
         """Start an episode in every chosen lane (``chosen``: bool per lane)."""
         digest  # noqa: B018 - see compiled_entry
-        lanes, work, report = blocks[0], works[0], reports[0]
+        p, work, report = parameters[0], works[0], reports[0]
         for lane in range(chosen.shape[0]):
             if chosen[lane]:
                 lanes, i = blocks[lane // WIDTH], lane % WIDTH
-                start_episode(lanes, work, report, i, parameters[0])
-                write_lanes(lanes, work, report, rows, i, i + 1, parameters[0], lane - i, observations, table)
+                start_episode(lanes, work, report, i, p)
+                write_lanes(lanes, work, report, rows, i, i + 1, p, lane - i, observations, table)
 
     @compiled_entry
-    def step_lanes(blocks, parameters, works, reports, rows, actions, observations, rewards, ends, table, first_block, last_block):
-        """Run one interval in every lane of the blocks from ``first_block`` to before ``last_block``; an ended lane starts its next episode instead."""
+    def step_blocks(
+        blocks, parameters, works, reports, rows, actions, observations, rewards, ends, table, first_block, last_block
+    ):
+        """Run one interval in every lane of the blocks from ``first_block`` to before ``last_block``.
+
+        A lane that has ended starts its next episode instead.
+        """
         digest  # noqa: B018 - see compiled_entry
         p, work, report = parameters[0], works[0], reports[0]
         for b in range(first_block, last_block):
@@ -88,75 +109,76 @@ def _entries(digest: str) -> tuple[Any, Any]:
                 ends[1, start + i] = work.truncated[i] > 0
             write_lanes(lanes, work, report, rows, 0, count, p, start, observations, table)
 
-    return start_lanes, step_lanes
+    return first_unfit, start_lanes, step_blocks
 
 
-_start_lanes, _step_lanes = _entries(source_digest())
+_first_unfit, _start_lanes, _step_blocks = _entries(source_digest())
 
 
-class Answers:
-    """The arrays that an interval of all lanes is told in.
+class Desk:
+    """Where the transition notes things down, with the records of the lanes that it works on.
 
     Attributes:
-        observations: float32, shape (count, 11), or 12 entries where there is one more.
-        rewards: float64, shape (count,), in s of machine time.
-        ends: bool, shape (2, count): terminated and truncated.
-        table: float64, shape (len(REPORT_FIELDS), count); see ``records.py`` for the fields and units.
+        records: what the entries take first.
     """
 
-    def __init__(self, count: int, entries: int) -> None:
-        self.observations = np.zeros((count, entries), np.float32)
-        self.rewards = np.zeros(count, np.float64)
-        self.ends = np.zeros((2, count), np.bool_)
-        self.table = np.zeros((len(REPORT_FIELDS), count), np.float64)
+    def __init__(self, blocks: Any, parameters: Any) -> None:
+        report = new_records(REPORT, 1)
+        rows = report.view(np.ndarray).view(np.float64).reshape(len(REPORT_FIELDS), WIDTH)
+        records = (blocks, parameters, new_records(WORK, 1), report)
+        self.records = (*(handed_over(record) for record in records), rows)
 
 
 class Lathes:
     """The lanes of one scenario and what their last interval gave; both environments drive this.
 
+    Args:
+        scenario: what is played.
+        count: number of lanes.
+
     Attributes:
         answers: what the last interval gave.
+        ended: whether the episode of a lane has ended, 0 or 1, shape (blocks, WIDTH).
     """
 
     def __init__(self, scenario: Scenario, count: int) -> None:
-        self.parameters = parameter_records(scenario)
-        self.blocks = new_records(LANES, -(-count // WIDTH))
         self.count = count
         self.seeded = False
         self.action_size = action_size(scenario)
         self.entries = len(observation.bounds(scenario)[0])
-        self.answers = Answers(count, self.entries)
+        self._parameters = parameter_records(scenario)
+        self._blocks = new_records(LANES, -(-count // WIDTH))
         self._actions = np.zeros((count, self.action_size), np.float64)
-        self._note_down()
+        self.answers = Answers(count, self.entries)
+        self._prepare()
 
-    def _note_down(self) -> None:
-        """Make what holds nothing beyond a call: the records that the transition works with."""
-        self._work = new_records(WORK, 1)
-        self._report = new_records(REPORT, 1)
-        self._rows = self._report.view(np.ndarray).view(np.float64).reshape(len(REPORT_FIELDS), WIDTH)
+    def _prepare(self) -> None:
+        """Make what is not kept with a copy or a pickle: views, and the records that the transition notes things down in."""
+        self.ended: NDArray[np.int64] = self._blocks["ended"]
+        self._shape = (self.count, self.action_size)
+        self._desk = Desk(self._blocks, self._parameters)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name not in ("ended", "_desk")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a copy or a pickle, in which the view of the report came out as an array of its own."""
         self.__dict__.update(state)
-        self._note_down()
+        self._prepare()
 
-    def seed(self, lane: int, seed: int) -> None:
-        """Key a lane's episodes: the next to start is the first of this seed (see ``checked_seed``)."""
-        self.blocks.seed[lane // WIDTH, lane % WIDTH] = seed
-        self.blocks.episode[lane // WIDTH, lane % WIDTH] = 0
+    def seed(self, lanes: Any, seeds: Any) -> None:
+        """Key the episodes of lanes: the next to start is the first of its seed (see ``checked_seed``)."""
+        block, i = np.divmod(lanes, WIDTH)
+        self._blocks["seed"][block, i] = seeds
+        self._blocks["episode"][block, i] = 0
 
     def start(self, chosen: NDArray[np.bool_]) -> None:
         """Start the keyed episode in every chosen lane."""
-        answers = self.answers
-        _start_lanes(
-            self.blocks, self.parameters, self._work, self._report, self._rows, chosen, answers.observations, answers.table
-        )
-        answers.ends[:, chosen] = False
+        _start_lanes(*self._desk.records, chosen, self.answers.observations, self.answers.table)
 
     def next_episode(self, chosen: NDArray[np.bool_]) -> None:
         """Move every chosen lane on to the next episode of its seed, and start it."""
-        lanes = np.flatnonzero(chosen)
-        self.blocks.episode[lanes // WIDTH, lanes % WIDTH] += np.uint64(1)
+        block, i = np.divmod(np.flatnonzero(chosen), WIDTH)
+        self._blocks["episode"][block, i] += np.uint64(1)
         self.start(chosen)
 
     def step(self, actions: Any) -> None:
@@ -165,31 +187,29 @@ class Lathes:
         Raises:
             ValueError: the actions are not numbers of shape (count, action_size), or not finite; no lane has moved then.
         """
-        shape = (self.count, self.action_size)
-        try:
-            given = np.asarray(actions)
-        except ValueError as error:  # ragged
-            raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}") from error
-        if given.dtype.kind not in "fiu":
-            raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}")
-        if given.shape != shape:
-            raise ValueError(f"actions must have shape {shape}, got {given.shape}")
-        np.copyto(self._actions, given)
-        if not np.isfinite(self._actions).all():
-            refused = int(np.flatnonzero(~np.isfinite(self._actions).all(axis=1))[0])
-            raise ValueError(f"the action of lane {refused} must be finite, got {self._actions[refused].tolist()}")
+        self._take(actions)
         answers = self.answers
-        _step_lanes(
-            self.blocks,
-            self.parameters,
-            self._work,
-            self._report,
-            self._rows,
+        _step_blocks(
+            *self._desk.records,
             self._actions,
             answers.observations,
             answers.rewards,
             answers.ends,
             answers.table,
             0,
-            len(self.blocks),
+            len(self.ended),
         )
+
+    def _take(self, actions: Any) -> None:
+        try:
+            given = np.asarray(actions)
+        except ValueError as error:  # ragged
+            raise ValueError(f"actions must be numbers of shape {self._shape}, got {actions!r}") from error
+        if given.dtype.kind not in "fiu":
+            raise ValueError(f"actions must be numbers of shape {self._shape}, got {actions!r}")
+        if given.shape != self._shape:
+            raise ValueError(f"actions must have shape {self._shape}, got {given.shape}")
+        self._actions[...] = given
+        refused = _first_unfit(self._actions)
+        if refused >= 0:
+            raise ValueError(f"the action of lane {refused} must be finite, got {self._actions[refused].tolist()}")

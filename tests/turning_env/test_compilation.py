@@ -88,5 +88,5 @@ def test_the_digest_is_of_a_folder_s_sources_and_nothing_else(tmp_path):
 def test_the_compiler_s_cache_is_keyed_by_the_digest():
     from turning_env import lathes
 
-    for entry in (lathes._start_lanes, lathes._step_lanes):
+    for entry in (lathes._first_unfit, lathes._start_lanes, lathes._step_blocks):
         assert source_digest() in [cell.cell_contents for cell in entry.py_func.__closure__]
