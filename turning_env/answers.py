@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
 
+_LINE, _PAGE = 8, 512  # numbers of a cache line and of a memory page
 _FLAG_ROWS = [REPORT_FIELDS.index(name) for name in REPORT_FLAGS]
 
 
@@ -19,6 +20,7 @@ class Answers:
         rewards: float64, shape (count,), in s of machine time.
         ends: bool, shape (2, count): terminated and truncated.
         table: float64, shape (len(REPORT_FIELDS), count); see ``records.py`` for the fields and units.
+        padded_table: the same with rows that may be longer, contiguous in memory.
         flags: bool, shape (len(REPORT_FLAGS), count): those fields that are flags, if ``note_flags`` was called.
     """
 
@@ -26,7 +28,10 @@ class Answers:
         self.observations = np.zeros((count, entries), np.float32)
         self.rewards = np.zeros(count, np.float64)
         self.ends = np.zeros((2, count), np.bool_)
-        self.table = np.zeros((len(REPORT_FIELDS), count), np.float64)
+        # Rows a whole number of memory pages apart would fall into the same few places of the processor's first cache.
+        padding = _LINE if count % _PAGE < _LINE <= count else 0
+        self.padded_table = np.zeros((len(REPORT_FIELDS), count + padding), np.float64)
+        self.table = self.padded_table[:, :count]
         self.flags = np.zeros((len(REPORT_FLAGS), count), np.bool_)
 
     def note_flags(self) -> None:
@@ -44,7 +49,7 @@ class Answers:
         return max(sys.getrefcount(array) for array in self._arrays())
 
     def _arrays(self) -> tuple[NDArray[Any], ...]:
-        return self.observations, self.rewards, self.ends, self.table, self.flags
+        return self.observations, self.rewards, self.ends, self.padded_table, self.flags
 
 
 _UNUSED = Answers(1, 1)
@@ -67,10 +72,10 @@ class AnswerPool:
 
     def next(self) -> Answers:
         """Answers that nobody holds, with whatever they held before."""
-        for place, answers in enumerate(self._pool):
-            if answers.references() <= _UNHELD:
+        for place in reversed(range(len(self._pool))):  # the last one used first: it is still in the processor's cache
+            if self._pool[place].references() <= _UNHELD:
                 self._pool.append(self._pool.pop(place))
-                return answers
+                return self._pool[-1]
         if len(self._pool) == _MOST_KEPT:
             del self._pool[0]  # whoever holds it keeps it
         self._pool.append(Answers(self._count, self._entries))

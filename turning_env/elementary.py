@@ -58,7 +58,7 @@ def logarithm(x):
 
 
 @compiled
-def power(base, exponent):
+def raised(base, exponent):
     """A base of 0 or more to the power of an exponent other than 0, to some 1e-15 times the logarithm of the result."""
     return exponential(exponent * logarithm(base)) if base > 0.0 else 0.0
 

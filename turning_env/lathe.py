@@ -15,14 +15,14 @@ from turning_env.compilation import compiled
 from turning_env.drives import clipped, set_point
 from turning_env.economics import settle
 from turning_env.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
-from turning_env.elementary import exponential, logarithm
+from turning_env.elementary import exponential, logarithm, raised
 from turning_env.machinability import force_and_power, log_wear_coefficient
 from turning_env.parts import end_passes, start_part, start_passes
 from turning_env.records import END, OVERRIDE, PART, SET_POINT
 from turning_env.report import clear_sums
 from turning_env.sensors import follow_process, read_sensors
 from turning_env.surface import draw_reference, roughness
-from turning_env.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear
+from turning_env.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock
 from turning_env.workpiece import look_up_fields, position_in_row, probe_next_bar
 
 _LEAST_DEPTH = 1e-6  # [mm] keeps the logarithm of a depth that is not cut within its range
@@ -175,6 +175,10 @@ def travel(lanes, work, report, first, last, parameters):
         work.cut[i], _ = position_in_row(p, lanes.path[i])
         begin_account(lanes, work, i)
         work.chip_remains[i] = 0.0
+        work.time_power[i] = 0.0
+    if not by_equivalent_time:
+        for i in range(first, last):
+            work.time_power[i] = raised(lanes.cutting_time[i], p.wear_law.time)
     for _ in range(p.sub_steps):
         failed = run_sub_step(lanes, work, report, first, last, p)
         if failed > 0 and p.action == PART:
@@ -185,6 +189,7 @@ def travel(lanes, work, report, first, last, parameters):
             for i in range(first, last):
                 if work.worn[i] + work.broken[i] > 0:
                     begin_account(lanes, work, i)
+                    work.time_power[i] = raised(lanes.cutting_time[i], p.wear_law.time)
                 work.worn[i] = 0
                 work.broken[i] = 0
     for i in range(first, last):
@@ -203,16 +208,24 @@ def run_sub_step(lanes, work, report, first, last, parameters):
         work.log_cutting_speed[i] = logarithm(lanes.cutting_speed[i])
         work.log_feed[i] = logarithm(lanes.feed[i])
         work.log_depth[i] = logarithm(max(lanes.depth_of_cut[i], _LEAST_DEPTH))
+    for i in range(first, last):
+        lanes.cutting_time[i] += work.engaged[i]
     if p.wear_rule == EQUIVALENT_TIME:
         for i in range(first, last):
             lanes.used_life[i] += life_share(p, log_coefficient(lanes, work, i, p), work.engaged[i])
     else:
         for i in range(first, last):
-            start, end = lanes.cutting_time[i], lanes.cutting_time[i] + work.engaged[i]
-            used_life = life_by_clock(p, lanes.used_life[i], log_coefficient(lanes, work, i, p), start, end)
+            work.time_power_before[i] = work.time_power[i]
+            work.time_power[i] = raised(lanes.cutting_time[i], p.wear_law.time)
+        for i in range(first, last):
+            coefficient = log_coefficient(lanes, work, i, p)
+            work.wear[i] = wear_by_clock(
+                p, lanes.used_life[i], coefficient, work.time_power_before[i], work.time_power[i]
+            )
+        for i in range(first, last):
+            used_life = raised(work.wear[i], p.life_exponent)
             lanes.used_life[i] = used_life if work.engaged[i] > 0.0 else lanes.used_life[i]
     for i in range(first, last):
-        lanes.cutting_time[i] += work.engaged[i]
         work.log_wear[i] = log_wear(p, max(lanes.used_life[i], _LEAST_LIFE))
     if p.chip_lag > 0.0:
         for i in range(first, last):
@@ -224,8 +237,9 @@ def run_sub_step(lanes, work, report, first, last, parameters):
             deviation = abs(roughness(p, lanes.thrust_force[i]) / lanes.roughness_reference[i] - 1.0)
             report.roughness_deviation[i] += 60.0 * work.engaged[i] * deviation
     failed, stops = 0, p.action != PART
+    force_scale, power_scale = 1.0 / p.thrust_force_limit, 1.0 / p.power_limit
     for i in range(first, last):
-        sum_up(lanes, work, report, i, p)
+        sum_up(lanes, work, report, i, force_scale, power_scale, p.overload_tolerance)
         failed += watch_edge(lanes, work, i, p, stops)
         leave_metal(lanes, work, i)
         follow_process(lanes, work, i, p)
@@ -284,14 +298,13 @@ def load_edge(lanes, work, i, parameters):
 
 
 @compiled
-def sum_up(lanes, work, report, i, parameters):
+def sum_up(lanes, work, report, i, force_scale, power_scale, tolerance):
     """Add what was cut, and by how much force and power exceeded their limits, to the report's sums."""
-    p = parameters
     engaged = work.engaged[i]  # [min]
     seconds = 60.0 * engaged
     force, power = lanes.thrust_force[i], lanes.power[i]
-    over_force = max(force / p.thrust_force_limit - 1.0, 0.0)
-    over_power = max(power / p.power_limit - 1.0, 0.0)
+    over_force = max(force * force_scale - 1.0, 0.0)
+    over_power = max(power * power_scale - 1.0, 0.0)
     over = max(over_force, over_power)
     report.engaged_time[i] += seconds
     report.removed[i] += lanes.cutting_speed[i] * lanes.feed[i] * lanes.depth_of_cut[i] * engaged
@@ -300,7 +313,7 @@ def sum_up(lanes, work, report, i, parameters):
     report.cost_force[i] += engaged * over_force
     report.cost_power[i] += engaged * over_power
     report.overload_time[i] += seconds if over > 0.0 else 0.0
-    report.severe_overload_time[i] += seconds if over > p.overload_tolerance else 0.0
+    report.severe_overload_time[i] += seconds if over > tolerance else 0.0
 
 
 @compiled

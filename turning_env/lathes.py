@@ -173,7 +173,7 @@ class Lathes:
 
     def start(self, chosen: NDArray[np.bool_]) -> None:
         """Start the keyed episode in every chosen lane."""
-        _start_lanes(*self._desk.records, chosen, self.answers.observations, self.answers.table)
+        _start_lanes(*self._desk.records, chosen, self.answers.observations, self.answers.padded_table)
 
     def next_episode(self, chosen: NDArray[np.bool_]) -> None:
         """Move every chosen lane on to the next episode of its seed, and start it."""
@@ -195,7 +195,7 @@ class Lathes:
             answers.observations,
             answers.rewards,
             answers.ends,
-            answers.table,
+            answers.padded_table,
             0,
             len(self.ended),
         )

@@ -65,9 +65,9 @@ def bounds(scenario: Scenario) -> tuple[NDArray[np.float32], NDArray[np.float32]
 
 
 @compiled
-def range_position(log_value, log_low, log_span):
-    """Where a value lies in its range, on a logarithmic scale: -1 at the low end, 1 at the high end."""
-    return min(max(2.0 * (log_value - log_low) / log_span - 1.0, -1.0), 1.0)
+def range_position(log_value, log_low, scale):
+    """Where a value lies in its range, on a logarithmic scale: -1 at the low end, 1 at the high end. ``scale``: 2 over the span."""
+    return min(max(scale * (log_value - log_low) - 1.0, -1.0), 1.0)
 
 
 @compiled
@@ -84,14 +84,18 @@ def observe(lanes, work, first, last, parameters):
     """
     p = parameters
     entries = work.observation
+    power_scale, force_scale = 1.0 / p.power_limit, 1.0 / p.thrust_force_limit
+    speed_low, speed_scale = p.log_cutting_speed_min, 2.0 / p.log_cutting_speed_span
+    feed_low, feed_scale = p.log_feed_min, 2.0 / p.log_feed_span
     for i in range(first, last):
         commanded_speed, commanded_feed = logarithm(lanes.commanded_cutting_speed[i]), logarithm(lanes.commanded_feed[i])
-        entries[0, i] = deviation(lanes.measured_power[i] / p.power_limit)
-        entries[1, i] = deviation(lanes.measured_thrust_force[i] / p.thrust_force_limit)
-        entries[2, i] = range_position(work.log_cutting_speed[i], p.log_cutting_speed_min, p.log_cutting_speed_span)
-        entries[3, i] = range_position(work.log_feed[i], p.log_feed_min, p.log_feed_span)
-        entries[4, i] = range_position(commanded_speed, p.log_cutting_speed_min, p.log_cutting_speed_span)
-        entries[5, i] = range_position(commanded_feed, p.log_feed_min, p.log_feed_span)
+        entries[0, i] = deviation(lanes.measured_power[i] * power_scale)
+        entries[1, i] = deviation(lanes.measured_thrust_force[i] * force_scale)
+        entries[2, i] = range_position(work.log_cutting_speed[i], speed_low, speed_scale)
+        entries[3, i] = range_position(work.log_feed[i], feed_low, feed_scale)
+        entries[4, i] = range_position(commanded_speed, speed_low, speed_scale)
+        entries[5, i] = range_position(commanded_feed, feed_low, feed_scale)
+    for i in range(first, last):
         entries[6, i] = min(logarithm(1.0 + lanes.cutting_time[i]), MOST_LOG_TIME)
         entries[10, i] = 1.0 if lanes.cutting[i] > 0 else 0.0
     for i in range(first, last):
@@ -101,10 +105,11 @@ def observe(lanes, work, first, last, parameters):
         force, power = force_and_power(p, work.log_cutting_speed[i], work.log_feed[i], lanes.log_nominal_depth[i], wear, 0.0)
         work.predicted_force[i] = force
         has_cut = lanes.nominal_used_life[i] > 0.0
-        ratio = min(exponential(wear - p.log_wear_criterion), MOST_RATIO)
-        entries[7, i] = ratio if has_cut else 0.0
         entries[8, i] = deviation(lanes.measured_power[i] / power if has_cut else 0.0)
         entries[9, i] = deviation(lanes.measured_thrust_force[i] / force if has_cut else 0.0)
+    for i in range(first, last):
+        ratio = min(exponential(work.log_wear[i] - p.log_wear_criterion), MOST_RATIO)
+        entries[7, i] = ratio if lanes.nominal_used_life[i] > 0.0 else 0.0
     if p.senses_current:
         at_limit = steady_current(p, p.thrust_force_limit, 0.0)
         for i in range(first, last):
@@ -114,10 +119,11 @@ def observe(lanes, work, first, last, parameters):
             entries[1, i] = deviation(lanes.measured_servo_current[i] / at_limit)
             entries[9, i] = deviation(lanes.measured_servo_current[i] / predicted if has_cut else 0.0)
     if p.holds_roughness:
+        one_only = p.log_reference_span == 0.0
+        scale = 0.0 if one_only else 2.0 / p.log_reference_span
         for i in range(first, last):
-            reference = logarithm(lanes.roughness_reference[i])
-            one_only = p.log_reference_span == 0.0
-            entries[11, i] = 0.0 if one_only else range_position(reference, p.log_reference_min, p.log_reference_span)
+            position = range_position(logarithm(lanes.roughness_reference[i]), p.log_reference_min, scale)
+            entries[11, i] = 0.0 if one_only else position
     elif p.probe:
         for i in range(first, last):
             entries[11, i] = deviation(lanes.probed_depth[i] / p.depth_of_cut)

@@ -118,6 +118,9 @@ WORK = block_of(
     ("log_feed", np.float64),
     ("log_depth", np.float64),
     ("log_wear", np.float64),
+    ("time_power", np.float64),  # cutting time to the power n of W = K t^n, by clock time
+    ("time_power_before", np.float64),  # likewise before the sub-step
+    ("wear", np.float64),  # over the criterion, by clock time [-]
     ("chip_remains", np.float64),  # share of force and power that is left of before [-]
     ("worn", np.int64),  # the edge, 0 or 1
     ("broken", np.int64),

@@ -12,7 +12,7 @@ edge's total cutting time. It reproduces the publication; a controller can game 
 """
 
 from turning_env.compilation import compiled
-from turning_env.elementary import exponential, logarithm, power
+from turning_env.elementary import exponential, logarithm, raised
 
 EQUIVALENT_TIME = 0
 CLOCK_TIME = 1
@@ -25,12 +25,18 @@ def life_share(parameters, log_wear_coefficient, time):
 
 
 @compiled
+def wear_by_clock(parameters, used_life, log_wear_coefficient, time_power_before, time_power):
+    """Wear over the criterion [-] after cutting on with log K constant, by clock time; t^n of the cutting time before and now."""
+    growth = exponential(log_wear_coefficient - parameters.log_wear_criterion) * (time_power - time_power_before)
+    return raised(used_life, parameters.wear_law.time) + growth
+
+
+@compiled
 def life_by_clock(parameters, used_life, log_wear_coefficient, start, end):
     """Used life share [-] after cutting from ``start`` to ``end`` [min] with log K constant, by clock time."""
     exponent = parameters.wear_law.time
-    wear = parameters.wear_criterion * power(used_life, exponent)
-    wear += exponential(log_wear_coefficient) * (power(end, exponent) - power(start, exponent))
-    return power(wear / parameters.wear_criterion, parameters.life_exponent)
+    wear = wear_by_clock(parameters, used_life, log_wear_coefficient, raised(start, exponent), raised(end, exponent))
+    return raised(wear, parameters.life_exponent)
 
 
 @compiled

@@ -99,20 +99,31 @@ def locate(lanes, work, i, parameters):
 
 @compiled
 def pass_nodes(lanes, work, i, parameters):
-    """Enter the bar, and draw the nodes on either side, where these are not those that the lane keeps."""
+    """Enter the bar, and draw the nodes on either side, where these are not those that the lane keeps.
+
+    Where there is no noise along the bar, the nodes stay what they are: they are multiplied by 0.
+    """
     bar = np.floor(work.middle[i] * parameters.bars_per_cut)
     if bar != lanes.bar[i]:
         enter_bar(lanes, i, bar)
-    cell = np.floor(work.along[i] * parameters.hardness_nodes_per_length)
-    if cell != lanes.hardness_cell[i]:
-        lanes.hardness_cell[i] = cell
-        lanes.hardness_left[i] = standard_normals(lanes, i, HARDNESS_CHANNEL, bar, cell)[0]
-        lanes.hardness_right[i] = standard_normals(lanes, i, HARDNESS_CHANNEL, bar, cell + 1.0)[0]
-    cell = np.floor(work.along[i] * parameters.depth_nodes_per_length)
-    if cell != lanes.depth_cell[i]:
-        lanes.depth_cell[i] = cell
-        lanes.depth_left[i] = standard_normals(lanes, i, DEPTH_CHANNEL, bar, cell)[0]
-        lanes.depth_right[i] = standard_normals(lanes, i, DEPTH_CHANNEL, bar, cell + 1.0)[0]
+    cell, kept = np.floor(work.along[i] * parameters.hardness_nodes_per_length), lanes.hardness_cell[i]
+    lanes.hardness_cell[i] = cell
+    if cell != kept and parameters.hardness_along_spread > 0.0:
+        next_door = kept >= 0.0 and cell == kept + 1.0
+        lanes.hardness_left[i] = lanes.hardness_right[i] if next_door else node(lanes, i, HARDNESS_CHANNEL, bar, cell)
+        lanes.hardness_right[i] = node(lanes, i, HARDNESS_CHANNEL, bar, cell + 1.0)
+    cell, kept = np.floor(work.along[i] * parameters.depth_nodes_per_length), lanes.depth_cell[i]
+    lanes.depth_cell[i] = cell
+    if cell != kept and parameters.depth_along_spread > 0.0:
+        next_door = kept >= 0.0 and cell == kept + 1.0
+        lanes.depth_left[i] = lanes.depth_right[i] if next_door else node(lanes, i, DEPTH_CHANNEL, bar, cell)
+        lanes.depth_right[i] = node(lanes, i, DEPTH_CHANNEL, bar, cell + 1.0)
+
+
+@compiled
+def node(lanes, i, channel, bar, number):
+    """The standard normal number at a node of a bar."""
+    return standard_normals(lanes, i, channel, bar, number)[0]
 
 
 @compiled
