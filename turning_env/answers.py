@@ -19,8 +19,7 @@ class Answers:
         observations: float32, shape (count, entries).
         rewards: float64, shape (count,), in s of machine time.
         ends: bool, shape (2, count): terminated and truncated.
-        table: float64, shape (len(REPORT_FIELDS), count); see ``records.py`` for the fields and units.
-        padded_table: the same with rows that may be longer, contiguous in memory.
+        padded_table: float64, what is reported, a row for each of ``REPORT_FIELDS``; rows may be longer than there are lanes.
         flags: bool, shape (len(REPORT_FLAGS), count): those fields that are flags, if ``note_flags`` was called.
     """
 
@@ -31,8 +30,12 @@ class Answers:
         # Rows a whole number of memory pages apart would fall into the same few places of the processor's first cache.
         padding = _LINE if count % _PAGE < _LINE <= count else 0
         self.padded_table = np.zeros((len(REPORT_FIELDS), count + padding), np.float64)
-        self.table = self.padded_table[:, :count]
         self.flags = np.zeros((len(REPORT_FLAGS), count), np.bool_)
+
+    @property
+    def table(self) -> NDArray[np.float64]:
+        """What is reported of all lanes: shape (len(REPORT_FIELDS), count); see ``records.py`` for the fields and units."""
+        return self.padded_table[:, : len(self.rewards)]
 
     def note_flags(self) -> None:
         """Fill ``flags`` from the table."""

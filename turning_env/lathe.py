@@ -11,7 +11,7 @@ middle of the metal it cut.
 
 import math
 
-from turning_env.compilation import compiled
+from turning_env.compilation import compiled, compiled_apart
 from turning_env.drives import clipped, set_point
 from turning_env.economics import settle
 from turning_env.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
@@ -29,7 +29,7 @@ _LEAST_DEPTH = 1e-6  # [mm] keeps the logarithm of a depth that is not cut withi
 _LEAST_LIFE = 1e-300  # [-] likewise of an edge that has not cut
 
 
-@compiled
+@compiled_apart
 def start_episode(lanes, work, report, i, parameters):
     """Put a fresh edge before the first bar. The lane's ``seed`` and ``episode`` say which edge and which bars."""
     p = parameters
@@ -62,39 +62,39 @@ def start_episode(lanes, work, report, i, parameters):
     work.log_feed[i] = logarithm(p.initial_feed)
 
 
-@compiled
-def run_interval(lanes, work, report, actions, first, last, parameters):
+@compiled_apart
+def run_interval(lanes, work, report, actions, count, parameters):
     """Run one control interval; ``actions``, shape (lanes, action size), are those of the block's lanes.
 
     Leaves reward [s], terminated and truncated in ``work``.
     """
     p = parameters
-    for i in range(first, last):
+    for i in range(count):
         clear_sums(report, i)
         work.minutes[i] = 0.0
         work.edge_failed[i] = 0
         work.worn[i] = 0
         work.broken[i] = 0
     if p.change_action >= 0:
-        for i in range(first, last):
+        for i in range(count):
             if actions[i, p.change_action] > 0.0:
                 discard_edge(lanes, report, i, p)
-    passes = prepare(lanes, work, actions, first, last, p)
+    passes = prepare(lanes, work, actions, 0, count, p)
     for number in range(passes):
         if p.action == PART:
-            start_passes(lanes, work, report, actions, first, last, p, number)
-        travel(lanes, work, report, first, last, p)
+            start_passes(lanes, work, report, actions, 0, count, p, number)
+        travel(lanes, work, report, count, p)
         if p.action == PART:
-            end_passes(lanes, work, report, first, last, p, number)
+            end_passes(lanes, work, report, 0, count, p, number)
         else:
-            mend(lanes, work, report, first, last, p)
-    for i in range(first, last):
+            mend(lanes, work, report, 0, count, p)
+    for i in range(count):
         lanes.interval_count[i] += 1
-    read_sensors(lanes, work, first, last, p)
+    read_sensors(lanes, work, 0, count, p)
     timeless, by_interval = p.edge_changes == END, p.action != PART
-    for i in range(first, last):
+    for i in range(count):
         finish_interval(lanes, work, report, i, p, timeless, by_interval)
-    look_ahead(lanes, first, last, p)
+    look_ahead(lanes, 0, count, p)
 
 
 @compiled
@@ -162,8 +162,8 @@ def command(lanes, work, actions, first, last, parameters):
         lanes.commanded_feed[i] = min(max(feed, p.feed_min), p.feed_max)
 
 
-@compiled
-def travel(lanes, work, report, first, last, parameters):
+@compiled_apart
+def travel(lanes, work, report, count, parameters):
     """Run the sub-steps that every lane has left, but no further than to the end of its edge or of the job.
 
     With parts, an edge's end is looked after on the way. Adds to the report's sums, where ``cost_force``, ``cost_power`` and the
@@ -171,74 +171,72 @@ def travel(lanes, work, report, first, last, parameters):
     """
     p = parameters
     by_equivalent_time = p.wear_rule == EQUIVALENT_TIME
-    for i in range(first, last):
+    for i in range(count):
         work.cut[i], _ = position_in_row(p, lanes.path[i])
         begin_account(lanes, work, i)
         work.chip_remains[i] = 0.0
         work.time_power[i] = 0.0
     if not by_equivalent_time:
-        for i in range(first, last):
+        for i in range(count):
             work.time_power[i] = raised(lanes.cutting_time[i], p.wear_law.time)
     for _ in range(p.sub_steps):
-        failed = run_sub_step(lanes, work, report, first, last, p)
+        failed = run_sub_step(lanes, work, report, count, p)
         if failed > 0 and p.action == PART:
-            for i in range(first, last):
+            for i in range(count):
                 if work.worn[i] + work.broken[i] > 0:
                     close_account(lanes, work, report, i, p, by_equivalent_time)
-            mend(lanes, work, report, first, last, p)
-            for i in range(first, last):
+            mend(lanes, work, report, 0, count, p)
+            for i in range(count):
                 if work.worn[i] + work.broken[i] > 0:
                     begin_account(lanes, work, i)
                     work.time_power[i] = raised(lanes.cutting_time[i], p.wear_law.time)
                 work.worn[i] = 0
                 work.broken[i] = 0
-    for i in range(first, last):
+    for i in range(count):
         close_account(lanes, work, report, i, p, by_equivalent_time)
 
 
-@compiled
-def run_sub_step(lanes, work, report, first, last, parameters):
+@compiled_apart
+def run_sub_step(lanes, work, report, count, parameters):
     """Run one sub-step; return in how many lanes the edge is worn out or broken."""
     p = parameters
-    for i in range(first, last):
+    for i in range(count):
         move(lanes, work, i, p)
-    look_up_fields(lanes, work, first, last, p)
-    for i in range(first, last):
+    look_up_fields(lanes, work, 0, count, p)
+    for i in range(count):
         work.engaged[i] = work.engaged[i] if lanes.depth_of_cut[i] > 0.0 else 0.0
         work.log_cutting_speed[i] = logarithm(lanes.cutting_speed[i])
         work.log_feed[i] = logarithm(lanes.feed[i])
         work.log_depth[i] = logarithm(max(lanes.depth_of_cut[i], _LEAST_DEPTH))
-    for i in range(first, last):
+    for i in range(count):
         lanes.cutting_time[i] += work.engaged[i]
     if p.wear_rule == EQUIVALENT_TIME:
-        for i in range(first, last):
+        for i in range(count):
             lanes.used_life[i] += life_share(p, log_coefficient(lanes, work, i, p), work.engaged[i])
     else:
-        for i in range(first, last):
+        for i in range(count):
             work.time_power_before[i] = work.time_power[i]
             work.time_power[i] = raised(lanes.cutting_time[i], p.wear_law.time)
-        for i in range(first, last):
+        for i in range(count):
             coefficient = log_coefficient(lanes, work, i, p)
-            work.wear[i] = wear_by_clock(
-                p, lanes.used_life[i], coefficient, work.time_power_before[i], work.time_power[i]
-            )
-        for i in range(first, last):
+            work.wear[i] = wear_by_clock(p, lanes.used_life[i], coefficient, work.time_power_before[i], work.time_power[i])
+        for i in range(count):
             used_life = raised(work.wear[i], p.life_exponent)
             lanes.used_life[i] = used_life if work.engaged[i] > 0.0 else lanes.used_life[i]
-    for i in range(first, last):
+    for i in range(count):
         work.log_wear[i] = log_wear(p, max(lanes.used_life[i], _LEAST_LIFE))
     if p.chip_lag > 0.0:
-        for i in range(first, last):
+        for i in range(count):
             work.chip_remains[i] = exponential(-work.turns[i] / p.chip_lag)
-    for i in range(first, last):
+    for i in range(count):
         load_edge(lanes, work, i, p)
     if p.holds_roughness:
-        for i in range(first, last):
+        for i in range(count):
             deviation = abs(roughness(p, lanes.thrust_force[i]) / lanes.roughness_reference[i] - 1.0)
             report.roughness_deviation[i] += 60.0 * work.engaged[i] * deviation
     failed, stops = 0, p.action != PART
     force_scale, power_scale = 1.0 / p.thrust_force_limit, 1.0 / p.power_limit
-    for i in range(first, last):
+    for i in range(count):
         sum_up(lanes, work, report, i, force_scale, power_scale, p.overload_tolerance)
         failed += watch_edge(lanes, work, i, p, stops)
         leave_metal(lanes, work, i)
@@ -318,7 +316,7 @@ def sum_up(lanes, work, report, i, force_scale, power_scale, tolerance):
 
 @compiled
 def watch_edge(lanes, work, i, parameters, stops):
-    """Stop the lane at the end of its edge or, ``stops`` given, of the job; return 1 if the edge is worn out or broken, else 0."""
+    """Stop the lane at the end of its edge or of the job, if it ``stops`` there; return 1 if the edge has failed, else 0."""
     in_metal = 1 if work.engaged[i] > 0.0 else 0
     spent = 1 if lanes.used_life[i] >= 1.0 else 0
     overcome = 1 if lanes.thrust_force[i] > lanes.edge_strength[i] else 0

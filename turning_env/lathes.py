@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from turning_env import observation
 from turning_env.answers import Answers
 from turning_env.compilation import compiled, compiled_entry, handed_over, source_digest
+from turning_env.crew import Crew
 from turning_env.lathe import run_interval, start_episode
 from turning_env.observation import observe
 from turning_env.records import LANES, REPORT, REPORT_FIELDS, WIDTH, WORK, action_size, new_records, parameter_records
@@ -95,7 +96,7 @@ def _entries(digest: str) -> tuple[Any, Any, Any]:
             count = min(WIDTH, rewards.shape[0] - start)
             for i in range(count):
                 work.ended_before[i] = lanes.ended[i]
-            run_interval(lanes, work, report, actions[start : start + WIDTH], 0, count, p)
+            run_interval(lanes, work, report, actions[start : start + WIDTH], count, p)
             for i in range(count):
                 if work.ended_before[i] > 0:
                     lanes.episode[i] += np.uint64(1)
@@ -135,14 +136,16 @@ class Lathes:
     Args:
         scenario: what is played.
         count: number of lanes.
+        threads: how many share the work.
 
     Attributes:
         answers: what the last interval gave.
         ended: whether the episode of a lane has ended, 0 or 1, shape (blocks, WIDTH).
     """
 
-    def __init__(self, scenario: Scenario, count: int) -> None:
+    def __init__(self, scenario: Scenario, count: int, threads: int = 1) -> None:
         self.count = count
+        self._threads = threads
         self.seeded = False
         self.action_size = action_size(scenario)
         self.entries = len(observation.bounds(scenario)[0])
@@ -156,10 +159,12 @@ class Lathes:
         """Make what is not kept with a copy or a pickle: views, and the records that the transition notes things down in."""
         self.ended: NDArray[np.int64] = self._blocks["ended"]
         self._shape = (self.count, self.action_size)
-        self._desk = Desk(self._blocks, self._parameters)
+        desks = [Desk(self._blocks, self._parameters) for _ in range(self._threads)]
+        self._desk = desks[0]
+        self._crew = Crew(desks)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name not in ("ended", "_desk")}
+        return {name: value for name, value in self.__dict__.items() if name not in ("ended", "_desk", "_crew")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -188,17 +193,13 @@ class Lathes:
             ValueError: the actions are not numbers of shape (count, action_size), or not finite; no lane has moved then.
         """
         self._take(actions)
-        answers = self.answers
-        _step_blocks(
-            *self._desk.records,
-            self._actions,
-            answers.observations,
-            answers.rewards,
-            answers.ends,
-            answers.padded_table,
-            0,
-            len(self.ended),
-        )
+        answers, given = self.answers, self._actions
+        told = (given, answers.observations, answers.rewards, answers.ends, answers.padded_table)
+        self._crew.run(lambda desk, first, last: _step_blocks(*desk.records, *told, first, last), len(self.ended))
+
+    def close(self) -> None:
+        """Let the threads go."""
+        self._crew.dismiss()
 
     def _take(self, actions: Any) -> None:
         try:

@@ -66,7 +66,7 @@ def bounds(scenario: Scenario) -> tuple[NDArray[np.float32], NDArray[np.float32]
 
 @compiled
 def range_position(log_value, log_low, scale):
-    """Where a value lies in its range, on a logarithmic scale: -1 at the low end, 1 at the high end. ``scale``: 2 over the span."""
+    """Where a value lies in its range, on a logarithmic scale (2 over its span): -1 at the low end, 1 at the high end."""
     return min(max(scale * (log_value - log_low) - 1.0, -1.0), 1.0)
 
 

@@ -29,8 +29,8 @@ MOST_ENTRIES = 12
 
 
 def block_of(*fields: tuple[Any, ...]) -> np.dtype[Any]:
-    """The type of a block's record: for every field (name, kind, as many as) an array over the lanes, in its last dimension."""
-    return np.dtype([(name, kind, (*shape, WIDTH)) for name, kind, *shape in fields], align=True)
+    """The type of a block's record: for every field (name, kind) an array over the lanes, or one of the shape that is given."""
+    return np.dtype([(name, kind, shape[0] if shape else (WIDTH,)) for name, kind, *shape in fields], align=True)
 
 
 LANES = block_of(
@@ -87,7 +87,7 @@ LANES = block_of(
 # What the transition notes down of a block while it works on it; nothing here lasts longer than an interval.
 WORK = block_of(
     # the interval
-    ("action", np.float64, 2),  # speed and feed
+    ("action", np.float64, (2, WIDTH)),  # speed and feed
     ("sub_step", np.float64),  # its length [min]
     ("sub_steps_left", np.int64),
     ("time", np.float64),  # since clock and life were last brought up to date [min]
@@ -112,6 +112,12 @@ WORK = block_of(
     ("engaged", np.float64),  # time in metal [min]
     ("along", np.float64),  # the middle's place along the bar [mm]
     ("passing", np.int64),  # a node or a bar's beginning was passed, 0 or 1
+    ("node_lane", np.int64, (2 * WIDTH,)),  # nodes to be drawn
+    ("node_channel", np.uint64, (2 * WIDTH,)),
+    ("node_number", np.float64, (2 * WIDTH,)),
+    ("node_word_0", np.uint64, (2 * WIDTH,)),
+    ("node_word_1", np.uint64, (2 * WIDTH,)),
+    ("node_value", np.float64, (2 * WIDTH,)),
     ("nominal_depth", np.float64),  # of the blank [mm]
     ("blank_depth", np.float64),  # what stands above the finished contour [mm]
     ("log_cutting_speed", np.float64),
@@ -129,7 +135,7 @@ WORK = block_of(
     ("word_1", np.uint64),
     ("force_noise", np.float64),  # factor of the measured force [-]
     ("predicted_force", np.float64),  # by the nominal model [N]
-    ("observation", np.float64, MOST_ENTRIES),
+    ("observation", np.float64, (MOST_ENTRIES, WIDTH)),
 )
 
 PARAMETERS = np.dtype(

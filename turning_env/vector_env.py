@@ -37,10 +37,13 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
             observation and info are ``infos["final_obs"]`` and ``infos["final_info"]``) or DISABLED (ended lanes must be
             reset with ``options={"reset_mask": mask}``).
         render_mode: only None.
+        threads: how many threads share the lanes, where these are enough for it to pay (some 3000); what a lane gives does not
+            depend on it.
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
-        ValueError: an action is not finite (names the lane) or not of shape (num_envs, 2); wrong seeds or reset mask.
+        ValueError: ``num_envs`` or ``threads`` is below 1; an action is not finite (names the lane) or not of shape
+            (num_envs, 2); wrong seeds or reset mask.
         gymnasium.error.ResetNeeded: ``step`` before ``reset``, or with DISABLED after an episode's end.
     """
 
@@ -50,9 +53,12 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         scenario: str | os.PathLike[str] | Scenario = "rough_turning",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
+        threads: int = 1,
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"num_envs is {num_envs}, but must be at least 1")
+        if threads < 1:
+            raise ValueError(f"threads is {threads}, but must be at least 1")
         if render_mode is not None:
             raise ValueError(f"render_mode is {render_mode!r}, but this environment has no render modes: only None")
         self.num_envs = num_envs
@@ -64,7 +70,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         self.single_action_space = action_space(self.scenario)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._lathes = Lathes(self.scenario, num_envs)
+        self._lathes = Lathes(self.scenario, num_envs, threads)
         self._pool = AnswerPool(num_envs, self._lathes.entries)
         self._every_lane = np.ones(num_envs, np.bool_)
         self._every_lane.flags.writeable = False  # it goes out as a mask in every info
@@ -113,6 +119,10 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
                 lathes.next_episode(ended)
         return answers.observations, answers.rewards, terminated, truncated, final | self._infos(answers, self._every_lane)
 
+    def close_extras(self, **kwargs: Any) -> None:
+        """Let the threads go."""
+        self._lathes.close()
+
     def _lane_seeds(self, seed: int | Sequence[int | None] | None) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
         """(whether a lane is given a new seed, the new seeds)."""
         count = self.num_envs
@@ -134,8 +144,8 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
                 checked_seed(first + fitting, fitting)
             seeds[:] = np.uint64(first) + np.arange(count, dtype=np.uint64)
         if not self._lathes.seeded:
-            for lane in np.flatnonzero(~given):
-                seeds[lane] = self.np_random.integers(2**63)
+            for unseeded in np.flatnonzero(~given):
+                seeds[unseeded] = self.np_random.integers(2**63)
             given[:] = True
         return given, seeds
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from turning_env.compilation import compiled
 from turning_env.elementary import logarithm, sine_and_cosine
-from turning_env.keyed_random import BAR_CHANNEL, DEPTH_CHANNEL, HARDNESS_CHANNEL, standard_normals
+from turning_env.keyed_random import BAR_CHANNEL, DEPTH_CHANNEL, HARDNESS_CHANNEL, normals_of, standard_normals, words
 
 LEAST_DEPTH_SHARE = 0.01
 
@@ -61,9 +61,7 @@ def look_up_fields(lanes, work, first, last, parameters):
         locate(lanes, work, i, p)
         passing += work.passing[i]
     if passing > 0:
-        for i in range(first, last):
-            if work.passing[i] > 0:
-                pass_nodes(lanes, work, i, p)
+        pass_nodes(lanes, work, first, last, p)
     for i in range(first, last):
         work.nominal_depth[i] = p.depth_of_cut
     if p.depth_sections > 0:
@@ -98,32 +96,55 @@ def locate(lanes, work, i, parameters):
 
 
 @compiled
-def pass_nodes(lanes, work, i, parameters):
-    """Enter the bar, and draw the nodes on either side, where these are not those that the lane keeps.
+def pass_nodes(lanes, work, first, last, parameters):
+    """Enter bars, and draw the nodes on either side, in the lanes that have passed those that they keep.
 
-    Where there is no noise along the bar, the nodes stay what they are: they are multiplied by 0.
+    The nodes ahead are listed, and drawn together. Where there is no noise along the bar, the nodes stay what they are: they are
+    multiplied by 0.
     """
-    bar = np.floor(work.middle[i] * parameters.bars_per_cut)
-    if bar != lanes.bar[i]:
-        enter_bar(lanes, i, bar)
-    cell, kept = np.floor(work.along[i] * parameters.hardness_nodes_per_length), lanes.hardness_cell[i]
-    lanes.hardness_cell[i] = cell
-    if cell != kept and parameters.hardness_along_spread > 0.0:
-        next_door = kept >= 0.0 and cell == kept + 1.0
-        lanes.hardness_left[i] = lanes.hardness_right[i] if next_door else node(lanes, i, HARDNESS_CHANNEL, bar, cell)
-        lanes.hardness_right[i] = node(lanes, i, HARDNESS_CHANNEL, bar, cell + 1.0)
-    cell, kept = np.floor(work.along[i] * parameters.depth_nodes_per_length), lanes.depth_cell[i]
-    lanes.depth_cell[i] = cell
-    if cell != kept and parameters.depth_along_spread > 0.0:
-        next_door = kept >= 0.0 and cell == kept + 1.0
-        lanes.depth_left[i] = lanes.depth_right[i] if next_door else node(lanes, i, DEPTH_CHANNEL, bar, cell)
-        lanes.depth_right[i] = node(lanes, i, DEPTH_CHANNEL, bar, cell + 1.0)
+    p = parameters
+    listed = 0
+    for i in range(first, last):
+        if work.passing[i] > 0:
+            bar, along = np.floor(work.middle[i] * p.bars_per_cut), work.along[i]
+            if bar != lanes.bar[i]:
+                enter_bar(lanes, i, bar)
+            cell, kept = np.floor(along * p.hardness_nodes_per_length), lanes.hardness_cell[i]
+            lanes.hardness_cell[i] = cell
+            if cell != kept and p.hardness_along_spread > 0.0:
+                if cell == kept + 1.0 and kept >= 0.0:
+                    lanes.hardness_left[i] = lanes.hardness_right[i]
+                else:
+                    lanes.hardness_left[i] = standard_normals(lanes, i, HARDNESS_CHANNEL, bar, cell)[0]
+                list_node(work, listed, i, HARDNESS_CHANNEL, cell + 1.0)
+                listed += 1
+            cell, kept = np.floor(along * p.depth_nodes_per_length), lanes.depth_cell[i]
+            lanes.depth_cell[i] = cell
+            if cell != kept and p.depth_along_spread > 0.0:
+                if cell == kept + 1.0 and kept >= 0.0:
+                    lanes.depth_left[i] = lanes.depth_right[i]
+                else:
+                    lanes.depth_left[i] = standard_normals(lanes, i, DEPTH_CHANNEL, bar, cell)[0]
+                list_node(work, listed, i, DEPTH_CHANNEL, cell + 1.0)
+                listed += 1
+    for k in range(listed):
+        i = work.node_lane[k]
+        work.node_word_0[k], work.node_word_1[k] = words(lanes, i, work.node_channel[k], lanes.bar[i], work.node_number[k])
+    for k in range(listed):
+        work.node_value[k] = normals_of(work.node_word_0[k], work.node_word_1[k])[0]
+    for k in range(listed):
+        if work.node_channel[k] == HARDNESS_CHANNEL:
+            lanes.hardness_right[work.node_lane[k]] = work.node_value[k]
+        else:
+            lanes.depth_right[work.node_lane[k]] = work.node_value[k]
 
 
 @compiled
-def node(lanes, i, channel, bar, number):
-    """The standard normal number at a node of a bar."""
-    return standard_normals(lanes, i, channel, bar, number)[0]
+def list_node(work, k, i, channel, number):
+    """Put a node of a lane's bar on the list of those to be drawn."""
+    work.node_lane[k] = i
+    work.node_channel[k] = channel
+    work.node_number[k] = number
 
 
 @compiled
