@@ -148,7 +148,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
         """Run one control interval. See the class's description for shapes, units and errors."""
         lathes = self._lathes
-        if not lathes.seeded or lathes.ended[0, 0]:
+        if not lathes.seeded or lathes.ended.item(0):
             raise ResetNeeded("call reset() first: no episode is under way")
         try:
             lathes.step((action,))
@@ -156,11 +156,11 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             numbers = f"{lathes.action_size} finite number" + "s" * (lathes.action_size != 1)
             raise ValueError(f"an action must be {numbers}, got {action!r}") from error
         answers = lathes.answers
-        terminated, truncated = answers.ends[:, 0].tolist()
-        return answers.observations[0].copy(), answers.rewards.item(), terminated, truncated, self._info()
+        ends = answers.ends
+        return answers.observations[0].copy(), answers.rewards.item(), ends.item(0), ends.item(1), self._info()
 
     def _info(self) -> Info:
-        info: Info = dict(zip(REPORT_FIELDS, self._lathes.answers.table[:, 0].tolist(), strict=True))
+        info: Info = dict(zip(REPORT_FIELDS, self._lathes.answers.padded_table.ravel().tolist(), strict=True))
         for flag in REPORT_FLAGS:
             info[flag] = info[flag] != 0.0
         return info

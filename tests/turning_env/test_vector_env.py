@@ -247,7 +247,7 @@ def test_an_error_in_a_thread_comes_out():
         raise RuntimeError(place)
 
     crew = Crew(["own", "helper"])
-    with pytest.raises(RuntimeError, match="own|helper"):
+    with pytest.raises(RuntimeError, match=r"own|helper"):
         crew.run(step, LEAST_BLOCKS)
     crew.dismiss()
 
