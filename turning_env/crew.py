@@ -13,8 +13,8 @@ Place = TypeVar("Place")
 
 BLOCKS_CLAIMED = 16
 """Blocks that a thread claims at a time: enough that claiming costs next to nothing, few enough that all end together."""
-LEAST_BLOCKS = 96
-"""Blocks below which waking another thread would cost more than it saves."""
+LEAST_BLOCKS = 256
+"""Blocks below which threads do not share: where others keep the cores busy, waiting for one would cost more than it saves."""
 
 
 class Crew(Generic[Place]):

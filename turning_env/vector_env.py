@@ -37,7 +37,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
             observation and info are ``infos["final_obs"]`` and ``infos["final_info"]``) or DISABLED (ended lanes must be
             reset with ``options={"reset_mask": mask}``).
         render_mode: only None.
-        threads: how many threads share the lanes, where these are enough for it to pay (some 3000); what a lane gives does not
+        threads: how many threads share the lanes, where these are enough for it to pay (8192); what a lane gives does not
             depend on it.
 
     Raises:
