@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from baselines.clairvoyant_cells import best_return, start_episode_of, survey
 from turning_env import Scenario
-from turning_env.records import LANE, REPORT, new_records, parameter_records
+from turning_env.records import LANES, REPORT, WORK, new_records, parameter_records
 
 Array = NDArray[np.float64]
 
@@ -102,9 +102,9 @@ def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:
     # Run-out depends on how often the spindle has turned: no load is lower, and no metal more, than at its best.
     ripple = work.depth_ripple
     parameters.depth_ripple[0] = 0.0
-    lane = new_records(LANE, 1)
-    lane.seed = seed
-    start_episode_of(lane, parameters, new_records(REPORT, 1))
+    lanes, notes = new_records(LANES, 1), new_records(WORK, 1)
+    lanes.seed[0, 0] = seed
+    start_episode_of(lanes, notes, parameters, new_records(REPORT, 1))
     cells = int(np.ceil(work.bar_length / grid.cell))
     if control.action == "override":
         log_speeds = np.log([control.initial_cutting_speed])
@@ -115,8 +115,8 @@ def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:
     bars = work.bars or _BARS
     while True:
         fields = np.empty((3, bars * cells))
-        survey(lane, parameters, fields, cells)
-        value, end = best_return(lane, parameters, fields, cells, log_speeds, np.log(feeds), _FEEDS, ripple, grid.lives)
+        survey(lanes, notes, parameters, fields, cells)
+        value, end = best_return(lanes, parameters, fields, cells, log_speeds, np.log(feeds), _FEEDS, ripple, grid.lives)
         # Twice as far as is cut at best: what the end of the row is worth then hardly matters.
         if work.bars or end <= 0.5 * fields.shape[1]:
             return float(value)

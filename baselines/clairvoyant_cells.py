@@ -45,30 +45,32 @@ def corners(speeds, ladder, log_feeds, force, power, force_law, power_law):
 
 def _entries(digest: str) -> tuple[Any, Any, Any]:
     @compiled_entry
-    def start_episode_of(lanes, parameters, reports):
-        """Start the only lane's episode."""
+    def start_episode_of(blocks, works, parameters, reports):
+        """Start the episode of the first lane of the only block, the only lane that is looked at."""
         digest  # noqa: B018 - see compiled_entry
-        start_episode(lanes[0], parameters[0], reports[0])
+        start_episode(blocks[0], works[0], reports[0], 0, parameters[0])
 
     @compiled_entry
-    def survey(lanes, parameters, fields, cells):
+    def survey(blocks, works, parameters, fields, cells):
         """Fill in the logarithms of depth of cut [mm], hardness and wear factor [-] in the middle of so many cells a bar."""
         digest  # noqa: B018 - see compiled_entry
-        lane, p = lanes[0], parameters[0]
+        lanes, work, p = blocks[0], works[0], parameters[0]
+        work.engaged[0] = 1.0
         for i in range(fields.shape[1]):
-            look_up_fields(lane, p, (i + 0.5) * p.bar_length / cells)
-            fields[0, i] = np.log(lane.depth_of_cut)
-            fields[1, i] = lane.log_hardness
-            fields[2, i] = lane.log_wear_factor + lane.log_skin_wear
+            work.middle[0] = (i + 0.5) * p.bar_length / cells
+            look_up_fields(lanes, work, 0, 1, p)
+            fields[0, i] = np.log(lanes.depth_of_cut[0])
+            fields[1, i] = lanes.log_hardness[0]
+            fields[2, i] = lanes.log_wear_factor[0] + lanes.log_skin_wear[0]
 
     @compiled_entry
-    def best_return(lanes, parameters, fields, cells, log_speeds, log_feeds, steps, ripple, lives):
+    def best_return(blocks, parameters, fields, cells, log_speeds, log_feeds, steps, ripple, lives):
         """(bound on the return [s], cell at which the edge is worn out at best).
 
         ``steps``: log steps from the feed at the limit; ``ripple``: relative amplitude of the depth's run-out [-].
         """
         digest  # noqa: B018 - see compiled_entry
-        lane, p = lanes[0], parameters[0]
+        lanes, p = blocks[0], parameters[0]
         wear_law, force_law, power_law = p.wear_law, p.force_law, p.power_law
         length = p.bar_length / cells  # [mm]
         metal = length * 60.0 / p.revolutions_per_metre / p.reference_productivity  # worth of a cell 1 mm deep [s]
@@ -137,7 +139,7 @@ def _entries(digest: str) -> tuple[Any, Any, Any]:
                 values[:lives] -= air
             values, next_values = next_values, values
             ends, next_ends = next_ends, ends
-        start = min(lane.used_life, 1.0) * lives
+        start = min(lanes.used_life[0], 1.0) * lives
         return between(next_values, start), between(next_ends, start)
 
     return start_episode_of, survey, best_return

@@ -3,13 +3,42 @@
 With ``NUMBA_DISABLE_JIT=1`` in the environment the same functions run in the Python interpreter.
 """
 
+import logging
+import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
+from numba.core import event
 
 from turning_env.files import digest_of_files
+
+
+class _Announcer(event.Listener):
+    """Says in the log when an entry is being compiled, which takes long enough to be taken for a hang, and how long it took."""
+
+    def __init__(self) -> None:
+        self.entries: set[Any] = set()
+        self._started: dict[Any, float] = {}
+
+    def on_start(self, event: Any) -> None:
+        entry = event.data["dispatcher"]
+        if entry in self.entries:
+            self._started[entry] = time.perf_counter()
+            _LOG.warning("compiling %s; the machine code is kept on disk for the next time ...", entry.__name__)
+
+    def on_end(self, event: Any) -> None:
+        entry = event.data["dispatcher"]
+        if entry in self._started:
+            _LOG.warning("... which took %.0f s", time.perf_counter() - self._started.pop(entry))
+
+
+_LOG = logging.getLogger("turning_env")
+_ANNOUNCER = _Announcer()
+event.register("numba:compile", _ANNOUNCER)  # type: ignore[no-untyped-call]
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -17,13 +46,26 @@ def compiled(function: Callable[..., Any]) -> Any:
     return numba.njit(error_model="numpy", forceinline=True)(function)
 
 
+def compiled_apart(function: Callable[..., Any]) -> Any:
+    """Compile a function that other compiled functions call, but not as part of them: for large ones."""
+    return numba.njit(error_model="numpy")(function)
+
+
 def compiled_entry(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls, and keep the machine code on disk.
 
     The function must read ``source_digest()`` from its closure: Numba's cache watches only the file in which a
-    function stands, so a change in a file that it calls would otherwise run stale machine code.
+    function stands, so a change in a file that it calls would otherwise run stale machine code. Nothing else that is compiled
+    may be in the closure: it would make a key of its own in every process.
     """
-    return numba.njit(error_model="numpy", cache=True, nogil=True)(function)
+    entry = numba.njit(error_model="numpy", cache=True, nogil=True)(function)
+    _ANNOUNCER.entries.add(entry)
+    return entry
+
+
+def handed_over(records: Any) -> Any:
+    """Records as an entry takes them: plain arrays, which a compiled call takes far faster; record arrays if interpreted."""
+    return records if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0" else records.view(np.ndarray)
 
 
 def source_digest(package: Path = Path(__file__).parent) -> str:

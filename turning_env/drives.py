@@ -7,6 +7,7 @@ exact solution of the lag over a sub-step is used, so a time constant of 0 means
 import math
 
 from turning_env.compilation import compiled
+from turning_env.elementary import sine_and_cosine
 
 
 def lag_share(time: float, time_constant: float) -> float:
@@ -24,13 +25,6 @@ def clipped(action):
 def set_point(action, low, high):
     """What an action of -1..1 (what lies outside is clipped) commands, linear between a range's ends."""
     return low + 0.5 * (clipped(action) + 1.0) * (high - low)
-
-
-@compiled
-def follow_commands(lane, parameters):
-    """Move actual cutting speed [m/min] and feed [mm/rev] towards their commands over one sub-step."""
-    lane.cutting_speed += (lane.commanded_cutting_speed - lane.cutting_speed) * parameters.spindle_share
-    lane.feed += (lane.commanded_feed - lane.feed) * parameters.feed_share
 
 
 @compiled
@@ -57,7 +51,8 @@ def force_from_current(parameters, current, feed_velocity):
 @compiled
 def servo_current(parameters, thrust_force, feed_velocity, path):
     """Servo current [A], with the ripple that the screw's position [mm] has it at."""
-    ripple = 1.0 + parameters.current_ripple * math.sin(parameters.ripple_angle_per_path * path)
+    sine, _ = sine_and_cosine(parameters.ripples_per_path * path)
+    ripple = 1.0 + parameters.current_ripple * sine
     return steady_current(parameters, thrust_force, feed_velocity) * ripple
 
 

@@ -13,14 +13,14 @@ def metal_value(parameters, removed):
 
 
 @compiled
-def settle(parameters, minutes, report):
+def settle(report, i, parameters, minutes):
     """Fill in what is left of the reward's terms, and the costs over ``minutes`` at work; return the reward [s]."""
-    report.reward_metal = metal_value(parameters, report.removed)
-    report.reward_time = -report.time
-    report.reward_overload = -60.0 * parameters.overload_price * (report.cost_force + report.cost_power)
-    report.reward_roughness = -parameters.roughness_price * report.roughness_deviation
-    report.cost_force /= minutes
-    report.cost_power /= minutes
-    report.cost = report.cost_force + report.cost_power
-    reward = report.reward_metal + report.reward_time + report.reward_edge + report.reward_overload + report.reward_breakage
-    return reward + report.reward_roughness
+    report.reward_metal[i] = metal_value(parameters, report.removed[i])
+    report.reward_time[i] = -report.time[i]
+    report.reward_overload[i] = -60.0 * parameters.overload_price * (report.cost_force[i] + report.cost_power[i])
+    report.reward_roughness[i] = -parameters.roughness_price * report.roughness_deviation[i]
+    report.cost_force[i] /= minutes
+    report.cost_power[i] /= minutes
+    report.cost[i] = report.cost_force[i] + report.cost_power[i]
+    reward = report.reward_metal[i] + report.reward_time[i] + report.reward_edge[i]
+    return reward + report.reward_overload[i] + report.reward_breakage[i] + report.reward_roughness[i]

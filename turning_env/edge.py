@@ -8,75 +8,62 @@ Where an episode ends with its edge, the price of an edge holds the time to chan
 Where edges are changed, the time passes. Drawn edges: see ``docs/models.md``.
 """
 
-import math
-
 from turning_env.compilation import compiled
+from turning_env.elementary import exponential
 from turning_env.keyed_random import EDGE_CHANNEL, standard_normals
 
 
 @compiled
-def fit_edge(lane, parameters):
+def fit_edge(lanes, i, parameters):
     """Put the lane's present edge into the holder, fresh as far as is known; the tool is out of the metal."""
-    edge_normal, strength_normal = standard_normals(lane, EDGE_CHANNEL, 0, lane.edge)
-    lane.log_wear_factor = parameters.log_lot_wear + parameters.wear_factor_spread * edge_normal
-    lane.edge_strength = parameters.edge_strength * math.exp(parameters.edge_strength_spread * strength_normal)
-    lane.cutting_time = 0.0
-    lane.used_life = parameters.initial_used_life
-    lane.nominal_used_life = 0.0
-    lane.thrust_force = 0.0
-    lane.power = 0.0
-    lane.lagged_thrust_force = 0.0
-    lane.lagged_power = 0.0
+    edge_normal, strength_normal = standard_normals(lanes, i, EDGE_CHANNEL, 0, lanes.edge[i])
+    lanes.log_wear_factor[i] = parameters.log_lot_wear + parameters.wear_factor_spread * edge_normal
+    lanes.edge_strength[i] = parameters.edge_strength * exponential(parameters.edge_strength_spread * strength_normal)
+    lanes.cutting_time[i] = 0.0
+    lanes.used_life[i] = parameters.initial_used_life
+    lanes.nominal_used_life[i] = 0.0
+    lanes.thrust_force[i] = 0.0
+    lanes.power[i] = 0.0
+    lanes.lagged_thrust_force[i] = 0.0
+    lanes.lagged_power[i] = 0.0
 
 
 @compiled
-def charge_life(lane, parameters, used_life_before, report):
-    """Charge the share of the edge's life that has been used since."""
-    charge(parameters, min(lane.used_life, 1.0) - used_life_before, report)
-
-
-@compiled
-def charge(parameters, share, report):
+def charge(report, i, parameters, share):
     """Charge a share of an edge's life."""
-    report.edges_used += share
-    report.reward_edge -= parameters.edge_price * share
+    report.edges_used[i] += share
+    report.reward_edge[i] -= parameters.edge_price * share
 
 
 @compiled
-def break_edge(lane, parameters, report):
+def break_edge(lanes, report, i, parameters):
     """Charge what a broken edge had left, and the downtime."""
-    lost = max(0.0, 1.0 - lane.used_life)
-    report.edges_used += lost
-    report.edges_broken += 1.0
-    report.reward_breakage -= parameters.edge_price * lost + parameters.breakage_price
+    lost = max(0.0, 1.0 - lanes.used_life[i])
+    report.edges_used[i] += lost
+    report.edges_broken[i] += 1.0
+    report.reward_breakage[i] -= parameters.edge_price * lost + parameters.breakage_price
 
 
 @compiled
-def replace_edge(lane, parameters, broken, report):
+def replace_edge(lanes, report, i, parameters, broken):
     """Change an edge that has just been found broken or worn out."""
     found = parameters.breakage_downtime if broken else parameters.unplanned_stop
-    change_edge(lane, parameters, found + parameters.edge_change_time, report)
+    change_edge(lanes, report, i, parameters, found + parameters.edge_change_time)
 
 
 @compiled
-def discard_edge(lane, parameters, report):
+def discard_edge(lanes, report, i, parameters):
     """Change an edge on command, and charge what it had left."""
-    charge(parameters, max(0.0, 1.0 - lane.used_life), report)
-    change_edge(lane, parameters, parameters.edge_change_time, report)
+    charge(report, i, parameters, max(0.0, 1.0 - lanes.used_life[i]))
+    change_edge(lanes, report, i, parameters, parameters.edge_change_time)
 
 
 @compiled
-def change_edge(lane, parameters, minutes, report):
-    """Put the next edge in, which takes so much machine time [min]."""
-    stand_still(lane, parameters, minutes, report)
-    lane.edge += 1
-    fit_edge(lane, parameters)
-
-
-@compiled
-def stand_still(lane, parameters, minutes, report):
-    """Let machine time pass without cutting, though not beyond the end of the episode."""
-    minutes = max(min(minutes, parameters.time_limit - lane.clock), 0.0)
-    lane.clock += minutes
-    report.time += 60.0 * minutes
-    report.stopped_time += 60.0 * minutes
+def change_edge(lanes, report, i, parameters, minutes):
+    """Put the next edge in, which takes so much machine time [min], though not beyond the end of the episode."""
+    minutes = max(min(minutes, parameters.time_limit - lanes.clock[i]), 0.0)
+    lanes.clock[i] += minutes
+    report.time[i] += 60.0 * minutes
+    report.stopped_time[i] += 60.0 * minutes
+    lanes.edge[i] += 1
+    fit_edge(lanes, i, parameters)

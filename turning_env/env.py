@@ -143,28 +143,24 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             lathes.seed(0, seed)
             lathes.seeded = True
             lathes.start(_ONLY_LANE)
-        return lathes.observations[0].copy(), self._info()
+        return lathes.answers.observations[0].copy(), self._info()
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
         """Run one control interval. See the class's description for shapes, units and errors."""
         lathes = self._lathes
-        if not lathes.seeded or lathes.terminated[0] or lathes.truncated[0]:
+        if not lathes.seeded or lathes.ended.item(0):
             raise ResetNeeded("call reset() first: no episode is under way")
         try:
             lathes.step((action,))
         except ValueError as error:
             numbers = f"{lathes.action_size} finite number" + "s" * (lathes.action_size != 1)
             raise ValueError(f"an action must be {numbers}, got {action!r}") from error
-        return (
-            lathes.observations[0].copy(),
-            float(lathes.rewards[0]),
-            bool(lathes.terminated[0]),
-            bool(lathes.truncated[0]),
-            self._info(),
-        )
+        answers = lathes.answers
+        ends = answers.ends
+        return answers.observations[0].copy(), answers.rewards.item(), ends.item(0), ends.item(1), self._info()
 
     def _info(self) -> Info:
-        info: Info = dict(zip(REPORT_FIELDS, self._lathes.report_values[0].tolist(), strict=True))
+        info: Info = dict(zip(REPORT_FIELDS, self._lathes.answers.padded_table.ravel().tolist(), strict=True))
         for flag in REPORT_FLAGS:
-            info[flag] = bool(info[flag])
+            info[flag] = info[flag] != 0.0
         return info

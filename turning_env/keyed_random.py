@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from turning_env.compilation import compiled
+from turning_env.elementary import logarithm, sine_and_cosine
 
 # What a number is used for. Two uses of one channel would be correlated, so every use has its own.
 EDGE_CHANNEL = np.uint64(1)
@@ -46,19 +47,29 @@ def philox_4x32(counter_0, counter_1, counter_2, counter_3, key):
 
 
 @compiled
-def uniform(lane, channel, bar, index):
-    """Return a number drawn evenly from 0..1 for one use of one episode; see ``standard_normals``."""
-    word_0, _, _, _ = philox_4x32(np.uint64(index), np.uint64(bar), channel, lane.episode, lane.seed)
-    return (float(word_0) + 0.5) * _UNIT
+def words(lanes, i, channel, bar, index):
+    """Return two words for one use of one episode: that of the lane i of a block, keyed by its ``seed`` and ``episode``."""
+    word_0, word_1, _, _ = philox_4x32(np.uint64(index), np.uint64(bar), channel, lanes.episode[i], lanes.seed[i])
+    return word_0, word_1
 
 
 @compiled
-def standard_normals(lane, channel, bar, index):
-    """Return two independent standard normal numbers (Box-Muller) for one use of one episode.
+def uniform(lanes, i, channel, bar, index):
+    """Return a number drawn evenly from 0..1 for one use of one episode; see ``words``."""
+    word, _ = words(lanes, i, channel, bar, index)
+    return (float(word) + 0.5) * _UNIT
 
-    ``lane`` holds the episode's key in ``seed`` (64 bits) and ``episode`` (32 bits).
-    """
-    word_0, word_1, _, _ = philox_4x32(np.uint64(index), np.uint64(bar), channel, lane.episode, lane.seed)
-    radius = math.sqrt(-2.0 * math.log((float(word_0) + 0.5) * _UNIT))
-    angle = 2.0 * math.pi * (float(word_1) * _UNIT)
-    return radius * math.cos(angle), radius * math.sin(angle)
+
+@compiled
+def normals_of(word_0, word_1):
+    """Return two independent standard normal numbers made of two words (Box-Muller)."""
+    radius = math.sqrt(-2.0 * logarithm((float(word_0) + 0.5) * _UNIT))
+    sine, cosine = sine_and_cosine(float(word_1) * _UNIT)
+    return radius * cosine, radius * sine
+
+
+@compiled
+def standard_normals(lanes, i, channel, bar, index):
+    """Return two independent standard normal numbers for one use of one episode; see ``words``."""
+    word_0, word_1 = words(lanes, i, channel, bar, index)
+    return normals_of(word_0, word_1)

@@ -7,10 +7,13 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from turning_env import observation
-from turning_env.compilation import compiled_entry, source_digest
+from turning_env.answers import Answers
+from turning_env.compilation import compiled, compiled_entry, handed_over, source_digest
+from turning_env.crew import Crew
 from turning_env.lathe import run_interval, start_episode
-from turning_env.observation import write_observation
-from turning_env.records import LANE, REPORT, REPORT_FIELDS, action_size, new_records, parameter_records
+from turning_env.observation import observe
+from turning_env.records import LANES, REPORT, REPORT_FIELDS, WIDTH, WORK, action_size, new_records, parameter_records
+from turning_env.report import write_state
 from turning_env.scenario import Scenario
 
 MOST_SEED = 2**64 - 1
@@ -38,90 +41,149 @@ def checked_seed(seed: Any, lane: int) -> int:
     return int(seed)
 
 
-def _entries(digest: str) -> tuple[Any, Any]:
-    @compiled_entry
-    def start_lanes(lanes, parameters, chosen, observations, reports):
-        """Start an episode in every chosen lane (``chosen``: bool per lane)."""
-        digest  # noqa: B018 - see compiled_entry
-        for i in range(lanes.shape[0]):
-            if chosen[i]:
-                start_episode(lanes[i], parameters[0], reports[i])
-                write_observation(lanes[i], parameters[0], observations[i])
+@compiled
+def write_lanes(lanes, work, report, rows, first, last, parameters, start, observations, table):
+    """Copy what some lanes of a block tell into the arrays of all lanes, in which the block begins at ``start``."""
+    write_state(lanes, report, first, last, parameters)
+    observe(lanes, work, first, last, parameters)
+    for k in range(table.shape[0]):
+        for i in range(first, last):
+            table[k, start + i] = rows[k, i]
+    for i in range(first, last):
+        for k in range(observations.shape[1]):
+            observations[start + i, k] = work.observation[k, i]
 
-    @compiled_entry
-    def step_lanes(lanes, parameters, actions, observations, rewards, terminated, truncated, reports):
-        """Run one interval in every lane that has not ended; an ended lane starts its next episode instead.
 
-        Returns -1, or the first lane whose action is not finite; then no lane has moved.
-        """
+def _entries(digest: str) -> tuple[Any, Any, Any]:
+    @compiled_entry
+    def first_unfit(actions):
+        """The first lane whose action, of shape (lanes, action size), is not finite, or -1."""
         digest  # noqa: B018 - see compiled_entry
-        for i in range(lanes.shape[0]):
+        unfit = 0
+        for lane in range(actions.shape[0]):
             for k in range(actions.shape[1]):
-                if not np.isfinite(actions[i, k]):
-                    return i
-        for i in range(lanes.shape[0]):
-            lane = lanes[i]
-            if lane.ended:
-                lane.episode += np.uint64(1)
-                start_episode(lane, parameters[0], reports[i])
-                rewards[i] = 0.0
-                terminated[i] = False
-                truncated[i] = False
-            else:
-                rewards[i], terminated[i], truncated[i] = run_interval(lane, parameters[0], actions[i], reports[i])
-            write_observation(lane, parameters[0], observations[i])
+                unfit += 0 if abs(actions[lane, k]) < np.inf else 1
+        if unfit > 0:
+            for lane in range(actions.shape[0]):
+                for k in range(actions.shape[1]):
+                    if not np.isfinite(actions[lane, k]):
+                        return lane
         return -1
 
-    return start_lanes, step_lanes
+    @compiled_entry
+    def start_lanes(blocks, parameters, works, reports, rows, chosen, observations, table):
+        """Start an episode in every chosen lane (``chosen``: bool per lane)."""
+        digest  # noqa: B018 - see compiled_entry
+        p, work, report = parameters[0], works[0], reports[0]
+        for lane in range(chosen.shape[0]):
+            if chosen[lane]:
+                lanes, i = blocks[lane // WIDTH], lane % WIDTH
+                start_episode(lanes, work, report, i, p)
+                write_lanes(lanes, work, report, rows, i, i + 1, p, lane - i, observations, table)
+
+    @compiled_entry
+    def step_blocks(
+        blocks, parameters, works, reports, rows, actions, observations, rewards, ends, table, first_block, last_block
+    ):
+        """Run one interval in every lane of the blocks from ``first_block`` to before ``last_block``.
+
+        A lane that has ended starts its next episode instead.
+        """
+        digest  # noqa: B018 - see compiled_entry
+        p, work, report = parameters[0], works[0], reports[0]
+        for b in range(first_block, last_block):
+            lanes, start = blocks[b], b * WIDTH
+            count = min(WIDTH, rewards.shape[0] - start)
+            for i in range(count):
+                work.ended_before[i] = lanes.ended[i]
+            run_interval(lanes, work, report, actions[start : start + WIDTH], count, p)
+            for i in range(count):
+                if work.ended_before[i] > 0:
+                    lanes.episode[i] += np.uint64(1)
+                    start_episode(lanes, work, report, i, p)
+                    work.reward[i] = 0.0
+                    work.terminated[i] = 0
+                    work.truncated[i] = 0
+            for i in range(count):
+                rewards[start + i] = work.reward[i]
+                ends[0, start + i] = work.terminated[i] > 0
+                ends[1, start + i] = work.truncated[i] > 0
+            write_lanes(lanes, work, report, rows, 0, count, p, start, observations, table)
+
+    return first_unfit, start_lanes, step_blocks
 
 
-_start_lanes, _step_lanes = _entries(source_digest())
+_first_unfit, _start_lanes, _step_blocks = _entries(source_digest())
+
+
+class Desk:
+    """Where the transition notes things down, with the records of the lanes that it works on.
+
+    Attributes:
+        records: what the entries take first.
+    """
+
+    def __init__(self, blocks: Any, parameters: Any) -> None:
+        report = new_records(REPORT, 1)
+        rows = report.view(np.ndarray).view(np.float64).reshape(len(REPORT_FIELDS), WIDTH)
+        records = (blocks, parameters, new_records(WORK, 1), report)
+        self.records = (*(handed_over(record) for record in records), rows)
 
 
 class Lathes:
     """The lanes of one scenario and what their last interval gave; both environments drive this.
 
+    Args:
+        scenario: what is played.
+        count: number of lanes.
+        threads: how many share the work.
+
     Attributes:
-        observations: float32, shape (count, 11), or 12 entries where there is one more.
-        rewards: float64, shape (count,), in s of machine time.
-        terminated, truncated: bool, shape (count,).
-        report_values: float64, shape (count, len(REPORT_FIELDS)); see ``records.py`` for the fields and units.
+        answers: what the last interval gave.
+        ended: whether the episode of a lane has ended, 0 or 1, shape (blocks, WIDTH).
     """
 
-    def __init__(self, scenario: Scenario, count: int) -> None:
-        self.parameters = parameter_records(scenario)
-        self.lanes = new_records(LANE, count)
+    def __init__(self, scenario: Scenario, count: int, threads: int = 1) -> None:
+        self.count = count
+        self._threads = threads
         self.seeded = False
         self.action_size = action_size(scenario)
-        self.observations = np.zeros((count, len(observation.bounds(scenario)[0])), np.float32)
-        self.rewards = np.zeros(count, np.float64)
-        self.terminated = np.zeros(count, np.bool_)
-        self.truncated = np.zeros(count, np.bool_)
-        self._reports = new_records(REPORT, count)
-        self._view_reports()
+        self.entries = len(observation.bounds(scenario)[0])
+        self._parameters = parameter_records(scenario)
+        self._blocks = new_records(LANES, -(-count // WIDTH))
+        self._actions = np.zeros((count, self.action_size), np.float64)
+        self.answers = Answers(count, self.entries)
+        self._prepare()
 
-    def _view_reports(self) -> None:
-        self.report_values: NDArray[np.float64] = self._reports.view(np.float64).reshape(-1, len(REPORT_FIELDS))
+    def _prepare(self) -> None:
+        """Make what is not kept with a copy or a pickle: views, and the records that the transition notes things down in."""
+        self.ended: NDArray[np.int64] = self._blocks["ended"]
+        self._shape = (self.count, self.action_size)
+        desks = [Desk(self._blocks, self._parameters) for _ in range(self._threads)]
+        self._desk = desks[0]
+        self._crew = Crew(desks)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name not in ("ended", "_desk", "_crew")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a copy or a pickle, in which the view of the reports came out as an array of its own."""
         self.__dict__.update(state)
-        self._view_reports()
+        self._prepare()
 
-    def seed(self, lane: int, seed: int) -> None:
-        """Key a lane's episodes: the next to start is the first of this seed (see ``checked_seed``)."""
-        self.lanes[lane].seed = seed
-        self.lanes[lane].episode = 0
+    def seed(self, lanes: Any, seeds: Any) -> None:
+        """Key the episodes of lanes: the next to start is the first of its seed (see ``checked_seed``)."""
+        block, i = np.divmod(lanes, WIDTH)
+        self._blocks["seed"][block, i] = seeds
+        self._blocks["episode"][block, i] = 0
 
     def start(self, chosen: NDArray[np.bool_]) -> None:
         """Start the keyed episode in every chosen lane."""
-        _start_lanes(self.lanes, self.parameters, chosen, self.observations, self._reports)
-        self.terminated[chosen] = False
-        self.truncated[chosen] = False
+        _start_lanes(*self._desk.records, chosen, self.answers.observations, self.answers.padded_table)
 
     def next_episode(self, chosen: NDArray[np.bool_]) -> None:
         """Move every chosen lane on to the next episode of its seed, and start it."""
-        self.lanes.episode[chosen] += np.uint64(1)
+        block, i = np.divmod(np.flatnonzero(chosen), WIDTH)
+        self._blocks["episode"][block, i] += np.uint64(1)
         self.start(chosen)
 
     def step(self, actions: Any) -> None:
@@ -130,25 +192,25 @@ class Lathes:
         Raises:
             ValueError: the actions are not numbers of shape (count, action_size), or not finite; no lane has moved then.
         """
-        shape = (len(self.lanes), self.action_size)
+        self._take(actions)
+        answers, given = self.answers, self._actions
+        told = (given, answers.observations, answers.rewards, answers.ends, answers.padded_table)
+        self._crew.run(lambda desk, first, last: _step_blocks(*desk.records, *told, first, last), len(self.ended))
+
+    def close(self) -> None:
+        """Let the threads go."""
+        self._crew.dismiss()
+
+    def _take(self, actions: Any) -> None:
         try:
             given = np.asarray(actions)
         except ValueError as error:  # ragged
-            raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}") from error
+            raise ValueError(f"actions must be numbers of shape {self._shape}, got {actions!r}") from error
         if given.dtype.kind not in "fiu":
-            raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}")
-        batch = np.ascontiguousarray(given, np.float64)
-        if batch.shape != shape:
-            raise ValueError(f"actions must have shape {shape}, got {batch.shape}")
-        refused = _step_lanes(
-            self.lanes,
-            self.parameters,
-            batch,
-            self.observations,
-            self.rewards,
-            self.terminated,
-            self.truncated,
-            self._reports,
-        )
+            raise ValueError(f"actions must be numbers of shape {self._shape}, got {actions!r}")
+        if given.shape != self._shape:
+            raise ValueError(f"actions must have shape {self._shape}, got {given.shape}")
+        self._actions[...] = given
+        refused = _first_unfit(self._actions)
         if refused >= 0:
-            raise ValueError(f"the action of lane {refused} must be finite, got {batch[refused].tolist()}")
+            raise ValueError(f"the action of lane {refused} must be finite, got {self._actions[refused].tolist()}")

@@ -4,9 +4,8 @@ All factors are natural logarithms: cutting speed [m/min], feed [mm/rev], depth 
 hardness [-].
 """
 
-import math
-
 from turning_env.compilation import compiled
+from turning_env.elementary import exponential
 from turning_env.power_law import compiled_log_response
 
 
@@ -25,4 +24,4 @@ def force_and_power(parameters, log_cutting_speed, log_feed, log_depth_of_cut, l
     log_power = compiled_log_response(
         parameters.power_law, log_cutting_speed, log_feed, log_depth_of_cut, 0.0, log_wear, log_hardness
     )
-    return math.exp(log_force), math.exp(log_power)
+    return exponential(log_force), exponential(log_power)

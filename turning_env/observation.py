@@ -31,7 +31,6 @@ that of no load), and the four entries that compare them near -5.
 Fifths, because what a controller must tell apart near a limit is a few per cent: in fifths these are a sizeable part of one.
 """
 
-import math
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -40,6 +39,7 @@ from numpy.typing import NDArray
 
 from turning_env.compilation import compiled
 from turning_env.drives import force_from_current, steady_current
+from turning_env.elementary import exponential, logarithm
 from turning_env.machinability import force_and_power
 from turning_env.records import parameter_records
 from turning_env.scenario import Scenario
@@ -65,9 +65,9 @@ def bounds(scenario: Scenario) -> tuple[NDArray[np.float32], NDArray[np.float32]
 
 
 @compiled
-def range_position(log_value, log_low, log_span):
-    """Where a value lies in its range, on a logarithmic scale: -1 at the low end, 1 at the high end."""
-    return min(max(2.0 * (log_value - log_low) / log_span - 1.0, -1.0), 1.0)
+def range_position(log_value, log_low, scale):
+    """Where a value lies in its range, on a logarithmic scale (2 over its span): -1 at the low end, 1 at the high end."""
+    return min(max(scale * (log_value - log_low) - 1.0, -1.0), 1.0)
 
 
 @compiled
@@ -77,41 +77,56 @@ def deviation(ratio):
 
 
 @compiled
-def write_observation(lane, parameters, observation):
-    """Fill one lane's observation (float32, in the order of the table above)."""
+def observe(lanes, work, first, last, parameters):
+    """Put what some lanes of a block tell into ``work.observation``, shape (entries, lanes), in the order of the table above.
+
+    ``work`` must hold the logarithms of speed and feed.
+    """
     p = parameters
-    observation[0] = deviation(lane.measured_power / p.power_limit)
-    feed_velocity = lane.cutting_speed * p.revolutions_per_metre * lane.feed
+    entries = work.observation
+    power_scale, force_scale = 1.0 / p.power_limit, 1.0 / p.thrust_force_limit
+    speed_low, speed_scale = p.log_cutting_speed_min, 2.0 / p.log_cutting_speed_span
+    feed_low, feed_scale = p.log_feed_min, 2.0 / p.log_feed_span
+    for i in range(first, last):
+        commanded_speed, commanded_feed = logarithm(lanes.commanded_cutting_speed[i]), logarithm(lanes.commanded_feed[i])
+        entries[0, i] = deviation(lanes.measured_power[i] * power_scale)
+        entries[1, i] = deviation(lanes.measured_thrust_force[i] * force_scale)
+        entries[2, i] = range_position(work.log_cutting_speed[i], speed_low, speed_scale)
+        entries[3, i] = range_position(work.log_feed[i], feed_low, feed_scale)
+        entries[4, i] = range_position(commanded_speed, speed_low, speed_scale)
+        entries[5, i] = range_position(commanded_feed, feed_low, feed_scale)
+    for i in range(first, last):
+        entries[6, i] = min(logarithm(1.0 + lanes.cutting_time[i]), MOST_LOG_TIME)
+        entries[10, i] = 1.0 if lanes.cutting[i] > 0 else 0.0
+    for i in range(first, last):
+        work.log_wear[i] = log_wear(p, lanes.nominal_used_life[i])
+    for i in range(first, last):
+        wear = work.log_wear[i]
+        force, power = force_and_power(p, work.log_cutting_speed[i], work.log_feed[i], lanes.log_nominal_depth[i], wear, 0.0)
+        work.predicted_force[i] = force
+        has_cut = lanes.nominal_used_life[i] > 0.0
+        entries[8, i] = deviation(lanes.measured_power[i] / power if has_cut else 0.0)
+        entries[9, i] = deviation(lanes.measured_thrust_force[i] / force if has_cut else 0.0)
+    for i in range(first, last):
+        ratio = min(exponential(work.log_wear[i] - p.log_wear_criterion), MOST_RATIO)
+        entries[7, i] = ratio if lanes.nominal_used_life[i] > 0.0 else 0.0
     if p.senses_current:
-        observation[1] = deviation(lane.measured_servo_current / steady_current(p, p.thrust_force_limit, 0.0))
-    else:
-        observation[1] = deviation(lane.measured_thrust_force / p.thrust_force_limit)
-    speed, feed = math.log(lane.cutting_speed), math.log(lane.feed)
-    commanded_speed, commanded_feed = math.log(lane.commanded_cutting_speed), math.log(lane.commanded_feed)
-    observation[2] = range_position(speed, p.log_cutting_speed_min, p.log_cutting_speed_span)
-    observation[3] = range_position(feed, p.log_feed_min, p.log_feed_span)
-    observation[4] = range_position(commanded_speed, p.log_cutting_speed_min, p.log_cutting_speed_span)
-    observation[5] = range_position(commanded_feed, p.log_feed_min, p.log_feed_span)
-    observation[6] = min(math.log(1.0 + lane.cutting_time), MOST_LOG_TIME)
-    observation[7] = 0.0
-    observation[8] = deviation(0.0)
-    observation[9] = deviation(0.0)
-    observation[10] = 1.0 if lane.cutting else 0.0
-    if lane.nominal_used_life > 0.0:
-        wear = log_wear(p, lane.nominal_used_life)
-        force, power = force_and_power(p, speed, feed, lane.log_nominal_depth, wear, 0.0)
-        observation[7] = min(math.exp(wear - p.log_wear_criterion), MOST_RATIO)
-        observation[8] = deviation(lane.measured_power / power)
-        if p.senses_current:
-            observation[9] = deviation(lane.measured_servo_current / steady_current(p, force, feed_velocity))
-        else:
-            observation[9] = deviation(lane.measured_thrust_force / force)
+        at_limit = steady_current(p, p.thrust_force_limit, 0.0)
+        for i in range(first, last):
+            feed_velocity = lanes.cutting_speed[i] * p.revolutions_per_metre * lanes.feed[i]
+            predicted = steady_current(p, work.predicted_force[i], feed_velocity)
+            has_cut = lanes.nominal_used_life[i] > 0.0
+            entries[1, i] = deviation(lanes.measured_servo_current[i] / at_limit)
+            entries[9, i] = deviation(lanes.measured_servo_current[i] / predicted if has_cut else 0.0)
     if p.holds_roughness:
-        reference = math.log(lane.roughness_reference)
         one_only = p.log_reference_span == 0.0
-        observation[11] = 0.0 if one_only else range_position(reference, p.log_reference_min, p.log_reference_span)
+        scale = 0.0 if one_only else 2.0 / p.log_reference_span
+        for i in range(first, last):
+            position = range_position(logarithm(lanes.roughness_reference[i]), p.log_reference_min, scale)
+            entries[11, i] = 0.0 if one_only else position
     elif p.probe:
-        observation[11] = deviation(lane.probed_depth / p.depth_of_cut)
+        for i in range(first, last):
+            entries[11, i] = deviation(lanes.probed_depth[i] / p.depth_of_cut)
 
 
 class Reading(NamedTuple):

@@ -10,59 +10,77 @@ import numpy as np
 
 from turning_env.compilation import compiled
 from turning_env.drives import clipped, set_point
+from turning_env.elementary import logarithm
 
 LEAST_DEPTH = 0.01
 """Depth of a pass [mm] below which the control's models are not asked."""
 
 
 @compiled
-def part_passes(parameters, action):
-    """(number of passes, depth of each [mm]) of an action in -1..1; see ``RoughTurningEnv``."""
+def start_part(lanes, work, i, parameters, action):
+    """Note down where the next part begins, and its passes of an action in -1..1: how many, and how deep [mm]."""
     p = parameters
-    passes = min(1 + int(0.5 * (clipped(action[0]) + 1.0) * p.passes_max), p.passes_max)
-    allowance = p.depth_of_cut * (1.0 + clipped(action[1]))
-    return passes, allowance / passes
+    work.part_start[i] = np.rint(lanes.path[i] * p.bars_per_path) * p.bar_pitch
+    work.passes[i] = min(1 + int(0.5 * (clipped(action[0]) + 1.0) * p.passes_max), p.passes_max)
+    work.pass_depth[i] = p.depth_of_cut * (1.0 + clipped(action[1])) / work.passes[i]
 
 
 @compiled
-def start_part(lane, parameters):
-    """The path coordinate [mm] of the next part."""
-    return np.rint(lane.path * parameters.bars_per_path) * parameters.bar_pitch
+def start_passes(lanes, work, report, actions, first, last, parameters, number):
+    """Start a pass, 0 the first, in every lane whose part has that many; the others stand still."""
+    for i in range(first, last):
+        work.sub_steps_left[i] = 0
+        if number < work.passes[i]:
+            start_pass(lanes, work, report, i, parameters, actions[i], number)
 
 
 @compiled
-def start_pass(lane, parameters, action, start, number, passes, depth, report):
-    """Set speed, feed and depth of a pass, 0 the first, and return its sub-step [min]."""
+def start_pass(lanes, work, report, i, parameters, action, number):
+    """Set speed, feed, depth and sub-step of a pass, 0 the first."""
     p = parameters
-    lane.commanded_cutting_speed = set_point(action[2 + 2 * number], p.cutting_speed_min, p.cutting_speed_max)
-    lane.commanded_feed = set_point(action[3 + 2 * number], p.feed_min, p.feed_max)
-    lane.path = start
-    lane.pass_floor = (passes - 1 - number) * depth
-    lane.pass_ceiling = math.inf if number == 0 else (passes - number) * depth
-    lane.log_nominal_depth = math.log(max(depth, LEAST_DEPTH))
-    report.passes += 1.0
-    report.mean_thrust_force = 0.0
-    report.mean_power = 0.0
-    feed_velocity = lane.commanded_cutting_speed * p.revolutions_per_metre * lane.commanded_feed
-    return p.bar_pitch / feed_velocity / p.sub_steps
+    speed = set_point(action[2 + 2 * number], p.cutting_speed_min, p.cutting_speed_max)
+    feed = set_point(action[3 + 2 * number], p.feed_min, p.feed_max)
+    passes, depth = work.passes[i], work.pass_depth[i]
+    lanes.commanded_cutting_speed[i] = speed
+    lanes.commanded_feed[i] = feed
+    lanes.path[i] = work.part_start[i]
+    lanes.pass_floor[i] = (passes - 1 - number) * depth
+    lanes.pass_ceiling[i] = math.inf if number == 0 else (passes - number) * depth
+    lanes.log_nominal_depth[i] = logarithm(max(depth, LEAST_DEPTH))
+    report.passes[i] += 1.0
+    report.mean_thrust_force[i] = 0.0
+    report.mean_power[i] = 0.0
+    work.engaged_before[i] = report.engaged_time[i]
+    work.sub_step[i] = p.bar_pitch / (speed * p.revolutions_per_metre * feed) / p.sub_steps
+    work.sub_steps_left[i] = p.sub_steps
 
 
 @compiled
-def end_pass(lane, parameters, engaged_before, report):
+def end_passes(lanes, work, report, first, last, parameters, number):
+    """End a pass in every lane whose part has it, and the part where it was the last."""
+    for i in range(first, last):
+        if number < work.passes[i]:
+            end_pass(lanes, work, report, i, parameters)
+        if number == work.passes[i] - 1:
+            end_part(lanes, work, i, parameters)
+
+
+@compiled
+def end_pass(lanes, work, report, i, parameters):
     """Return the tool; what has been sensed in the pass is its mean force and power."""
-    engaged = report.engaged_time - engaged_before
+    engaged = report.engaged_time[i] - work.engaged_before[i]
     if engaged > 0.0:
-        report.mean_thrust_force /= engaged
-        report.mean_power /= engaged
-    lane.lagged_thrust_force = report.mean_thrust_force
-    lane.lagged_power = report.mean_power
-    lane.clock += parameters.return_time
-    report.time += 60.0 * parameters.return_time
+        report.mean_thrust_force[i] /= engaged
+        report.mean_power[i] /= engaged
+    lanes.lagged_thrust_force[i] = report.mean_thrust_force[i]
+    lanes.lagged_power[i] = report.mean_power[i]
+    lanes.clock[i] += parameters.return_time
+    report.time[i] += 60.0 * parameters.return_time
 
 
 @compiled
-def end_part(lane, parameters, start):
+def end_part(lanes, work, i, parameters):
     """Put the tool before the next part."""
-    lane.path = start + parameters.bar_pitch
-    lane.pass_floor = 0.0
-    lane.pass_ceiling = math.inf
+    lanes.path[i] = work.part_start[i] + parameters.bar_pitch
+    lanes.pass_floor[i] = 0.0
+    lanes.pass_ceiling[i] = math.inf

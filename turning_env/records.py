@@ -1,4 +1,7 @@
-"""The typed records that the compiled transition works on: a lane's state, the parameters, and the interval's report."""
+"""The typed records that the compiled transition works on.
+
+A block of lanes has its state, what is noted down while it is worked on, and the interval's report; all share the parameters.
+"""
 
 from typing import Any
 
@@ -16,58 +19,123 @@ ACTIONS = {"incremental": INCREMENTAL, "set_point": SET_POINT, "override": OVERR
 END, AUTOMATIC, COMMANDED = range(3)
 EDGE_CHANGES = {"end": END, "automatic": AUTOMATIC, "commanded": COMMANDED}
 
-LANE = np.dtype(
-    [
-        # the episode's key
-        ("seed", np.uint64),
-        ("episode", np.uint64),
-        # where the episode stands
-        ("interval_count", np.int64),
-        ("ended", np.bool_),
-        ("cutting", np.bool_),  # the tool is in metal
-        ("path", np.float64),  # tool position, air and metal [mm]
-        ("clock", np.float64),  # machine time since the start [min]
-        ("turns", np.float64),  # of the spindle since the start [rev]
-        # drives
-        ("commanded_cutting_speed", np.float64),  # [m/min]
-        ("commanded_feed", np.float64),  # [mm/rev]
-        ("cutting_speed", np.float64),  # [m/min]
-        ("feed", np.float64),  # [mm/rev]
-        # edge
-        ("edge", np.int64),  # edges used before this one
-        ("log_wear_factor", np.float64),  # [-]
-        ("edge_strength", np.float64),  # [N]
-        ("cutting_time", np.float64),  # [min]
-        ("used_life", np.float64),  # [-]
-        ("nominal_used_life", np.float64),  # as the nominal model has it [-]
-        # bar at the tool
-        ("bar", np.float64),  # whole numbers
-        ("bar_hardness_normal", np.float64),
-        ("bar_depth_normal", np.float64),
-        ("hardness_cell", np.float64),  # nodes on either side: whole number and the next
-        ("hardness_left", np.float64),
-        ("hardness_right", np.float64),
-        ("depth_cell", np.float64),
-        ("depth_left", np.float64),
-        ("depth_right", np.float64),
-        ("log_hardness", np.float64),  # mean of the cut, with its skin [-]
-        ("log_skin_wear", np.float64),  # what the skin in the cut adds to log wear [-]
-        ("depth_of_cut", np.float64),  # [mm]
-        ("pass_floor", np.float64),  # a pass cuts what stands higher than this above the finished contour [mm]
-        ("pass_ceiling", np.float64),  # and, the passes before it having cut the rest, lower than this [mm]
-        ("log_nominal_depth", np.float64),  # of the pass, as the control's models have it [mm]
-        # process and sensors
-        ("thrust_force", np.float64),  # [N]
-        ("power", np.float64),  # [kW]
-        ("lagged_thrust_force", np.float64),  # [N]
-        ("lagged_power", np.float64),  # [kW]
-        ("measured_thrust_force", np.float64),  # [N]
-        ("measured_servo_current", np.float64),  # [A]
-        ("measured_power", np.float64),  # [kW]
-        ("probed_depth", np.float64),  # mean of what is to be cut of the next bar [mm]
-        ("roughness_reference", np.float64),  # [um]
-    ],
-    align=True,
+WIDTH = 32
+"""Lanes of a block. Every quantity of a block is one array over its lanes, so that the compiled loops over lanes take several at
+once; a block's quantities fit the processor's first cache."""
+
+
+MOST_ENTRIES = 12
+"""Entries that an observation may have."""
+
+
+def block_of(*fields: tuple[Any, ...]) -> np.dtype[Any]:
+    """The type of a block's record: for every field (name, kind) an array over the lanes, or one of the shape that is given."""
+    return np.dtype([(name, kind, shape[0] if shape else (WIDTH,)) for name, kind, *shape in fields], align=True)
+
+
+LANES = block_of(
+    # the episode's key
+    ("seed", np.uint64),
+    ("episode", np.uint64),
+    # where the episode stands
+    ("interval_count", np.int64),
+    ("ended", np.int64),  # 0 or 1
+    ("cutting", np.int64),  # the tool is in metal, 0 or 1
+    ("path", np.float64),  # tool position, air and metal [mm]
+    ("clock", np.float64),  # machine time since the start [min]
+    ("turns", np.float64),  # of the spindle since the start [rev]
+    # drives
+    ("commanded_cutting_speed", np.float64),  # [m/min]
+    ("commanded_feed", np.float64),  # [mm/rev]
+    ("cutting_speed", np.float64),  # [m/min]
+    ("feed", np.float64),  # [mm/rev]
+    # edge
+    ("edge", np.int64),  # edges used before this one
+    ("log_wear_factor", np.float64),  # [-]
+    ("edge_strength", np.float64),  # [N]
+    ("cutting_time", np.float64),  # [min]
+    ("used_life", np.float64),  # [-]
+    ("nominal_used_life", np.float64),  # as the nominal model has it [-]
+    # bar at the tool
+    ("bar", np.float64),  # whole numbers
+    ("bar_hardness_normal", np.float64),
+    ("bar_depth_normal", np.float64),
+    ("hardness_cell", np.float64),  # nodes on either side: whole number and the next
+    ("hardness_left", np.float64),
+    ("hardness_right", np.float64),
+    ("depth_cell", np.float64),
+    ("depth_left", np.float64),
+    ("depth_right", np.float64),
+    ("log_hardness", np.float64),  # mean of the cut, with its skin [-]
+    ("log_skin_wear", np.float64),  # what the skin in the cut adds to log wear [-]
+    ("depth_of_cut", np.float64),  # [mm]
+    ("pass_floor", np.float64),  # a pass cuts what stands higher than this above the finished contour [mm]
+    ("pass_ceiling", np.float64),  # and, the passes before it having cut the rest, lower than this [mm]
+    ("log_nominal_depth", np.float64),  # of the pass, as the control's models have it [mm]
+    # process and sensors
+    ("thrust_force", np.float64),  # [N]
+    ("power", np.float64),  # [kW]
+    ("lagged_thrust_force", np.float64),  # [N]
+    ("lagged_power", np.float64),  # [kW]
+    ("measured_thrust_force", np.float64),  # [N]
+    ("measured_servo_current", np.float64),  # [A]
+    ("measured_power", np.float64),  # [kW]
+    ("probed_depth", np.float64),  # mean of what is to be cut of the next bar [mm]
+    ("roughness_reference", np.float64),  # [um]
+)
+
+# What the transition notes down of a block while it works on it; nothing here lasts longer than an interval.
+WORK = block_of(
+    # the interval
+    ("action", np.float64, (2, WIDTH)),  # speed and feed
+    ("sub_step", np.float64),  # its length [min]
+    ("sub_steps_left", np.int64),
+    ("time", np.float64),  # since clock and life were last brought up to date [min]
+    ("used_life_before", np.float64),  # at the beginning of that time [-]
+    ("cutting_time_before", np.float64),  # likewise [min]
+    ("minutes", np.float64),  # of the interval at work [min]
+    ("ended_before", np.int64),  # the episode had ended before the interval, 0 or 1
+    ("edge_failed", np.int64),  # an edge was worn out or broken, 0 or 1
+    ("reward", np.float64),  # [s]
+    ("terminated", np.int64),  # 0 or 1
+    ("truncated", np.int64),
+    # the part and its pass
+    ("passes", np.int64),
+    ("pass_depth", np.float64),  # [mm]
+    ("part_start", np.float64),  # [mm of path]
+    ("engaged_before", np.float64),  # of the part's cutting time, before the pass [s]
+    # the sub-step
+    ("running", np.int64),  # 0 in a lane that has stopped, else 1
+    ("turns", np.float64),  # of the spindle [rev]
+    ("cut", np.float64),  # metal behind the tool at its end [mm]
+    ("middle", np.float64),  # likewise in the middle of what was cut [mm]
+    ("engaged", np.float64),  # time in metal [min]
+    ("along", np.float64),  # the middle's place along the bar [mm]
+    ("passing", np.int64),  # a node or a bar's beginning was passed, 0 or 1
+    ("node_lane", np.int64, (2 * WIDTH,)),  # nodes to be drawn
+    ("node_channel", np.uint64, (2 * WIDTH,)),
+    ("node_number", np.float64, (2 * WIDTH,)),
+    ("node_word_0", np.uint64, (2 * WIDTH,)),
+    ("node_word_1", np.uint64, (2 * WIDTH,)),
+    ("node_value", np.float64, (2 * WIDTH,)),
+    ("nominal_depth", np.float64),  # of the blank [mm]
+    ("blank_depth", np.float64),  # what stands above the finished contour [mm]
+    ("log_cutting_speed", np.float64),
+    ("log_feed", np.float64),
+    ("log_depth", np.float64),
+    ("log_wear", np.float64),
+    ("time_power", np.float64),  # cutting time to the power n of W = K t^n, by clock time
+    ("time_power_before", np.float64),  # likewise before the sub-step
+    ("wear", np.float64),  # over the criterion, by clock time [-]
+    ("chip_remains", np.float64),  # share of force and power that is left of before [-]
+    ("worn", np.int64),  # the edge, 0 or 1
+    ("broken", np.int64),
+    # sensors and observation
+    ("word_0", np.uint64),
+    ("word_1", np.uint64),
+    ("force_noise", np.float64),  # factor of the measured force [-]
+    ("predicted_force", np.float64),  # by the nominal model [N]
+    ("observation", np.float64, (MOST_ENTRIES, WIDTH)),
 )
 
 PARAMETERS = np.dtype(
@@ -100,7 +168,7 @@ PARAMETERS = np.dtype(
         ("no_load_current", np.float64),  # at rest [A]
         ("no_load_current_rate", np.float64),  # [A min/mm]
         ("current_ripple", np.float64),
-        ("ripple_angle_per_path", np.float64),  # [rad/mm]
+        ("ripples_per_path", np.float64),  # [1/mm]
         ("path_end", np.float64),  # of the job, infinite in an endless row [mm]
         ("bar_length", np.float64),
         ("bar_pitch", np.float64),  # bar and approach [mm]
@@ -113,7 +181,7 @@ PARAMETERS = np.dtype(
         ("depth_sections", np.int64),
         ("depth_profile", np.float64, (MOST_DEPTHS,)),
         ("depth_ripple", np.float64),
-        ("depth_ripple_angle_per_turn", np.float64),  # [rad/rev]
+        ("depth_ripples_per_turn", np.float64),  # [1/rev]
         ("depth_bar_spread", np.float64),
         ("depth_along_spread", np.float64),
         ("depth_nodes_per_length", np.float64),
@@ -218,7 +286,7 @@ REPORT_FIELDS = (
     "finished",  # the last bar is done [0 or 1]
 )
 REPORT_FLAGS = ("cutting", "broken", "finished")
-REPORT = np.dtype([(name, np.float64) for name in REPORT_FIELDS])
+REPORT = block_of(*((name, np.float64) for name in REPORT_FIELDS))
 
 
 def new_records(dtype: np.dtype[Any], count: int) -> Any:
@@ -261,7 +329,7 @@ def parameter_records(scenario: Scenario) -> Any:
         "current_per_newton": current_per_newton,
         "no_load_current": current_per_newton * (drive.guide_friction + drive.preload * (1.0 - drive.screw_efficiency**2)),
         "current_ripple": drive.ripple,
-        "ripple_angle_per_path": 2.0 * np.pi * drive.ripples_per_turn / drive.screw_lead,
+        "ripples_per_path": drive.ripples_per_turn / drive.screw_lead,
         "life_exponent": 1.0 / material.wear.time,
         "path_end": workpiece.bars * (workpiece.bar_length + workpiece.approach) or np.inf,
         "bar_pitch": workpiece.bar_length + workpiece.approach,
@@ -271,7 +339,7 @@ def parameter_records(scenario: Scenario) -> Any:
         "log_depth_of_cut": np.log(workpiece.depth_of_cut),
         "depth_sections": len(workpiece.depth_profile),
         "depth_profile": np.pad(workpiece.depth_profile, (0, MOST_DEPTHS - len(workpiece.depth_profile))),
-        "depth_ripple_angle_per_turn": 2.0 * np.pi / workpiece.depth_ripple_period,
+        "depth_ripples_per_turn": 1.0 / workpiece.depth_ripple_period,
         "depth_nodes_per_length": 1.0 / workpiece.depth_correlation_length,
         "hardness_nodes_per_length": 1.0 / workpiece.hardness_correlation_length,
         "sub_step": sub_step / 60.0,

@@ -1,69 +1,79 @@
 """What an interval is reported as: sums over it, and the true state at its end."""
 
-import math
-
 import numpy as np
 
 from turning_env.compilation import compiled
 from turning_env.drives import spindle_torque
+from turning_env.elementary import exponential
 from turning_env.surface import roughness
 from turning_env.wear import log_wear
 
 
 @compiled
-def clear_sums(report):
+def clear_sums(report, i):
     """Zero what the report sums over an interval."""
-    report.mean_thrust_force = 0.0
-    report.mean_power = 0.0
-    report.time = 0.0
-    report.engaged_time = 0.0
-    report.stopped_time = 0.0
-    report.removed = 0.0
-    report.passes = 0.0
-    report.edges_used = 0.0
-    report.edges_broken = 0.0
-    report.overload_time = 0.0
-    report.severe_overload_time = 0.0
-    report.roughness_deviation = 0.0
-    report.cost = 0.0
-    report.cost_force = 0.0
-    report.cost_power = 0.0
-    report.reward_metal = 0.0
-    report.reward_time = 0.0
-    report.reward_edge = 0.0
-    report.reward_overload = 0.0
-    report.reward_breakage = 0.0
-    report.reward_roughness = 0.0
-    report.broken = 0.0
-    report.finished = 0.0
+    report.mean_thrust_force[i] = 0.0
+    report.mean_power[i] = 0.0
+    report.time[i] = 0.0
+    report.engaged_time[i] = 0.0
+    report.stopped_time[i] = 0.0
+    report.removed[i] = 0.0
+    report.passes[i] = 0.0
+    report.edges_used[i] = 0.0
+    report.edges_broken[i] = 0.0
+    report.overload_time[i] = 0.0
+    report.severe_overload_time[i] = 0.0
+    report.roughness_deviation[i] = 0.0
+    report.cost[i] = 0.0
+    report.cost_force[i] = 0.0
+    report.cost_power[i] = 0.0
+    report.reward_metal[i] = 0.0
+    report.reward_time[i] = 0.0
+    report.reward_edge[i] = 0.0
+    report.reward_overload[i] = 0.0
+    report.reward_breakage[i] = 0.0
+    report.reward_roughness[i] = 0.0
+    report.broken[i] = 0.0
+    report.finished[i] = 0.0
 
 
 @compiled
-def write_state(lane, parameters, report):
-    """Report the true state at the interval's end."""
-    spindle_speed = lane.cutting_speed * parameters.revolutions_per_metre
-    report.cutting_speed = lane.cutting_speed
-    report.feed = lane.feed
-    report.commanded_cutting_speed = lane.commanded_cutting_speed
-    report.commanded_feed = lane.commanded_feed
-    report.spindle_speed = spindle_speed
-    report.feed_velocity = spindle_speed * lane.feed
-    report.torque = spindle_torque(lane.power, spindle_speed)
-    report.path = lane.path
-    report.bar = np.floor(lane.path * parameters.bars_per_path)
-    report.cutting = 1.0 if lane.cutting else 0.0
-    report.depth_of_cut = lane.depth_of_cut if lane.cutting else 0.0
-    report.hardness = math.exp(lane.log_hardness) if lane.cutting else 0.0
-    report.cutting_time = lane.cutting_time
-    report.used_life = lane.used_life
-    report.wear = math.exp(log_wear(parameters, lane.used_life)) if lane.used_life > 0.0 else 0.0
-    report.wear_factor = math.exp(lane.log_wear_factor)
-    report.edge_strength = lane.edge_strength
-    report.thrust_force = lane.thrust_force
-    report.power = lane.power
-    report.measured_thrust_force = lane.measured_thrust_force
-    report.measured_servo_current = lane.measured_servo_current
-    report.measured_power = lane.measured_power
-    report.roughness = roughness(parameters, lane.thrust_force) if parameters.holds_roughness and lane.cutting else 0.0
-    report.roughness_reference = lane.roughness_reference
-    report.probed_depth = lane.probed_depth
+def write_state(lanes, report, first, last, parameters):
+    """Report the true state of some lanes of a block at the interval's end."""
+    p = parameters
+    for i in range(first, last):
+        spindle_speed = lanes.cutting_speed[i] * p.revolutions_per_metre
+        report.cutting_speed[i] = lanes.cutting_speed[i]
+        report.feed[i] = lanes.feed[i]
+        report.commanded_cutting_speed[i] = lanes.commanded_cutting_speed[i]
+        report.commanded_feed[i] = lanes.commanded_feed[i]
+        report.spindle_speed[i] = spindle_speed
+        report.feed_velocity[i] = spindle_speed * lanes.feed[i]
+        report.torque[i] = spindle_torque(lanes.power[i], spindle_speed)
+        report.path[i] = lanes.path[i]
+        report.bar[i] = np.floor(lanes.path[i] * p.bars_per_path)
+        report.cutting_time[i] = lanes.cutting_time[i]
+        report.used_life[i] = lanes.used_life[i]
+        report.edge_strength[i] = lanes.edge_strength[i]
+        report.thrust_force[i] = lanes.thrust_force[i]
+        report.power[i] = lanes.power[i]
+        report.measured_thrust_force[i] = lanes.measured_thrust_force[i]
+        report.measured_servo_current[i] = lanes.measured_servo_current[i]
+        report.measured_power[i] = lanes.measured_power[i]
+        report.roughness_reference[i] = lanes.roughness_reference[i]
+        report.probed_depth[i] = lanes.probed_depth[i]
+    for i in range(first, last):
+        in_metal = lanes.cutting[i] > 0
+        hardness = exponential(lanes.log_hardness[i])
+        report.cutting[i] = 1.0 if in_metal else 0.0
+        report.depth_of_cut[i] = lanes.depth_of_cut[i] if in_metal else 0.0
+        report.hardness[i] = hardness if in_metal else 0.0
+        report.wear_factor[i] = exponential(lanes.log_wear_factor[i])
+    for i in range(first, last):
+        wear = exponential(log_wear(p, lanes.used_life[i]))
+        report.wear[i] = wear if lanes.used_life[i] > 0.0 else 0.0
+        report.roughness[i] = 0.0
+    if p.holds_roughness:
+        for i in range(first, last):
+            rough = roughness(p, lanes.thrust_force[i])
+            report.roughness[i] = rough if lanes.cutting[i] > 0 else 0.0

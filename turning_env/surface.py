@@ -4,11 +4,10 @@ Ra = a exp(b F) with the thrust force F (roughness control paper, equation (5)).
 logarithm is drawn evenly between two bounds.
 """
 
-import math
-
 import numpy as np
 
 from turning_env.compilation import compiled
+from turning_env.elementary import exponential
 from turning_env.keyed_random import REFERENCE_CHANNEL, uniform
 
 _MOST_EXPONENT = 300.0  # keeps the roughness of a force beyond all sense finite
@@ -17,13 +16,13 @@ _MOST_EXPONENT = 300.0  # keeps the roughness of a force beyond all sense finite
 @compiled
 def roughness(parameters, thrust_force):
     """Ra [um] left at a thrust force [N]."""
-    return parameters.roughness_at_no_force * math.exp(min(parameters.roughness_rate * thrust_force, _MOST_EXPONENT))
+    return parameters.roughness_at_no_force * exponential(min(parameters.roughness_rate * thrust_force, _MOST_EXPONENT))
 
 
 @compiled
-def draw_reference(lane, parameters):
-    """Set the lane's reference of Ra [um] to that of the present period."""
+def draw_reference(lanes, i, parameters):
+    """Set a lane's reference of Ra [um] to that of the present period."""
     # Half a sub-step on, as the clock is a sum of sub-steps and may fall short of the period's end by rounding.
-    period = np.floor((lane.clock + 0.5 * parameters.sub_step) / parameters.reference_time)
-    share = uniform(lane, REFERENCE_CHANNEL, 0, period)
-    lane.roughness_reference = math.exp(parameters.log_reference_min + share * parameters.log_reference_span)
+    period = np.floor((lanes.clock[i] + 0.5 * parameters.sub_step) / parameters.reference_time)
+    share = uniform(lanes, i, REFERENCE_CHANNEL, 0, period)
+    lanes.roughness_reference[i] = exponential(parameters.log_reference_min + share * parameters.log_reference_span)

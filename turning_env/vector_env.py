@@ -10,9 +10,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from turning_env.lathes import Lathes, action_space, checked_seed, observation_space
+from turning_env.answers import AnswerPool, Answers
+from turning_env.lathes import MOST_SEED, Lathes, action_space, checked_seed, observation_space
 from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
 from turning_env.scenario import Scenario
+
+_MASKS = ["_" + name for name in REPORT_FIELDS]
 
 Array = NDArray[Any]
 Infos = dict[str, Any]
@@ -34,10 +37,13 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
             observation and info are ``infos["final_obs"]`` and ``infos["final_info"]``) or DISABLED (ended lanes must be
             reset with ``options={"reset_mask": mask}``).
         render_mode: only None.
+        threads: how many threads share the lanes, where these are enough for it to pay (8192); what a lane gives does not
+            depend on it.
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
-        ValueError: an action is not finite (names the lane) or not of shape (num_envs, 2); wrong seeds or reset mask.
+        ValueError: ``num_envs`` or ``threads`` is below 1; an action is not finite (names the lane) or not of shape
+            (num_envs, 2); wrong seeds or reset mask.
         gymnasium.error.ResetNeeded: ``step`` before ``reset``, or with DISABLED after an episode's end.
     """
 
@@ -47,9 +53,12 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         scenario: str | os.PathLike[str] | Scenario = "rough_turning",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
+        threads: int = 1,
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"num_envs is {num_envs}, but must be at least 1")
+        if threads < 1:
+            raise ValueError(f"threads is {threads}, but must be at least 1")
         if render_mode is not None:
             raise ValueError(f"render_mode is {render_mode!r}, but this environment has no render modes: only None")
         self.num_envs = num_envs
@@ -61,7 +70,8 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         self.single_action_space = action_space(self.scenario)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._lathes = Lathes(self.scenario, num_envs)
+        self._lathes = Lathes(self.scenario, num_envs, threads)
+        self._pool = AnswerPool(num_envs, self._lathes.entries)
         self._every_lane = np.ones(num_envs, np.bool_)
         self._every_lane.flags.writeable = False  # it goes out as a mask in every info
 
@@ -74,58 +84,70 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         """
         lathes = self._lathes
         chosen = self._reset_mask(options)
-        seeds = self._lane_seeds(seed)
+        given, seeds = self._lane_seeds(seed)
         super().reset(seed=seed if isinstance(seed, int) else None)
-        continued = chosen.copy()
-        for lane in np.flatnonzero(chosen).tolist():
-            lane_seed = seeds[lane]
-            if lane_seed is not None:
-                lathes.seed(lane, lane_seed)
-                continued[lane] = False
-        lathes.start(chosen & ~continued)
-        lathes.next_episode(continued)
+        before, lathes.answers = lathes.answers, self._pool.next()
+        lathes.answers.put(before)
+        lanes = np.flatnonzero(chosen & given)
+        lathes.seed(lanes, seeds[lanes])
+        lathes.start(chosen & given)
+        lathes.next_episode(chosen & ~given)
+        lathes.answers.ends[:, chosen] = False
         lathes.seeded = True
-        return lathes.observations.copy(), self._infos(chosen)
+        return lathes.answers.observations, self._infos(lathes.answers, chosen)
 
     def step(self, actions: Any) -> Step:
         """Run one control interval in every lane; actions of shape (num_envs, 2)."""
         lathes = self._lathes
         if not lathes.seeded:
             raise ResetNeeded("call reset() first: no episode is under way")
-        if self.autoreset_mode is AutoresetMode.DISABLED and lathes.lanes.ended.any():
-            raise ResetNeeded(f"the episodes of lanes {np.flatnonzero(lathes.lanes.ended).tolist()} have ended")
-        lathes.step(actions)
-        terminated, truncated = lathes.terminated.copy(), lathes.truncated.copy()
+        if self.autoreset_mode is AutoresetMode.DISABLED and lathes.ended.any():
+            raise ResetNeeded(f"the episodes of lanes {np.flatnonzero(lathes.ended).tolist()} have ended")
+        before, lathes.answers = lathes.answers, self._pool.next()
+        try:
+            lathes.step(actions)
+        except ValueError:
+            lathes.answers = before
+            raise
+        answers = lathes.answers
+        terminated, truncated = answers.ends
         final: Infos = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             ended = terminated | truncated
             if ended.any():
                 final = self._final_infos(ended)
                 lathes.next_episode(ended)
-        return (
-            lathes.observations.copy(),
-            lathes.rewards.copy(),
-            terminated,
-            truncated,
-            final | self._infos(self._every_lane),
-        )
+        return answers.observations, answers.rewards, terminated, truncated, final | self._infos(answers, self._every_lane)
 
-    def _lane_seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:
-        """The new seed of every lane; None where a lane goes on with the one it has."""
-        given: Sequence[int | None]
+    def close_extras(self, **kwargs: Any) -> None:
+        """Let the threads go."""
+        self._lathes.close()
+
+    def _lane_seeds(self, seed: int | Sequence[int | None] | None) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
+        """(whether a lane is given a new seed, the new seeds)."""
+        count = self.num_envs
+        given, seeds = np.ones(count, np.bool_), np.zeros(count, np.uint64)
         if seed is None:
-            given = [None] * self.num_envs
+            given[:] = False
         elif isinstance(seed, Sequence | np.ndarray):
-            given = seed
+            if len(seed) != count:
+                raise ValueError(f"there are {len(seed)} seeds, but must be one for each of {count} lanes")
+            for lane, number in enumerate(seed):
+                if number is None:
+                    given[lane] = False
+                else:
+                    seeds[lane] = checked_seed(number, lane)
         else:
             first = checked_seed(seed, 0)
-            given = range(first, first + self.num_envs)
-        if len(given) != self.num_envs:
-            raise ValueError(f"there are {len(given)} seeds, but must be one for each of {self.num_envs} lanes")
-        seeds = [None if number is None else checked_seed(number, lane) for lane, number in enumerate(given)]
-        if self._lathes.seeded:
-            return seeds
-        return [int(self.np_random.integers(2**63)) if number is None else number for number in seeds]
+            fitting = min(count, MOST_SEED - first + 1)
+            if fitting < count:
+                checked_seed(first + fitting, fitting)
+            seeds[:] = np.uint64(first) + np.arange(count, dtype=np.uint64)
+        if not self._lathes.seeded:
+            for unseeded in np.flatnonzero(~given):
+                seeds[unseeded] = self.np_random.integers(2**63)
+            given[:] = True
+        return given, seeds
 
     def _reset_mask(self, options: dict[str, Any] | None) -> NDArray[np.bool_]:
         if not options or "reset_mask" not in options:
@@ -137,17 +159,21 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
             raise ResetNeeded("the first reset() must start every lane")
         return mask
 
-    def _infos(self, lanes: NDArray[np.bool_]) -> Infos:
+    def _infos(self, answers: Answers, lanes: NDArray[np.bool_]) -> Infos:
         """One array per field of the report, with the mask of the lanes that it holds for."""
-        table = self._lathes.report_values.copy()
-        infos: Infos = {}
-        for name, values in zip(REPORT_FIELDS, table.T, strict=True):
-            infos[name] = values.astype(np.bool_) if name in REPORT_FLAGS else values
-            infos["_" + name] = lanes
+        answers.note_flags()
+        infos: Infos = dict(zip(REPORT_FIELDS, answers.table, strict=True))
+        infos.update(zip(REPORT_FLAGS, answers.flags, strict=True))
+        infos.update(dict.fromkeys(_MASKS, lanes))
         return infos
 
     def _final_infos(self, ended: NDArray[np.bool_]) -> Infos:
+        """The last observations and infos of the episodes that have ended; other lanes' are nothing and 0."""
+        answers = self._lathes.answers
         final_obs = np.full(self.num_envs, None, dtype=object)
         for lane in np.flatnonzero(ended):
-            final_obs[lane] = self._lathes.observations[lane].copy()
-        return {"final_obs": final_obs, "_final_obs": ended, "final_info": self._infos(ended), "_final_info": ended}
+            final_obs[lane] = answers.observations[lane].copy()
+        final = Answers(self.num_envs, 0)
+        final.table[:, ended] = answers.table[:, ended]
+        infos = self._infos(final, ended)
+        return {"final_obs": final_obs, "_final_obs": ended, "final_info": infos, "_final_info": ended}

@@ -11,27 +11,43 @@ Clock time (Alaskari and Oraby 2018, equation (4), as recovered): each interval 
 edge's total cutting time. It reproduces the publication; a controller can game it by idling through the first seconds.
 """
 
-import math
-
 from turning_env.compilation import compiled
+from turning_env.elementary import exponential, logarithm, raised
 
 EQUIVALENT_TIME = 0
 CLOCK_TIME = 1
 
 
 @compiled
+def life_share(parameters, log_wear_coefficient, time):
+    """Share of an edge's life [-] that it loses in a cutting time [min] with log K constant, by equivalent time."""
+    return time * exponential((log_wear_coefficient - parameters.log_wear_criterion) * parameters.life_exponent)
+
+
+@compiled
+def wear_by_clock(parameters, used_life, log_wear_coefficient, time_power_before, time_power):
+    """Wear over the criterion [-] after cutting on with log K constant, by clock time; t^n of the cutting time before and now."""
+    growth = exponential(log_wear_coefficient - parameters.log_wear_criterion) * (time_power - time_power_before)
+    return raised(used_life, parameters.wear_law.time) + growth
+
+
+@compiled
+def life_by_clock(parameters, used_life, log_wear_coefficient, start, end):
+    """Used life share [-] after cutting from ``start`` to ``end`` [min] with log K constant, by clock time."""
+    exponent = parameters.wear_law.time
+    wear = wear_by_clock(parameters, used_life, log_wear_coefficient, raised(start, exponent), raised(end, exponent))
+    return raised(wear, parameters.life_exponent)
+
+
+@compiled
 def advance_used_life(parameters, used_life, log_wear_coefficient, start, end):
     """Used life share [-] after cutting from ``start`` to ``end`` (the edge's cutting time [min]) with log K constant."""
     if parameters.wear_rule == EQUIVALENT_TIME:
-        log_life = (parameters.log_wear_criterion - log_wear_coefficient) * parameters.life_exponent
-        return used_life + (end - start) * math.exp(-log_life)
-    exponent = parameters.wear_law.time
-    wear = parameters.wear_criterion * used_life**exponent
-    wear += math.exp(log_wear_coefficient) * (end**exponent - start**exponent)
-    return (wear / parameters.wear_criterion) ** parameters.life_exponent
+        return used_life + life_share(parameters, log_wear_coefficient, end - start)
+    return life_by_clock(parameters, used_life, log_wear_coefficient, start, end)
 
 
 @compiled
 def log_wear(parameters, used_life):
     """Logarithm of the flank wear [mm]; the edge must have cut (used life above 0)."""
-    return parameters.log_wear_criterion + parameters.wear_law.time * math.log(used_life)
+    return parameters.log_wear_criterion + parameters.wear_law.time * logarithm(used_life)

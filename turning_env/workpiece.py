@@ -12,12 +12,11 @@ stands between its floor and its ceiling. A blank may carry a skin, harder and m
 wear are means over the cut's depth (assumption), so that a shallow cut, nearly all skin, is the worst.
 """
 
-import math
-
 import numpy as np
 
 from turning_env.compilation import compiled
-from turning_env.keyed_random import BAR_CHANNEL, DEPTH_CHANNEL, HARDNESS_CHANNEL, standard_normals
+from turning_env.elementary import logarithm, sine_and_cosine
+from turning_env.keyed_random import BAR_CHANNEL, DEPTH_CHANNEL, HARDNESS_CHANNEL, normals_of, standard_normals, words
 
 LEAST_DEPTH_SHARE = 0.01
 
@@ -31,12 +30,12 @@ def position_in_row(parameters, path):
 
 
 @compiled
-def enter_bar(lane, bar):
+def enter_bar(lanes, i, bar):
     """Draw the offsets of a bar, and forget the nodes of the bar before."""
-    lane.bar = bar
-    lane.bar_hardness_normal, lane.bar_depth_normal = standard_normals(lane, BAR_CHANNEL, bar, 0)
-    lane.hardness_cell = -1
-    lane.depth_cell = -1
+    lanes.bar[i] = bar
+    lanes.bar_hardness_normal[i], lanes.bar_depth_normal[i] = standard_normals(lanes, i, BAR_CHANNEL, bar, 0)
+    lanes.hardness_cell[i] = -1.0
+    lanes.depth_cell[i] = -1.0
 
 
 @compiled
@@ -50,62 +49,143 @@ def between_nodes(left, right, share):
 
 
 @compiled
-def look_up_fields(lane, parameters, cut):
-    """Set the lane's log hardness [-] and depth of cut [mm, 0 or less in air] to those at a cut coordinate [mm].
+def look_up_fields(lanes, work, first, last, parameters):
+    """Set log hardness [-] and depth of cut [mm, 0 or less in air] to those in the middle of what is being cut.
 
-    The nodes on either side are kept in the lane until the tool has passed them: they cost more than all the rest.
+    For those of some lanes of a block that are ``engaged``. The nodes on either side are kept in the lanes until the tool has
+    passed them: they cost more than all the rest.
     """
-    bar = np.floor(cut * parameters.bars_per_cut)
-    if bar != lane.bar:
-        enter_bar(lane, bar)
-    along = max(cut - bar * parameters.bar_length, 0.0)  # rounding must not ask for a node before the first
-
-    hardness_nodes = along * parameters.hardness_nodes_per_length
-    cell = np.floor(hardness_nodes)
-    if cell != lane.hardness_cell:
-        lane.hardness_cell = cell
-        lane.hardness_left = standard_normals(lane, HARDNESS_CHANNEL, bar, cell)[0]
-        lane.hardness_right = standard_normals(lane, HARDNESS_CHANNEL, bar, cell + 1)[0]
-    hardness_noise = between_nodes(lane.hardness_left, lane.hardness_right, hardness_nodes - cell)
-    lane.log_hardness = (
-        parameters.log_lot_hardness
-        + parameters.hardness_bar_spread * lane.bar_hardness_normal
-        + parameters.hardness_along_spread * hardness_noise
-    )
-
-    depth_nodes = along * parameters.depth_nodes_per_length
-    cell = np.floor(depth_nodes)
-    if cell != lane.depth_cell:
-        lane.depth_cell = cell
-        lane.depth_left = standard_normals(lane, DEPTH_CHANNEL, bar, cell)[0]
-        lane.depth_right = standard_normals(lane, DEPTH_CHANNEL, bar, cell + 1)[0]
-    depth_noise = between_nodes(lane.depth_left, lane.depth_right, depth_nodes - cell)
-    nominal = parameters.depth_of_cut
-    if parameters.depth_sections > 0:
-        section = int(along * parameters.bars_per_cut * parameters.depth_sections)
-        nominal = parameters.depth_profile[min(section, parameters.depth_sections - 1)]
-    depth = nominal + parameters.depth_bar_spread * lane.bar_depth_normal + parameters.depth_along_spread * depth_noise
-    if parameters.depth_ripple > 0.0:
-        depth *= 1.0 + parameters.depth_ripple * math.sin(parameters.depth_ripple_angle_per_turn * lane.turns)
-    depth = max(depth, LEAST_DEPTH_SHARE * nominal)
-    lane.depth_of_cut = min(depth, lane.pass_ceiling) - lane.pass_floor
-    lane.log_skin_wear = 0.0
-    if parameters.skin_thickness > 0.0 and lane.depth_of_cut > 0.0:
-        cut_skin(lane, parameters, depth)
+    p = parameters
+    passing = 0
+    for i in range(first, last):
+        locate(lanes, work, i, p)
+        passing += work.passing[i]
+    if passing > 0:
+        pass_nodes(lanes, work, first, last, p)
+    for i in range(first, last):
+        work.nominal_depth[i] = p.depth_of_cut
+    if p.depth_sections > 0:
+        for i in range(first, last):
+            section = int(work.along[i] * p.bars_per_cut * p.depth_sections)
+            work.nominal_depth[i] = p.depth_profile[min(section, p.depth_sections - 1)]
+    for i in range(first, last):
+        blend_nodes(lanes, work, i, p)
+    if p.depth_ripple > 0.0:
+        for i in range(first, last):
+            sine, _ = sine_and_cosine(p.depth_ripples_per_turn * lanes.turns[i])
+            work.blank_depth[i] *= 1.0 + p.depth_ripple * sine
+    for i in range(first, last):
+        limit_depth(lanes, work, i)
+    if p.skin_thickness > 0.0:
+        for i in range(first, last):
+            cut_skin(lanes, work, i, p)
 
 
 @compiled
-def cut_skin(lane, parameters, depth):
+def locate(lanes, work, i, parameters):
+    """Find the place along the bar, and whether the nodes that the lane keeps are behind it."""
+    p = parameters
+    cut = work.middle[i]
+    bar = np.floor(cut * p.bars_per_cut)
+    along = max(cut - bar * p.bar_length, 0.0)  # rounding must not ask for a node before the first
+    hardness_cell = np.floor(along * p.hardness_nodes_per_length)
+    depth_cell = np.floor(along * p.depth_nodes_per_length)
+    moved = abs(bar - lanes.bar[i]) + abs(hardness_cell - lanes.hardness_cell[i]) + abs(depth_cell - lanes.depth_cell[i])
+    work.along[i] = along
+    work.passing[i] = 1 if min(moved, work.engaged[i]) > 0.0 else 0
+
+
+@compiled
+def pass_nodes(lanes, work, first, last, parameters):
+    """Enter bars, and draw the nodes on either side, in the lanes that have passed those that they keep.
+
+    The nodes ahead are listed, and drawn together. Where there is no noise along the bar, the nodes stay what they are: they are
+    multiplied by 0.
+    """
+    p = parameters
+    listed = 0
+    for i in range(first, last):
+        if work.passing[i] > 0:
+            bar, along = np.floor(work.middle[i] * p.bars_per_cut), work.along[i]
+            if bar != lanes.bar[i]:
+                enter_bar(lanes, i, bar)
+            cell, kept = np.floor(along * p.hardness_nodes_per_length), lanes.hardness_cell[i]
+            lanes.hardness_cell[i] = cell
+            if cell != kept and p.hardness_along_spread > 0.0:
+                if cell == kept + 1.0 and kept >= 0.0:
+                    lanes.hardness_left[i] = lanes.hardness_right[i]
+                else:
+                    lanes.hardness_left[i] = standard_normals(lanes, i, HARDNESS_CHANNEL, bar, cell)[0]
+                list_node(work, listed, i, HARDNESS_CHANNEL, cell + 1.0)
+                listed += 1
+            cell, kept = np.floor(along * p.depth_nodes_per_length), lanes.depth_cell[i]
+            lanes.depth_cell[i] = cell
+            if cell != kept and p.depth_along_spread > 0.0:
+                if cell == kept + 1.0 and kept >= 0.0:
+                    lanes.depth_left[i] = lanes.depth_right[i]
+                else:
+                    lanes.depth_left[i] = standard_normals(lanes, i, DEPTH_CHANNEL, bar, cell)[0]
+                list_node(work, listed, i, DEPTH_CHANNEL, cell + 1.0)
+                listed += 1
+    for k in range(listed):
+        i = work.node_lane[k]
+        work.node_word_0[k], work.node_word_1[k] = words(lanes, i, work.node_channel[k], lanes.bar[i], work.node_number[k])
+    for k in range(listed):
+        work.node_value[k] = normals_of(work.node_word_0[k], work.node_word_1[k])[0]
+    for k in range(listed):
+        if work.node_channel[k] == HARDNESS_CHANNEL:
+            lanes.hardness_right[work.node_lane[k]] = work.node_value[k]
+        else:
+            lanes.depth_right[work.node_lane[k]] = work.node_value[k]
+
+
+@compiled
+def list_node(work, k, i, channel, number):
+    """Put a node of a lane's bar on the list of those to be drawn."""
+    work.node_lane[k] = i
+    work.node_channel[k] = channel
+    work.node_number[k] = number
+
+
+@compiled
+def blend_nodes(lanes, work, i, parameters):
+    """Log hardness [-] without skin, and the blank's depth [mm] without ripple, from the bar's offsets and the nodes."""
+    p = parameters
+    share = work.along[i] * p.hardness_nodes_per_length - lanes.hardness_cell[i]
+    noise = between_nodes(lanes.hardness_left[i], lanes.hardness_right[i], share)
+    hardness = p.log_lot_hardness + p.hardness_bar_spread * lanes.bar_hardness_normal[i] + p.hardness_along_spread * noise
+    lanes.log_hardness[i] = hardness if work.engaged[i] > 0.0 else lanes.log_hardness[i]
+    share = work.along[i] * p.depth_nodes_per_length - lanes.depth_cell[i]
+    noise = between_nodes(lanes.depth_left[i], lanes.depth_right[i], share)
+    depth = work.nominal_depth[i] + p.depth_bar_spread * lanes.bar_depth_normal[i]
+    work.blank_depth[i] = depth + p.depth_along_spread * noise
+
+
+@compiled
+def limit_depth(lanes, work, i):
+    """The depth of cut [mm] is what stands between the pass's floor and its ceiling, of a blank that is never quite gone."""
+    blank = max(work.blank_depth[i], LEAST_DEPTH_SHARE * work.nominal_depth[i])
+    work.blank_depth[i] = blank
+    depth = min(blank, lanes.pass_ceiling[i]) - lanes.pass_floor[i]
+    lanes.depth_of_cut[i] = depth if work.engaged[i] > 0.0 else lanes.depth_of_cut[i]
+
+
+@compiled
+def cut_skin(lanes, work, i, parameters):
     """Let what the cut holds of the skin, the outermost of a blank's depth [mm], harden the cut and wear the edge."""
-    lowest = max(depth - parameters.skin_thickness, lane.pass_floor)
-    share = max(min(depth, lane.pass_ceiling) - lowest, 0.0) / lane.depth_of_cut
-    lane.log_hardness += math.log1p(share * (parameters.skin_hardness - 1.0))
-    lane.log_skin_wear = math.log1p(share * (parameters.skin_wear - 1.0))
+    p = parameters
+    lowest = max(work.blank_depth[i] - p.skin_thickness, lanes.pass_floor[i])
+    skin = max(min(work.blank_depth[i], lanes.pass_ceiling[i]) - lowest, 0.0)
+    cutting = min(work.engaged[i], lanes.depth_of_cut[i]) > 0.0
+    share = skin / lanes.depth_of_cut[i] if cutting else 0.0
+    lanes.log_hardness[i] += logarithm(1.0 + share * (p.skin_hardness - 1.0))
+    lanes.log_skin_wear[i] = logarithm(1.0 + share * (p.skin_wear - 1.0)) if work.engaged[i] > 0.0 else lanes.log_skin_wear[i]
 
 
 @compiled
-def probe_next_bar(lane, parameters):
+def probe_next_bar(lanes, i, parameters):
     """Measure the mean depth [mm] of what is to be cut of the bar before which the tool stands."""
-    bar = np.rint(lane.path * parameters.bars_per_path)
-    depth = parameters.depth_of_cut + parameters.depth_bar_spread * standard_normals(lane, BAR_CHANNEL, bar, 0)[1]
-    lane.probed_depth = max(depth, LEAST_DEPTH_SHARE * parameters.depth_of_cut)
+    p = parameters
+    bar = np.rint(lanes.path[i] * p.bars_per_path)
+    depth = p.depth_of_cut + p.depth_bar_spread * standard_normals(lanes, i, BAR_CHANNEL, bar, 0)[1]
+    lanes.probed_depth[i] = max(depth, LEAST_DEPTH_SHARE * p.depth_of_cut)

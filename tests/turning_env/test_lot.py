@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.turning_env.playing import UNDISTURBED, assert_same_bytes, changed, fixed_actions, play
 from turning_env import RoughTurningEnv, Scenario, read
 from turning_env.lathes import MOST_SEED
-from turning_env.records import LANE, new_records, parameter_records
+from turning_env.records import LANES, WORK, new_records, parameter_records
 from turning_env.workpiece import look_up_fields
 
 STEADY = changed(UNDISTURBED, control={"interval": 1})
@@ -81,11 +81,11 @@ def test_skin_hardens_the_cut_and_wears_the_edge_by_its_share_of_depth():
 def test_of_several_passes_those_that_reach_the_skin_cut_it(floor, ceiling, share):
     """A blank of 2.5 mm, the outer 0.5 mm of which are skin."""
     parameters = parameter_records(with_lot(**SKIN))[0]
-    lane = new_records(LANE, 1)[0]
-    lane.bar, lane.pass_floor, lane.pass_ceiling = -1, floor, ceiling
-    look_up_fields(lane, parameters, 0.0)
-    assert math.exp(lane.log_hardness) == pytest.approx(1 + 0.4 * share, rel=1e-12)
-    assert math.exp(lane.log_skin_wear) == pytest.approx(1 + 0.5 * share, rel=1e-12)
+    lanes, work = new_records(LANES, 1)[0], new_records(WORK, 1)[0]
+    lanes.bar[0], lanes.pass_floor[0], lanes.pass_ceiling[0], work.engaged[0] = -1, floor, ceiling, 1.0
+    look_up_fields(lanes, work, 0, 1, parameters)
+    assert math.exp(lanes.log_hardness[0]) == pytest.approx(1 + 0.4 * share, rel=1e-12)
+    assert math.exp(lanes.log_skin_wear[0]) == pytest.approx(1 + 0.5 * share, rel=1e-12)
 
 
 def test_a_lot_of_inserts_wears_more():

@@ -2,6 +2,7 @@
 
 import copy
 import re
+import tracemalloc
 
 import gymnasium
 import numpy as np
@@ -12,6 +13,8 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, fixed_actions, play
 from tests.turning_env.test_env import BAD_ACTIONS
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
+from turning_env.crew import BLOCKS_CLAIMED, LEAST_BLOCKS, Crew
+from turning_env.records import WIDTH
 
 INTERVALS = 80
 
@@ -202,6 +205,8 @@ def test_bad_arguments_are_refused():
         RoughTurningVectorEnv(0)
     with pytest.raises(ValueError, match="render_mode is 'human'"):
         RoughTurningVectorEnv(1, render_mode="human")
+    with pytest.raises(ValueError, match="threads is 0, but must be at least 1"):
+        RoughTurningVectorEnv(1, threads=0)
     with pytest.raises(ValueError, match="Sometimes"):
         RoughTurningVectorEnv(1, autoreset_mode="Sometimes")
 
@@ -226,3 +231,50 @@ def test_a_copy_goes_on_alike():
     answers = [env.step(action) for action in actions[10:]]
     for answer, action in zip(answers, actions[10:], strict=True):
         assert_same_answers(twin.step(action), answer)
+
+
+def test_threads_share_the_lanes_and_change_nothing():
+    lanes = (LEAST_BLOCKS + BLOCKS_CLAIMED) * WIDTH + 5
+    alone, shared = (RoughTurningVectorEnv(lanes, SHORT_LIVED, "SameStep", threads=threads) for threads in (1, 3))
+    assert_same_answers(shared.reset(seed=3), alone.reset(seed=3))
+    for actions in fixed_actions(35, lanes):
+        assert_same_answers(shared.step(actions), alone.step(actions))
+    shared.close()
+
+
+def test_an_error_in_a_thread_comes_out():
+    def step(place, first, last):
+        raise RuntimeError(place)
+
+    crew = Crew(["own", "helper"])
+    with pytest.raises(RuntimeError, match=r"own|helper"):
+        crew.run(step, LEAST_BLOCKS)
+    crew.dismiss()
+
+
+@pytest.mark.parametrize("keep", [False, True])
+def test_a_step_allocates_nothing_for_its_lanes(keep):
+    """Beyond the dictionary of views that infos are. A lane has less than a kilobyte, and what is kept of the last answer."""
+    lanes = 4096
+    actions = fixed_actions(40, lanes)
+    tracemalloc.start()
+    try:
+        env = RoughTurningVectorEnv(lanes)
+        env.reset(seed=0)
+        kept = None
+        for action in actions[:20]:
+            answer = env.step(action)
+            kept = answer if keep else None
+            del answer
+        before, _ = tracemalloc.get_traced_memory()
+        tracemalloc.reset_peak()
+        for action in actions[20:]:
+            answer = env.step(action)
+            kept = answer if keep else None
+            del answer
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert (kept is not None) == keep
+    assert peak - before < 50_000
+    assert before / lanes < (1400 if keep else 1000)

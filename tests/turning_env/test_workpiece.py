@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.turning_env.playing import UNDISTURBED, changed
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.records import LANE, new_records, parameter_records
+from turning_env.records import LANES, WORK, new_records, parameter_records
 from turning_env.workpiece import LEAST_DEPTH_SHARE, between_nodes, look_up_fields, position_in_row
 
 WORKPIECE = Scenario().workpiece
@@ -17,13 +17,14 @@ WORKPIECE = Scenario().workpiece
 
 def fields(scenario: Scenario, cuts, seed: int = 0):
     """(Relative hardness [-], depth of cut [mm]) at cut coordinates [mm], in the order given."""
-    lane = new_records(LANE, 1)[0]
-    lane.seed, lane.bar, lane.pass_ceiling = seed, -1, math.inf
+    lanes, work = new_records(LANES, 1)[0], new_records(WORK, 1)[0]
+    lanes.seed[0], lanes.bar[0], lanes.pass_ceiling[0], work.engaged[0] = seed, -1, math.inf, 1.0
     parameters = parameter_records(scenario)[0]
     values = np.empty((2, len(cuts)))
     for i, cut in enumerate(cuts):
-        look_up_fields(lane, parameters, float(cut))
-        values[:, i] = math.exp(lane.log_hardness), lane.depth_of_cut
+        work.middle[0] = cut
+        look_up_fields(lanes, work, 0, 1, parameters)
+        values[:, i] = math.exp(lanes.log_hardness[0]), lanes.depth_of_cut[0]
     return values
 
 

@@ -1,0 +1,23 @@
+"""The growth benchmark measures, prints and draws."""
+
+import pytest
+
+from benchmarks import growth
+
+
+def test_it_prints_and_draws(tmp_path, capsys):
+    plot = tmp_path / "growth.svg"
+    assert growth.main([str(plot), "--most", "64", "--repeats", "1", "--seconds", "0.001"]) == 0
+    assert plot.read_text("utf-8").startswith("<?xml")
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["lanes", "1", "8", "64"]
+
+
+def test_a_lane_of_many_takes_less_than_a_kilobyte():
+    assert growth.bytes_per_lane(4096) < 1000
+
+
+@pytest.mark.parametrize("arguments", [["x.svg", "--most", "0"], ["x.svg", "--seconds", "0"], []])
+def test_bad_arguments_are_refused(arguments, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        growth.main(arguments)
+    assert "usage" in capsys.readouterr().err

@@ -1,0 +1,85 @@
+"""The arrays in which an interval of all lanes is told, and how they are used again without a caller noticing."""
+
+import sys
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
+
+_LINE, _PAGE = 8, 512  # numbers of a cache line and of a memory page
+_FLAG_ROWS = [REPORT_FIELDS.index(name) for name in REPORT_FLAGS]
+
+
+class Answers:
+    """What one interval of ``count`` lanes gave.
+
+    Attributes:
+        observations: float32, shape (count, entries).
+        rewards: float64, shape (count,), in s of machine time.
+        ends: bool, shape (2, count): terminated and truncated.
+        padded_table: float64, what is reported, a row for each of ``REPORT_FIELDS``; rows may be longer than there are lanes.
+        flags: bool, shape (len(REPORT_FLAGS), count): those fields that are flags, if ``note_flags`` was called.
+    """
+
+    def __init__(self, count: int, entries: int) -> None:
+        self.observations = np.zeros((count, entries), np.float32)
+        self.rewards = np.zeros(count, np.float64)
+        self.ends = np.zeros((2, count), np.bool_)
+        # Rows a whole number of memory pages apart would fall into the same few places of the processor's first cache.
+        padding = _LINE if count % _PAGE < _LINE <= count else 0
+        self.padded_table = np.zeros((len(REPORT_FIELDS), count + padding), np.float64)
+        self.flags = np.zeros((len(REPORT_FLAGS), count), np.bool_)
+
+    @property
+    def table(self) -> NDArray[np.float64]:
+        """What is reported of all lanes: shape (len(REPORT_FIELDS), count); see ``records.py`` for the fields and units."""
+        return self.padded_table[:, : len(self.rewards)]
+
+    def note_flags(self) -> None:
+        """Fill ``flags`` from the table."""
+        for row, flags in zip(_FLAG_ROWS, self.flags, strict=True):
+            np.not_equal(self.table[row], 0.0, out=flags)
+
+    def put(self, other: "Answers") -> None:
+        """Take over what another interval of as many lanes gave."""
+        for ours, theirs in zip(self._arrays(), other._arrays(), strict=True):
+            ours[...] = theirs
+
+    def references(self) -> int:
+        """The most references that any of the arrays has; a view of an array holds one to the array itself."""
+        return max(sys.getrefcount(array) for array in self._arrays())
+
+    def _arrays(self) -> tuple[NDArray[Any], ...]:
+        return self.observations, self.rewards, self.ends, self.padded_table, self.flags
+
+
+_UNUSED = Answers(1, 1)
+_UNHELD = _UNUSED.references()
+"""References to arrays that nobody else holds, as ``references`` counts them."""
+
+
+_MOST_KEPT = 3
+
+
+class AnswerPool:
+    """Arrays to answer in: those that nobody holds any more are used again, so that what was returned stays as it was.
+
+    Who keeps nothing but the last answer makes two sets of arrays take turns.
+    """
+
+    def __init__(self, count: int, entries: int) -> None:
+        self._count, self._entries = count, entries
+        self._pool: list[Answers] = []
+
+    def next(self) -> Answers:
+        """Answers that nobody holds, with whatever they held before."""
+        for place in reversed(range(len(self._pool))):  # the last one used first: it is still in the processor's cache
+            if self._pool[place].references() <= _UNHELD:
+                self._pool.append(self._pool.pop(place))
+                return self._pool[-1]
+        if len(self._pool) == _MOST_KEPT:
+            del self._pool[0]  # whoever holds it keeps it
+        self._pool.append(Answers(self._count, self._entries))
+        return self._pool[-1]
