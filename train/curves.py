@@ -138,7 +138,7 @@ def draw(title: str, found: Mapping[str, Curve], levels: Mapping[str, float], ag
     axes.set_title(title, loc="left", fontsize="small")
     axes.grid(linewidth=0.4)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(loc="lower right", frameon=False)
+    axes.legend(loc="lower right", framealpha=1.0, edgecolor="none")
     return figure
 
 
