@@ -12,74 +12,20 @@ import os
 import platform
 import statistics
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import cycle
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium
-import numpy as np
-from tqdm import tqdm
 
+from benchmarks.timing import Case, Timing, many, measure, one
 from turning_env import IDS, RoughTurningVectorEnv
 from turning_env.files import replace_file
 
 LANES = (1, 16, 256, 4096, 65536)
 REFERENCE = "Gymnasium Pendulum, unwrapped"
 OURS = "RoughTurning"
-_BATCHES = 16  # of actions, taken in turn
 _SCAN = 64  # steps in one call of a compiled loop
-
-
-class Case(NamedTuple):
-    """Something to time: ``step`` makes ``steps`` environment steps per call."""
-
-    name: str
-    lanes: int
-    steps: int
-    step: Callable[[], object]
-
-
-@dataclass(frozen=True)
-class Timing:
-    """What one turn of a case took."""
-
-    rate: float
-    """Environment steps per second of wall time."""
-    cpu_rate: float
-    """The same per second of CPU time, of all threads."""
-
-
-def actions_of(space: gymnasium.Space[Any], *batch: int) -> Callable[[], Any]:
-    """Gives random actions of a space in turn, each with these dimensions before the space's own."""
-    rng = np.random.default_rng(0)
-    if isinstance(space, gymnasium.spaces.Discrete):
-        drawn: Any = rng.integers(0, space.n, (_BATCHES, *batch))
-    else:
-        assert isinstance(space, gymnasium.spaces.Box)
-        drawn = rng.uniform(space.low, space.high, (_BATCHES, *batch, *space.shape)).astype(space.dtype)
-    return cycle(drawn).__next__
-
-
-def one(name: str, env: gymnasium.Env[Any, Any]) -> Case:
-    """A single environment, reset whenever its episode ends."""
-    env.reset(seed=0)
-    action = actions_of(env.action_space)
-
-    def step() -> None:
-        _, _, terminated, truncated, _ = env.step(action())
-        if terminated or truncated:
-            env.reset()
-
-    return Case(name, 1, 1, step)
-
-
-def many(name: str, env: Any, lanes: int, space: gymnasium.Space[Any]) -> Case:
-    """Environments side by side, which start their next episodes by themselves."""
-    action = actions_of(space, lanes)
-    return Case(name, lanes, lanes, lambda: env.step(action()))
 
 
 def gymnasium_cases() -> Iterator[Case]:
@@ -177,35 +123,6 @@ def importable_cases(report: Callable[[str], None]) -> list[Case]:
         except Exception as error:  # whatever a peer does must not hinder the others
             report(f"left out: {module} does not run here: {type(error).__name__}: {error}")
     return [*cases, *our_cases()]
-
-
-def timed(case: Case, count: int) -> Timing:
-    """So many calls of a case."""
-    wall, cpu = time.perf_counter(), time.process_time()
-    for _ in range(count):
-        case.step()
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    steps = count * case.steps
-    return Timing(steps / wall, steps / max(cpu, 1e-9))
-
-
-def measure(cases: Sequence[Case], repeats: int, seconds: float) -> list[list[Timing]]:
-    """Timings of every case (first index) in every turn (second), each of about ``seconds`` of wall time."""
-    counts = []
-    for case in cases:
-        case.step()  # compiles, or loads what was compiled
-        count = 1
-        while (taken := count * case.steps / timed(case, count).rate) < 0.2 * seconds:
-            count *= 2
-        counts.append(max(1, round(count * seconds / taken)))
-    timings: list[list[Timing]] = [[] for _ in cases]
-    with tqdm(total=repeats * len(cases), unit="case", dynamic_ncols=True, disable=None) as bar:
-        for _ in range(repeats):
-            for case, count, turns in zip(cases, counts, timings, strict=True):
-                bar.set_description(f"{case.name}, {case.lanes}")
-                turns.append(timed(case, count))
-                bar.update()
-    return timings
 
 
 class Row(NamedTuple):

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import peers
-from benchmarks.peers import Case, Timing
+from benchmarks.timing import Case, Timing
 
 
 def test_ratios_are_taken_within_a_turn() -> None:
