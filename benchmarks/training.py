@@ -119,6 +119,7 @@ def measure(repeats: int, lanes: int, folder: Path) -> dict[str, list[float]]:
     for env in (separate, joint):
         env.seed(0)
         env.reset()
+        stepping(env, 2)  # not timed: what the first steps load
     many = [PPO("MlpPolicy", make(lanes), **MANY_LANES) for make in (singles, together)]
     usual = new_model(ppo_run(folder), ppo.ALGORITHM)
     measured: dict[str, list[float]] = {"stepping": [], "training": [], "share": []}
