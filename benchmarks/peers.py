@@ -199,18 +199,20 @@ def plot(rows: Sequence[Row], path: Path) -> None:
     figure = Figure(figsize=(8.0, 4.8), layout="constrained")
     axes = figure.add_subplot()
     names = [name for name in dict.fromkeys(row.name for row in rows) if "unwrapped" not in name]
-    for number, name in enumerate(names):
+    seen = {True: 0, False: 0}
+    for name in names:
         of_name = [row for row in rows if row.name == name]
         ours = name.startswith(OURS)
         axes.plot(
             [row.lanes for row in of_name],
             [row.rate for row in of_name],
-            marker="os^Dv<>*Pp"[number % 10],
+            marker="os^Dv<>*Pp"[seen[ours] % 10],
             linewidth=2.0 if ours else 1.0,
             linestyle="-" if ours else "--",
-            color=f"C{number % 10}",
+            color="#0072B2" if ours else ("#D55E00", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#000000")[seen[ours] % 6],
             label=name,
         )
+        seen[ours] += 1
     axes.set(xscale="log", yscale="log", xlabel="environments side by side", ylabel="environment steps per second")
     axes.set_xticks(LANES, [str(lanes) for lanes in LANES])
     axes.grid(True, which="major", alpha=0.3)

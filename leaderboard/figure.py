@@ -44,24 +44,29 @@ def write(board: Board, path: Path) -> None:
 
 def _intervals(axes: Axes, board: Board) -> None:
     fixed = references(board.task.scenario).fixed
-    for place, standing in enumerate(board.standings):
+    # References first: nobody can be better.
+    standings = sorted(board.standings, key=lambda standing: standing.kind != "reference")
+    for place, standing in enumerate(standings):
         estimate, colour = standing.mean_return, BLUE if standing.admissible else VERMILLION
+        colour = GREY if standing.kind == "reference" else colour
         axes.plot([estimate.low, estimate.high], [place, place], color=colour)
         axes.plot(estimate.value, place, "o", color=colour, markerfacecolor=colour if standing.admissible else "white")
         if standing.name == fixed:
             axes.axvline(estimate.value, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
-    labels = [standing.name for standing in board.standings]
+    labels = [f"({standing.name})" if standing.kind == "reference" else standing.name for standing in standings]
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.5, -0.5)
     # Logarithmic away from 0: the poorest policies lie many times farther off than the best lie apart.
     axes.set_xscale("symlog", linthresh=100)
-    axes.xaxis.set_major_locator(SymmetricalLogLocator(base=10, linthresh=100, subs=(1.0, 3.0)))
+    axes.xaxis.set_major_locator(SymmetricalLogLocator(base=10, linthresh=100, subs=(1.0,)))
     lowest = min(standing.mean_return.low for standing in board.standings)
     highest = max(standing.mean_return.high for standing in board.standings)
     axes.set_xlim(lowest - 0.2 * abs(lowest), highest + 0.2 * abs(highest))
     axes.xaxis.set_major_formatter("{x:.0f}")
     axes.set_xlabel("mean return with 95 % interval [s], log scale")
-    axes.set_title(f"{len(board.task.draws)} held-out draws; hollow: not admissible", loc="left", fontsize="small")
+    axes.set_title(
+        f"{len(board.task.draws)} held-out draws\nhollow: not admissible; grey: references", loc="left", fontsize="small"
+    )
     axes.grid(axis="x", linewidth=0.4)
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(axis="y", length=0)
