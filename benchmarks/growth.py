@@ -12,10 +12,7 @@ import tracemalloc
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-from matplotlib import pyplot
+from matplotlib.figure import Figure
 
 from benchmarks.throughput import MAIN, rates, vector
 from turning_env.files import replace_file
@@ -55,14 +52,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for lanes, speed, size in zip(counts, speeds, sizes, strict=True):
         print(f"{lanes:>8}  {speed:>16,.0f}  {1e9 / speed:>11,.0f}  {size:>14,.0f}")
 
-    figure, (upper, lower) = pyplot.subplots(2, 1, sharex=True, figsize=(7, 6), layout="constrained")
+    figure = Figure(figsize=(7, 6), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
     upper.loglog(counts, speeds, "o-")
     upper.set_ylabel("steps per second")
     lower.loglog(counts, sizes, "o-")
     lower.set_ylabel("bytes per lane")
     lower.set_xlabel(f"lanes of {MAIN}")
     replace_file(options.plot, figure.savefig)
-    pyplot.close(figure)
     return 0
 
 

@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 
 import gymnasium
 
+from benchmarks.throughput import MAIN, single, vector
 from benchmarks.timing import Case, Timing, many, measure, one
-from turning_env import IDS, RoughTurningVectorEnv
+from turning_env import IDS
 from turning_env.files import replace_file
 
 LANES = (1, 16, 256, 4096, 65536)
@@ -40,14 +41,11 @@ def gymnasium_cases() -> Iterator[Case]:
 
 def our_cases() -> Iterator[Case]:
     """This project's."""
-    main = f"{OURS}-v0"
-    yield one(f"{main}, unwrapped", gymnasium.make(main).unwrapped)
-    yield one(main, gymnasium.make(main))
-    for env_id, preset in IDS.items():
-        for lanes in LANES if env_id == main else (1024,):
-            env = RoughTurningVectorEnv(lanes, preset)
-            env.reset(seed=0)
-            yield many(f"{env_id}, vector", env, lanes, env.single_action_space)
+    yield single(MAIN)._replace(name=f"{MAIN}, unwrapped")
+    yield one(MAIN, gymnasium.make(MAIN))
+    for env_id in IDS:
+        for lanes in LANES if env_id == MAIN else (1024,):
+            yield vector(env_id, lanes)._replace(name=f"{env_id}, vector")
 
 
 def envpool_cases() -> Iterator[Case]:

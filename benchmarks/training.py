@@ -26,13 +26,13 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 from tqdm import tqdm
 
+from benchmarks.throughput import MAIN
 from train import ppo
 from train.run import Run
 from train.training import new_model
 from train.vec_env import RoughTurningVecEnv
 from turning_env import IDS, Scenario
 
-MAIN = "RoughTurning-v0"
 LANES = 1024
 MANY_LANES: dict[str, Any] = {"n_steps": 16, "batch_size": 4096, "n_epochs": 2, "device": "cpu", "seed": 0}
 """PPO for many lanes: long batches, few epochs."""
