@@ -25,7 +25,7 @@ def load(folder: Path) -> TrainedAgent:
         command=run.command,
         parameters=run.parameters,
         trained_intervals=run.parameters["intervals"],
-        digest=digest_of_files(folder, "*"),
+        digest=digest_of_files(folder, folder.rglob("*")),
         make=lambda lanes: ActorPolicy(actor, lanes),
     )
 

@@ -79,5 +79,8 @@ def _first_of(dtype: np.dtype[Any]) -> np.dtype[Any]:
 
 
 def source_digest(package: Path = Path(__file__).parent) -> str:
-    """SHA-256 over every Python file, names and contents, in the folder of a package: of this one, if none is given."""
-    return digest_of_files(package, "*.py")
+    """SHA-256 over the Python files, names and contents, of a package: of this one, if none is given.
+
+    What stands in folders below does not count: packages there draw or use what happens, and decide nothing of it.
+    """
+    return digest_of_files(package, package.glob("*.py"))

@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 
@@ -25,10 +25,10 @@ def replace_file(target: Path, write: Callable[[Path], object]) -> None:
         partial.unlink(missing_ok=True)
 
 
-def digest_of_files(folder: Path, pattern: str) -> str:
-    """SHA-256 over names and contents of the files in and below a folder whose names match a pattern."""
+def digest_of_files(folder: Path, paths: Iterable[Path]) -> str:
+    """SHA-256 over contents and names, as seen from ``folder``, of the paths that are files, in any order."""
     digest = hashlib.sha256()
-    for path in sorted(folder.rglob(pattern)):
+    for path in sorted(paths):
         if path.is_file():
             digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()

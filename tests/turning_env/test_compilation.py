@@ -69,9 +69,9 @@ def test_the_digest_of_the_sources_changes_with_every_file(tmp_path):
     (folder / "wear.py").rename(folder / "tear.py")
     digests.append(module.source_digest())
     (folder / "deeper").mkdir()
-    (folder / "wind.py").write_text("")
-    digests.append(module.source_digest())
-    (folder / "wind.py").rename(folder / "deeper" / "wind.py")
+    (folder / "deeper" / "wind.py").write_text("")
+    assert module.source_digest() == digests[-1]
+    (folder / "deeper" / "wind.py").rename(folder / "wind.py")
     digests.append(module.source_digest())
     assert len(set(digests)) == len(digests)
 
