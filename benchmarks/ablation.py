@@ -33,13 +33,13 @@ from tqdm import tqdm
 from baselines.edge_value import USED_LIVES, worth
 from baselines.overload import CONFIDENCE, ratio, severe_share
 from baselines.play import Episodes, play
+from baselines.workers import spread, workers
 from leaderboard.statistics import Bootstrap, Estimate
 from train import ppo
 from train.actor import Actor, ActorPolicy
 from train.run import Run
 from train.training import SEEDS, Algorithm, train
 from train.vec_env import RoughTurningVecEnv, of_interval
-from train.workers import spread, workers
 from turning_env import IDS, Scenario
 from turning_env.draws import tuning_draws
 from turning_env.files import replace_file

@@ -6,10 +6,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from baselines.workers import WorkersError, workers
 from leaderboard import generalisation, table
 from leaderboard.board import Board, read_board, read_boards
 from leaderboard.results import ResultError, Task, current_digests, result_folder
-from train.workers import WorkersError, workers
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
 from turning_env.draws import held_out_draws
 

@@ -9,6 +9,7 @@ from typing import Never
 from tqdm import tqdm
 
 from baselines.play import Episodes
+from baselines.workers import Workers, spread
 from leaderboard.board import read_board
 from leaderboard.contestants import Contestant, Player, Turn
 from leaderboard.references import references as known_references
@@ -31,7 +32,6 @@ from leaderboard.results import (
 from leaderboard.standings import References, Standing, check_alike, references
 from leaderboard.trajectories import Trajectories, Trajectory, record
 from train.trained_agent import ONNX_SUFFIX
-from train.workers import Workers, spread
 from turning_env import Scenario
 
 MOST_TRAJECTORIES = 3

@@ -12,6 +12,7 @@ from tqdm import tqdm
 
 from baselines import clairvoyant
 from baselines.play import EPISODE_FIELDS, Episodes
+from baselines.workers import Workers, spread
 from leaderboard import contestants, references, run
 from leaderboard.contestants import Player, Turn
 from leaderboard.results import (
@@ -31,7 +32,6 @@ from leaderboard.results import (
 )
 from train import agent_file, onnx_policy
 from train.trained_agent import ONNX_SUFFIX
-from train.workers import Workers, spread
 from turning_env import Scenario, presets
 
 

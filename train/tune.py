@@ -35,11 +35,11 @@ from tqdm import tqdm
 
 from baselines.overload import severe_limit
 from baselines.play import play
+from baselines.workers import cluster, processes
 from train.actor import ActorPolicy
 from train.run import Run, hyperparameters
 from train.storage import opened, shown
 from train.training import SEEDS, Algorithm, train
-from train.workers import cluster, processes
 from turning_env import IDS, Scenario
 from turning_env.draws import tuning_draws
 

@@ -6,11 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from baselines import catalogue, tune, tuned
+from baselines import catalogue, tuned
 from baselines.catalogue import RULES, entry, merged, names, playable
 from baselines.edge_changes import CHANGE_AT, TimelyChanges
 from baselines.fixed import FixedParameters
 from baselines.rule import Range, Rule
+from baselines.tune import __main__ as tune
 from turning_env import Scenario
 from turning_env.observation import bounds
 

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from baselines import study, tuned
+from baselines import tuned
 from baselines.catalogue import RULES
 from baselines.play import play
 from baselines.rule import Parameters, Range, Rule
-from baselines.study import Found, Played, middle, play_setting, search
+from baselines.tune import study
+from baselines.tune.study import Found, Played, Search, middle, play_setting, run_all
 from turning_env import Scenario
 from turning_env.draws import tuning_draws
 
@@ -58,6 +59,12 @@ def scored(monkeypatch: pytest.MonkeyPatch) -> Callable[[Score], Counted]:
 def hill(setting: Parameters) -> tuple[float, float]:
     """Highest at a share of 0.7, and admissible up to 0.6."""
     return -((setting["share"] - 0.7) ** 2), ALLOWANCE * setting["share"] / 0.6
+
+
+def search(name: str, rule: Rule, scenario: Scenario, trials: int, draws: int) -> Found:
+    searching = Search(name, rule, scenario, trials, draws)
+    run_all([searching])
+    return searching.found()
 
 
 def run(trials: int = 16, draws: int = 4) -> Found:

@@ -3,10 +3,12 @@ from pathlib import Path
 
 import pytest
 
-from baselines import study, tune, tuned
+from baselines import tuned
 from baselines.catalogue import RULES, entry
 from baselines.rule import Range, Rule
-from baselines.study import Played, play_setting
+from baselines.tune import __main__ as tune
+from baselines.tune import study
+from baselines.tune.study import Played, play_setting
 from turning_env import Scenario
 
 SHORT = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.1}})
@@ -49,6 +51,16 @@ def test_the_same_command_writes_the_same_file(folder: Path) -> None:
             "intervals_played": 36,
         }
     assert run(folder) == 0
+    assert path.read_text() == text
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_side_by_side_it_comes_to_the_same_file(folder: Path) -> None:
+    assert run(folder) == 0
+    path = folder / "tuned" / "short.json"
+    text = path.read_text()
+    path.unlink()
+    assert run(folder, "--jobs", "2") == 0
     assert path.read_text() == text
     assert list(path.parent.iterdir()) == [path]
 
@@ -107,6 +119,8 @@ def test_what_was_tuned_for_other_values_is_not_kept(folder: Path) -> None:
     ("arguments", "message"),
     [
         (["--draws", "0"], "0 draws asked for"),
+        (["--jobs", "0"], "0 jobs asked for"),
+        (["--scheduler", "nowhere"], "must be an address like tcp://host:8786"),
         (["--trials", "0"], "0 trials asked for"),
         (["--scenario", "nowhere"], "nowhere"),
         (["--scenario", "harder_lot"], "scenario 'harder_lot' has a lot of which rules are not told"),
@@ -139,4 +153,5 @@ def test_a_failing_rule_keeps_its_journal(folder: Path, monkeypatch: pytest.Monk
     with pytest.raises(ZeroDivisionError) as caught:
         run(folder)
     assert "while tuning fixed_tuned with {'cutting_speed': 125.0" in caught.value.__notes__[0]
-    assert [path.name for path in (folder / "tuned").iterdir()] == [".unfinished-short-fixed_tuned.log"]
+    assert (folder / "tuned" / ".unfinished-short-fixed_tuned.log").exists()
+    assert not (folder / "tuned" / "short.json").exists()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from baselines import workers
 from baselines.policy import Actions, Observations
 from leaderboard import run
 from leaderboard.__main__ import main
@@ -20,7 +21,6 @@ from leaderboard.results import ResultError, Task, read_result, result_folder, w
 from tests.dask_cluster import dask_cluster
 from tests.leaderboard.conftest import ENV_ID, Steady, contestant, record_of
 from tests.train import onnx_agents
-from train import workers
 from turning_env import IDS, Scenario
 
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from baselines.workers import Workers
 from tests.train.small import ALGORITHMS, PARAMETERS, SCENARIO
 from train import tune
 from train.run import hyperparameters
-from train.workers import Workers
 
 
 class AtOnce(Executor):

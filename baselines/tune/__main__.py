@@ -5,7 +5,8 @@
 
 Every rule gets the same number of trials on the same draws, however many parameters it has. What they amount to in episodes and
 control intervals is written down with the result; an agent's budget, to compare with, is ``intervals`` in
-``train/hyperparameters/ppo.toml``. How a rule is tuned: ``baselines/study.py``. Interrupted, the same command goes on.
+``train/hyperparameters/ppo.toml``. How a rule is tuned: ``baselines/tune/study.py``. Interrupted, the same command goes on.
+With ``--jobs`` or ``--scheduler`` rules are tuned side by side, to the same file (docs/scaling.md).
 """
 
 import argparse
@@ -15,9 +16,11 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from baselines import study, tuned
+from baselines import tuned
 from baselines.catalogue import RULES, names, playable
 from baselines.rule import Rule
+from baselines.tune import study
+from baselines.workers import WorkersError, workers
 from turning_env import Scenario
 from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
@@ -65,11 +68,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune these alone, and keep the others of the scenario's file")
     parser.add_argument("--trials", type=int, default=64, help="settings tried for each rule (default: 64)")
     parser.add_argument("--draws", type=int, default=32, help="tuning draws that each setting plays (default: 32)")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes that play, a rule each (default: 1)")
+    parser.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster play, such as tcp://host:8786")
     parsed = parser.parse_args(arguments)
     budget = {"trials": parsed.trials, "draws": parsed.draws}
     try:
         if parsed.trials < 1:
             raise ValueError(f"{parsed.trials} trials asked for, but there must be 1 or more")
+        if parsed.jobs < 1:
+            raise ValueError(f"{parsed.jobs} jobs asked for, but there must be 1 or more")
         tuning_draws(parsed.draws)
         scenario = Scenario.load(parsed.scenario)
         if scenario != scenario.as_told():
@@ -81,10 +88,16 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"error: {error.args[0]}", file=sys.stderr)
         return 2
     try:
-        found = {name: _search(name, rule, scenario, budget) for name, rule in chosen.items()}
+        with workers(parsed.jobs, parsed.scheduler) as over:
+            searches = [study.Search(name, rule, scenario, **budget) for name, rule in chosen.items()]
+            study.run_all(searches, over)
+    except WorkersError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print("interrupted: run the same command again to go on", file=sys.stderr)
         return 130
+    found = {search.name: _told(search, budget) for search in searches}
     # Read again, as another rule may have been tuned meanwhile.
     rules = found | (kept_rules(chosen, scenario, budget) if parsed.rules is not None else {})
     values = {
@@ -101,10 +114,10 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _search(name: str, rule: Rule, scenario: Scenario, budget: Budget) -> dict[str, Any]:
-    found = study.search(name, rule, scenario, **budget)
+def _told(search: study.Search, budget: Budget) -> dict[str, Any]:
+    found = search.found()
     admissible = "admissible" if found.feasible else "not admissible"
-    print(f"{name}: {found.parameters}, mean return {found.mean_return:.1f} s over {budget['draws']} draws, {admissible}")
+    print(f"{search.name}: {found.parameters}, mean return {found.mean_return:.1f} s over {budget['draws']} draws, {admissible}")
     return asdict(found)
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from baselines import workers
+from baselines.workers import WorkersError, processes, spread
 from tests.dask_cluster import dask_cluster
-from train import workers
-from train.workers import WorkersError, processes, spread
 
 PIECES = [(str(number), number) for number in range(5)]
 

@@ -24,7 +24,7 @@ from signal import SIG_IGN, SIGINT, signal
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
-from baselines.code import code_digest
+import baselines
 from turning_env.compilation import source_digest
 
 CONNECTING = 10.0
@@ -279,8 +279,9 @@ def _do(code: dict[str, str], work: Callable[..., Any], *arguments: Any) -> Any:
 @cache  # what has been imported goes on working, even if its file is changed meanwhile
 def _code() -> dict[str, str]:
     """What a result depends on beside its piece of work."""
-    sources = {"code": code_digest()[:16], "training code": source_digest(Path(__file__).parent)[:16]}
-    return sources | {name: _version(name) for name in _VERSIONS}
+    clone = Path(baselines.__path__[0]).parent
+    folders = sorted(path.parent for path in clone.glob("*/__init__.py"))
+    return {folder.name: source_digest(folder)[:16] for folder in folders} | {name: _version(name) for name in _VERSIONS}
 
 
 def _version(name: str) -> str:

@@ -1,0 +1,1 @@
+"""Tuning of the rules: ``python -m baselines.tune``."""
