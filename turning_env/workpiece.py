@@ -106,27 +106,15 @@ def pass_nodes(lanes, work, first, last, parameters):
     listed = 0
     for i in range(first, last):
         if work.passing[i] > 0:
-            bar, along = np.floor(work.middle[i] * p.bars_per_cut), work.along[i]
+            bar = np.floor(work.middle[i] * p.bars_per_cut)
             if bar != lanes.bar[i]:
                 enter_bar(lanes, i, bar)
-            cell, kept = np.floor(along * p.hardness_nodes_per_length), lanes.hardness_cell[i]
-            lanes.hardness_cell[i] = cell
-            if cell != kept and p.hardness_along_spread > 0.0:
-                if cell == kept + 1.0 and kept >= 0.0:
-                    lanes.hardness_left[i] = lanes.hardness_right[i]
-                else:
-                    lanes.hardness_left[i] = standard_normals(lanes, i, HARDNESS_CHANNEL, bar, cell)[0]
-                list_node(work, listed, i, HARDNESS_CHANNEL, cell + 1.0)
-                listed += 1
-            cell, kept = np.floor(along * p.depth_nodes_per_length), lanes.depth_cell[i]
-            lanes.depth_cell[i] = cell
-            if cell != kept and p.depth_along_spread > 0.0:
-                if cell == kept + 1.0 and kept >= 0.0:
-                    lanes.depth_left[i] = lanes.depth_right[i]
-                else:
-                    lanes.depth_left[i] = standard_normals(lanes, i, DEPTH_CHANNEL, bar, cell)[0]
-                list_node(work, listed, i, DEPTH_CHANNEL, cell + 1.0)
-                listed += 1
+            nodes = lanes.hardness_cell, lanes.hardness_left, lanes.hardness_right
+            listed += pass_node(
+                lanes, work, i, listed, HARDNESS_CHANNEL, nodes, p.hardness_nodes_per_length, p.hardness_along_spread
+            )
+            nodes = lanes.depth_cell, lanes.depth_left, lanes.depth_right
+            listed += pass_node(lanes, work, i, listed, DEPTH_CHANNEL, nodes, p.depth_nodes_per_length, p.depth_along_spread)
     for k in range(listed):
         i = work.node_lane[k]
         work.node_word_0[k], work.node_word_1[k] = words(lanes, i, work.node_channel[k], lanes.bar[i], work.node_number[k])
@@ -140,25 +128,42 @@ def pass_nodes(lanes, work, first, last, parameters):
 
 
 @compiled
-def list_node(work, k, i, channel, number):
-    """Put a node of a lane's bar on the list of those to be drawn."""
+def pass_node(lanes, work, i, k, channel, nodes, nodes_per_length, spread):
+    """Keep the nodes of a field on either side: (cell, left, right) of the block's lanes.
+
+    The one ahead, if it is another, is put on the list of those to be drawn, at place k. Return how many have been put there.
+    """
+    cells, left, right = nodes
+    cell, kept = np.floor(work.along[i] * nodes_per_length), cells[i]
+    cells[i] = cell
+    if cell == kept or spread == 0.0:
+        return 0
+    if cell == kept + 1.0 and kept >= 0.0:
+        left[i] = right[i]
+    else:
+        left[i] = standard_normals(lanes, i, channel, lanes.bar[i], cell)[0]
     work.node_lane[k] = i
     work.node_channel[k] = channel
-    work.node_number[k] = number
+    work.node_number[k] = cell + 1.0
+    return 1
 
 
 @compiled
 def blend_nodes(lanes, work, i, parameters):
     """Log hardness [-] without skin, and the blank's depth [mm] without ripple, from the bar's offsets and the nodes."""
     p = parameters
-    share = work.along[i] * p.hardness_nodes_per_length - lanes.hardness_cell[i]
-    noise = between_nodes(lanes.hardness_left[i], lanes.hardness_right[i], share)
+    noise = noise_along(work, i, lanes.hardness_cell, lanes.hardness_left, lanes.hardness_right, p.hardness_nodes_per_length)
     hardness = p.log_lot_hardness + p.hardness_bar_spread * lanes.bar_hardness_normal[i] + p.hardness_along_spread * noise
     lanes.log_hardness[i] = hardness if work.engaged[i] > 0.0 else lanes.log_hardness[i]
-    share = work.along[i] * p.depth_nodes_per_length - lanes.depth_cell[i]
-    noise = between_nodes(lanes.depth_left[i], lanes.depth_right[i], share)
+    noise = noise_along(work, i, lanes.depth_cell, lanes.depth_left, lanes.depth_right, p.depth_nodes_per_length)
     depth = work.nominal_depth[i] + p.depth_bar_spread * lanes.bar_depth_normal[i]
     work.blank_depth[i] = depth + p.depth_along_spread * noise
+
+
+@compiled
+def noise_along(work, i, cells, left, right, nodes_per_length):
+    """A field's unit-variance noise at the lane's place along the bar."""
+    return between_nodes(left[i], right[i], work.along[i] * nodes_per_length - cells[i])
 
 
 @compiled
