@@ -14,7 +14,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from benchmarks.throughput import MAIN, rates, vector
+from benchmarks.throughput import MAIN, vector
+from benchmarks.timing import measure
 from turning_env.files import replace_file
 
 LANES = (1, 8, 64, 512, 4096, 32768, 262144, 1048576)
@@ -47,7 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     bytes_per_lane(1)  # what is imported and loaded at the first step belongs to no lane
     sizes = [bytes_per_lane(lanes) for lanes in counts]
     cases = [vector(MAIN, lanes, batches=2, threads=options.threads) for lanes in counts]
-    speeds = [statistics.median(row) for row in rates(cases, options.repeats, options.seconds)]
+    measured = measure(cases, options.repeats, options.seconds)
+    speeds = [statistics.median(turn.rate for turn in turns) for turns in measured]
     print(f"{'lanes':>8}  {'steps per second':>16}  {'ns per lane':>11}  {'bytes per lane':>14}")
     for lanes, speed, size in zip(counts, speeds, sizes, strict=True):
         print(f"{lanes:>8}  {speed:>16,.0f}  {1e9 / speed:>11,.0f}  {size:>14,.0f}")

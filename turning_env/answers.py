@@ -47,6 +47,19 @@ class Answers:
         for ours, theirs in zip(self._arrays(), other._arrays(), strict=True):
             ours[...] = theirs
 
+    def move(
+        self,
+        observations: NDArray[np.float32],
+        rewards: NDArray[np.float64],
+        ends: NDArray[np.bool_],
+        padded_table: NDArray[np.float64],
+    ) -> None:
+        """Go on in other arrays, with what these hold."""
+        before = self._arrays()
+        self.observations, self.rewards, self.ends, self.padded_table = observations, rewards, ends, padded_table
+        for ours, earlier in zip(self._arrays(), before, strict=True):
+            ours[...] = earlier
+
     def references(self) -> int:
         """The most references that any of the arrays has; a view of an array holds one to the array itself."""
         return max(sys.getrefcount(array) for array in self._arrays())

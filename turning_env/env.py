@@ -8,11 +8,11 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from turning_env.lathes import Lathes, action_space, checked_seed, observation_space
-from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
+from turning_env.info import Info, info_of
+from turning_env.lathes import action_space, checked_seed, observation_space
+from turning_env.lone_lathe import TERMINATED, TRUNCATED, LoneLathe
 from turning_env.scenario import Scenario
 
-Info = dict[str, Any]
 _ONLY_LANE = np.ones(1, np.bool_)
 
 
@@ -127,7 +127,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = None
         self.observation_space = observation_space(self.scenario)
         self.action_space = action_space(self.scenario)
-        self._lathes = Lathes(self.scenario, 1)
+        self._lathes = LoneLathe(self.scenario)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
         """Start episode 0 of ``seed``, or without one the next episode of the present seed. There are no options."""
@@ -143,24 +143,17 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             lathes.seed(0, seed)
             lathes.seeded = True
             lathes.start(_ONLY_LANE)
-        return lathes.answers.observations[0].copy(), self._info()
+        return lathes.observation.copy(), info_of(lathes.report.tolist())
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
         """Run one control interval. See the class's description for shapes, units and errors."""
         lathes = self._lathes
-        if not lathes.seeded or lathes.ended.item(0):
+        if not lathes.under_way:
             raise ResetNeeded("call reset() first: no episode is under way")
         try:
-            lathes.step((action,))
+            end = lathes.step(action)
         except ValueError as error:
             numbers = f"{lathes.action_size} finite number" + "s" * (lathes.action_size != 1)
             raise ValueError(f"an action must be {numbers}, got {action!r}") from error
-        answers = lathes.answers
-        ends = answers.ends
-        return answers.observations[0].copy(), answers.rewards.item(), ends.item(0), ends.item(1), self._info()
-
-    def _info(self) -> Info:
-        info: Info = dict(zip(REPORT_FIELDS, self._lathes.answers.padded_table.ravel().tolist(), strict=True))
-        for flag in REPORT_FLAGS:
-            info[flag] = info[flag] != 0.0
-        return info
+        info = info_of(lathes.report.tolist())
+        return lathes.observation.copy(), lathes.answers.rewards.item(), end == TERMINATED, end == TRUNCATED, info

@@ -1,6 +1,6 @@
 """Many lathes side by side, and the compiled loops over them. One lathe or thousands, the transition is the same."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
@@ -54,16 +54,22 @@ def write_lanes(lanes, work, report, rows, first, last, parameters, start, obser
             observations[start + i, k] = work.observation[k, i]
 
 
+@compiled
+def count_unfit(actions):
+    """How many numbers of some actions are not finite."""
+    unfit = 0
+    for lane in range(actions.shape[0]):
+        for k in range(actions.shape[1]):
+            unfit += 0 if abs(actions[lane, k]) < np.inf else 1
+    return unfit
+
+
 def _entries(digest: str) -> tuple[Any, Any, Any]:
     @compiled_entry
     def first_unfit(actions):
         """The first lane whose action, of shape (lanes, action size), is not finite, or -1."""
         digest  # noqa: B018 - see compiled_entry
-        unfit = 0
-        for lane in range(actions.shape[0]):
-            for k in range(actions.shape[1]):
-                unfit += 0 if abs(actions[lane, k]) < np.inf else 1
-        if unfit > 0:
+        if count_unfit(actions) > 0:
             for lane in range(actions.shape[0]):
                 for k in range(actions.shape[1]):
                     if not np.isfinite(actions[lane, k]):
@@ -121,13 +127,12 @@ class Desk:
 
     Attributes:
         records: what the entries take first.
+        rows: a report's fields as the rows of one array, float64, shape (len(REPORT_FIELDS), WIDTH).
     """
 
-    def __init__(self, blocks: Any, parameters: Any) -> None:
-        report = new_records(REPORT, 1)
-        rows = report.view(np.ndarray).view(np.float64).reshape(len(REPORT_FIELDS), WIDTH)
-        records = (blocks, parameters, new_records(WORK, 1), report)
-        self.records = (*(handed_over(record) for record in records), rows)
+    def __init__(self, blocks: Any, parameters: Any, work: Any, report: Any) -> None:
+        self.rows = np.ndarray((len(REPORT_FIELDS), WIDTH), np.float64, report)
+        self.records = (*(handed_over(record) for record in (blocks, parameters, work, report)), self.rows)
 
 
 class Lathes:
@@ -143,6 +148,8 @@ class Lathes:
         ended: whether the episode of a lane has ended, 0 or 1, shape (blocks, WIDTH).
     """
 
+    _NOT_KEPT: ClassVar[tuple[str, ...]] = ("ended", "_given", "_desk", "_crew")
+
     def __init__(self, scenario: Scenario, count: int, threads: int = 1) -> None:
         self.count = count
         self._threads = threads
@@ -157,14 +164,18 @@ class Lathes:
 
     def _prepare(self) -> None:
         """Make what is not kept with a copy or a pickle: views, and the records that the transition notes things down in."""
+        self._given = self._actions
+        places = [(new_records(WORK, 1), new_records(REPORT, 1)) for _ in range(self._threads)]
+        self._set_up([Desk(self._blocks, self._parameters, work, report) for work, report in places])
+
+    def _set_up(self, desks: list[Desk]) -> None:
         self.ended: NDArray[np.int64] = self._blocks["ended"]
-        self._shape = (self.count, self.action_size)
-        desks = [Desk(self._blocks, self._parameters) for _ in range(self._threads)]
+        self._shape = self._given.shape
         self._desk = desks[0]
         self._crew = Crew(desks)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name not in ("ended", "_desk", "_crew")}
+        return {name: value for name, value in self.__dict__.items() if name not in self._NOT_KEPT}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -193,6 +204,9 @@ class Lathes:
             ValueError: the actions are not numbers of shape (count, action_size), or not finite; no lane has moved then.
         """
         self._take(actions)
+        refused = _first_unfit(self._actions)
+        if refused >= 0:
+            raise ValueError(f"the action of lane {refused} must be finite, got {self._actions[refused].tolist()}")
         answers, given = self.answers, self._actions
         told = (given, answers.observations, answers.rewards, answers.ends, answers.padded_table)
         self._crew.run(lambda desk, first, last: _step_blocks(*desk.records, *told, first, last), len(self.ended))
@@ -210,7 +224,4 @@ class Lathes:
             raise ValueError(f"actions must be numbers of shape {self._shape}, got {actions!r}")
         if given.shape != self._shape:
             raise ValueError(f"actions must have shape {self._shape}, got {given.shape}")
-        self._actions[...] = given
-        refused = _first_unfit(self._actions)
-        if refused >= 0:
-            raise ValueError(f"the action of lane {refused} must be finite, got {self._actions[refused].tolist()}")
+        self._given[...] = given

@@ -83,7 +83,7 @@ def test_the_digest_is_of_a_folder_s_sources_and_nothing_else(tmp_path):
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
 def test_the_compiler_s_cache_is_keyed_by_the_digest():
-    from turning_env import lathes
+    from turning_env import lathes, lone_lathe
 
-    for entry in (lathes._first_unfit, lathes._start_lanes, lathes._step_blocks):
+    for entry in (lathes._first_unfit, lathes._start_lanes, lathes._step_blocks, lone_lathe._step_lone):
         assert source_digest() in [cell.cell_contents for cell in entry.py_func.__closure__]
