@@ -3,6 +3,10 @@
     python -m train.export runs/RoughTurning-v0/rough_turning/ppo-seed0 --out agents/RoughTurning-v0/rough_turning
 
 A file is only written if it acts as the agent does, on observations drawn from the whole observation space and on those of play.
+
+    python -m train.export nc --help
+
+writes what agents and rules command as programs for a lathe's control: see ``train/nc``.
 """
 
 import argparse
@@ -247,7 +251,16 @@ def latency(policy: Policy, entries: int) -> float:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m train.export", description="Write finished agents as ONNX files.")
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments[:1] in (["nc"], ("nc",)):
+        from train.nc.command import main as nc
+
+        return nc(arguments[1:])
+    parser = argparse.ArgumentParser(
+        prog="python -m train.export",
+        description="Write finished agents as ONNX files.",
+        epilog="Programs for a lathe's control are written by: python -m train.export nc --help",
+    )
     parser.add_argument("folders", nargs="+", type=Path, metavar="RUN_FOLDER", help="finished trainings of your own")
     parser.add_argument("--out", required=True, type=Path, metavar="FOLDER", help="where the files are written")
     parser.add_argument("--json", action="store_true", help="print one line of JSON per file")

@@ -1,0 +1,128 @@
+"""The command line writes programs that were read back and played, or nothing."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.train import onnx_agents
+from train import export
+from train.nc import command, simulate
+from train.nc.read import read_file
+from train.nc.schedule import Sums
+from train.nc.write import WARNING
+
+
+def run(*arguments: str) -> int:
+    return export.main(["nc", *arguments])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "scenario"),
+    [
+        (("schedule", "--rule", "fixed_handbook", "--draw", "1"), "rough_turning"),
+        (("schedule", "--rule", "omative", "--scenario", "override", "--seed", "5"), "override"),
+        (("table", "--interval", "2"), "rough_turning"),
+        (("law", "--rule", "iadapts"), "override"),
+    ],
+)
+def test_programs_are_written_with_a_summary(
+    arguments: tuple[str, ...], scenario: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "folder" / "program.mpf"
+    assert run(*arguments, "--out", str(path), "--json") == 0
+    captured = capsys.readouterr()
+    told = json.loads(captured.out)
+    assert captured.err == ""
+    program = read_file(path)
+    assert (told["path"], told["bars"], told["blocks"]) == (str(path), len(program.bars), program.blocks)
+    assert told["largest_difference"] < 0.01
+    assert told["simulated"].keys() == {"removed", "time", "wear"}
+    text = path.read_text("ascii")
+    assert text.startswith(f"; {WARNING}\n")
+    assert f"python -m train.export nc {arguments[0]}" in text
+
+    assert run("check", str(path), "--scenario", scenario) == 0
+    assert "read back and played: " in capsys.readouterr().out
+    assert run(*arguments, "--out", str(path)) == 0
+    assert "largest difference: " in capsys.readouterr().out
+
+
+def test_an_agents_file_plays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    agent, path = onnx_agents.write(tmp_path), tmp_path / "bar.mpf"
+    assert run("schedule", "--agent", str(agent), "--out", str(path), "--json") == 0
+    assert json.loads(capsys.readouterr().out)["largest_difference"] < 0.01
+    assert "ppo (training seed 0) on scenario short" in path.read_text("ascii")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("schedule", "--rule", "nobody"), "no controller is called 'nobody'"),
+        (("schedule", "--rule", "grid_search", "--scenario", "shift"), "control.edge_changes is 'commanded'"),
+        (("schedule", "--rule", "parts_pv", "--scenario", "batch_casting"), 'control.action is "part"'),
+        (("schedule", "--rule", "grid_search", "--draw", "-1"), "--draw is -1"),
+        (("schedule", "--rule", "grid_search", "--seed", "-1"), "seed -1 "),
+        (("schedule", "--rule", "grid_search", "--bars", "0"), "0 bars asked for, but there must be 1 to 1000"),
+        (("schedule", "--rule", "grid_search", "--tolerance", "nan"), "--tolerance is nan"),
+        (("schedule", "--agent", "nowhere.onnx"), "nowhere.onnx"),
+        (("table", "--scenario", "override"), "the grid search cannot play scenario 'override'"),
+        (("table", "--interval", "0"), "the interval is 0.0 min"),
+        (("table", "--interval", "1e-9"), "is too short"),
+        (("law", "--rule", "tmac"), "tmac cannot be written as synchronized actions; those that can are one_line_law"),
+        (("law", "--rule", "omative", "--scenario", "rough_turning"), "omative cannot play scenario 'rough_turning'"),
+    ],
+)
+def test_a_users_mistakes_are_named_and_nothing_is_written(
+    arguments: tuple[str, ...],
+    complaint: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(command.interval_table, "MOST_INTERVALS", 1000)
+    assert run(*arguments, "--out", str(tmp_path / "program.mpf")) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("error: ")
+    assert complaint in captured.err
+    assert captured.out == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_program_that_does_otherwise_is_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(simulate, "simulate", lambda program, scenario, seed: Sums(1.0, 1.0, 0.1))
+    assert run("schedule", "--rule", "fixed_handbook", "--out", str(tmp_path / "bar.mpf")) == 2
+    assert "nothing was written" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_interrupted_it_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*arguments: object) -> Sums:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulate, "simulate", interrupt)
+    assert run("schedule", "--rule", "fixed_handbook", "--out", str(tmp_path / "bar.mpf")) == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_is_no_program_is_refused_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "bar.mpf"
+    for content, complaint in ((b"N10 G01", "N10: a program must begin"), (b"\xff", "is not ASCII text")):
+        path.write_bytes(content)
+        assert run("check", str(path)) == 2
+        assert f"error: {path}: {complaint}" in capsys.readouterr().err
+    assert run("check", str(tmp_path / "none.mpf")) == 2
+    assert "No such file" in capsys.readouterr().err
+
+
+def test_help_says_what_it_is_not_for(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in ((), ("schedule",), ("table",), ("law",), ("check",)):
+        with pytest.raises(SystemExit) as left:
+            run(*arguments, "--help")
+        assert left.value.code == 0
+        assert "not for a machine without review" in " ".join(capsys.readouterr().out.split())

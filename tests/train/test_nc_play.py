@@ -1,0 +1,219 @@
+"""A program, read back and played, does what it was made from did."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baselines import catalogue
+from baselines.fuzzy_override import new_override
+from baselines.load_override import towards_load
+from train.nc import interval_table, laws, schedule, simulate, simulate_law
+from train.nc.course import Piece, bars_of
+from train.nc.program import Block, NcError, Program
+from train.nc.read import read
+from train.nc.synchronous import LOAD, OVERRIDE, Law
+from train.nc.write import write
+from turning_env import Scenario
+from turning_env.drives import lag_share
+
+SCENARIO, OVERRIDES = Scenario.load("rough_turning"), Scenario.load("override")
+
+
+def written_and_read(program: Program) -> Program:
+    back = read(write(program))
+    assert back == program
+    return back
+
+
+@pytest.mark.parametrize(
+    ("preset", "rule", "bars", "tolerance"),
+    [
+        ("rough_turning", "rescaled_grid_search", 1, 0.0),
+        ("rough_turning", "rescaled_grid_search", 3, 0.05),
+        ("rough_turning", "fixed_handbook", 30, 0.01),  # to the end of the edge
+        ("paper", "grid_search", 2, 0.01),
+        ("override", "omative", 1, 0.01),
+    ],
+)
+def test_a_schedule_does_what_the_controller_did(preset: str, rule: str, bars: int, tolerance: float) -> None:
+    scenario = Scenario.load(preset)
+    program, original = schedule.played(catalogue.entry(rule, scenario).make, scenario, 11, bars, tolerance)
+    simulated = simulate.simulate(written_and_read(program), scenario, 11)
+    assert simulated.difference(original) < 0.01
+    assert original.removed > 30.0
+    assert len(program.bars) <= bars
+
+
+def test_a_program_of_the_whole_edge_ends_where_the_edge_does() -> None:
+    program, original = schedule.played(catalogue.entry("fixed_handbook", SCENARIO).make, SCENARIO, 11, 900)
+    assert len(program.bars) < 900
+    assert program.bars[-1][-1].z > -SCENARIO.workpiece.bar_length
+    assert original.wear <= 0.3001
+
+
+def test_more_tolerance_means_fewer_blocks_that_end_at_the_same_place() -> None:
+    make = catalogue.entry("rescaled_grid_search", SCENARIO).make
+    programs = [schedule.played(make, SCENARIO, 11, 2, tolerance)[0] for tolerance in (0.0, 0.03, 1.0)]
+    counts = [program.blocks for program in programs]
+    assert counts[0] > counts[1] > counts[2] >= 2
+    for program in programs:
+        assert [bar[-1].z for bar in program.bars] == [-300.0, -300.0]
+    assert {block.z for bar in programs[1].bars for block in bar} <= {block.z for bar in programs[0].bars for block in bar}
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.0005, 200), st.floats(50, 200), st.floats(0.06, 0.6)), min_size=1, max_size=30),
+    st.floats(0, 0.2),
+)
+def test_blocks_cover_the_course_within_the_machines_range(course: list[tuple[float, float, float]], tolerance: float) -> None:
+    pieces = [Piece(length, length / (speed * feed), speed, feed) for length, speed, feed in course]
+    path = sum(piece.length for piece in pieces)
+    bars = bars_of(SCENARIO, pieces, tolerance)
+    covered = sum(3.0 - bar[-1].z for bar in bars)
+    assert covered == pytest.approx(path, abs=0.003)
+    if bars:
+        Program.of(SCENARIO, bars)  # raises where anything is outside the range
+    speeds = [block.cutting_speed for bar in bars for block in bar]
+    given = [speed for _, speed, _ in course]
+    assert all(min(given) - 0.06 <= speed <= max(given) + 0.06 for speed in speeds)
+
+
+def test_a_program_of_another_machine_or_bar_is_refused() -> None:
+    block = Block(-300.0, 150.0, 0.3)
+    fitting = Program.of(SCENARIO, ((block,),))
+    for wrong, complaint in (
+        (Program.of(OVERRIDES, ((Block(-100.0, 120.0, 0.3),),)), "diameter is 60.0 mm"),
+        (Program(100.0, 2.0, 636.6, fitting.bars), "first position is 2.0 mm"),
+        (Program(100.0, 3.0, 700.0, fitting.bars), "LIMS is 700.0 rev/min, but the machine's highest is 636.6"),
+        (Program(100.0, 3.0, 636.6, ((Block(-300.0, 200.1, 0.3),),)), "cutting speed is 200.1, but the machine's range is 50"),
+        (Program(100.0, 3.0, 636.6, ((Block(-300.0, 150.0, 0.601),),)), "feed is 0.601"),
+        (Program(100.0, 3.0, 636.6, ((Block(-301.0, 150.0, 0.3),),)), "Z is -301.0"),
+        (Program(100.0, 3.0, 636.6, ((Block(-200.0, 150.0, 0.3),), (block,))), "bar 1 ends at Z-200.0"),
+        (Program(100.0, 3.0, 636.6, ()), "at least one bar"),
+    ):
+        with pytest.raises(NcError, match=complaint):
+            simulate.simulate(wrong, SCENARIO, 1)
+    assert simulate.simulate(fitting, SCENARIO, 1).removed > 100.0
+
+
+def test_a_lower_clamp_of_the_spindle_slows_the_program() -> None:
+    bars = ((Block(-300.0, 200.0, 0.3),),)
+    free, clamped = (simulate.simulate(Program(100.0, 3.0, limit, bars), SCENARIO, 1) for limit in (636.6, 318.3))
+    assert clamped.time == pytest.approx(2.0 * free.time, rel=0.03)
+
+
+@pytest.mark.parametrize(("preset", "interval"), [("rough_turning", None), ("rough_turning", 1.0), ("paper", 0.5)])
+def test_the_interval_table_does_on_nominal_bars_what_the_models_say(preset: str, interval: float | None) -> None:
+    scenario = Scenario.load(preset)
+    rows = interval_table.interval_table(scenario, interval)
+    assert rows[0].start == 0.0
+    for before, after in itertools.pairwise(rows):
+        assert before.end == after.start
+        assert before.wear < after.wear <= scenario.tool.wear_criterion
+        assert (before.cutting_speed, before.feed) != (after.cutting_speed, after.feed)
+    program, original = interval_table.program_of(scenario, rows)
+    simulated = simulate.simulate(written_and_read(program), interval_table.as_drawn(scenario), 0)
+    assert simulated.difference(original) < 0.005
+    notes = [block.note for bar in program.bars for block in bar if block.note]
+    assert len(notes) == len(rows)
+    assert notes[-1].startswith(f"section {len(rows)}: ")
+
+
+def test_the_table_chooses_as_the_grid_search_plays() -> None:
+    rows = interval_table.interval_table(SCENARIO)
+    drawn = interval_table.as_drawn(SCENARIO)
+    program, _ = schedule.played(catalogue.entry("grid_search", SCENARIO).make, drawn, 0, 1, 0.0)
+    chosen = {(row.cutting_speed, round(row.feed, 3)) for row in rows}
+    played = [(block.cutting_speed, block.feed) for block in program.bars[0]]
+    late = played[len(played) // 2 :]  # by then the commands have come from the starting point to the pairs
+    assert set(late) <= chosen
+
+
+@pytest.mark.parametrize("rule", laws.LAWS)
+def test_a_law_does_what_the_rule_does(rule: str) -> None:
+    program = written_and_read(laws.law_program(rule, OVERRIDES))
+    compared = simulate_law.compare(program, catalogue.entry(rule, OVERRIDES).make, OVERRIDES, 11)
+    assert compared.largest_difference < 0.5
+    assert compared.mean_difference < 0.05
+    assert compared.intervals > 1000
+    assert compared.simulated.difference(compared.original) < 0.005
+    assert simulate_law.simulate_law(program, OVERRIDES, 11) == compared.simulated
+
+
+def law_of(rule: str) -> Law:
+    law = written_and_read(laws.law_program(rule, OVERRIDES)).law
+    assert law is not None
+    return law
+
+
+def next_override(law: Law, override: float, load: float) -> float:
+    variables = law.variables() | {laws.STATE: override, LOAD: load}
+    return law.cycle(variables)
+
+
+GRID = [(override, load) for override in (1.0, 30.0, 100.0, 199.0) for load in np.linspace(0.0, 250.0, 101)]
+
+
+@pytest.mark.parametrize(
+    ("rule", "k", "p", "d"), [("fuzzy_override", 1.0, 1.0, 0.0), ("modified_fuzzy_override", 0.1, 0.1, 0.25)]
+)
+def test_a_fuzzy_law_is_the_papers_over_all_loads(rule: str, k: float, p: float, d: float) -> None:
+    law = law_of(rule)
+    for override, load in GRID:
+        expected = new_override(np.array([0.01 * override]), np.array([0.01 * load]), 0.6, 2.0, k, p, d)[0]
+        assert next_override(law, override, load) == pytest.approx(max(100.0 * expected, 1.0), abs=0.5)
+
+
+def test_a_constant_load_law_is_the_rules_up_to_the_tabulated_load() -> None:
+    parameters = catalogue.entry("iadapts", OVERRIDES).parameters
+    share, law = lag_share(0.012, 1.0 / parameters["gain"]), law_of("iadapts")
+    for override, load in GRID:
+        if load <= laws.MOST_LOAD:
+            of_load = np.array([0.01 * load])
+            expected = 100.0 * towards_load(np.array([0.01 * override]), of_load, 0.6 * parameters["target"], share)[0]
+            assert next_override(law, override, load) == pytest.approx(min(expected, 200.0), abs=1e-5)
+
+
+def test_the_one_line_law_is_the_manuals_example() -> None:
+    assert "FCTDEF(1,1.0,120.0,160.0,-2.0,0.0,0.0)\n" in write(laws.law_program("one_line_law", OVERRIDES))
+    law = law_of("one_line_law")
+    for load, override in ((10.0, 120.0), (30.0, 100.0), (55.0, 50.0), (79.9, 1.0), (100.0, 1.0)):
+        assert law.cycle({LOAD: load}) == pytest.approx(max(override, 1.0))
+
+
+@given(st.sampled_from(tuple(laws.LAWS)), st.lists(st.tuples(st.floats(0, 1000), st.floats(0, 500)), min_size=1, max_size=20))
+def test_no_law_leaves_the_machines_range(rule: str, measured: list[tuple[float, float]]) -> None:
+    law = law_of(rule)
+    variables = law.variables() | {"$AA_S[1]": 710.0}
+    machine = OVERRIDES.machine
+    for load, velocity in measured:
+        variables |= {LOAD: load, "$AC_VACTB": velocity}
+        feed = 0.4 * 0.01 * law.cycle(variables)
+        assert machine.feed_min - 1e-12 <= feed <= machine.feed_max + 1e-12
+
+
+def test_an_override_that_nothing_writes_is_100() -> None:
+    law = law_of("one_line_law")
+    silent = Law(law.polynomials, (), ())
+    assert silent.cycle({LOAD: 50.0, OVERRIDE: 3.0}) == 100.0
+
+
+def test_a_law_that_leaves_the_range_or_divides_by_zero_is_refused_in_play() -> None:
+    text = write(laws.law_program("one_line_law", OVERRIDES))
+    for effect, complaint in (("$AC_OVR=0.5", "sets a feed of 0.002000"), ("$AC_OVR=1.0/$AC_PARAM[0]", "divides by 0")):
+        wrong = read(text.replace("SYNFCT(1,$AC_OVR,$AA_LOAD[S1])", effect))
+        with pytest.raises(NcError, match=complaint):
+            simulate_law.simulate_law(wrong, OVERRIDES, 11)
+
+
+def test_fitted_polynomials_follow_a_function() -> None:
+    pieces = laws.fitted(math.exp, 0.0, 8.0)
+    assert [low for low, _, _ in pieces[1:]] == [high for _, high, _ in pieces[:-1]]
+    for low, high, coefficients in pieces:
+        for x in np.linspace(low, high, 11):
+            value = sum(a * x**power for power, a in enumerate(coefficients))
+            assert value == pytest.approx(math.exp(x), rel=1.01 * laws.GAIN_TOLERANCE)

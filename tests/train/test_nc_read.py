@@ -1,0 +1,210 @@
+"""What is written reads back equal, and nothing but the subset is read."""
+
+import string
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from train.nc.expression import Expression, Number, Operation, Variable, parse
+from train.nc.numbers import as_written, number_text
+from train.nc.program import Block, NcError, Program, rounded_within
+from train.nc.read import read
+from train.nc.synchronous import LOAD, OVERRIDE, READABLE, WRITABLE, Action, Assign, Condition, Evaluate, Law, Polynomial
+from train.nc.write import WARNING, write
+
+SPEEDS = st.integers(1, 20_000).map(lambda tenths: tenths / 10)
+FEEDS = st.integers(1, 10_000).map(lambda thousandths: thousandths / 1000)
+COEFFICIENTS = st.floats(-1e6, 1e6).map(as_written)
+NUMBERS = st.integers(1, 999)
+
+EXPRESSIONS: st.SearchStrategy[Expression] = st.recursive(
+    st.builds(Number, st.floats(0, 1e6).map(as_written)) | st.builds(Variable, st.sampled_from(READABLE)),
+    lambda parts: st.builds(Operation, parts, st.sampled_from("+-*/"), parts),
+    max_leaves=6,
+)
+CONDITIONS = st.builds(Condition, st.sampled_from(READABLE), st.sampled_from(("<", ">", "<=", ">=")), EXPRESSIONS)
+
+
+@st.composite
+def laws(draw: st.DrawFn) -> Law:
+    polynomials = []
+    for number in draw(st.lists(NUMBERS, min_size=1, max_size=3, unique=True)):
+        low, high = sorted((draw(COEFFICIENTS), draw(COEFFICIENTS)))
+        polynomials.append(Polynomial(number, low, high, draw(st.tuples(*[COEFFICIENTS] * 4))))
+    effects = st.builds(
+        Evaluate, st.sampled_from([each.number for each in polynomials]), st.sampled_from(WRITABLE), st.just(LOAD)
+    ) | st.builds(Assign, st.sampled_from(WRITABLE), EXPRESSIONS)
+    numbers = sorted(draw(st.lists(NUMBERS, min_size=1, max_size=3, unique=True)))
+    actions = [Action(number, tuple(draw(st.lists(CONDITIONS, max_size=2))), draw(effects)) for number in numbers]
+    initial = draw(st.dictionaries(st.sampled_from(WRITABLE[1:]), COEFFICIENTS, max_size=2))
+    return Law(tuple(polynomials), tuple(initial.items()), tuple(actions))
+
+
+@st.composite
+def programs(draw: st.DrawFn) -> Program:
+    bars = []
+    start = draw(st.integers(0, 5000))
+    for _ in range(draw(st.integers(1, 3))):
+        depth, blocks = start, []
+        for step in draw(st.lists(st.integers(1, 100_000), min_size=1, max_size=5)):
+            depth -= step
+            blocks.append(Block(depth / 1000, draw(SPEEDS), draw(FEEDS), draw(st.text(max_size=10))))
+        bars.append(tuple(blocks))
+    law = draw(st.none() | laws())
+    return Program(draw(FEEDS) * 100, start / 1000, draw(SPEEDS), tuple(bars), law)
+
+
+@given(programs(), st.text(max_size=200))
+def test_what_is_written_reads_back_equal(program: Program, comment: str) -> None:
+    program = Program(round(program.diameter, 3), program.start, program.most_spindle_speed, program.bars, program.law)
+    text = write(program, [comment])
+    assert read(text) == program
+    assert text.startswith(f"; {WARNING}\n")
+    assert text.isascii()
+
+
+LAW = Law(
+    (Polynomial(1, 1.0, 120.0, (160.0, -2.0, 0.0, 0.0)),),
+    (("$AC_PARAM[0]", 100.0),),
+    (
+        Action(1, (Condition(LOAD, "<", Number(60.0)), Condition(LOAD, ">=", Number(0.0))), Evaluate(1, OVERRIDE, LOAD)),
+        Action(2, (), Assign("$AC_PARAM[0]", Operation(Variable("$AC_PARAM[1]"), "+", Number(1.0)))),
+    ),
+)
+PROGRAM = Program(100.0, 3.0, 636.6, ((Block(-10.0, 150.0, 0.3), Block(-20.5, 140.0, 0.3)), (Block(-5.0, 140.0, 0.25),)), LAW)
+TEXT = """\
+N10 G18 G40 G54 G64 G90 G95 G710 DIAMON
+N20 T1 D1
+N30 STOPRE
+N40 $AC_PARAM[0]=100.0
+N50 FCTDEF(1,1.0,120.0,160.0,-2.0,0.0,0.0)
+N60 ID=1 WHENEVER ($AA_LOAD[S1]<60.0) AND ($AA_LOAD[S1]>=0.0) DO SYNFCT(1,$AC_OVR,$AA_LOAD[S1])
+N70 ID=2 DO $AC_PARAM[0]=$AC_PARAM[1]+1.0
+N80 G96 S150.0 F0.300 LIMS=636.6 M03 ; bar 1
+N90 G00 X100.000 Z3.000
+N100 G01 Z-10.000
+N110 G01 Z-20.500 S140.0
+N120 G00 X120.000
+N130 G00 Z3.000
+N140 M05
+N150 M00 ; the next bar is put in
+N160 G96 S140.0 F0.250 M03 ; bar 2
+N170 G00 X100.000 Z3.000
+N180 G01 Z-5.000
+N190 G00 X120.000
+N200 G00 Z3.000
+N210 M05
+N220 M30
+"""
+
+
+def test_a_program_is_written_as_it_should_look() -> None:
+    lines = write(PROGRAM).splitlines(keepends=True)
+    assert "".join(line for line in lines if not line.startswith(";")) == TEXT
+    assert read(TEXT) == PROGRAM
+
+
+@given(st.text(max_size=300))
+@example("N10 G01 Z-1e3")
+@example("N10 G18 G40 G54 G64 G90 G95 G710 DIAMON\nN20 T1 D1\nN30 ID=1 DO $AC_OVR=" + "(" * 200)
+def test_random_text_is_refused(text: str) -> None:
+    with pytest.raises(NcError):
+        read(text)
+
+
+@given(st.data())
+def test_a_program_with_a_slip_is_read_or_refused(data: st.DataObject) -> None:
+    """Whatever one slip makes of it: an error of the reader's own, or a program that can be written again."""
+    place = data.draw(st.integers(0, len(TEXT)))
+    length = data.draw(st.integers(0, 3))
+    slip = data.draw(st.text(string.digits + "GMSFXZN.-+*/()<>=$[]; \nADO", max_size=4))
+    text = TEXT[:place] + slip + TEXT[place + length :]
+    try:
+        program = read(text)
+    except NcError:
+        return
+    assert read(write(program)) == program
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("N20 T1 D1", "N20 T2 D1", "N20: T1 D1 must stand here"),
+        ("N20 T1", "N10 T1", "N10: block numbers must rise"),
+        ("N20 T1", "T1", "line 2: 'T1 D1' is no block"),
+        ("G90 ", "", "N10: a program must begin with G18"),
+        ("G96 S150.0", "G97 S150.0", "N80: a bar must begin with G96"),
+        ("S150.0 F0.300", "S0.0 F0.300", "N80: S is 0.0, but must be above 0"),
+        ("F0.300 LIMS", "LIMS", "N80: F is missing"),
+        ("Z-20.500", "Z-9.000", "N110: Z-9.0 must lie below Z-10.0"),
+        ("Z-20.500", "X-20.500", "N110: X may not stand"),
+        ("G01 Z-20.500", "G02 Z-20.500", "N110: only G01 to Z"),
+        ("G01 Z-20.500", "G01 Z-20.500 G95", "N110: G stands twice"),
+        ("Z-20.500 S140.0", "Z-20.500 S1E3", "N110: 'S1E3' is not a word of the subset"),
+        ("N120 G00 X120", "N120 G00 X101", "N120: X101.0 is too near the bar"),
+        ("N130 G00 Z3", "N130 G00 Z1", "N130: the tool must return with G00 to Z3.0"),
+        ("N170 G00 X100", "N170 G00 X90", "N170: every bar must be approached at X100.0"),
+        ("M00", "M01", "N150: after the spindle's stop M00 or M30 must follow"),
+        ("N220 M30\n", "", "at the end: the program does not end with M30"),
+        ("N220 M30\n", "N220 M30\nN230 M30\n", "N230: nothing may follow M30"),
+        ("FCTDEF(1,1.0,120.0", "FCTDEF(1,121.0,120.0", "N50: the lower limit of polynomial 1 is 121.0"),
+        ("SYNFCT(1", "SYNFCT(2", "N60: polynomial 2 is not defined"),
+        ("SYNFCT(1,$AC_OVR", "SYNFCT(1,$AA_OVR[X]", "N60: '$AA_OVR[X]' cannot be written"),
+        ("ID=2", "ID=1", "N70: ID=1 must stand before ID=1"),
+        ("$AC_PARAM[1]+1.0", "$AC_PARAM[1]+", "N70: an expression ends"),
+        ("$AC_PARAM[1]+1.0", "$AN_SECRET+1.0", "N70: the variable $AN_SECRET cannot be read"),
+        ("N30 STOPRE\n", "", "N40: first values must stand between STOPRE"),
+        ("($AA_LOAD[S1]<60.0) AND", "$AA_LOAD[S1]<60.0 AND", "N60: '$AA_LOAD[S1]<60.0' must stand in parentheses"),
+    ],
+)
+def test_what_is_not_of_the_subset_is_named(old: str, new: str, complaint: str) -> None:
+    assert old in TEXT
+    with pytest.raises(NcError) as refused:
+        read(TEXT.replace(old, new, 1))
+    assert str(refused.value).startswith(complaint)
+
+
+def test_a_law_that_does_nothing_is_refused() -> None:
+    lines = [line for line in TEXT.splitlines() if "ID=" not in line]
+    with pytest.raises(NcError, match="no synchronized action uses them"):
+        read("\n".join(lines))
+
+
+def test_long_lines_and_long_programs_are_refused() -> None:
+    with pytest.raises(NcError, match="line 1: has 600 characters"):
+        read("N10 " + "G" * 596)
+    with pytest.raises(NcError, match="10000000 at most are read"):
+        read(";" * 10_000_001)
+
+
+@given(EXPRESSIONS)
+def test_expressions_read_back_equal(expression: Expression) -> None:
+    assert parse(str(expression), READABLE) == expression
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("2+3*4", 14), ("(2+3)*4", 20), ("10-4-3", 3), ("8/4/2", 1), ("2*$AC_PARAM[0]", 14), (" 1 + 1 ", 2)]
+)
+def test_expressions_compute_product_before_sum_from_the_left(text: str, value: float) -> None:
+    assert parse(text, READABLE).value({"$AC_PARAM[0]": 7.0}) == value
+
+
+@given(st.floats(-1e9, 1e9))
+def test_numbers_are_plain_decimals(value: float) -> None:
+    text = number_text(value)
+    assert float(text) == pytest.approx(value, rel=1e-15, abs=5e-13)
+    assert set(text) <= set(string.digits + ".-")
+
+
+@given(st.floats(-1e4, 1e4), st.floats(0.001, 100), st.floats(0.2, 500), st.integers(1, 3))
+def test_rounding_stays_within_the_range(value: float, low: float, width: float, decimals: int) -> None:
+    rounded = rounded_within(value, low, low + width, decimals)
+    assert low - 1e-8 <= rounded <= low + width + 1e-8
+    if low <= value <= low + width:
+        assert abs(rounded - value) < 10.0**-decimals
+
+
+def test_a_range_without_a_value_of_the_resolution_is_an_error() -> None:
+    with pytest.raises(NcError, match=r"the range 0.12 to 0.18 holds no value of 1 decimals"):
+        rounded_within(0.15, 0.12, 0.18, 1)

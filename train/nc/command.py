@@ -1,0 +1,250 @@
+"""The command line: ``python -m train.export nc``."""
+
+import argparse
+import json
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from baselines import catalogue
+from baselines.policy import PolicyFactory
+from train import onnx_policy
+from train.nc import interval_table, laws, schedule, simulate, simulate_law
+from train.nc.program import NcError, Program
+from train.nc.read import read, read_file
+from train.nc.schedule import Sums
+from train.nc.write import write
+from turning_env import Scenario
+from turning_env.draws import tuning_draws
+from turning_env.files import replace_file
+
+PROGRAM = "python -m train.export nc"
+MOST_DIFFERENCE = 0.02
+"""Between what a program read back and what it was made from come to: removed metal, time and wear, as a share."""
+MOST_OVERRIDE_DIFFERENCE = 0.5
+"""Between a law read back and the rule that it was made from [percentage points of override]."""
+REVIEW = (
+    "Tool, zero offset, clamping, retraction, coolant, limits and every value must be checked by whoever is responsible for the "
+    "machine."
+)
+CAUTION = f"Simulation output: not for a machine without review. {REVIEW}"
+EXAMPLES = f"""examples:
+  {PROGRAM} schedule --agent agents/RoughTurning-v0/rough_turning/analytic_gradient-seed0.onnx --draw 0 --out bar.mpf
+  {PROGRAM} schedule --rule rescaled_grid_search --seed 7 --bars 3 --tolerance 0.05 --out bars.mpf
+  {PROGRAM} table --interval 1 --out edge.mpf
+  {PROGRAM} law --rule modified_fuzzy_override --out override.mpf
+  {PROGRAM} check bar.mpf --draw 0
+"""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command line; returns the exit status."""
+    parsed = _parser().parse_args(arguments)
+    try:
+        done: dict[str, Any] = parsed.run(parsed, f"{PROGRAM} {shlex.join(arguments)}")
+    except KeyError as error:
+        print(f"error: {error.args[0]}", file=sys.stderr)
+        return 2
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted: nothing was written", file=sys.stderr)
+        return 130
+    print(json.dumps(done) if parsed.json else _lines(done))
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM,
+        description=f"Write what a controller commands as a program for a SINUMERIK lathe, read it back and play it. {CAUTION}",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def command(name: str, run: Callable[[argparse.Namespace, str], dict[str, Any]], about: str) -> argparse.ArgumentParser:
+        added = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}. {CAUTION}")
+        added.set_defaults(run=run)
+        added.add_argument("--json", action="store_true", help="print the summary as one line of JSON")
+        return added
+
+    def written(added: argparse.ArgumentParser) -> None:
+        added.add_argument("--out", required=True, type=Path, metavar="FILE", help="the program, such as bar.mpf")
+
+    def drawn(added: argparse.ArgumentParser) -> None:
+        seeds = added.add_mutually_exclusive_group()
+        seeds.add_argument("--draw", type=int, default=0, metavar="N", help="bars and edge of the tuning draw N (default: 0)")
+        seeds.add_argument("--seed", type=int, metavar="S", help="bars and edge of a seed of your own")
+
+    added = command("schedule", _schedule, "the speeds and feeds that a controller played on given bars, as blocks along Z")
+    who = added.add_mutually_exclusive_group(required=True)
+    who.add_argument("--agent", type=Path, metavar="FILE", help="an agent's ONNX file")
+    who.add_argument("--rule", metavar="NAME", help=f"a rule: {', '.join(catalogue.RULES)}")
+    added.add_argument("--scenario", help="preset or TOML file (default: the agent's own, or rough_turning)")
+    drawn(added)
+    added.add_argument("--bars", type=int, default=1, metavar="N", help="the first N bars of the draw (default: 1)")
+    added.add_argument(
+        "--tolerance",
+        type=float,
+        default=schedule.TOLERANCE,
+        metavar="SHARE",
+        help="speeds and feeds that differ by less become one block (default: %(default)s)",
+    )
+    written(added)
+
+    added = command("table", _table, "the interval table of the grid search on nominal models, a section per interval")
+    added.add_argument("--scenario", default="rough_turning", help="preset or TOML file (default: %(default)s)")
+    added.add_argument(
+        "--interval", type=float, metavar="MIN", help="cutting time of an interval (default: the scenario's control interval)"
+    )
+    written(added)
+
+    added = command("law", _law, "a rule from spindle load to feed override, as synchronized actions")
+    added.add_argument("--rule", required=True, metavar="NAME", help=f"one of {', '.join(laws.LAWS)}")
+    added.add_argument("--scenario", default="override", help="preset or TOML file (default: %(default)s)")
+    drawn(added)
+    written(added)
+
+    added = command("check", _check, "read a program of this subset and play it on given bars")
+    added.add_argument("file", type=Path, metavar="FILE", help="the program")
+    added.add_argument("--scenario", default="rough_turning", help="preset or TOML file (default: %(default)s)")
+    drawn(added)
+    return parser
+
+
+def _seed(parsed: argparse.Namespace) -> int:
+    if parsed.seed is not None:
+        return int(parsed.seed)
+    if parsed.draw < 0:
+        raise NcError(f"--draw is {parsed.draw}, but must be 0 or more")
+    return tuning_draws(parsed.draw + 1)[-1]
+
+
+def _schedule(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
+    name, make, scenario = _controller(parsed)
+    if not 0.0 <= parsed.tolerance <= 1.0:
+        raise NcError(f"--tolerance is {parsed.tolerance}, but must be 0 to 1")
+    seed = _seed(parsed)
+    row = scenario.workpiece.approach + scenario.workpiece.bar_length
+    with tqdm(total=parsed.bars * row, unit="mm", unit_scale=True, disable=None, leave=False) as progress:
+        program, original = schedule.played(
+            make, scenario, seed, parsed.bars, parsed.tolerance, lambda path: progress.update(path - progress.n)
+        )
+    comments = [
+        f"{name} on scenario {scenario.name}, seed {seed}, as played; speeds and feeds within {parsed.tolerance:g} are one block"
+    ]
+    if program.bars[-1][-1].z > 1e-3 - scenario.workpiece.bar_length or len(program.bars) < parsed.bars:
+        comments.append(f"the edge or the time limit ended the play in bar {len(program.bars)}: the program ends there")
+    text, program = _text_of(program, comments, command)
+    simulated = simulate.simulate(program, scenario, seed)
+    told = _agreeing(original, simulated)
+    return _written(parsed.out, text, program) | told
+
+
+def _controller(parsed: argparse.Namespace) -> tuple[str, PolicyFactory, Scenario]:
+    if parsed.agent is None:
+        scenario = Scenario.load(parsed.scenario or "rough_turning")
+        return parsed.rule, catalogue.entry(parsed.rule, scenario).make, scenario
+    agent = onnx_policy.load(parsed.agent)
+    scenario = agent.scenario if parsed.scenario is None else Scenario.load(parsed.scenario)
+    agent.check_fits(scenario)
+    return f"{agent.name} (training seed {agent.seed})", agent.make, scenario
+
+
+def _table(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
+    scenario = Scenario.load(parsed.scenario)
+    rows = interval_table.interval_table(scenario, parsed.interval)
+    program, original = interval_table.program_of(scenario, rows)
+    comments = [
+        f"interval table of the grid search on the nominal models of scenario {scenario.name}: {len(rows)} sections, one edge",
+        "sections go by the cutting time of the edge, which their lengths take at their speeds and feeds",
+    ]
+    text, program = _text_of(program, comments, command)
+    told = _agreeing(original, simulate.simulate(program, interval_table.as_drawn(scenario), 0))
+    return _written(parsed.out, text, program) | {"sections": len(rows)} | told
+
+
+def _law(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
+    scenario = Scenario.load(parsed.scenario)
+    program = laws.law_program(parsed.rule, scenario)
+    comments = [
+        f"feed override of {parsed.rule} on scenario {scenario.name}",
+        f"$AA_LOAD[S1] is taken for spindle power over {scenario.machine.rated_power:g} kW, in per cent; the law is made for an "
+        f"interpolation cycle of {1000.0 * scenario.control.interval:g} ms",
+    ]
+    text, program = _text_of(program, comments, command)
+    compared = simulate_law.compare(program, catalogue.entry(parsed.rule, scenario).make, scenario, _seed(parsed))
+    if not compared.largest_difference <= MOST_OVERRIDE_DIFFERENCE:
+        raise NcError(
+            f"the law read back differs from {parsed.rule} by {compared.largest_difference:.2f} percentage points of override; "
+            f"{MOST_OVERRIDE_DIFFERENCE} are allowed, and nothing was written"
+        )
+    assert program.law is not None
+    told = {
+        "polynomials": len(program.law.polynomials),
+        "actions": len(program.law.actions),
+        "intervals": compared.intervals,
+        "mean_override_difference": compared.mean_difference,
+        "largest_override_difference": compared.largest_difference,
+    }
+    agreeing = _agreeing(compared.original, compared.simulated)
+    return _written(parsed.out, text, program) | told | agreeing
+
+
+def _check(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
+    scenario = Scenario.load(parsed.scenario)
+    program = read_file(parsed.file)
+    play = simulate.simulate if program.law is None else simulate_law.simulate_law
+    sums = play(program, scenario, _seed(parsed))
+    return {"path": str(parsed.file), "bars": len(program.bars), "blocks": program.blocks, "simulated": asdict(sums)}
+
+
+def _text_of(program: Program, comments: list[str], command: str) -> tuple[str, Program]:
+    """A program's text, and the program as it is read back from that."""
+    text = write(program, (REVIEW, f"made by rough-turning {version('rough-turning')}: {command}", *comments))
+    back = read(text)
+    if back != program:
+        raise NcError("the program reads back as another: nothing was written")
+    return text, back
+
+
+def _agreeing(original: Sums, simulated: Sums) -> dict[str, Any]:
+    difference = simulated.difference(original)
+    if not difference <= MOST_DIFFERENCE:
+        raise NcError(
+            f"the program read back comes to {simulated}, but what it was made from to {original}: {100.0 * difference:.1f} % "
+            f"apart, where {100.0 * MOST_DIFFERENCE:g} % are allowed, and nothing was written; a smaller tolerance may help"
+        )
+    return {"original": asdict(original), "simulated": asdict(simulated), "largest_difference": difference}
+
+
+def _written(path: Path, text: str, program: Program) -> dict[str, Any]:
+    replace_file(path, lambda partial: partial.write_text(text, "ascii"))
+    return {"path": str(path), "bars": len(program.bars), "blocks": program.blocks}
+
+
+def _lines(done: dict[str, Any]) -> str:
+    counts = ", ".join(
+        f"{done[name]} {name}" for name in ("bars", "sections", "blocks", "polynomials", "actions") if name in done
+    )
+    lines = [f"{done['path']}: {counts}"]
+    if "intervals" in done:
+        largest, mean = done["largest_override_difference"], done["mean_override_difference"]
+        lines.append(
+            f"override: {largest:.3f} percentage points off the rule at most, {mean:.3f} in the mean of {done['intervals']}"
+        )
+    for name, of in (("original", "original"), ("simulated", "read back and played")):
+        if name in done:
+            sums = done[name]
+            lines.append(f"{of}: {sums['removed']:.2f} cm3 removed in {sums['time']:.3f} min, wear {sums['wear']:.4f} mm")
+    if "largest_difference" in done:
+        lines.append(f"largest difference: {100.0 * done['largest_difference']:.3f} %")
+    return "\n".join(lines)
