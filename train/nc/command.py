@@ -139,7 +139,8 @@ def _schedule(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
             make, scenario, seed, parsed.bars, parsed.tolerance, lambda path: progress.update(path - progress.n)
         )
     comments = [
-        f"{name} on scenario {scenario.name}, seed {seed}, as played; speeds and feeds within {parsed.tolerance:g} are one block"
+        f"{name} on scenario {scenario.name}, seed {seed}, as played; speeds and feeds within "
+        f"{100.0 * parsed.tolerance:g} % are one block"
     ]
     if program.bars[-1][-1].z > 1e-3 - scenario.workpiece.bar_length or len(program.bars) < parsed.bars:
         comments.append(f"the edge or the time limit ended the play in bar {len(program.bars)}: the program ends there")
