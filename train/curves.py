@@ -19,24 +19,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, SymmetricalLogLocator
 from numpy.typing import NDArray
 
+from baselines.figures import style
 from baselines.overload import CONFIDENCE, KEY, RESAMPLES
 from train import learning_curve
 from train.run import Run
-from turning_env.files import replace_file
 
 POINTS = 200
 
-# Okabe and Ito's colours, told apart by colour-blind readers too; by their style, in black and white.
-STYLES = (
-    ("#0072B2", "-"),
-    ("#D55E00", (0, (5, 1))),
-    ("#009E73", (0, (3, 1, 1, 1))),
-    ("#CC79A7", (0, (1, 1))),
-    ("#E69F00", (0, (5, 1, 1, 1, 1, 1))),
-    ("#56B4E9", (0, (8, 2))),
-    ("#000000", (0, (2, 2))),
-)
-GREY = "#666666"
 AXES = {"intervals": "control intervals trained for", "wall_time": "time of training [s]"}
 
 Floats = NDArray[np.float64]
@@ -71,8 +60,8 @@ def curves(folders: Sequence[Path], against: str) -> tuple[str, dict[str, Curve]
     groups: dict[str, list[Run]] = {}
     for run in runs:
         groups.setdefault(run.algorithm, []).append(run)
-    if len(groups) > len(STYLES):
-        raise ValueError(f"{len(groups)} algorithms are more than the {len(STYLES)} that can be told apart")
+    if len(groups) > len(style.LINES):
+        raise ValueError(f"{len(groups)} algorithms are more than the {len(style.LINES)} that can be told apart")
     return f"{runs[0].env_id}, scenario {runs[0].scenario.name}", {name: _curve(group, against) for name, group in groups.items()}
 
 
@@ -108,24 +97,23 @@ def interval(values: Floats) -> tuple[Floats, Floats]:
     return low, high
 
 
-def draw(title: str, found: Mapping[str, Curve], levels: Mapping[str, float], against: str) -> Figure:
-    """One field with a line per algorithm and per level."""
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+def draw(found: Mapping[str, Curve], levels: Mapping[str, float], against: str) -> Figure:
+    """One field with a line per algorithm and per level; called within ``style.for_print``."""
+    figure = Figure(figsize=(style.DOUBLE, 4.4), layout="constrained")
     axes: Axes = figure.subplots()
-    for (name, curve), (colour, style) in zip(found.items(), STYLES, strict=False):
+    for (name, curve), (colour, dashes) in zip(found.items(), style.LINES, strict=False):
         seeds = f"{curve.seeds} seed{'s' if curve.seeds > 1 else ''}"
         axes.fill_between(curve.place, curve.low, curve.high, color=colour, alpha=0.2, linewidth=0.0)
-        axes.plot(curve.place, curve.mean, color=colour, linestyle=style, linewidth=1.5, label=f"{name}, {seeds}")
+        axes.plot(curve.place, curve.mean, color=colour, linestyle=dashes, label=f"{name}, {seeds}")
     for name, level in levels.items():
-        axes.axhline(level, color=GREY, linewidth=0.8, linestyle=":", zorder=0)
+        axes.axhline(level, color=style.GREY, linewidth=0.8, linestyle=":", zorder=0)
         axes.annotate(
             f"{name} {level:.0f} s",
             (0.0, level),
             xycoords=("axes fraction", "data"),
             xytext=(4, 2),
             textcoords="offset points",
-            color=GREY,
-            fontsize="small",
+            color=style.GREY,
         )
     # Logarithmic away from 0: agents begin many times farther from it than they end apart.
     axes.set_yscale("symlog", linthresh=100)
@@ -135,10 +123,8 @@ def draw(title: str, found: Mapping[str, Curve], levels: Mapping[str, float], ag
     axes.set_xlabel(AXES[against])
     axes.xaxis.set_major_formatter(EngFormatter())
     axes.set_xlim(left=0.0)
-    axes.set_title(title, loc="left", fontsize="small")
-    axes.grid(linewidth=0.4)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(loc="lower right", framealpha=1.0, edgecolor="none")
+    axes.grid()
+    axes.legend(loc="lower right", frameon=True, framealpha=1.0, edgecolor="none")
     return figure
 
 
@@ -162,7 +148,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m train.curves", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN_FOLDER", help="trainings on one task")
-    parser.add_argument("--out", type=Path, default=Path("docs/learning_curves.png"), metavar="PNG", help="default: %(default)s")
+    out_help = "PNG, SVG or PDF by its suffix; default: %(default)s"
+    parser.add_argument("--out", type=Path, default=Path("docs/learning_curves.png"), metavar="PICTURE", help=out_help)
     parser.add_argument("--level", action="append", default=[], metavar="NAME=VALUE", help="a return [s] to compare with")
     parser.add_argument("--against", choices=list(AXES), default="intervals", help="default: %(default)s")
     parsed = parser.parse_args(arguments)
@@ -170,15 +157,15 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         levels = dict(map(_level, parsed.level))
         title, found = curves(parsed.runs, parsed.against)
-        figure = draw(title, found, levels, parsed.against)
-        replace_file(out, lambda partial: figure.savefig(partial, dpi=200, format="png"))
+        with style.for_print():
+            style.save(draw(found, levels, parsed.against), out)
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except OSError as error:
         print(f"error: {out} cannot be written: {error.strerror}", file=sys.stderr)
         return 2
-    print(out)
+    print(f"{out}: {title}")
     return 0
 
 

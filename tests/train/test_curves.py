@@ -61,8 +61,11 @@ def test_real_trainings_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert curves.main(arguments) == 0
     assert out.read_bytes().startswith(b"\x89PNG")
     capsys.readouterr()
-    assert curves.main([str(run.folder), "--out", str(run.folder)]) == 2
+    (tmp_path / "folder.svg").mkdir()
+    assert curves.main([str(run.folder), "--out", str(tmp_path / "folder.svg")]) == 2
     assert "cannot be written" in capsys.readouterr().err
+    assert curves.main([str(run.folder), "--out", str(tmp_path / "curves.gif")]) == 2
+    assert "its suffix must be .png or .svg or .pdf" in capsys.readouterr().err
 
 
 def test_what_cannot_be_compared_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,62 @@
+"""Draws every figure of the papers anew, from what the project's own models and controllers do.
+
+    python -m baselines.figures
+    python -m baselines.figures --only grid_search_03 grid_search_12 --format svg --out build/figures
+
+Without --only it also writes an index, README.md, with the captions and with what agrees with the papers; with it, that is
+printed for the figures drawn. Takes about a minute.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from tqdm import tqdm
+
+from baselines.figures import index, style
+from baselines.figures.catalogue import PLATES, chosen
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    summary, _, details = (__doc__ or "").partition("\n")
+    parser = argparse.ArgumentParser(
+        prog="python -m baselines.figures",
+        description=summary,
+        epilog=f"{details}\nfigures: {', '.join(PLATES)}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--out", type=Path, default=Path("docs/figures"), metavar="FOLDER", help="default: %(default)s")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="figures to draw (default: all)")
+    parser.add_argument("--format", nargs="+", choices=style.FORMATS, default=["png"], help="default: png")
+    parsed = parser.parse_args(arguments)
+    out: Path = parsed.out
+    path = out
+    try:
+        plates = chosen(parsed.only)
+        for plate in (bar := tqdm(plates, unit="figure", disable=None)):
+            bar.set_postfix_str(plate.name)
+            with style.for_print():
+                figure = plate.draw()
+                for kind in parsed.format:
+                    path = out / f"{plate.name}.{kind}"
+                    style.save(figure, path)
+        if parsed.only is None:
+            print(index.write(plates, parsed.format, path := out))
+        else:
+            for plate in plates:
+                print(plate.name, *index.described(plate), sep="\n  ")
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"error: {path} cannot be written: {error.strerror}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted: figures that were drawn are whole", file=sys.stderr)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
