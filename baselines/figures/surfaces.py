@@ -15,7 +15,7 @@ from baselines.figures.plate import Plate
 
 MINUTE = 2
 _WITHIN, _BEYOND = style.SKY, "#CCCCCC"
-_COLOURED, _LINED = np.s_[::2, :], np.s_[::12, ::5]
+_COLOURED, _LINED = np.s_[::2, :], np.s_[::12, ::15]
 """Those of the plane's points, (feeds, cutting speeds), between which a colour lies, and those that carry a line."""
 
 
