@@ -1,10 +1,11 @@
 """The single environment, and the specification of the task."""
 
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
+from gymnasium import logger
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
@@ -12,6 +13,9 @@ from turning_env.info import Info, info_of
 from turning_env.lathes import action_space, checked_seed, observation_space
 from turning_env.lone_lathe import TERMINATED, TRUNCATED, LoneLathe
 from turning_env.scenario import Scenario
+
+if TYPE_CHECKING:
+    from turning_env.rendering.viewer import Viewer
 
 _ONLY_LANE = np.ones(1, np.bool_)
 
@@ -100,6 +104,14 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         gymnasium.make("turning_env:RoughTurning-v0", scenario="forging")
 
+    `render_mode`: `None`, `"rgb_array"` (`render()` returns a frame, uint8 of shape (640, 960, 3)) or `"human"` (a window shows
+    every interval by itself); by `gymnasium.make` also `"rgb_array_list"`. It needs `pip install "rough-turning[render]"`. A
+    frame shows the bar with its true hardness and allowance, which the controller does not see, the tool, loads along the
+    bar, power and force against their limits, the edge's wear, and the operating map: speed and feed, contours of the
+    removal rate, what limits leave at the present wear, and the way come. Rendering changes nothing of what happens.
+
+        gymnasium.wrappers.RecordVideo(gymnasium.make("RoughTurning-v0", render_mode="rgb_array"), "videos")
+
     ## Registered ids
 
     * `RoughTurning-v0`: preset `rough_turning`, as described above.
@@ -114,20 +126,26 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
-        ValueError: an action is not two finite numbers, or a seed is not a whole number of 0 to 2**64 - 1.
-        gymnasium.error.ResetNeeded: `step` before the first `reset`, or after the episode has ended.
+        ValueError: an action is not two finite numbers, a seed is not a whole number of 0 to 2**64 - 1, or there is no such
+            render mode.
+        gymnasium.error.ResetNeeded: `step` or `render` before the first `reset`, or `step` after the episode has ended.
+        gymnasium.error.DependencyNotInstalled: what rendering needs is not installed.
+        gymnasium.error.Error: there is no display for a window; ClosedEnvironmentError, it was closed by hand.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012 - declared so by Gymnasium
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 - declared so by Gymnasium
 
     def __init__(self, scenario: str | os.PathLike[str] | Scenario = "rough_turning", render_mode: str | None = None) -> None:
-        if render_mode is not None:
-            raise ValueError(f"render_mode is {render_mode!r}, but this environment has no render modes: only None")
         self.scenario = Scenario.load(scenario)
-        self.render_mode = None
+        self.render_mode = render_mode
         self.observation_space = observation_space(self.scenario)
         self.action_space = action_space(self.scenario)
         self._lathes = LoneLathe(self.scenario)
+        self._viewer: Viewer | None = None
+        if render_mode is not None:
+            from turning_env.rendering import make_viewer  # only who renders needs what it needs
+
+            self._viewer = make_viewer(self, self._lathes)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
         """Start episode 0 of ``seed``, or without one the next episode of the present seed. There are no options."""
@@ -143,6 +161,8 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             lathes.seed(0, seed)
             lathes.seeded = True
             lathes.start(_ONLY_LANE)
+        if self._viewer is not None:
+            self._viewer.note()
         return lathes.observation.copy(), info_of(lathes.report.tolist())
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
@@ -155,5 +175,19 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         except ValueError as error:
             numbers = f"{lathes.action_size} finite number" + "s" * (lathes.action_size != 1)
             raise ValueError(f"an action must be {numbers}, got {action!r}") from error
+        if self._viewer is not None:
+            self._viewer.note()
         info = info_of(lathes.report.tolist())
         return lathes.observation.copy(), lathes.answers.rewards.item(), end == TERMINATED, end == TRUNCATED, info
+
+    def render(self) -> Any:
+        """With "rgb_array", the lathe as it is now: uint8, shape (640, 960, 3). With "human" nothing: the window shows it."""
+        if self._viewer is None:
+            logger.warn('nothing is rendered without a render mode: make the environment with render_mode="rgb_array"')
+            return None
+        return self._viewer.render()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._viewer is not None:
+            self._viewer.close()

@@ -2,9 +2,10 @@
 
 import os
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from gymnasium import logger
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -14,6 +15,9 @@ from turning_env.answers import AnswerPool, Answers
 from turning_env.lathes import MOST_SEED, Lathes, action_space, checked_seed, observation_space
 from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
 from turning_env.scenario import Scenario
+
+if TYPE_CHECKING:
+    from turning_env.rendering.viewer import Viewer
 
 _MASKS = ["_" + name for name in REPORT_FIELDS]
 
@@ -36,15 +40,17 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
             with reward 0), SAME_STEP (the last step of an episode returns the next one's first observation; the last
             observation and info are ``infos["final_obs"]`` and ``infos["final_info"]``) or DISABLED (ended lanes must be
             reset with ``options={"reset_mask": mask}``).
-        render_mode: only None.
+        render_mode: None, or "rgb_array": ``render()`` then returns a frame of each lane, as ``RoughTurningEnv`` draws it.
         threads: how many threads share the lanes, where these are enough for it to pay (8192); what a lane gives does not
             depend on it.
+        rendered_lanes: of how many lanes, from the first on, frames are drawn; None: of all, a few milliseconds each.
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
-        ValueError: ``num_envs`` or ``threads`` is below 1; an action is not finite (names the lane) or not of shape
-            (num_envs, 2); wrong seeds or reset mask.
-        gymnasium.error.ResetNeeded: ``step`` before ``reset``, or with DISABLED after an episode's end.
+        ValueError: ``num_envs`` or ``threads`` is below 1; ``rendered_lanes`` is not 1 to ``num_envs``; there is no such render
+            mode; an action is not finite (names the lane) or not of shape (num_envs, 2); wrong seeds or reset mask.
+        gymnasium.error.ResetNeeded: ``step`` or ``render`` before ``reset``, or ``step`` with DISABLED after an episode's end.
+        gymnasium.error.DependencyNotInstalled: what rendering needs is not installed.
     """
 
     def __init__(
@@ -54,23 +60,29 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
         threads: int = 1,
+        rendered_lanes: int | None = None,
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"num_envs is {num_envs}, but must be at least 1")
         if threads < 1:
             raise ValueError(f"threads is {threads}, but must be at least 1")
-        if render_mode is not None:
-            raise ValueError(f"render_mode is {render_mode!r}, but this environment has no render modes: only None")
+        if rendered_lanes is not None and not 1 <= rendered_lanes <= num_envs:
+            raise ValueError(f"rendered_lanes is {rendered_lanes}, but must be None or 1 to num_envs, which is {num_envs}")
         self.num_envs = num_envs
         self.scenario = Scenario.load(scenario)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
-        self.render_mode = None
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 30, "autoreset_mode": self.autoreset_mode}
+        self.render_mode = render_mode
         self.single_observation_space = observation_space(self.scenario)
         self.single_action_space = action_space(self.scenario)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._lathes = Lathes(self.scenario, num_envs, threads)
+        self._viewer: Viewer | None = None
+        if render_mode is not None:
+            from turning_env.rendering import make_viewer  # only who renders needs what it needs
+
+            self._viewer = make_viewer(self, self._lathes, rendered_lanes or num_envs)
         self._pool = AnswerPool(num_envs, self._lathes.entries)
         self._every_lane = np.ones(num_envs, np.bool_)
         self._every_lane.flags.writeable = False  # it goes out as a mask in every info
@@ -94,6 +106,8 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         lathes.next_episode(chosen & ~given)
         lathes.answers.ends[:, chosen] = False
         lathes.seeded = True
+        if self._viewer is not None:
+            self._viewer.note()
         return lathes.answers.observations, self._infos(lathes.answers, chosen)
 
     def step(self, actions: Any) -> Step:
@@ -117,7 +131,16 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
             if ended.any():
                 final = self._final_infos(ended)
                 lathes.next_episode(ended)
+        if self._viewer is not None:
+            self._viewer.note()
         return answers.observations, answers.rewards, terminated, truncated, final | self._infos(answers, self._every_lane)
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """A frame of each rendered lane, as it is now: uint8, shape (640, 960, 3)."""
+        if self._viewer is None:
+            logger.warn('nothing is rendered without a render mode: make the environment with render_mode="rgb_array"')
+            return None
+        return self._viewer.frames()
 
     def close_extras(self, **kwargs: Any) -> None:
         """Let the threads go."""

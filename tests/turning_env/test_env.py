@@ -161,11 +161,6 @@ def test_bad_seeds_are_refused_and_nothing_moves(seed):
     assert env.step((1.0, 1.0))[1:] == untouched.step((1.0, 1.0))[1:]
 
 
-def test_there_is_nothing_to_render():
-    with pytest.raises(ValueError, match="render_mode is 'human'"):
-        RoughTurningEnv(render_mode="human")
-
-
 def test_unknown_arguments_are_refused():
     with pytest.raises(TypeError, match="scenari"):
         gymnasium.make("RoughTurning-v0", scenari="paper")

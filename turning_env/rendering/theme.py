@@ -1,0 +1,119 @@
+"""How everything looks: sizes [pixels], colours, letters, and ticks."""
+
+import math
+import re
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+Colour = tuple[int, int, int]
+Pixels = NDArray[np.uint8]
+Box = tuple[int, int, int, int]
+"""Left, top, right and bottom; the last two are the first pixels outside."""
+
+WIDTH, HEIGHT = 960, 640
+SCALE = 2
+"""What moves is drawn this much larger and then reduced, as Pillow's lines are not smooth."""
+
+PAPER: Colour = (246, 245, 241)
+CARD: Colour = (255, 255, 255)
+RULE: Colour = (224, 221, 213)
+INK: Colour = (38, 40, 44)
+QUIET: Colour = (108, 110, 114)
+FAINT: Colour = (176, 176, 172)
+# Okabe and Ito's colours, which the colour-blind tell apart.
+BLUE: Colour = (0, 114, 178)
+ORANGE: Colour = (230, 159, 0)
+GREEN: Colour = (0, 158, 115)
+VERMILLION: Colour = (213, 94, 0)
+PURPLE: Colour = (204, 121, 167)
+POWER, FORCE, OVER, ALLOWED, SURFACE = BLUE, ORANGE, VERMILLION, GREEN, PURPLE
+INSERT: Colour = (232, 190, 66)
+"""What each stands for everywhere; vermillion is for what lies beyond a limit."""
+
+_DIGITS = re.compile(r"([0-9])")
+
+
+@lru_cache(maxsize=4096)
+def mixed(colour: Colour, share: float, ground: Colour = CARD) -> Colour:
+    """A share of a colour, 0 to 1, on a ground."""
+    red, green, blue = (round(share * ours + (1.0 - share) * theirs) for ours, theirs in zip(colour, ground, strict=True))
+    return red, green, blue
+
+
+@lru_cache(maxsize=4096)
+def _letters(text: str, size: int) -> tuple[Image.Image, float]:
+    """How much of each pixel the letters cover, from the line's top on, and where what follows begins."""
+    face = _face(size)
+    advance = face.getlength(text)
+    mask = Image.new("L", (math.ceil(advance) + 2, round(1.4 * size)))
+    ImageDraw.Draw(mask).text((0, 0), text, fill=255, font=face)
+    return mask, advance
+
+
+def _pieces(text: str, size: int) -> list[tuple[Image.Image, float]]:
+    """The words and, as numbers are new in every frame, the single digits of a text."""
+    return [_letters(piece, size) for piece in _DIGITS.split(text) if piece]
+
+
+@lru_cache
+def _face(size: int) -> ImageFont.FreeTypeFont:
+    face = ImageFont.load_default(size)
+    assert isinstance(face, ImageFont.FreeTypeFont)
+    return face
+
+
+def write(
+    image: Image.Image, place: tuple[float, float], text: str, size: int = 13, colour: Colour = INK, anchor: str = "left"
+) -> None:
+    """Write a line with its top at a place: beginning there, ending there ("right") or in its middle ("middle")."""
+    pieces = _pieces(text, size)
+    x = place[0] - {"left": 0.0, "middle": 0.5, "right": 1.0}[anchor] * sum(advance for _, advance in pieces)
+    for letters, advance in pieces:
+        image.paste(colour, (round(x), round(place[1])), letters)
+        x += advance
+
+
+def length(text: str, size: int) -> float:
+    """How long a line of text is [pixels]."""
+    return sum(advance for _, advance in _pieces(text, size))
+
+
+def card(image: Image.Image, box: Box) -> None:
+    """A white sheet with a thin border, on which a group stands."""
+    left, top, right, bottom = box
+    ImageDraw.Draw(image).rounded_rectangle((left, top, right - 1, bottom - 1), 8, fill=CARD, outline=RULE)
+
+
+def enlarged(image: Image.Image) -> Image.Image:
+    """The image in the size in which is drawn on it."""
+    return image.resize((image.width * SCALE, image.height * SCALE), Image.Resampling.NEAREST)
+
+
+def put(frame: Pixels, image: Image.Image, corner: tuple[int, int]) -> None:
+    """Put an image into a frame, shape (height, width, 3), with its left top corner there."""
+    left, top = corner
+    frame[top : top + image.height, left : left + image.width] = np.asarray(image)
+
+
+def round_ticks(low: float, high: float, most: int = 6) -> list[float]:
+    """Round numbers at even distances within a range."""
+    span = high - low
+    for power in range(math.floor(math.log10(span)) - 2, math.ceil(math.log10(span)) + 1):
+        for digit in (1, 2, 5):
+            step = digit * 10.0**power
+            first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+            if last - first < most:
+                return [number * step for number in range(first, last + 1)]
+    return [low, high]
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round numbers within a range, at about even distances on a log scale."""
+    narrow = high < 8.0 * low
+    digits = (1.0, 1.2, 1.4, 1.6, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0) if narrow else (1.0, 2.0, 3.0, 6.0)
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    ticks = [digit * 10.0**power for power in powers for digit in digits]
+    return [tick for tick in ticks if low * 0.999 <= tick <= high * 1.001]
