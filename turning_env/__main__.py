@@ -27,11 +27,11 @@ def main(arguments: list[str] | None = None) -> int:
         prog="python -m turning_env", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("presets").set_defaults(run=_presets)
-    show = commands.add_parser("show")
+    commands.add_parser("presets", help="names of the presets").set_defaults(run=_presets)
+    show = commands.add_parser("show", help="every value of a scenario")
     show.add_argument("scenario", help="preset or TOML file")
     show.set_defaults(run=_show)
-    commands.add_parser("schema").set_defaults(run=_schema)
+    commands.add_parser("schema", help="the JSON schema of a scenario file").set_defaults(run=_schema)
     calibration.add_to(commands)
     inquiry.add_to(commands)
     parsed = parser.parse_args(arguments)
@@ -41,6 +41,8 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # whoever reads the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except KeyboardInterrupt:
+        return 130
     except (ScenarioError, CalibrationError, inquiry.InquiryError, OutputError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -215,10 +215,16 @@ def test_rows_count_for_the_laws_whose_cells_they_have() -> None:
 
 def test_extrapolation_is_said() -> None:
     warnings = example().warnings
-    assert "thrust_force: used at a feed of 0.06 to 0.6 mm/rev, but measured at 0.165 to 0.6: extrapolated" in warnings
-    assert "power: used at a wear of up to 0.3 mm, but measured at 0.08388 to 0.1889: extrapolated" in warnings
-    assert "wear: used up to 0.3 mm, but measured up to 0.203: extrapolated" in warnings
-    assert not any("cutting_speed" in warning or "depth" in warning for warning in warnings)
+    assert warnings == (
+        "wear, thrust_force, power: extrapolated, used at a feed of 0.06 to 0.6 mm/rev, but measured at 0.165 to 0.6",
+        "wear: extrapolated, used at a wear of up to 0.3 mm, but measured at 0.06753 to 0.203",
+        "thrust_force, power: extrapolated, used at a wear of up to 0.3 mm, but measured at 0.08388 to 0.1889",
+    )
+    told = cuts(BASE.material.power, 40, depth_of_cut=2.0)
+    deep = "power: extrapolated, used at a depth_of_cut of 2.5 mm, but measured at 2"
+    assert deep in calibrate(told, BASE).warnings
+    stepped = Scenario.model_validate({"workpiece": {"depth_profile": [1.0, 2.0]}})
+    assert deep.replace("2.5 mm", "1 to 2 mm") in calibrate(told, stepped).warnings
 
 
 def test_an_exponent_that_is_hardly_known_is_said() -> None:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import gymnasium
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from turning_env import Scenario
 from turning_env.__main__ import main
@@ -40,7 +42,7 @@ def test_the_file_is_a_scenario_and_says_how_well_each_number_is_known(capsys: p
     assert wear["assumed"]["depth_of_cut"] == {"value": 0.15, "reason": "depth_of_cut never varies: 2.5 mm in all 48 rows"}
     printed = capsys.readouterr()
     assert "farthest off: line 20, -0.0057 %" in printed.out
-    assert "warning: wear: used up to 0.3 mm" in printed.err
+    assert "warning: wear: extrapolated, used at a wear of up to 0.3 mm" in printed.err
 
 
 def test_gymnasium_takes_the_file() -> None:
@@ -131,3 +133,33 @@ def test_without_matplotlib_nothing_is_written_and_it_is_said(
     assert "pictures need Matplotlib, which is not installed" in capsys.readouterr().err
     assert not Path("my_tool.toml").exists()
     assert calibrate() == 0
+
+
+NAMES = "cutting_speed,feed,depth_of_cut,time,wear,thrust_force,power,hardness"
+rows = st.tuples(*[st.sampled_from(["", "0.999", "1", "1.0001", "2", "4"])] * 8).map(",".join)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(table=st.lists(rows, max_size=12), strict=st.booleans())
+def test_however_poor_the_rows_there_is_a_scenario_or_an_error(
+    table: list[str], strict: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("cuts.csv").write_text("\n".join([NAMES, *table]))
+    Path("my_tool.toml").unlink(missing_ok=True)
+    status = calibrate("--json", *["--strict"] * strict, measurements="cuts.csv")
+    printed = capsys.readouterr()
+    if status == 0:
+        laws = json.loads(printed.out)["laws"]
+        made = Scenario.load("my_tool.toml").material
+        assert {name: law["law"] for name, law in laws.items()} == {name: getattr(made, name).model_dump() for name in laws}
+    else:
+        assert status == 2
+        assert printed.err.startswith("error: ")
+        assert not Path("my_tool.toml").exists()
+
+
+def test_an_odd_file_name_cannot_break_the_scenario() -> None:
+    odd = Path("cuts\n[limits]\npower = 1 é\udcff.csv")
+    odd.write_text(Path(EXAMPLE).read_text())
+    assert calibrate("--json", measurements=str(odd)) == 0
+    assert Scenario.load("my_tool.toml").limits == Scenario().limits

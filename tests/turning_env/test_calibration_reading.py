@@ -33,7 +33,7 @@ def reading(folder: Path, content: str | bytes) -> Path:
         (GOOD.replace(",", "\t"), "separated by tabs"),
         (GOOD.replace("wear", "feed"), "more than one column feed"),
         (GOOD + "fast,0.3,2.5,0.2,4.5\n", "line 3, column cutting_speed: 'fast' is not a number; allowed is 0.1 to 5000 m/min"),
-        (GOOD + '100,"0,3",2.5,0.2,4.5\n', "line 3, column feed: '0,3' has a decimal comma: write 0.3"),
+        (GOOD + '100,"0,3",2.5,0.2,4.5\n', "line 3, column feed: '0,3' has a comma: decimals are written with a point"),
         (GOOD + "100,-0.3,2.5,0.2,4.5\n", "line 3, column feed: -0.3 is outside the allowed range 0.001 to 10 mm/rev"),
         (GOOD + "100,0.3,0,0.2,4.5\n", "line 3, column depth_of_cut: 0 is outside the allowed range 0.01 to 50 mm"),
         (GOOD + "100,0.3,2.5,nan,4.5\n", "line 3, column wear: 'nan' is not a number"),
@@ -93,9 +93,8 @@ def test_random_bytes_give_nothing_but_a_measurement_error(tmp_path: Path, conte
             continue
 
 
-cells = st.sampled_from(["", "1", "0.3", "1e400", "-1", "NaN", " 2 ", "1,5", '"', "\0", "٣", "1__0", "0x1", "²"]) | st.text(
-    max_size=5
-)
+ODD_CELLS = ["", "1", "0.3", "1e400", "-1", "NaN", " 2 ", "1,5", '"', "\0", "٣", "1__0", "0x1", "²"]
+cells = st.sampled_from(ODD_CELLS) | st.text(max_size=5)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100)

@@ -100,28 +100,26 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) 
             half = 0.5 * (estimate.high - estimate.low)
             if name != "coefficient" and half > WIDE:
                 yield f"{response}: the exponent of {name} is hardly known, {estimate.value:.3g} +- {half:.2g}: vary it more"
-        yield from _extrapolated(response, fitted, base)
+    yield from _extrapolated(fits, base)
 
 
-def _extrapolated(response: str, fitted: Fit, base: Scenario) -> Iterator[str]:
-    """Where the base scenario will use a law outside of what it was fitted to."""
-    machine, workpiece = base.machine, base.workpiece
-    depths = workpiece.depth_profile or (workpiece.depth_of_cut,)
+def _extrapolated(fits: dict[str, Fit], base: Scenario) -> Iterator[str]:
+    """Where the base scenario will use laws outside of what they were fitted to."""
+    machine, depths = base.machine, base.workpiece.depth_profile or (base.workpiece.depth_of_cut,)
     used = {
         "cutting_speed": (machine.cutting_speed_min, machine.cutting_speed_max),
         "feed": (machine.feed_min, machine.feed_max),
         "depth_of_cut": (min(depths), max(depths)),
         "wear": (None, base.tool.wear_criterion),
     }
-    for name, (low, high) in used.items():
-        if name not in fitted.factors:
-            continue
-        unit = COLUMNS[name].unit
-        least, most = fitted.factors[name].min(), fitted.factors[name].max()
-        if (low is not None and low < least * (1 - BEYOND)) or high > most * (1 + BEYOND):
-            asked = f"up to {high:g}" if low is None else f"{high:g}" if low == high else f"{low:g} to {high:g}"
-            measured = f"{least:.4g}" if least == most else f"{least:.4g} to {most:.4g}"
-            yield f"{response}: used at a {name} of {asked} {unit}, but measured at {measured}: extrapolated"
-    if response == "wear" and fitted.measured.max() < base.tool.wear_criterion * (1 - BEYOND):
-        criterion = base.tool.wear_criterion
-        yield f"wear: used up to {criterion:g} mm, but measured up to {fitted.measured.max():.4g}: extrapolated"
+    laws: dict[str, list[str]] = {}
+    for response, fitted in fits.items():
+        for name, values in (fitted.factors | {response: fitted.measured}).items():
+            low, high = used.get(name, (None, 0.0))
+            least, most = values.min(), values.max()
+            if (low is not None and low < least * (1 - BEYOND)) or high > most * (1 + BEYOND):
+                asked = f"up to {high:g}" if low is None else f"{high:g}" if low == high else f"{low:g} to {high:g}"
+                measured = f"{least:.4g}" if least == most else f"{least:.4g} to {most:.4g}"
+                laws.setdefault(f"{name} of {asked} {COLUMNS[name].unit}, but measured at {measured}", []).append(response)
+    for what, responses in laws.items():
+        yield f"{', '.join(responses)}: extrapolated, used at a {what}"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from turning_env.calibration.columns import COLUMNS, REQUIRED, MeasurementError
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+", re.ASCII)
+_WITH_COMMA = re.compile(r"[+-]?[\d.]*,[\d.,]*", re.ASCII)
 MOST_COMPLAINTS = 5
 """So many wrong cells are named before the rest are only counted."""
 
@@ -119,8 +119,8 @@ def _value(cell: str, name: str) -> float:
     """The number in a cell, NaN if it is empty; ValueError says what is wrong."""
     if not cell:
         return float("nan")
-    if _DECIMAL_COMMA.fullmatch(cell):
-        raise ValueError(f"{cell!r} has a decimal comma: write {cell.replace(',', '.')}")
+    if _WITH_COMMA.fullmatch(cell):
+        raise ValueError(f"{cell[:40]!r} has a comma: decimals are written with a point, and thousands without anything")
     column = COLUMNS[name]
     allowed = f"{column.low:g} to {column.high:g} {column.unit} ({column.meaning})"
     if not _NUMBER.fullmatch(cell):

@@ -51,7 +51,7 @@ def _stated(base: str | os.PathLike[str], fitted: set[str]) -> dict[str, Any]:
 
 def _lines(calibration: Calibration, stated: dict[str, Any], source: str) -> Iterator[str]:
     interval = f"{100 * calibration.confidence:g} % interval"
-    yield f"# Fitted by `python -m turning_env calibrate` to {source!r}; after each fitted number, its {interval}."
+    yield f"# Fitted by `python -m turning_env calibrate` to {source!a}; after each fitted number, its {interval}."
     for response, why in calibration.kept.items():
         yield f"# The law of {response} is the base's: {why}."
     yield ""
