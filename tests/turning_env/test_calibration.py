@@ -1,6 +1,7 @@
 """Fitting the laws: what is known comes out, and what cannot be known is named."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -260,3 +261,68 @@ def test_the_order_of_rows_and_the_unit_of_a_response_do_not_matter(seed: int, s
     for name, estimate in first.estimates.items():
         factor = scale if name == "coefficient" else 1.0
         assert getattr(second.estimates[name], "high") == pytest.approx(factor * estimate.high, abs=1e-9)  # noqa: B009
+
+
+def of_edges(spread: float, seed: int, named: bool) -> Measurements:
+    """Four readings of wear along each of twelve edges, which differ by a factor of a given log standard deviation."""
+    random = np.random.default_rng(seed)
+    low, high = (60, 0.1, 1, 0.85), (190, 0.6, 4, 1.15)
+    settings = np.repeat(random.uniform(low, high, (12, 4)), 4, axis=0)
+    names = ("cutting_speed", "feed", "depth_of_cut", "hardness")
+    factors = dict(zip(names, settings.T, strict=True)) | {"time": np.tile((1.0, 3.0, 6.0, 10.0), 12)}
+    log_factor = np.repeat(spread * random.standard_normal(12), 4) + 0.03 * random.standard_normal(48)
+    told = table(**factors, wear=BASE.material.wear(**factors) * np.exp(log_factor))
+    return replace(told, edges=np.repeat(random.permutation(12), 4)) if named else told
+
+
+TRIALS = 200
+
+
+def test_edges_that_differ_are_noticed_and_chance_is_not() -> None:
+    def noticed(spread: float) -> int:
+        warnings = (calibrate(of_edges(spread, seed, named=False), BASE).warnings for seed in range(TRIALS))
+        return sum(any("wear: rows of the same settings lie off together" in warning for warning in each) for each in warnings)
+
+    assert noticed(0.1) > 0.95 * TRIALS
+    assert noticed(0.0) < 0.05 * TRIALS
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.1])
+def test_intervals_hold_the_truth_where_edges_are_named(spread: float) -> None:
+    held = dict.fromkeys(("coefficient", *FACTORS["wear"]), 0)
+    spreads = []
+    for seed in range(TRIALS):
+        found = fit("wear", of_edges(spread, seed, named=True), BASE.material.wear, confidence=0.9)
+        assert found is not None
+        assert found.edges is not None
+        spreads.append(found.edges.spread)
+        for name, estimate in found.estimates.items():
+            held[name] += estimate.low <= getattr(BASE.material.wear, name) <= estimate.high
+    for name, times in held.items():
+        # Where edges do not differ, intervals allow for that they might, and hold it more often.
+        assert 0.83 < times / TRIALS < (0.97 if spread else 1.01), name
+    assert np.sqrt(np.mean(np.square(spreads))) == pytest.approx(spread, abs=0.01)
+
+
+def test_edges_of_one_reading_each_change_nothing() -> None:
+    told = cuts(BASE.material.power, 20, 0.05)
+    plain = fit("power", told, BASE.material.power)
+    alone = fit("power", replace(told, edges=np.arange(20)), BASE.material.power)
+    assert plain is not None
+    assert alone is not None
+    assert alone.edges is None
+    assert alone.estimates == plain.estimates
+    warnings = calibrate(replace(told, edges=np.arange(20)), BASE).warnings
+    assert any("power: too few edges or readings" in warning for warning in warnings)
+
+
+def test_readings_that_agree_exactly_within_edges_are_fitted() -> None:
+    told = of_edges(0.1, 0, named=True)
+    factors = {name: told.columns[name] for name in FACTORS["wear"]}
+    assert told.edges is not None
+    told.columns["wear"][:] = BASE.material.wear(**factors) * (1 + 0.01 * told.edges)
+    found = fit("wear", told, BASE.material.wear)
+    assert found is not None
+    assert found.law.time == pytest.approx(0.245)
+    assert found.edges is not None
+    assert 0.01 < found.edges.spread < 0.1

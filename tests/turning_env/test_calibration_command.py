@@ -135,8 +135,21 @@ def test_without_matplotlib_nothing_is_written_and_it_is_said(
     assert calibrate() == 0
 
 
-NAMES = "cutting_speed,feed,depth_of_cut,time,wear,thrust_force,power,hardness"
-rows = st.tuples(*[st.sampled_from(["", "0.999", "1", "1.0001", "2", "4"])] * 8).map(",".join)
+def test_how_edges_differ_is_written() -> None:
+    lines = ["cutting_speed,feed,depth_of_cut,time,wear,edge"]
+    for edge, factor in enumerate((0.9, 1.0, 1.1, 1.05, 0.95)):
+        lines += [f"100,0.3,2.5,{time},{0.1 * factor * time**0.25:.4f},E{edge}" for time in (1, 3, 9)]
+    Path("wear.csv").write_text("\n".join(lines))
+    Path("base.toml").write_text("[tool]\nwear_criterion = 0.4\n")
+    assert calibrate("--base", "base.toml", "--report", "report.json", measurements="wear.csv") == 0
+    made = Scenario.load("my_tool.toml")
+    assert made.tool.wear_factor_spread == pytest.approx(0.079, abs=0.001)  # of the factors' logarithms
+    assert made.tool.wear_criterion == 0.4
+    assert json.loads(Path("report.json").read_text())["laws"]["wear"]["edges"]["count"] == 5
+
+
+NAMES = "cutting_speed,feed,depth_of_cut,time,wear,thrust_force,power,hardness,edge"
+rows = st.tuples(*[st.sampled_from(["", "0.999", "1", "1.0001", "2", "4"])] * 9).map(",".join)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -146,7 +159,7 @@ def test_however_poor_the_rows_there_is_a_scenario_or_an_error(
 ) -> None:
     Path("cuts.csv").write_text("\n".join([NAMES, *table]))
     Path("my_tool.toml").unlink(missing_ok=True)
-    status = calibrate("--json", *["--strict"] * strict, measurements="cuts.csv")
+    status = calibrate("--json", "--confidence", "0.9999", *["--strict"] * strict, measurements="cuts.csv")
     printed = capsys.readouterr()
     if status == 0:
         laws = json.loads(printed.out)["laws"]

@@ -75,6 +75,18 @@ def test_what_spreadsheets_write_is_read(tmp_path: Path) -> None:
     assert found.lines.tolist() == [3, 5]
 
 
+def test_edges_are_told_apart_by_any_name(tmp_path: Path) -> None:
+    rows = ["A 1,100", "b,100", "A 1 ,100", ",100", ",100", "1,100"]
+    content = "edge,cutting_speed,feed,depth_of_cut\n" + "".join(f"{row},0.3,2.5\n" for row in rows)
+    edges = read_measurements(reading(tmp_path, content)).edges
+    assert edges is not None
+    assert edges[0] == edges[2]
+    assert len(set(edges)) == 5
+    assert read_measurements(reading(tmp_path, GOOD)).edges is None
+    with pytest.raises(MeasurementError, match="more than one column edge"):
+        read_measurements(reading(tmp_path, content.replace("feed", "edge").replace("edge,cutting", "edge,feed,cutting")))
+
+
 def test_old_line_ends_are_read(tmp_path: Path) -> None:
     assert len(read_measurements(reading(tmp_path, GOOD.replace("\n", "\r"))).lines) == 1
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from turning_env.__main__ import main
+from turning_env.calibration.columns import COLUMNS, EDGE
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "your_own_machine.md").read_text("utf-8")
@@ -45,6 +46,7 @@ def test_every_link_leads_somewhere() -> None:
 
 
 def test_the_columns_are_those_that_are_read() -> None:
-    from turning_env.calibration.columns import COLUMNS
-
-    assert re.findall(r"^\| `(\w+)` \| (\S+) \|", PAGE, re.MULTILINE) == [(name, column.unit) for name, column in COLUMNS.items()]
+    assert re.findall(r"^\| `(\w+)` \| (\S+) \|", PAGE, re.MULTILINE) == [
+        *((name, column.unit) for name, column in COLUMNS.items()),
+        (EDGE, "name"),
+    ]

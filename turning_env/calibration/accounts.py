@@ -28,6 +28,7 @@ def _law_data(fit: Fit) -> dict[str, Any]:
         "degrees_of_freedom": fit.degrees,
         "r_squared": fit.r_squared,
         "scatter": fit.scatter,
+        "edges": fit.edges and {"count": fit.edges.edges, "spread": fit.edges.spread},
         "largest_residual": {"line": line, "relative": residual},
         "fitted": {name: vars(estimate) for name, estimate in fit.estimates.items()},
         "assumed": {name: {"value": getattr(fit.law, name), "reason": why} for name, why in fit.assumed.items()},
@@ -48,6 +49,8 @@ def as_text(calibration: Calibration) -> Iterator[str]:
         explained = "" if fit.r_squared is None else f"R2 {fit.r_squared:.5f}, "
         yield f"{response}: {len(fit.lines)} rows, {explained}scatter {_percent(fit.scatter)}"
         yield f"  farthest off: line {line}, {_percent(residual, '+')}"
+        if fit.edges:
+            yield f"  {fit.edges.edges} edges, which differ by {_percent(fit.edges.spread)} (one standard deviation)"
         for name, estimate in fit.estimates.items():
             yield f"  {name:<14}{estimate.value:>12.6g}   {estimate.low:.6g} to {estimate.high:.6g}"
         for name, why in fit.assumed.items():

@@ -25,6 +25,9 @@ COLUMNS = {
 }
 """Every column that is understood."""
 
+EDGE = "edge"
+"""A further column, of text: which edge was read. It may be missing, and cells may be empty: edges of their own."""
+
 REQUIRED = ("cutting_speed", "feed", "depth_of_cut")
 """Columns without which no law can be fitted."""
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from turning_env.calibration.accounts import as_data, as_text
-from turning_env.calibration.columns import COLUMNS, CalibrationError
+from turning_env.calibration.columns import COLUMNS, EDGE, CalibrationError
 from turning_env.calibration.material import calibrate
 from turning_env.calibration.reading import read_measurements
 from turning_env.calibration.scenario_file import write_scenario
@@ -28,6 +28,7 @@ example:
 def add_to(commands: Any) -> None:
     """Add the command to argparse's subparsers."""
     columns = "\n".join(f"  {name:<14}{column.meaning} [{column.unit}]" for name, column in COLUMNS.items())
+    columns += f"\n  {EDGE:<14}any name of the edge, so that its readings are not taken as independent (optional)"
     parser = commands.add_parser("calibrate", help="fit the laws to cuts measured on a machine", description=_DESCRIPTION,
                                  epilog=_EPILOG.format(columns=columns),
                                  formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip

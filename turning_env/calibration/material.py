@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import ValidationError
 
+from turning_env.calibration.alike import misses_together
 from turning_env.calibration.columns import COLUMNS, FACTORS, CalibrationError
 from turning_env.calibration.reading import Measurements, meant
 from turning_env.calibration.regression import Fit, fit, rows_of
@@ -30,6 +31,12 @@ class Calibration:
     warnings: tuple[str, ...]
     confidence: float
     """Of all intervals [-]."""
+
+    @property
+    def wear_factor_spread(self) -> float | None:
+        """How edges differ in wear, as log standard deviation [-]; None if that is not known, or beyond the scenario's range."""
+        edges = self.fits["wear"].edges if "wear" in self.fits else None
+        return round(edges.spread, 4) if edges and edges.spread <= 1.0 else None
 
 
 def calibrate(measurements: Measurements, base: Scenario, confidence: float = 0.95, strict: bool = False) -> Calibration:
@@ -96,10 +103,18 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) 
     if nominal:
         yield f"hardness is empty in {nominal} rows, where it was taken as nominal, 1"
     for response, fitted in fits.items():
+        if fitted.edges is None and measurements.edges is not None:
+            yield f"{response}: too few edges or readings to tell how edges differ: rows were taken as independent"
+        if fitted.edges is None and misses_together(fitted):
+            yield (
+                f"{response}: rows of the same settings lie off together, so intervals are too narrow: "
+                "name edges in a column 'edge'; or no power law fits"
+            )
         for name, estimate in fitted.estimates.items():
             half = 0.5 * (estimate.high - estimate.low)
             if name != "coefficient" and half > WIDE:
-                yield f"{response}: the exponent of {name} is hardly known, {estimate.value:.3g} +- {half:.2g}: vary it more"
+                known = f"{estimate.value:.3g} +- {half:.2g}"
+                yield f"{response}: the exponent of {name} is hardly known, {known}: vary it more, or read more edges"
     yield from _extrapolated(fits, base)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.calibration.columns import COLUMNS, REQUIRED, MeasurementError
+from turning_env.calibration.columns import COLUMNS, EDGE, REQUIRED, MeasurementError
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _WITH_COMMA = re.compile(r"[+-]?[\d.]*,[\d.,]*", re.ASCII)
@@ -30,6 +30,8 @@ class Measurements:
     """Where each row stands in the file, the first line being 1, shape (rows,)."""
     ignored: tuple[str, ...] = ()
     """Columns of other names."""
+    edges: NDArray[np.int64] | None = None
+    """A number for the edge of each row, shape (rows,); None if the file does not name edges."""
 
 
 def read_measurements(path: str | os.PathLike[str]) -> Measurements:
@@ -64,6 +66,7 @@ def _parse(reader: Any, source: str) -> Measurements:
     known = [(index, name) for index, name in enumerate(names) if name in COLUMNS]
     values: dict[str, list[float]] = {name: [] for _, name in known}
     lines: list[int] = []
+    edges: list[str] = []
     complaints: list[str] = []
     for row in reader:
         if not any(cell.strip() for cell in row):
@@ -72,6 +75,8 @@ def _parse(reader: Any, source: str) -> Measurements:
         if len(row) != len(names):
             complaints.append(f"line {reader.line_num} has {len(row)} cells, but the header has {len(names)}")
             continue
+        # A row that does not say is of an edge of its own, which no other text can name.
+        edges.append((row[names.index(EDGE)].strip() if EDGE in names else "") or f"\n{len(lines)}")
         for index, name in known:
             try:
                 values[name].append(_value(row[index].strip(), name))
@@ -82,8 +87,9 @@ def _parse(reader: Any, source: str) -> Measurements:
         raise MeasurementError(f"{source}: " + "; ".join(shown) + (f"; and {more} more like these" if more > 0 else ""))
     if not lines:
         raise MeasurementError(f"{source} has a header but no rows of measurements")
-    ignored = tuple(name for name in names if name not in COLUMNS)
-    return Measurements({name: np.array(column) for name, column in values.items()}, np.array(lines), ignored)
+    ignored = tuple(name for name in names if name not in COLUMNS and name != EDGE)
+    numbered = np.unique(edges, return_inverse=True)[1] if EDGE in names else None
+    return Measurements({name: np.array(column) for name, column in values.items()}, np.array(lines), ignored, numbered)
 
 
 def _check_header(names: Sequence[str], source: str) -> None:
@@ -96,7 +102,7 @@ def _check_header(names: Sequence[str], source: str) -> None:
                     f"{source}: cells are separated by {called}: save it with commas between cells, and points in decimals"
                 )
         raise MeasurementError(f"{source}: no column {', '.join(missing)}; it has {_quoted(names)}, and {_allowed()}")
-    twice = [name for name in COLUMNS if names.count(name) > 1]
+    twice = [name for name in (*COLUMNS, EDGE) if names.count(name) > 1]
     if twice:
         raise MeasurementError(f"{source}: there is more than one column {', '.join(twice)}")
 
@@ -112,7 +118,7 @@ def _quoted(names: Iterable[str]) -> str:
 
 
 def _allowed() -> str:
-    return "the columns understood are " + ", ".join(f"{name} [{column.unit}]" for name, column in COLUMNS.items())
+    return "the columns understood are " + ", ".join(f"{name} [{column.unit}]" for name, column in COLUMNS.items()) + f", {EDGE}"
 
 
 def _value(cell: str, name: str) -> float:

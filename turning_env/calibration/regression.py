@@ -2,7 +2,8 @@
 
 The logarithm of a power law is linear in the logarithms of its factors, so its exponents are slopes. A factor that never
 varies, or only together with others, tells nothing of its own exponent: that is left as the base law has it, and the rest is
-fitted given it. Intervals are those of ordinary least squares: rows are taken as independent, with the same relative scatter.
+fitted given it. Intervals are those of least squares, with the same relative scatter of all rows: independent ones or, where the
+file names edges, such as share what their edge is off by (``edges``).
 """
 
 from collections.abc import Mapping
@@ -12,15 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from turning_env.calibration.columns import COLUMNS, FACTORS, CalibrationError
+from turning_env.calibration.columns import FACTORS, CalibrationError
+from turning_env.calibration.edges import EdgeSpread, edge_spread
+from turning_env.calibration.identifiable import LEAST_VARIATION, check_enough, told_apart
 from turning_env.calibration.reading import Measurements
 from turning_env.calibration.student import two_sided_quantile
 from turning_env.power_law import PowerLaw
 
 Column = NDArray[np.float64]
 
-LEAST_VARIATION = 1e-3
-"""By so much [-] a factor must vary, once what other factors explain of it is taken off, for its exponent to be fitted."""
+MOST_LOG = 700.0
+"""Logarithm at which an interval of a coefficient that is not known at all ends, so that its ends are numbers."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,8 @@ class Fit:
     """The response, as measured and by the law, shape (rows,)."""
     lines: NDArray[np.int64]
     """Where the rows stand in the file, shape (rows,)."""
+    edges: EdgeSpread | None
+    """How edges differ; None if that is not known."""
 
     @property
     def residuals(self) -> Column:
@@ -81,34 +86,29 @@ def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: f
     }
     measured = measurements.columns[response][present]
     logs = {name: np.log(values) for name, values in factors.items()}
-    fitted, assumed = _told_apart(factors, logs)
+    fitted, assumed = told_apart(factors, logs)
     if "hardness" not in measurements.columns:
         assumed["hardness"] = "there is no column hardness: nominal in all rows"
-    _check_enough(response, count, fitted, logs)
+    check_enough(response, count, fitted, logs)
 
     known = PowerLaw.model_validate(base.model_dump() | {"coefficient": 1.0} | dict.fromkeys(fitted, 0.0))
     target = np.log(measured) - np.log(_evaluated(known, factors))
-    # Centred, so that the slopes do not depend on how far from 1 the factors lie.
     references = {"depth_of_cut": np.log(base.reference_depth_of_cut)}
     design = np.array([logs[name] - references.get(name, 0.0) for name in fitted]).reshape(len(fitted), count).T
-    centre = design.mean(axis=0)
-    orthogonal, triangular = np.linalg.qr(design - centre)
-    inverse = np.linalg.inv(triangular)
-    slopes = inverse @ (orthogonal.T @ (target - target.mean()))
-    intercept = target.mean() - centre @ slopes
-
+    edges = None if measurements.edges is None else edge_spread(target, design, measurements.edges[present])
+    intercept, slopes, errors = _least_squares(target, design, edges)
     exponents = dict(zip(fitted, slopes.tolist(), strict=True))
     law = _checked(response, base, {"coefficient": float(np.exp(intercept)), **exponents})
     predicted = _evaluated(law, factors)
     residuals = np.log(measured / predicted)
     degrees = count - 1 - len(fitted)
     scatter = float(np.sqrt(residuals @ residuals / degrees))
-    covariance = inverse @ inverse.T
-    reach = two_sided_quantile(confidence, degrees) * scatter
-    aside = reach * np.sqrt(1.0 / count + centre @ covariance @ centre)
-    estimates = {"coefficient": _interval(law.coefficient, np.exp(intercept - aside), np.exp(intercept + aside))}
-    for name, slope, error in zip(fitted, slopes, reach * np.sqrt(np.diag(covariance)), strict=True):
-        estimates[name] = _interval(slope, slope - error, slope + error)
+    freedom = edges.degrees if edges else (degrees,) * (1 + len(fitted))
+    aside, *reaches = (error * two_sided_quantile(confidence, each) for error, each in zip(errors, freedom, strict=True))
+    ends = np.exp(np.clip((intercept - aside, intercept + aside), -MOST_LOG, MOST_LOG))
+    estimates = {"coefficient": _interval(law.coefficient, *ends)}
+    for name, slope, reach in zip(fitted, slopes, reaches, strict=True):
+        estimates[name] = _interval(slope, slope - reach, slope + reach)
     log_measured = np.log(measured)
     variation = float(((log_measured - log_measured.mean()) ** 2).sum())
     varies = np.ptp(log_measured) >= LEAST_VARIATION
@@ -124,7 +124,25 @@ def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: f
         measured=measured,
         predicted=predicted,
         lines=measurements.lines[present],
+        edges=edges,
     )
+
+
+def _least_squares(target: Column, design: Column, edges: EdgeSpread | None) -> tuple[float, Column, Column]:
+    """Intercept, slopes, and the standard errors of both, shape (1 + factors,)."""
+    centre = design.mean(axis=0)  # taken off, so that slopes do not depend on how far from 1 the factors lie
+    columns = np.column_stack([target, np.ones(len(target)), design - centre])
+    if edges is not None:
+        columns = edges.independent(columns)
+    target, columns = columns[:, 0], columns[:, 1:]
+    orthogonal, triangular = np.linalg.qr(columns)
+    inverse = np.linalg.inv(triangular)
+    level, *slopes = inverse @ (orthogonal.T @ target)
+    residuals = target - orthogonal @ (orthogonal.T @ target)
+    covariance = inverse @ inverse.T * (residuals @ residuals) / (len(target) - columns.shape[1])
+    back = np.concatenate([[1.0], -centre])
+    errors = np.sqrt([back @ covariance @ back, *np.diag(covariance)[1:]])
+    return float(level - centre @ slopes), np.array(slopes), errors
 
 
 def rows_of(response: str, measurements: Measurements) -> NDArray[np.bool_]:
@@ -136,45 +154,6 @@ def rows_of(response: str, measurements: Measurements) -> NDArray[np.bool_]:
         elif name != "hardness":
             present[:] = False
     return present
-
-
-def _told_apart(factors: Mapping[str, Column], logs: Mapping[str, Column]) -> tuple[list[str], dict[str, str]]:
-    """Factors whose exponents the rows tell, and why they do not tell the others'.
-
-    Of factors that vary together, the first is fitted.
-    """
-    kept: list[str] = []
-    assumed: dict[str, str] = {}
-    for name, log in logs.items():
-        if _variation(log) < LEAST_VARIATION:
-            values, unit = factors[name], COLUMNS[name].unit.replace("-", "")
-            assumed[name] = f"{name} never varies: {values.mean():.4g} {unit}".rstrip() + f" in all {len(values)} rows"
-            continue
-        others = np.array([logs[other] - logs[other].mean() for other in kept]).reshape(len(kept), len(log)).T
-        weights = np.linalg.lstsq(others, log - log.mean(), rcond=None)[0]
-        if _variation(log - others @ weights) < LEAST_VARIATION:
-            shares = np.abs(weights) * np.ptp(others, axis=0)
-            together = [other for other, share in zip(kept, shares, strict=True) if share >= LEAST_VARIATION]
-            assumed[name] = f"{name} varies only together with {' and '.join(together)}"
-            continue
-        kept.append(name)
-    return kept, assumed
-
-
-def _variation(log: Column) -> float:
-    """Largest relative distance of a factor from its mean [-]."""
-    return float(np.abs(log - log.mean()).max())
-
-
-def _check_enough(response: str, count: int, fitted: list[str], logs: Mapping[str, Column]) -> None:
-    if count >= len(fitted) + 2:
-        return
-    varying = [name for name, log in logs.items() if _variation(log) >= LEAST_VARIATION]
-    numbers = f"the coefficient and {len(varying)} exponents ({', '.join(varying)})" if varying else "the coefficient"
-    raise CalibrationError(
-        f"{response}: {count} row{'s' * (count != 1)} with this and all its factors, but {len(varying) + 2} are needed: "
-        f"for {numbers}, and one more to judge the scatter by"
-    )
 
 
 def _evaluated(law: PowerLaw, factors: Mapping[str, Column]) -> Column:

@@ -30,11 +30,16 @@ def write_scenario(calibration: Calibration, base: str, source: str, out: Path) 
         OutputError: the file cannot be written.
     """
     values = Scenario.load(base).model_dump() | {"name": out.stem, "material": calibration.material.model_dump()}
+    tool = {} if calibration.wear_factor_spread is None else {"wear_factor_spread": calibration.wear_factor_spread}
+    values["tool"] |= tool
     try:
         scenario = Scenario.model_validate(values)
     except ValidationError as error:
         raise CalibrationError(f"{out}: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from error
-    text = "\n".join(_lines(calibration, _stated(base, set(calibration.fits)), source))
+    stated = _stated(base, set(calibration.fits))
+    if tool:
+        stated["tool"] = stated.get("tool", {}) | tool
+    text = "\n".join(_lines(calibration, stated, source))
     write(out, lambda partial: partial.write_text(text, "utf-8"))
     return scenario
 
@@ -54,6 +59,8 @@ def _lines(calibration: Calibration, stated: dict[str, Any], source: str) -> Ite
     yield f"# Fitted by `python -m turning_env calibrate` to {source!a}; after each fitted number, its {interval}."
     for response, why in calibration.kept.items():
         yield f"# The law of {response} is the base's: {why}."
+    if calibration.wear_factor_spread is not None:
+        yield "# tool.wear_factor_spread is how the edges differ from the law of wear."
     yield ""
     yield tomli_w.dumps(stated)
     for response, fit in calibration.fits.items():
