@@ -33,7 +33,7 @@ def main(arguments: list[str] | None = None) -> int:
     out: Path = parsed.out
     path = out
     try:
-        plates = chosen(parsed.only)
+        plates, said = chosen(parsed.only), {}
         for plate in (bar := tqdm(plates, unit="figure", disable=None)):
             bar.set_postfix_str(plate.name)
             with style.for_print():
@@ -41,11 +41,12 @@ def main(arguments: list[str] | None = None) -> int:
                 for kind in parsed.format:
                     path = out / f"{plate.name}.{kind}"
                     style.save(figure, path)
+            said[plate.name] = index.described(plate)
         if parsed.only is None:
-            print(index.write(plates, parsed.format, path := out))
+            print(index.write(said, parsed.format, path := out))
         else:
-            for plate in plates:
-                print(plate.name, *index.described(plate), sep="\n  ")
+            for name, lines in said.items():
+                print(name, *lines, sep="\n  ")
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -130,7 +130,7 @@ def last_checks() -> Iterable[Check]:
 
 def _plate(figure: int, minute: int, checks: Callable[[], Iterable[Check]], what: str) -> Plate:
     caption = (
-        f"{what} Contours of removal rate, wear at the end of the minute, and the limits of thrust force and power "
+        f"{what}: contours of removal rate and of wear at the end of the minute, and the limits of thrust force and power, "
         "over cutting speed and feed."
     )
     remark = "The chosen pair lies on the search's grid (10 m/min, 0.005 mm/rev), so just inside the limit that it meets."
@@ -139,8 +139,8 @@ def _plate(figure: int, minute: int, checks: Callable[[], Iterable[Check]], what
 
 
 PLATES = (
-    _plate(3, 1, first_checks, "From what the grid search chooses for the first minute."),
-    _plate(6, 2, second_checks, "From what it chooses for the second minute."),
-    _plate(7, 14, late_checks, "From what it chooses for the fourteenth minute: the worn edge leaves a corner."),
-    _plate(10, 15, last_checks, "The fifteenth minute: the edge would be worn out wherever it cut."),
+    _plate(3, 1, first_checks, "What the grid search chooses from for the first minute"),
+    _plate(6, 2, second_checks, "What the grid search chooses from for the second minute"),
+    _plate(7, 14, late_checks, "What the grid search chooses from for the fourteenth minute, when the worn edge leaves a corner"),
+    _plate(10, 15, last_checks, "What is left for the fifteenth minute, nothing, as the edge would be worn out at any pair"),
 )

@@ -1,6 +1,6 @@
 """The page that shows all figures, with what is said of each."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from baselines.figures.plate import Plate
@@ -21,15 +21,14 @@ def described(plate: Plate) -> list[str]:
     return [f"{plate.caption} ({plate.source}.)", *plate.agreement()]
 
 
-def page(plates: Sequence[Plate], formats: Sequence[str]) -> str:
-    """The page's text, for figures in these formats beside it."""
+def page(said: Mapping[str, Sequence[str]], formats: Sequence[str]) -> str:
+    """The page's text, of what is said of each figure by its name, for figures in these formats beside it."""
     shown = [kind for kind in FORMATS if kind in formats]
     text = HEAD
-    for plate in plates:
-        caption, *lines = described(plate)
-        files = [f"{plate.name}.{kind}" for kind in shown]
-        picture = f"[{files[0]}]({files[0]})" if shown == ["pdf"] else f"![{plate.name}]({files[0]})"
-        text += f"\n## {plate.name}\n\n{picture}\n\n{caption}\n"
+    for name, (caption, *lines) in said.items():
+        files = [f"{name}.{kind}" for kind in shown]
+        picture = f"[{files[0]}]({files[0]})" if shown == ["pdf"] else f"![{name}]({files[0]})"
+        text += f"\n## {name}\n\n{picture}\n\n{caption}\n"
         if lines:
             text += "\n" + "".join(f"* {line}\n" for line in lines)
         if len(files) > 1:
@@ -37,12 +36,12 @@ def page(plates: Sequence[Plate], formats: Sequence[str]) -> str:
     return text
 
 
-def write(plates: Sequence[Plate], formats: Sequence[str], folder: Path) -> Path:
+def write(said: Mapping[str, Sequence[str]], formats: Sequence[str], folder: Path) -> Path:
     """Write the page, whole or not at all; returns its path.
 
     Raises:
         OSError: it cannot be written.
     """
-    path, text = folder / NAME, page(plates, formats)
+    path, text = folder / NAME, page(said, formats)
     replace_file(path, lambda partial: partial.write_text(text, encoding="utf-8"))
     return path

@@ -38,7 +38,7 @@ def draw() -> Figure:
     for place, (letter, (label, name)) in enumerate(zip("abcd", panels.items(), strict=True), 1):
         axes: Any = figure.add_subplot(2, 2, place, projection="3d", computed_zorder=False)
         surface = (found.speed[_COLOURED], found.feed[_COLOURED], getattr(found, name)[_COLOURED])
-        axes.plot_surface(*surface, rstride=1, cstride=1, facecolors=colours, shade=False, linewidth=0.3)
+        axes.plot_surface(*surface, rstride=1, cstride=1, facecolors=colours, shade=False, linewidth=0.3, rasterized=True)
         lines = (found.speed[_LINED], found.feed[_LINED], getattr(found, name)[_LINED])
         axes.plot_wireframe(*lines, rstride=1, cstride=1, color=style.GREY, linewidth=0.3)
         for look, edge in edges:

@@ -14,6 +14,7 @@ from baselines.reproduce.checks import Check, claim
 from baselines.stepped_bar import stepped_bar
 from turning_env import Scenario
 
+DOCS = Path(__file__).parents[2] / "docs" / "figures"
 QUICK = [name for name in catalogue.PLATES if name.startswith("grid_search") or name == "part_programming_psi"]
 SLOW = [name for name in catalogue.PLATES if name not in QUICK]
 
@@ -115,6 +116,21 @@ def test_lines_of_limits_lie_on_the_limits() -> None:
 @pytest.mark.parametrize("name", [name for name in QUICK if name.startswith("grid_search")])
 def test_what_is_said_of_the_grid_search_holds(name: str) -> None:
     assert all(check.passed for check in catalogue.PLATES[name].checks())
+
+
+def test_all_figures_of_the_grid_search_paper_are_there() -> None:
+    """All but the flowchart, Figure 1; 13 to 15 are one."""
+    assert {f"Alaskari and Oraby (2018), Figure {number}" for number in range(2, 13)} <= {
+        plate.source for plate in catalogue.PLATES.values()
+    }
+
+
+def test_the_figures_that_come_with_the_project_are_those_of_the_catalogue() -> None:
+    text = (DOCS / index.NAME).read_text("utf-8")
+    assert {path.name for path in DOCS.iterdir()} == {index.NAME, *(f"{name}.png" for name in catalogue.PLATES)}
+    for name, plate in catalogue.PLATES.items():
+        assert f"## {name}\n\n![{name}]({name}.png)\n\n{plate.caption} ({plate.source}.)\n" in text
+        assert (DOCS / f"{name}.png").stat().st_size < 150_000
 
 
 def test_agreement_says_what_agrees_and_why_not() -> None:
