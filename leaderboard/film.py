@@ -1,0 +1,85 @@
+"""Writes frames as a video, an animated GIF or a still, by the file's suffix; whole or not at all."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from leaderboard.results import ResultError
+from turning_env.files import replace_file
+
+Frame = NDArray[np.uint8]
+"""Shape (height, width, 3), of even height and width."""
+_GIF_COLOURS = 96
+
+
+def write(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
+    """Write all frames (of a still only the last) to a file ending in ``.mp4``, ``.gif`` or ``.png``.
+
+    Raises:
+        ResultError: the file ends otherwise, cannot be written, or what writes it is not installed.
+    """
+    write_file = writer(path)
+    try:
+        replace_file(path, lambda partial: write_file(frames, partial, frames_per_second))
+    except OSError as error:
+        raise ResultError(f"{path} cannot be written: {error.strerror or error}") from error
+    except ModuleNotFoundError as error:
+        raise ResultError(f'{error.name} is not installed: pip install "rough-turning[render,ecosystem]"') from error
+
+
+def writer(path: Path) -> Callable[[Iterator[Frame], Path, int], None]:
+    """What writes a file of such a name.
+
+    Raises:
+        ResultError: nothing does.
+    """
+    if path.suffix not in _WRITERS:
+        raise ResultError(f"{path} must end in one of {', '.join(_WRITERS)}")
+    return _WRITERS[path.suffix]
+
+
+def _write_video(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
+    from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter  # type: ignore[import-untyped]
+
+    first = next(frames)
+    height, width, _ = first.shape
+    # Few bits are enough for areas of one colour; every player knows yuv420p.
+    quality = ["-crf", "23", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+    video: Any = FFMPEG_VideoWriter(str(path), (width, height), frames_per_second, "libx264", ffmpeg_params=quality)
+    with video:
+        video.write_frame(first)
+        for frame in frames:
+            video.write_frame(frame)
+
+
+def _write_gif(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
+    from PIL import Image
+
+    first = Image.fromarray(next(frames))
+    palette = first.quantize(_GIF_COLOURS)
+
+    def reduced(frame: Image.Image) -> Image.Image:
+        return frame.quantize(palette=palette, dither=Image.Dither.NONE)
+
+    rest = (reduced(Image.fromarray(frame)) for frame in frames)
+    # Viewers take no pause shorter than 2/100 s for meant.
+    pause = max(1000 // frames_per_second, 20)
+    with path.open("wb") as file:  # Pillow alone would leave it open when interrupted
+        reduced(first).save(file, "GIF", save_all=True, append_images=rest, duration=pause, loop=0, optimize=False)
+
+
+def _write_still(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
+    from PIL import Image
+
+    *_, last = frames
+    Image.fromarray(last).save(path, optimize=True)
+
+
+_WRITERS: dict[str, Callable[[Iterator[Frame], Path, int], None]] = {
+    ".mp4": _write_video,
+    ".gif": _write_gif,
+    ".png": _write_still,
+}

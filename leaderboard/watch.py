@@ -1,0 +1,184 @@
+"""``python -m leaderboard.watch``: have a policy play, or two of them the same bars, and film it or show it in a window."""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ClosedEnvironmentError
+from tqdm import tqdm
+
+from leaderboard import film, run
+from leaderboard.contestants import Contestant
+from leaderboard.film import Frame
+from leaderboard.results import ResultError
+from train.trained_agent import ONNX_SUFFIX
+from turning_env import IDS, Scenario, ScenarioError
+
+EXAMPLE = """example:
+  python -m leaderboard.watch --env RoughTurning-v0 --policy rescaled_grid_search --beside grid_search --out cut.mp4"""
+_CAPTION_HEIGHT = 30
+_GAP = 8
+
+
+class Show:
+    """One policy at one episode, seen interval by interval.
+
+    Args:
+        contestant: who plays.
+        env_id: which environment.
+        scenario: what is played.
+        seed: the draw.
+        render_mode: "rgb_array" or "human".
+
+    Attributes:
+        ended: whether the episode has.
+    """
+
+    def __init__(self, contestant: Contestant, env_id: str, scenario: Scenario, seed: int, render_mode: str) -> None:
+        self._label = contestant.policy.label
+        self.env: Any = gymnasium.make(env_id, scenario=scenario, render_mode=render_mode)
+        self._controller = contestant.make(1)
+        self._observation, _ = self.env.reset(seed=seed)
+        self._controller.reset(np.ones(1, np.bool_))
+        self.ended = False
+
+    def advance(self) -> None:
+        """Play one interval.
+
+        Raises:
+            ResultError: the policy's action has the wrong shape or is not finite.
+        """
+        try:
+            self._observation, _, terminated, truncated, _ = self.env.step(self._controller.act(self._observation[None])[0])
+        except ValueError as error:
+            raise ResultError(f"{self._label} cannot play: {error}") from error
+        self.ended = terminated or truncated
+
+    def frame(self) -> Frame:
+        """The lathe as it is now, under its policy's name."""
+        from PIL import Image
+
+        from turning_env.rendering.theme import PAPER, write
+
+        picture: Frame = self.env.render()
+        caption = Image.new("RGB", (picture.shape[1], _CAPTION_HEIGHT), PAPER)
+        write(caption, (16, 10), f"policy: {self._label}", 15)
+        return np.concatenate([np.asarray(caption), picture])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        _watch(options)
+    except ClosedEnvironmentError:
+        print("the window was closed", file=sys.stderr)
+    except (ResultError, ScenarioError, gymnasium.error.Error, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted; nothing was written", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _watch(options: argparse.Namespace) -> None:
+    if options.human and options.beside:
+        raise ResultError("--human shows one policy: give --out to see two beside each other")
+    if not options.human:
+        film.writer(options.out)  # a name that cannot be written is found before anything is played
+    scenario = Scenario.load(options.scenario or IDS[options.env])
+    names = [options.agent or options.policy, *([options.beside] if options.beside else [])]
+    contestants = [contestant(name, scenario) for name in names]
+    mode = "human" if options.human else "rgb_array"
+    shows = [Show(each, options.env, scenario, options.seed, mode) for each in contestants]
+    try:
+        if options.human:
+            for _ in intervals(shows, options.intervals, 1):
+                pass
+        else:
+            pace = options.fps or shows[0].env.metadata["render_fps"]
+            film.write(frames(shows, options.intervals, options.every), options.out, pace)
+            print(f"wrote {options.out}")
+    finally:
+        for show in shows:
+            show.env.close()
+
+
+def contestant(name: str, scenario: Scenario) -> Contestant:
+    """The rule of a name, or the agent of an ONNX file or a run's folder.
+
+    Raises:
+        ResultError: there is none, it cannot play the scenario, or it acts on more than observations.
+    """
+    if name.endswith(ONNX_SUFFIX) or Path(name).is_dir():
+        return run.agent(Path(name), scenario)
+    (player,) = run.named([name], scenario)
+    if not isinstance(player, Contestant):
+        raise ResultError(f"{name} cannot be watched: only what acts on observations can")
+    return player
+
+
+def intervals(shows: Sequence[Show], most: int | None, every: int) -> Iterator[int]:
+    """Play until all have ended, at most so many intervals; yields at the start, after every so many, and at the end."""
+    yield 0
+    done = 0
+    with tqdm(total=most, unit="interval", dynamic_ncols=True, disable=None) as bar:
+        while done != most and not all(show.ended for show in shows):
+            for show in shows:
+                if not show.ended:
+                    show.advance()
+            done += 1
+            bar.update()
+            if done % every == 0 or done == most or all(show.ended for show in shows):
+                yield done
+
+
+def frames(shows: Sequence[Show], most: int | None, every: int) -> Iterator[Frame]:
+    """What is seen, side by side; who has ended stands still."""
+    for _ in intervals(shows, most, every):
+        pictures = [show.frame() for show in shows]
+        gap = np.full((len(pictures[0]), _GAP, 3), 255, np.uint8)
+        joined = [pictures[0]]
+        for picture in pictures[1:]:
+            joined += [gap, picture]
+        yield np.concatenate(joined, axis=1)
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return int(text)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m leaderboard.watch",
+        description="Have a policy play, and film it or show it in a window.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--env", choices=IDS, default="RoughTurning-v0", help="the environment's id (default: RoughTurning-v0)")
+    parser.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own preset")
+    who = parser.add_mutually_exclusive_group(required=True)
+    who.add_argument("--policy", metavar="NAME", help="a rule-based controller")
+    who.add_argument("--agent", metavar="AGENT", help="an agent: an ONNX file, or a run folder of your own")
+    parser.add_argument("--beside", metavar="NAME_OR_AGENT", help="another policy or agent, on the same bars, beside the first")
+    parser.add_argument("--seed", type=int, default=0, help="which edge and bars (default: 0)")
+    parser.add_argument(
+        "--intervals", type=_positive, metavar="N", help="at most so many control intervals (default: the episode)"
+    )
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--out", type=Path, metavar="FILE", help="an .mp4 or .gif of it all, or a .png of its end")
+    where.add_argument("--human", action="store_true", help="show it in a window")
+    parser.add_argument("--every", type=_positive, default=1, metavar="N", help="film every so many intervals (default: 1)")
+    parser.add_argument("--fps", type=_positive, metavar="N", help="frames in a second (default: as the task has it)")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,109 @@
+"""Filming policies: every kind of file, two side by side, the window, and errors."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from leaderboard import watch
+from leaderboard.watch import Show, main
+from tests.leaderboard.conftest import contestant
+from turning_env import Scenario
+
+AGENT = "agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx"
+HEIGHT, WIDTH = 670, 960
+
+
+@pytest.fixture
+def short(scenario: Scenario, tmp_path: Path) -> list[str]:
+    """Options for an episode of twelve intervals."""
+    scenario.save(tmp_path / "short.toml")
+    return ["--scenario", str(tmp_path / "short.toml")]
+
+
+def test_videos_gifs_and_stills(short: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("cut.mp4", "cut.gif", "frame.png"):
+        path = tmp_path / "new" / name
+        assert main([*short, "--policy", "fixed_handbook", "--intervals", "5", "--out", str(path)]) == 0
+        assert f"wrote {path}" in capsys.readouterr().out
+        assert path.stat().st_size > 5_000
+    assert b"ftyp" in (tmp_path / "new" / "cut.mp4").read_bytes()[:16]
+    with Image.open(tmp_path / "new" / "cut.gif") as gif:
+        assert gif.n_frames == 6  # type: ignore[attr-defined]
+        assert gif.size == (WIDTH, HEIGHT)
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["cut.gif", "cut.mp4", "frame.png"]
+
+
+def test_two_stand_side_by_side_and_the_still_is_the_end(short: list[str], tmp_path: Path) -> None:
+    beside, alone = tmp_path / "beside.png", tmp_path / "alone.png"
+    assert main([*short, "--agent", AGENT, "--beside", "fixed_handbook", "--out", str(beside)]) == 0
+    assert main([*short, "--policy", "fixed_handbook", "--out", str(alone)]) == 0
+    with Image.open(beside) as both, Image.open(alone) as one:
+        assert both.size == (2 * WIDTH + 8, HEIGHT)
+        assert np.array_equal(np.asarray(both)[:, WIDTH + 8 :], np.asarray(one))
+        assert not np.array_equal(np.asarray(both)[:, :WIDTH], np.asarray(one))
+
+
+def test_intervals_are_left_out_and_who_has_ended_waits(scenario: Scenario) -> None:
+    shows = [Show(contestant("one"), "RoughTurning-v0", scenario, 3, "rgb_array") for _ in range(2)]
+    assert list(watch.intervals(shows, None, 5)) == [0, 5, 10, 12]
+    assert all(show.ended for show in shows)
+    shows = [Show(contestant("one"), "RoughTurning-v0", scenario, 3, "rgb_array") for _ in range(2)]
+    shows[0].ended = True
+    still = shows[0].frame()
+    pictures = list(watch.frames(shows, 7, 4))
+    assert len(pictures) == 3
+    assert np.array_equal(pictures[-1][:, :WIDTH], still)
+
+
+def test_a_window_shows_it(short: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    assert main([*short, "--policy", "fixed_handbook", "--intervals", "2", "--human"]) == 0
+    monkeypatch.setenv("SDL_VIDEODRIVER", "nonsense")
+    assert main([*short, "--policy", "fixed_handbook", "--human"]) == 2
+    assert "error: no window can be opened" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--policy", "nonsense"], "no policy is called nonsense"),
+        (["--policy", "causal"], "causal cannot be watched: only what acts on observations can"),
+        (["--agent", "nowhere.onnx"], "no agent can be loaded from nowhere.onnx"),
+        (["--agent", AGENT, "--env", "RoughTurning-Batch-v0"], "no agent can be loaded"),
+        (["--policy", "grid_search", "--scenario", "nonsense"], "no preset and no file is called 'nonsense'"),
+        (["--policy", "grid_search", "--seed", "-1"], "seed -1 of lane 0 must be a whole number"),
+        (["--policy", "grid_search", "--out", "cut.avi"], "cut.avi must end in one of .mp4, .gif, .png"),
+    ],
+)
+def test_bad_input_gets_a_message(arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = [] if "--out" in arguments else ["--out", str(tmp_path / "cut.gif")]
+    assert main([*arguments, *out]) == 2
+    assert f"error: {message}" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_window_shows_one(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--policy", "grid_search", "--beside", "fixed_handbook", "--human"]) == 2
+    assert "error: --human shows one policy" in capsys.readouterr().err
+
+
+def test_what_is_interrupted_leaves_nothing(
+    short: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(show: Show) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Show, "advance", interrupt)
+    for name in ("cut.mp4", "cut.gif", "frame.png"):
+        assert main([*short, "--policy", "fixed_handbook", "--out", str(tmp_path / "new" / name)]) == 130
+        assert "interrupted" in capsys.readouterr().err
+    assert not list((tmp_path / "new").iterdir())
+
+
+def test_what_cannot_be_written_is_an_error(short: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("")
+    arguments = [*short, "--policy", "fixed_handbook", "--intervals", "1"]
+    assert main([*arguments, "--out", str(tmp_path / "file" / "cut.gif")]) == 2
+    assert "cut.gif cannot be written" in capsys.readouterr().err
