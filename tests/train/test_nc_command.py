@@ -5,12 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.train import onnx_agents
 from train import export
 from train.nc import command, simulate
 from train.nc.read import read_file
 from train.nc.schedule import Sums
 from train.nc.write import WARNING
+
+AGENTS = Path(__file__).parents[2] / "agents"
 
 
 def run(*arguments: str) -> int:
@@ -48,11 +49,16 @@ def test_programs_are_written_with_a_summary(
     assert "largest difference: " in capsys.readouterr().out
 
 
-def test_an_agents_file_plays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    agent, path = onnx_agents.write(tmp_path), tmp_path / "bar.mpf"
-    assert run("schedule", "--agent", str(agent), "--out", str(path), "--json") == 0
-    assert json.loads(capsys.readouterr().out)["largest_difference"] < 0.01
-    assert "ppo (training seed 0) on scenario short" in path.read_text("ascii")
+def test_an_agents_file_plays_its_own_scenario_or_another_that_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "bar.mpf"
+    agent = str(AGENTS / "RoughTurning-v0" / "rough_turning" / "ppo-seed0.onnx")
+    for arguments, scenario in (((), "rough_turning"), (("--scenario", "ck45"), "ck45")):
+        assert run("schedule", "--agent", agent, *arguments, "--out", str(path), "--json") == 0
+        assert json.loads(capsys.readouterr().out)["largest_difference"] < 0.01
+        header = path.read_text("ascii").replace("\n; ", " ")
+        assert f"ppo (training seed 0) on scenario {scenario}, " in header
+    assert run("schedule", "--agent", agent, "--scenario", "override", "--out", str(path)) == 2
+    assert "cannot play 'override'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -82,20 +82,22 @@ N50 FCTDEF(1,1.0,120.0,160.0,-2.0,0.0,0.0)
 N60 ID=1 WHENEVER ($AA_LOAD[S1]<60.0) AND ($AA_LOAD[S1]>=0.0) DO SYNFCT(1,$AC_OVR,$AA_LOAD[S1])
 N70 ID=2 DO $AC_PARAM[0]=$AC_PARAM[1]+1.0
 N80 G96 S150.0 F0.300 LIMS=636.6 M03 ; bar 1
-N90 G00 X100.000 Z3.000
-N100 G01 Z-10.000
-N110 G01 Z-20.500 S140.0
-N120 G00 X120.000
-N130 G00 Z3.000
-N140 M05
-N150 M00 ; the next bar is put in
-N160 G96 S140.0 F0.250 M03 ; bar 2
-N170 G00 X100.000 Z3.000
-N180 G01 Z-5.000
-N190 G00 X120.000
-N200 G00 Z3.000
-N210 M05
-N220 M30
+N90 G00 X120.000 Z3.000
+N100 G00 X100.000
+N110 G01 Z-10.000
+N120 G01 Z-20.500 S140.0
+N130 G00 X120.000
+N140 G00 Z3.000
+N150 M05
+N160 M00 ; the next bar is put in
+N170 G96 S140.0 F0.250 M03 ; bar 2
+N180 G00 X120.000 Z3.000
+N190 G00 X100.000
+N200 G01 Z-5.000
+N210 G00 X120.000
+N220 G00 Z3.000
+N230 M05
+N240 M30
 """
 
 
@@ -137,17 +139,22 @@ def test_a_program_with_a_slip_is_read_or_refused(data: st.DataObject) -> None:
         ("G96 S150.0", "G97 S150.0", "N80: a bar must begin with G96"),
         ("S150.0 F0.300", "S0.0 F0.300", "N80: S is 0.0, but must be above 0"),
         ("F0.300 LIMS", "LIMS", "N80: F is missing"),
-        ("Z-20.500", "Z-9.000", "N110: Z-9.0 must lie below Z-10.0"),
-        ("Z-20.500", "X-20.500", "N110: X may not stand"),
-        ("G01 Z-20.500", "G02 Z-20.500", "N110: only G01 to Z"),
-        ("G01 Z-20.500", "G01 Z-20.500 G95", "N110: G stands twice"),
-        ("Z-20.500 S140.0", "Z-20.500 S1E3", "N110: 'S1E3' is not a word of the subset"),
-        ("N120 G00 X120", "N120 G00 X101", "N120: X101.0 is too near the bar"),
-        ("N130 G00 Z3", "N130 G00 Z1", "N130: the tool must return with G00 to Z3.0"),
-        ("N170 G00 X100", "N170 G00 X90", "N170: every bar must be approached at X100.0"),
-        ("M00", "M01", "N150: after the spindle's stop M00 or M30 must follow"),
-        ("N220 M30\n", "", "at the end: the program does not end with M30"),
-        ("N220 M30\n", "N220 M30\nN230 M30\n", "N230: nothing may follow M30"),
+        ("Z-20.500", "Z-9.000", "N120: Z-9.0 must lie below Z-10.0"),
+        ("Z-20.500", "X-20.500", "N120: X may not stand"),
+        ("G01 Z-20.500", "G02 Z-20.500", "N120: only G01 to Z"),
+        ("G01 Z-20.500", "G01 Z-20.500 G95", "N120: G stands twice"),
+        ("Z-20.500 S140.0", "Z-20.500 S1E3", "N120: 'S1E3' is not a word of the subset"),
+        ("Z-20.500", "Z-20.5001", "N120: 'Z-20.5001' is finer than the control's resolution, which is 3 decimals"),
+        ("F0.250 M03", "F0.250 M03.5", "N170: 'M03.5' is finer"),
+        ("N130 G00 X120", "N130 G00 X101", "N130: X101.0 is too near the bar"),
+        ("N140 G00 Z3", "N140 G00 Z1", "N140: the tool must return with G00 to Z3.0"),
+        ("N190 G00 X100", "N190 G00 X90", "N190: every bar must be cut at X100.0, as the first, not at X90.0"),
+        ("N180 G00 X120.000 Z3", "N180 G00 X120.000 Z4", "N180: every bar must be approached at Z3.0"),
+        ("N90 G00 X120", "N90 G00 X110", "N100: X110.0 is too near the bar"),
+        ("N100 G00 X100.000\n", "", "N110: Z may not stand"),
+        ("M00", "M01", "N160: after the spindle's stop M00 or M30 must follow"),
+        ("N240 M30\n", "", "at the end: the program does not end with M30"),
+        ("N240 M30\n", "N240 M30\nN250 M30\n", "N250: nothing may follow M30"),
         ("FCTDEF(1,1.0,120.0", "FCTDEF(1,121.0,120.0", "N50: the lower limit of polynomial 1 is 121.0"),
         ("SYNFCT(1", "SYNFCT(2", "N60: polynomial 2 is not defined"),
         ("SYNFCT(1,$AC_OVR", "SYNFCT(1,$AA_OVR[X]", "N60: '$AA_OVR[X]' cannot be written"),
@@ -181,6 +188,13 @@ def test_long_lines_and_long_programs_are_refused() -> None:
 @given(EXPRESSIONS)
 def test_expressions_read_back_equal(expression: Expression) -> None:
     assert parse(str(expression), READABLE) == expression
+
+
+@pytest.mark.parametrize(
+    "text", ["1.0+2.0-3.0*4.0/5.0", "1.0-(2.0-3.0)", "(1.0+2.0)*3.0", "1.0/(2.0*3.0)", "+".join(["1.0"] * 100)]
+)
+def test_expressions_have_the_parentheses_that_they_need(text: str) -> None:
+    assert str(parse(text, READABLE)) == text
 
 
 @pytest.mark.parametrize(

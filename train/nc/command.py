@@ -233,9 +233,8 @@ def _written(path: Path, text: str, program: Program) -> dict[str, Any]:
 
 
 def _lines(done: dict[str, Any]) -> str:
-    counts = ", ".join(
-        f"{done[name]} {name}" for name in ("bars", "sections", "blocks", "polynomials", "actions") if name in done
-    )
+    countable = [name for name in ("bars", "sections", "blocks", "polynomials", "actions") if name in done]
+    counts = ", ".join(f"{done[name]} {name if done[name] != 1 else name.removesuffix('s')}" for name in countable)
     lines = [f"{done['path']}: {counts}"]
     if "intervals" in done:
         largest, mean = done["largest_override_difference"], done["mean_override_difference"]

@@ -71,19 +71,19 @@ def _by_bar(course: Iterable[Piece], row: float) -> Iterator[list[Piece]]:
 def _groups(pieces: list[Piece], tolerance: float) -> Iterator[list[Piece]]:
     """Successive pieces that are to be one block. One with a note begins a new one."""
     group: list[Piece] = []
+    most = 1.0 + tolerance + 1e-12
+    slowest = fastest = finest = coarsest = 0.0
     for piece in pieces:
-        if group and (piece.note or not _alike([*group, piece], tolerance)):
-            yield group
-            group = []
+        speeds = min(slowest, piece.cutting_speed), max(fastest, piece.cutting_speed)
+        feeds = min(finest, piece.feed), max(coarsest, piece.feed)
+        if not group or piece.note or speeds[1] > most * speeds[0] or feeds[1] > most * feeds[0]:
+            if group:
+                yield group
+            group, speeds, feeds = [], (piece.cutting_speed, piece.cutting_speed), (piece.feed, piece.feed)
         group.append(piece)
+        (slowest, fastest), (finest, coarsest) = speeds, feeds
     if group:
         yield group
-
-
-def _alike(group: list[Piece], tolerance: float) -> bool:
-    speeds, feeds = [piece.cutting_speed for piece in group], [piece.feed for piece in group]
-    most = 1.0 + tolerance + 1e-12
-    return max(speeds) <= most * min(speeds) and max(feeds) <= most * min(feeds)
 
 
 def _block(scenario: Scenario, group: list[Piece], z: float) -> Block:

@@ -16,6 +16,8 @@ _OPERATIONS: dict[str, Callable[[float, float], float]] = {
     "*": operator.mul,
     "/": operator.truediv,
 }
+_RANK = {"+": 0, "-": 0, "*": 1, "/": 1}
+"""Which operation comes first, of equals the left one."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Operation:
-    """Two expressions and what is done with them. As text, it stands in parentheses."""
+    """Two expressions and what is done with them. Its text has the parentheses that it needs, and no others."""
 
     left: "Expression"
     sign: str
@@ -63,10 +65,17 @@ class Operation:
         return _OPERATIONS[self.sign](self.left.value(variables), self.right.value(variables))
 
     def __str__(self) -> str:
-        return f"({self.left}{self.sign}{self.right})"
+        rank = _RANK[self.sign]
+        left = f"({self.left})" if _rank(self.left) < rank else str(self.left)
+        right = f"({self.right})" if _rank(self.right) <= rank else str(self.right)
+        return f"{left}{self.sign}{right}"
 
 
 Expression = Number | Variable | Operation
+
+
+def _rank(expression: Expression) -> int:
+    return _RANK[expression.sign] if isinstance(expression, Operation) else 2
 
 
 def parse(text: str, readable: Collection[str]) -> Expression:

@@ -1,9 +1,9 @@
 """Numbers as a program has them: plain decimals, for not every control reads an exponent alike."""
 
-NUMBER = r"\d{1,12}(?:\.\d{0,15})?|\.\d{1,15}"
-"""Regular expression of a number without sign."""
 DECIMALS = 12
 """Of coefficients: the third power of a load of 200 % times half of the last decimal is 4e-6."""
+NUMBER = rf"\d{{1,12}}(?:\.\d{{0,{DECIMALS}}})?|\.\d{{1,{DECIMALS}}}"
+"""Regular expression of a number without sign."""
 
 
 def number_text(value: float) -> str:

@@ -5,13 +5,30 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from train.nc.numbers import NUMBER
-from train.nc.program import RETRACTION, Block, NcError, Program
+from train.nc.program import (
+    FEED_DECIMALS,
+    LENGTH_DECIMALS,
+    LIMIT_DECIMALS,
+    RETRACTION,
+    SPEED_DECIMALS,
+    Block,
+    NcError,
+    Program,
+)
 from train.nc.read_law import LawReader
 from train.nc.write import SAFE_START, TOOL
 
 MOST_BYTES, MOST_LINE = 10_000_000, 500
 _BLOCK = re.compile(r"N(\d{1,7}) +(.*)", re.ASCII)
 _WORD = re.compile(rf"(LIMS=|[GMSFXZ])(-?(?:{NUMBER}))", re.ASCII)
+
+_DECIMALS = {
+    **dict.fromkeys("GM", 0),
+    "S": SPEED_DECIMALS,
+    "F": FEED_DECIMALS,
+    **dict.fromkeys("XZ", LENGTH_DECIMALS),
+    "LIMS=": LIMIT_DECIMALS,
+}
 
 
 def read(text: str) -> Program:
@@ -75,7 +92,7 @@ class _Reader:
     def __init__(self) -> None:
         self._law = LawReader()
         self._expects = self._safe_start
-        self._limit = self._speed = self._feed = self._position = 0.0
+        self._limit = self._speed = self._feed = self._position = self._across = 0.0
         self._diameter: float | None = None
         self._start: float | None = None
         self._bars: list[tuple[Block, ...]] = []
@@ -126,15 +143,32 @@ class _Reader:
 
     def _approach(self, body: str) -> None:
         words = _words(body, "G X Z")
-        _is(words["G"], 0.0, "the first position of a bar must be approached with G00")
-        x, z = _above_zero(words["X"], "X"), words["Z"]
+        _is(words["G"], 0.0, "the bar must be approached with G00")
+        z = words["Z"]
         if z < 0.0:
             raise ValueError(f"Z{z} lies in the bar: it must be approached from 0 or above")
-        for what, before, now in (("X", self._diameter, x), ("Z", self._start, z)):
-            if before is not None and before != now:
-                raise ValueError(f"every bar must be approached at {what}{before}, as the first, not at {what}{now}")
-        self._diameter, self._start, self._position = x, z, z
+        if self._start not in (None, z):
+            raise ValueError(f"every bar must be approached at Z{self._start}, as the first, not at Z{z}")
+        self._across, self._start, self._position = _above_zero(words["X"], "X"), z, z
+        self._expects = self._engage
+
+    def _engage(self, body: str) -> None:
+        words = _words(body, "G X")
+        _is(words["G"], 0.0, "the diameter of the cut must be approached with G00")
+        x = _above_zero(words["X"], "X")
+        if self._diameter not in (None, x):
+            raise ValueError(f"every bar must be cut at X{self._diameter}, as the first, not at X{x}")
+        self._diameter = x
+        self._check_clear(self._across)
         self._expects = self._first_feed
+
+    def _check_clear(self, x: float) -> None:
+        assert self._diameter is not None
+        least = self._diameter + 2.0 * RETRACTION
+        if x < least - 1e-9:
+            raise ValueError(
+                f"X{x} is too near the bar, which is cut at X{self._diameter}: the tool must keep to X{least} or beyond"
+            )
 
     def _first_feed(self, body: str) -> None:
         words = _words(body, "G Z", "S F")
@@ -160,10 +194,7 @@ class _Reader:
 
     def _retract(self, body: str) -> None:
         words = _words(body, "G X")
-        assert self._diameter is not None
-        least = self._diameter + 2.0 * RETRACTION
-        if words["X"] < least - 1e-9:
-            raise ValueError(f"X{words['X']} is too near the bar: the tool must leave to X{least} or beyond")
+        self._check_clear(words["X"])
         self._expects = self._return
 
     def _return(self, body: str) -> None:
@@ -197,6 +228,9 @@ def _words(body: str, needed: str, allowed: str = "") -> dict[str, float]:
             raise ValueError(f"{text!r} is not a word of the subset")
         if match[1] in words:
             raise ValueError(f"{match[1]} stands twice in {body!r}")
+        decimals = _DECIMALS[match[1]]
+        if len(match[2].partition(".")[2]) > decimals:
+            raise ValueError(f"{text!r} is finer than the control's resolution, which is {decimals} decimals")
         words[match[1]] = float(match[2])
     if extra := words.keys() - set(needed.split()) - set(allowed.split()):
         raise ValueError(f"{', '.join(sorted(extra))} may not stand in {body!r} here")

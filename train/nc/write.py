@@ -3,7 +3,6 @@
 import textwrap
 from collections.abc import Iterable, Iterator
 
-from train.nc.expression import Operation
 from train.nc.numbers import number_text
 from train.nc.program import FEED_DECIMALS, LENGTH_DECIMALS, LIMIT_DECIMALS, RETRACTION, SPEED_DECIMALS, Block, Program
 from train.nc.synchronous import Action, Condition, Evaluate, Law
@@ -41,7 +40,8 @@ def _blocks(program: Program) -> Iterator[str]:
         speed, feed = _speed(blocks[0]), _feed(blocks[0])
         yield f"G96 {speed} {feed}{limit} M03{_note(f'bar {number + 1}')}"
         limit = ""
-        yield f"G00 X{program.diameter:.{LENGTH_DECIMALS}f} Z{start}"
+        yield f"G00 X{across} Z{start}"
+        yield f"G00 X{program.diameter:.{LENGTH_DECIMALS}f}"
         for block in blocks:
             words = [f"G01 Z{block.z:.{LENGTH_DECIMALS}f}"]
             if _speed(block) != speed:
@@ -91,8 +91,7 @@ def _action(action: Action) -> str:
     if isinstance(effect, Evaluate):
         done = f"SYNFCT({effect.polynomial},{effect.output},{effect.input})"
     else:
-        text = str(effect.expression)
-        done = f"{effect.output}={text[1:-1] if isinstance(effect.expression, Operation) else text}"
+        done = f"{effect.output}={effect.expression}"
     if not action.conditions:
         return f"ID={action.number} DO {done}"
     texts = [_condition(condition) for condition in action.conditions]
