@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
+from turning_env.records import REPORT_FIELDS
 
 _LINE, _PAGE = 8, 512  # numbers of a cache line and of a memory page
-_FLAG_ROWS = [REPORT_FIELDS.index(name) for name in REPORT_FLAGS]
 
 
 class Answers:
@@ -20,7 +19,6 @@ class Answers:
         rewards: float64, shape (count,), in s of machine time.
         ends: bool, shape (2, count): terminated and truncated.
         padded_table: float64, what is reported, a row for each of ``REPORT_FIELDS``; rows may be longer than there are lanes.
-        flags: bool, shape (len(REPORT_FLAGS), count): those fields that are flags, if ``note_flags`` was called.
     """
 
     def __init__(self, count: int, entries: int) -> None:
@@ -30,17 +28,11 @@ class Answers:
         # Rows a whole number of memory pages apart would fall into the same few places of the processor's first cache.
         padding = _LINE if count % _PAGE < _LINE <= count else 0
         self.padded_table = np.zeros((len(REPORT_FIELDS), count + padding), np.float64)
-        self.flags = np.zeros((len(REPORT_FLAGS), count), np.bool_)
 
     @property
     def table(self) -> NDArray[np.float64]:
         """What is reported of all lanes: shape (len(REPORT_FIELDS), count); see ``records.py`` for the fields and units."""
         return self.padded_table[:, : len(self.rewards)]
-
-    def note_flags(self) -> None:
-        """Fill ``flags`` from the table."""
-        for row, flags in zip(_FLAG_ROWS, self.flags, strict=True):
-            np.not_equal(self.table[row], 0.0, out=flags)
 
     def put(self, other: "Answers") -> None:
         """Take over what another interval of as many lanes gave."""
@@ -65,7 +57,7 @@ class Answers:
         return max(sys.getrefcount(array) for array in self._arrays())
 
     def _arrays(self) -> tuple[NDArray[Any], ...]:
-        return self.observations, self.rewards, self.ends, self.padded_table, self.flags
+        return self.observations, self.rewards, self.ends, self.padded_table
 
 
 _UNUSED = Answers(1, 1)

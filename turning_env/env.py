@@ -9,7 +9,7 @@ from gymnasium import logger
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from turning_env.info import Info, info_of
+from turning_env.info import EVERY_FIELD, Info, with_values
 from turning_env.lathes import action_space, checked_seed, observation_space
 from turning_env.lone_lathe import TERMINATED, TRUNCATED, LoneLathe
 from turning_env.scenario import Scenario
@@ -163,7 +163,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             lathes.start(_ONLY_LANE)
         if self._viewer is not None:
             self._viewer.note()
-        return lathes.observation.copy(), info_of(lathes.report.tolist())
+        return lathes.observation.copy(), with_values(EVERY_FIELD, lathes.report.tolist())
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
         """Run one control interval. See the class's description for shapes, units and errors."""
@@ -177,7 +177,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f"an action must be {numbers}, got {action!r}") from error
         if self._viewer is not None:
             self._viewer.note()
-        info = info_of(lathes.report.tolist())
+        info = with_values(EVERY_FIELD, lathes.report.tolist())
         return lathes.observation.copy(), lathes.answers.rewards.item(), end == TERMINATED, end == TRUNCATED, info
 
     def render(self) -> Any:

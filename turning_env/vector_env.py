@@ -12,8 +12,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from turning_env.answers import AnswerPool, Answers
+from turning_env.info import EVERY_FIELD, with_values
 from turning_env.lathes import MOST_SEED, Lathes, action_space, checked_seed, observation_space
-from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
+from turning_env.records import REPORT_FIELDS
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         self._pool = AnswerPool(num_envs, self._lathes.entries)
         self._every_lane = np.ones(num_envs, np.bool_)
         self._every_lane.flags.writeable = False  # it goes out as a mask in every info
+        self._entries = EVERY_FIELD | dict.fromkeys(_MASKS, self._every_lane)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -184,11 +186,8 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     def _infos(self, answers: Answers, lanes: NDArray[np.bool_]) -> Infos:
         """One array per field of the report, with the mask of the lanes that it holds for."""
-        answers.note_flags()
-        infos: Infos = dict(zip(REPORT_FIELDS, answers.table, strict=True))
-        infos.update(zip(REPORT_FLAGS, answers.flags, strict=True))
-        infos.update(dict.fromkeys(_MASKS, lanes))
-        return infos
+        entries = self._entries if lanes is self._every_lane else EVERY_FIELD | dict.fromkeys(_MASKS, lanes)
+        return with_values(entries, answers.table)
 
     def _final_infos(self, ended: NDArray[np.bool_]) -> Infos:
         """The last observations and infos of the episodes that have ended; other lanes' are nothing and 0."""

@@ -1,4 +1,4 @@
-"""The single environment's info: a plain dict of every field."""
+"""Info: a plain dict of every field."""
 
 import json
 import pickle
@@ -8,28 +8,28 @@ import numpy as np
 
 from tests.turning_env.playing import fixed_actions
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv
-from turning_env.info import info_of
+from turning_env.info import EVERY_FIELD, with_values
 from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
 
 VALUES = [0.5 * number for number in range(len(REPORT_FIELDS))]
 
 
 def test_every_field_has_its_value_and_flags_are_bool():
-    info = info_of(VALUES)
+    info = with_values(EVERY_FIELD, VALUES)
     expected = {name: bool(value) if name in REPORT_FLAGS else value for name, value in zip(REPORT_FIELDS, VALUES, strict=True)}
     assert list(info.items()) == list(expected.items())
     assert {type(info[name]) for name in REPORT_FLAGS} == {bool}
     assert {type(value) for name, value in info.items() if name not in REPORT_FLAGS} == {float}
-    assert not any(info_of([0.0] * len(VALUES))[name] for name in REPORT_FLAGS)
+    assert not any(with_values(EVERY_FIELD, [0.0] * len(VALUES))[name] for name in REPORT_FLAGS)
 
 
 def test_it_is_a_plain_dict_of_its_own():
-    info, other = info_of(VALUES), info_of(VALUES)
+    info, other = with_values(EVERY_FIELD, VALUES), with_values(EVERY_FIELD, VALUES)
     assert type(info) is dict
     info["wear"] = -1.0
     info["episode"] = {}
     del info["power"]
-    assert info_of(VALUES) == other
+    assert with_values(EVERY_FIELD, VALUES) == other
     assert json.loads(json.dumps(other)) == pickle.loads(pickle.dumps(other)) == {**other} == other
 
 
