@@ -127,11 +127,11 @@ class Desk:
 
     Attributes:
         records: what the entries take first.
-        rows: a report's fields as the rows of one array, float64, shape (len(REPORT_FIELDS), WIDTH).
+        rows: a report's fields as the rows of one array, float64, shape (len(REPORT_FIELDS), lanes of a block).
     """
 
     def __init__(self, blocks: Any, parameters: Any, work: Any, report: Any) -> None:
-        self.rows = np.ndarray((len(REPORT_FIELDS), WIDTH), np.float64, report)
+        self.rows = np.ndarray((len(REPORT_FIELDS), report.itemsize // 8 // len(REPORT_FIELDS)), np.float64, report)
         self.records = (*(handed_over(record) for record in (blocks, parameters, work, report)), self.rows)
 
 
@@ -148,6 +148,7 @@ class Lathes:
         ended: whether the episode of a lane has ended, 0 or 1, shape (blocks, WIDTH).
     """
 
+    _BLOCK: ClassVar[np.dtype[Any]] = LANES
     _NOT_KEPT: ClassVar[tuple[str, ...]] = ("ended", "_given", "_desk", "_crew")
 
     def __init__(self, scenario: Scenario, count: int, threads: int = 1) -> None:
@@ -157,7 +158,7 @@ class Lathes:
         self.action_size = action_size(scenario)
         self.entries = len(observation.bounds(scenario)[0])
         self._parameters = parameter_records(scenario)
-        self._blocks = new_records(LANES, -(-count // WIDTH))
+        self._blocks = new_records(self._BLOCK, -(-count // WIDTH))
         self._actions = np.zeros((count, self.action_size), np.float64)
         self.answers = Answers(count, self.entries)
         self._prepare()

@@ -1,6 +1,7 @@
-"""One lathe by itself, quick to step: all that it needs and tells lies in one record.
+"""One lathe by itself, quick to step: all that it needs and tells lies close together in one record.
 
-A compiled call takes one argument far faster than ten. The transition is that of ``lathes.py``.
+A compiled call takes one argument far faster than ten, and finds what lies in a few lines of the processor's cache far faster
+than what stands as wide apart as in a block of many. The transition is that of ``lathes.py``.
 """
 
 from typing import Any, ClassVar
@@ -12,7 +13,7 @@ from turning_env.compilation import compiled_entry, handed_over, source_digest
 from turning_env.lathe import run_interval
 from turning_env.lathes import Desk, Lathes, count_unfit
 from turning_env.observation import observe
-from turning_env.records import LANES, MOST_ENTRIES, PARAMETERS, REPORT, WORK, new_records
+from turning_env.records import LANES, MOST_ENTRIES, PARAMETERS, REPORT, WORK, narrowed, new_records
 from turning_env.report import write_state
 from turning_env.scenario import Scenario
 from turning_env.sections import MOST_PASSES
@@ -26,9 +27,9 @@ UNFIT, UNDER_WAY, TERMINATED, TRUNCATED = range(-1, 3)
 LONE = np.dtype(
     [
         ("parameters", PARAMETERS),
-        ("lanes", LANES),
-        ("work", WORK),
-        ("report", REPORT),
+        ("lanes", narrowed(LANES)),
+        ("work", narrowed(WORK)),
+        ("report", narrowed(REPORT)),
         ("actions", np.float64, (1, MOST_ACTIONS)),
         ("observations", np.float32, (1, MOST_ENTRIES)),
         ("rewards", np.float64, (1,)),
@@ -73,6 +74,7 @@ class LoneLathe(Lathes):
         report: of the last interval, float64, shape (len(REPORT_FIELDS),).
     """
 
+    _BLOCK: ClassVar[np.dtype[Any]] = LONE["lanes"]
     _NOT_KEPT: ClassVar[tuple[str, ...]] = (*Lathes._NOT_KEPT, "_record", "observation", "report")
 
     def __init__(self, scenario: Scenario) -> None:

@@ -33,6 +33,16 @@ def block_of(*fields: tuple[Any, ...]) -> np.dtype[Any]:
     return np.dtype([(name, kind, shape[0] if shape else (WIDTH,)) for name, kind, *shape in fields], align=True)
 
 
+def narrowed(block: np.dtype[Any]) -> np.dtype[Any]:
+    """The type of a block of one lane, with fields of its own: every array's last axis ``WIDTH`` times shorter."""
+    fields: list[Any] = []
+    for name in block.names or ():
+        kind = block.fields[name][0]  # type: ignore[index]
+        fields.append((name, kind.base, (*kind.shape[:-1], kind.shape[-1] // WIDTH)))
+    notes: np.dtype[Any] = np.dtype((np.record, np.dtype(fields, align=True)))  # interpreted, it is asked for attributes
+    return notes
+
+
 LANES = block_of(
     # the episode's key
     ("seed", np.uint64),

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from turning_env.accelerator.layout import aligned, lane_of, narrowed
+from turning_env.accelerator.layout import aligned, lane_of
 from turning_env.accelerator.target import Kernel, cuda
 from turning_env.lathe import run_interval, start_episode
 from turning_env.observation import observe
-from turning_env.records import LANES, PARAMETERS, REPORT, WIDTH, WORK
+from turning_env.records import LANES, PARAMETERS, REPORT, WIDTH, WORK, narrowed
 from turning_env.report import write_state
 from turning_env.sections import MOST_PASSES
 

@@ -32,16 +32,6 @@ def lane_of(block: np.dtype[Any]) -> np.dtype[Any]:
     return lane
 
 
-def narrowed(block: np.dtype[Any]) -> np.dtype[Any]:
-    """The type of a block of one lane, with fields of its own: every array's last axis ``WIDTH`` times shorter."""
-    fields: list[Any] = []
-    for name in block.names or ():
-        kind = block.fields[name][0]  # type: ignore[index]
-        fields.append((name, kind.base, (*kind.shape[:-1], kind.shape[-1] // WIDTH)))
-    notes: np.dtype[Any] = np.dtype((np.record, np.dtype(fields, align=True)))  # the simulator asks it for attributes
-    return notes
-
-
 def aligned(record: np.dtype[Any]) -> np.dtype[Any]:
     """The same fields, each on a boundary of its own size: others would be read byte by byte."""
     if record.names is None:

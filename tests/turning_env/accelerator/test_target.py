@@ -8,9 +8,9 @@ import pytest
 from numba import types
 from numba.np import numpy_support
 
-from turning_env.accelerator.layout import aligned, fields_in, lane_of, narrowed, put
+from turning_env.accelerator.layout import aligned, fields_in, lane_of, put
 from turning_env.accelerator.target import refuse_fused
-from turning_env.records import LANES, PARAMETERS, REPORT, REPORT_FIELDS, WIDTH, WORK, parameter_records
+from turning_env.records import LANES, PARAMETERS, REPORT, REPORT_FIELDS, WIDTH, WORK, narrowed, parameter_records
 from turning_env.scenario import Scenario
 
 
