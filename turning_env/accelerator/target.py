@@ -39,7 +39,7 @@ def need_accelerator() -> None:
         if os.environ.get("NUMBA_DISABLE_JIT", "0") == "0":
             raise NoAcceleratorError("the simulator takes interpreted code: NUMBA_ENABLE_CUDASIM=1 needs NUMBA_DISABLE_JIT=1")
     elif importlib.util.find_spec("numba_cuda") is None:
-        raise NoAcceleratorError("numba-cuda is not installed, which compiles for a GPU: pip install 'rough-turning[gpu]'")
+        raise NoAcceleratorError("numba-cuda is not installed, which compiles for a GPU: pip install 'numba-cuda[cu12]'")
     elif not cuda.is_available():
         raise NoAcceleratorError("Numba finds no GPU: an NVIDIA GPU, its driver and CUDA 12 or later are needed")
 

@@ -1,12 +1,7 @@
 """No product and sum are fused: that would change the last bits."""
 
-from importlib.util import find_spec
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from numba import types
-from numba.np import numpy_support
 
 from turning_env.accelerator.layout import aligned, fields_in, lane_of, put
 from turning_env.accelerator.target import refuse_fused
@@ -55,39 +50,3 @@ def test_aligned_parameters_keep_their_values():
     assert target["wear_law"].dtype.isalignedstruct
     for name in PARAMETERS.names:
         assert np.array_equal(target[name][0].tolist(), source[name].tolist()), name
-
-
-@pytest.mark.skipif(find_spec("numba_cuda") is None, reason="numba-cuda is not installed")
-@pytest.mark.parametrize("capability", [(8, 0), (9, 0)])
-def test_the_kernel_compiles_for_a_gpu_without_one(capability, monkeypatch):
-    """To PTX, with NVIDIA's compiler library (of the package nvidia-cuda-nvcc-cu12, say)."""
-    from numba import cuda
-    from numba.cuda import dispatcher
-
-    from turning_env.accelerator import kernels
-    from turning_env.accelerator.target import unfused
-
-    monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=capability))
-    with unfused():
-        code, _ = cuda.compile_ptx(kernels._step, step_signature(kernels), cc=capability)
-    refuse_fused(code)
-    assert code.count("mul.rn.f64") > 1000
-    assert "ld.global.f64" in code  # numbers are read whole
-
-
-def step_signature(kernels):
-    """Of ``kernels._step``, with actions of float32."""
-
-    def array(kind, dimensions, layout="C"):
-        return types.Array(numpy_support.from_dtype(np.dtype(kind)), dimensions, layout)
-
-    return types.void(
-        array(kernels.LANE, 2, "A"),
-        array(kernels.ALIGNED_PARAMETERS, 1),
-        array(kernels.LANE_REPORT, 2, "A"),
-        array(np.float32, 2),
-        array(np.float32, 2),
-        array(np.float64, 1),
-        array(np.bool_, 2),
-        array(np.int64, 1),
-    )
