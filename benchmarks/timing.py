@@ -79,7 +79,8 @@ def measure(cases: Sequence[Case], repeats: int, seconds: float) -> list[list[Ti
 def _calls_within(case: Case, seconds: float) -> int:
     case.step()  # compiles, or loads what was compiled
     count = 1
-    while (taken := count * case.steps / timed(case, count).rate) < 0.2 * seconds:
+    # The quickest of three: a single pause would pass for many calls, and turns of a few calls would time cold caches.
+    while (taken := count * case.steps / max(timed(case, count).rate for _ in range(3))) < 0.2 * seconds:
         count *= 2
     return max(1, round(count * seconds / taken))
 
