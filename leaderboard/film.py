@@ -12,7 +12,6 @@ from turning_env.files import replace_file
 
 Frame = NDArray[np.uint8]
 """Shape (height, width, 3), of even height and width."""
-_GIF_COLOURS = 96
 
 
 def write(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
@@ -58,8 +57,9 @@ def _write_video(frames: Iterator[Frame], path: Path, frames_per_second: int) ->
 def _write_gif(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
     from PIL import Image
 
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([value for colour in _colours() for value in colour])
     first = Image.fromarray(next(frames))
-    palette = first.quantize(_GIF_COLOURS)
 
     def reduced(frame: Image.Image) -> Image.Image:
         return frame.quantize(palette=palette, dither=Image.Dither.NONE)
@@ -69,6 +69,19 @@ def _write_gif(frames: Iterator[Frame], path: Path, frames_per_second: int) -> N
     pause = max(1000 // frames_per_second, 20)
     with path.open("wb") as file:  # Pillow alone would leave it open when interrupted
         reduced(first).save(file, "GIF", save_all=True, append_images=rest, duration=pause, loop=0, optimize=False)
+
+
+def _colours() -> list[tuple[int, int, int]]:
+    """Those of which frames consist: of one frame's alone, later ones would lack some."""
+    from turning_env.rendering import theme
+
+    paints = [theme.BLUE, theme.ORANGE, theme.GREEN, theme.VERMILLION, theme.PURPLE, theme.INSERT, theme.LAND, theme.CHIP]
+    shares = (1.0, 0.75, 0.5, 0.28, 0.22, 0.07)
+    grounds = [theme.CARD, theme.PAPER, theme.RULE, theme.ALLOWANCE]
+    tints = [theme.mixed(theme.HARD_TINT, step / 16, theme.SOFT_TINT) for step in range(17)]
+    greys = [theme.mixed(theme.INK, step / 16, theme.PAPER) for step in range(1, 17)]
+    on_allowed = [theme.mixed(theme.INK, step / 8, theme.mixed(theme.ALLOWED, 0.22)) for step in range(8)]
+    return [*grounds, *tints, *greys, *on_allowed, *(theme.mixed(paint, share) for paint in paints for share in shares)]
 
 
 def _write_still(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:

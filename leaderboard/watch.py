@@ -102,7 +102,7 @@ def _watch(options: argparse.Namespace) -> None:
                 pass
         else:
             pace = options.fps or shows[0].env.metadata["render_fps"]
-            film.write(frames(shows, options.intervals, options.every), options.out, pace)
+            film.write(frames(shows, options.intervals, options.every, options.width), options.out, pace)
             print(f"wrote {options.out}")
     finally:
         for show in shows:
@@ -138,20 +138,32 @@ def intervals(shows: Sequence[Show], most: int | None, every: int) -> Iterator[i
                 yield done
 
 
-def frames(shows: Sequence[Show], most: int | None, every: int) -> Iterator[Frame]:
-    """What is seen, side by side; who has ended stands still."""
+def frames(shows: Sequence[Show], most: int | None, every: int, width: int | None = None) -> Iterator[Frame]:
+    """What is seen, side by side, scaled to a width [pixels] if one is given; who has ended stands still."""
+    from PIL import Image
+
     for _ in intervals(shows, most, every):
         pictures = [show.frame() for show in shows]
         gap = np.full((len(pictures[0]), _GAP, 3), 255, np.uint8)
         joined = [pictures[0]]
         for picture in pictures[1:]:
             joined += [gap, picture]
-        yield np.concatenate(joined, axis=1)
+        frame: Frame = np.concatenate(joined, axis=1)
+        if width is not None:
+            height = 2 * round(0.5 * frame.shape[0] * width / frame.shape[1])  # even, as videos need it
+            frame = np.asarray(Image.fromarray(frame).resize((width, height), Image.Resampling.LANCZOS))
+        yield frame
 
 
 def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return int(text)
+
+
+def _width(text: str) -> int:
+    if not text.isdecimal() or not 64 <= int(text) <= 4096 or int(text) % 2:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an even number, 64 to 4096")
     return int(text)
 
 
@@ -176,6 +188,7 @@ def _parser() -> argparse.ArgumentParser:
     where.add_argument("--out", type=Path, metavar="FILE", help="an .mp4 or .gif of it all, or a .png of its end")
     where.add_argument("--human", action="store_true", help="show it in a window")
     parser.add_argument("--every", type=_positive, default=1, metavar="N", help="film every so many intervals (default: 1)")
+    parser.add_argument("--width", type=_width, metavar="N", help="pixels across (default: as drawn, 960 for each policy)")
     parser.add_argument("--fps", type=_positive, metavar="N", help="frames in a second (default: as the task has it)")
     return parser
 

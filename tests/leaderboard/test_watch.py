@@ -29,10 +29,15 @@ def test_videos_gifs_and_stills(short: list[str], tmp_path: Path, capsys: pytest
         assert f"wrote {path}" in capsys.readouterr().out
         assert path.stat().st_size > 5_000
     assert b"ftyp" in (tmp_path / "new" / "cut.mp4").read_bytes()[:16]
+    small = ["--width", "480", "--every", "3", "--fps", "5", "--out", str(tmp_path / "new" / "small.gif")]
+    assert main([*short, "--policy", "fixed_handbook", "--intervals", "5", *small]) == 0
+    with Image.open(tmp_path / "new" / "small.gif") as gif:
+        assert gif.n_frames == 3  # type: ignore[attr-defined]
+        assert (gif.size, gif.info["duration"]) == ((480, 336), 200)
     with Image.open(tmp_path / "new" / "cut.gif") as gif:
         assert gif.n_frames == 6  # type: ignore[attr-defined]
         assert gif.size == (WIDTH, HEIGHT)
-    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["cut.gif", "cut.mp4", "frame.png"]
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["cut.gif", "cut.mp4", "frame.png", "small.gif"]
 
 
 def test_two_stand_side_by_side_and_the_still_is_the_end(short: list[str], tmp_path: Path) -> None:

@@ -9,13 +9,17 @@ from PIL import Image, ImageDraw
 from turning_env.rendering.lane import Lane
 from turning_env.rendering.ruler import Ruler, page_of
 from turning_env.rendering.theme import (
+    ALLOWANCE,
     CARD,
+    CHIP,
     FAINT,
+    HARD_TINT,
     INK,
     INSERT,
     OVER,
     QUIET,
     SCALE,
+    SOFT_TINT,
     Box,
     Colour,
     Pixels,
@@ -34,10 +38,6 @@ _ROOF, _TOP, _SURFACE, _BOTTOM = 74, 88, 174, 208
 """Of all that is drawn anew, of the allowance, of the finished surface and of the bar's part that is shown [pixel]."""
 _SOFT, _HARD = 0.75, 1.25
 """Relative hardness at the ends of the scale of tints."""
-_SOFT_TINT: Colour = (236, 240, 244)
-_HARD_TINT: Colour = (96, 122, 150)
-_ALLOWANCE: Colour = (222, 219, 211)
-_CHIP: Colour = (150, 92, 52)
 _CHIP_LENGTH = 13.0
 """Of path on which a chip grows, before it breaks off [mm] (made up)."""
 _STEPS = 212
@@ -113,7 +113,7 @@ class BarView:
         uncut.paste(body, (round(ends[0]), floor))
         cut = uncut.copy()
         outline = list(zip(xs, tops, strict=True))
-        ImageDraw.Draw(uncut).polygon([(xs[0], floor), *outline, (xs[-1], floor)], fill=_ALLOWANCE)
+        ImageDraw.Draw(uncut).polygon([(xs[0], floor), *outline, (xs[-1], floor)], fill=ALLOWANCE)
         ImageDraw.Draw(uncut).line(outline, fill=mixed(QUIET, 0.7), width=2)
         ImageDraw.Draw(cut).line(outline, fill=mixed(FAINT, 0.5), width=2)
         for image in (uncut, cut):
@@ -142,7 +142,7 @@ class BarView:
         x, y = SCALE * (tip - box[0]), SCALE * (_SURFACE - box[1])
         cuts = lane.now["cutting"] > 0.0 and lane.now["depth_of_cut"] > 0.0
         if cuts:
-            thickness = max(2, round(14.0 * lane.now["feed"]))
+            thickness = max(2, round(10.0 * lane.now["feed"]))
             depth = SCALE * (_SURFACE - self._height.within(lane.depth))
             _draw_chip(draw, (x, y - 0.5 * depth), thickness, lane.now["path"])
         draw.polygon([(x - 62, y - 74), (x - 18, y - 82), (x - 18, 0), (x - 62, 0)], fill=(88, 92, 98))
@@ -176,17 +176,17 @@ class BarView:
 
 def _tint(hardness: float) -> Colour:
     share = min(max((hardness - _SOFT) / (_HARD - _SOFT), 0.0), 1.0)
-    return mixed(_HARD_TINT, share, _SOFT_TINT)
+    return mixed(HARD_TINT, share, SOFT_TINT)
 
 
 def _draw_chip(draw: ImageDraw.ImageDraw, place: tuple[float, float], thickness: int, path: float) -> None:
     """A curl in front of the tool, as thick as the chip, which grows as the tool goes on, and breaks off."""
-    turns = 1.0 + 1.4 * (path / _CHIP_LENGTH % 1.0)
-    radius = 15.0 + 4.0 * turns
+    turns = 0.8 + 1.4 * (path / _CHIP_LENGTH % 1.0)
+    radius = 17.0 + 4.0 * turns
     points = [place]
     for step in range(28):
         share = step / 27
         angle = math.pi * (1.0 + 2.0 * turns * share)
-        here = radius * (1.0 - 0.7 * share)
+        here = radius * (1.0 - 0.32 * turns * share)
         points.append((place[0] + 10 + radius + here * math.cos(angle), place[1] - 14 + here * math.sin(angle)))
-    draw.line(points, fill=_CHIP, width=thickness, joint="curve")
+    draw.line(points, fill=CHIP, width=thickness, joint="curve")

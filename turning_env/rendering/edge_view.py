@@ -5,10 +5,8 @@ import math
 from PIL import Image, ImageDraw
 
 from turning_env.rendering.lane import Lane
-from turning_env.rendering.theme import CARD, FAINT, GREEN, INK, INSERT, OVER, QUIET, RULE, SCALE, Box, Colour, Pixels, put, write
+from turning_env.rendering.theme import CARD, FAINT, GREEN, INK, INSERT, LAND, OVER, QUIET, RULE, SCALE, Box, Pixels, put, write
 from turning_env.scenario import Scenario
-
-_LAND: Colour = (104, 88, 70)
 
 
 class EdgeView:
@@ -28,7 +26,7 @@ class EdgeView:
         land = 84.0 * min(now["wear"] / criterion, 1.25)
         if land > 1.0:  # a ragged border, as worn lands have
             ragged = [(24 + 0.12 * land + 4.7 * k, 18 + land * (0.86 + 0.14 * math.sin(2.3 * k))) for k in range(28)]
-            draw.polygon([(20, 18), (164, 18), *reversed(ragged)], fill=_LAND)
+            draw.polygon([(20, 18), (164, 18), *reversed(ragged)], fill=LAND)
         draw.line((20, 18, 164, 18), fill=INK, width=4)
         for x in range(14, 176, 14):
             draw.line((x, 102, x + 8, 102), fill=OVER, width=3)
@@ -46,8 +44,7 @@ class EdgeView:
         write(image, (100, 2), title, 13)
         write(image, (100, 22), f"flank wear {now['wear']:.3f} of {criterion:g} mm", 12)
         write(image, (100, 43), f"life used {100 * now['used_life']:.0f} %", 12)
-        write(
-            image, (390, 2), lane.state if broken or lane.ended else f"breaks at {now['edge_strength']:.0f} N", 11, FAINT, "right"
-        )
+        told = f"{'broke' if broken else 'breaks'} at {now['edge_strength']:.0f} N"
+        write(image, (390, 2), told, 11, OVER if broken else FAINT, "right")
         write(image, (390, 43), f"cutting for {now['cutting_time']:.2f} min", 12, QUIET, "right")
         put(frame, image, self._corner)

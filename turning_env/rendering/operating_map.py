@@ -22,6 +22,7 @@ from turning_env.rendering.theme import (
     POWER,
     PURPLE,
     QUIET,
+    RULE,
     SCALE,
     Box,
     Colour,
@@ -36,6 +37,8 @@ from turning_env.rendering.theme import (
 from turning_env.scenario import Scenario
 
 _LIMIT_COLOURS: tuple[Colour, ...] = (POWER, FORCE, PURPLE)
+_MARGIN = 20.0
+"""Room around the machine's ranges, so that a point at their ends is seen whole [enlarged pixels]."""
 _CONTOUR: Colour = (186, 191, 188)
 _RATES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
 """Metal removal rates of which contours are drawn [cm3/min]."""
@@ -54,9 +57,11 @@ class OperatingMap:
         (slow, fast), (fine, coarse) = self._ends
         self._corners: list[Point] = [(slow, fine), (fast, fine), (fast, coarse), (slow, coarse)]
         left, top, right, bottom = self._box
-        self._across = Ruler(slow, fast, 0.0, SCALE * (right - left) - 1.0)
-        self._up = Ruler(fine, coarse, SCALE * (bottom - top) - 1.0, 0.0)
+        self._across = Ruler(slow, fast, _MARGIN, SCALE * (right - left) - 1.0 - _MARGIN)
+        self._up = Ruler(fine, coarse, SCALE * (bottom - top) - 1.0 - _MARGIN, _MARGIN)
         self._sheet = enlarged(Image.new("RGB", (right - left, bottom - top), CARD))
+        ends = [*self._pixels(self._corners), self._pixels(self._corners)[0]]
+        ImageDraw.Draw(self._sheet).line(ends, fill=RULE, width=2)
         self._depth = scenario.workpiece.depth_of_cut
         self._contours = self._find_contours()
 
@@ -73,8 +78,8 @@ class OperatingMap:
             write(image, (x, bottom + 5), f"{tick:g}", 11, QUIET, "middle")
         for tick in log_ticks(*(math.exp(end) for end in self._ends[1])):
             y = top + self._up(math.log(tick)) / SCALE
+            draw.line((left - 4, y, left, y), fill=FAINT)
             if y > top + 14:
-                draw.line((left - 4, y, left, y), fill=FAINT)
                 write(image, (left - 8, y - 8), f"{tick:g}", 11, QUIET, "right")
         write(image, (0.5 * (left + right), bottom + 19), "cutting speed [m/min]", 11, QUIET, "middle")
         self._draw_key(image, (left - 46, bottom + 39))

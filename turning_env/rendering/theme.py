@@ -29,8 +29,14 @@ ORANGE: Colour = (230, 159, 0)
 GREEN: Colour = (0, 158, 115)
 VERMILLION: Colour = (213, 94, 0)
 PURPLE: Colour = (204, 121, 167)
-POWER, FORCE, OVER, ALLOWED, SURFACE = BLUE, ORANGE, VERMILLION, GREEN, PURPLE
 INSERT: Colour = (232, 190, 66)
+LAND: Colour = (104, 88, 70)
+CHIP: Colour = (150, 92, 52)
+ALLOWANCE: Colour = (222, 219, 211)
+SOFT_TINT: Colour = (236, 240, 244)
+HARD_TINT: Colour = (96, 122, 150)
+"""Of the insert, its worn land, the chip and the bar; the last two tint soft and hard metal."""
+POWER, FORCE, OVER, ALLOWED, SURFACE = BLUE, ORANGE, VERMILLION, GREEN, PURPLE
 """What each stands for everywhere; vermillion is for what lies beyond a limit."""
 
 _DIGITS = re.compile(r"([0-9])")
