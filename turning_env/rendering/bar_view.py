@@ -91,7 +91,7 @@ class BarView:
         view[:, : tip - LEFT] = before[:, : tip - LEFT]
         view[:, tip - LEFT :] = self._uncut[:, tip - LEFT :]
         if lane.passes:
-            self._name_passes(frame, lane)
+            self._name_passes(frame, lane, across)
         elif not turned:
             self._draw_tool(frame, lane, tip)
 
@@ -160,17 +160,18 @@ class BarView:
                 draw.line((x + 10 * dx, y - 20 + 10 * dy, x + 34 * dx, y - 20 + 34 * dy), fill=OVER, width=4)
         put(frame, patch.reduce(SCALE), (box[0], box[1]))
 
-    def _name_passes(self, frame: Pixels, lane: Lane) -> None:
+    def _name_passes(self, frame: Pixels, lane: Lane, across: Ruler) -> None:
         """Where each pass of a whole part ran, and how."""
         image = Image.fromarray(frame[_ROOF:_BOTTOM, LEFT:RIGHT])
         draw = ImageDraw.Draw(image)
         count = len(lane.passes)
+        left, right = (across(place) - LEFT for place in (0.0, self._scenario.workpiece.bar_length))
         for number, (speed, feed, depth) in enumerate(lane.passes):
             y = self._height.within((count - 1 - number) * depth) - _ROOF
             above = self._height.within((count - number) * depth) - _ROOF
-            draw.line((22, y, image.width - 22, y), fill=INK)
+            draw.line((left, y, right, y), fill=INK)
             text = f"pass {number + 1}:  {speed:.0f} m/min,  {feed:.2f} mm/rev,  {depth:.2f} mm"
-            write(image, (image.width / 2, 0.5 * (y + above) - 8), text, 12, INK, "middle")
+            write(image, (0.5 * (left + right), 0.5 * (y + above) - 8), text, 12, INK, "middle")
         put(frame, image, (LEFT, _ROOF))
 
 
