@@ -29,7 +29,7 @@ def imported(path: Path) -> set[str]:
 
 @pytest.mark.parametrize("package", BELOW)
 def test_a_package_imports_only_what_lies_below_it(package: str) -> None:
-    others = (BELOW.keys() | {"benchmarks", "tests"}) - BELOW[package] - {package}
+    others = (BELOW.keys() | {"benchmarks", "examples", "tests"}) - BELOW[package] - {package}
     for path in (ROOT / package).rglob("*.py"):
         assert not imported(path) & others, path
 

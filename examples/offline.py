@@ -1,0 +1,234 @@
+"""An offline data set in Minari's format, and a policy cloned from it.
+
+    python examples/offline.py make --behaviour mixture --episodes 200 --out runs/datasets
+    python examples/offline.py clone runs/datasets/rough_turning-mixture-v0
+
+Behaviours: `grid_search`, the published controller; `analytic_gradient`, the best agent that comes with the project; `mixture`,
+both by turns. Episodes are those of draws that no agent has been trained on, rules are tuned on or anything is scored on.
+"""
+
+import argparse
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from baselines import catalogue
+from baselines.policy import Actions, Observations, PolicyFactory
+from examples.shared import DRAWS, ENV_ID, at_least, extra, run, score
+from train import onnx_policy
+from train.training import SEED_STRIDE, SEEDS
+from turning_env import RoughTurningVectorEnv, Scenario
+
+with extra("ecosystem"):
+    import minari  # type: ignore[import-untyped]
+    from minari.data_collector.episode_buffer import EpisodeBuffer  # type: ignore[import-untyped]
+
+AGENT = Path(__file__).parents[1] / "agents" / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
+FIRST_DRAW = (SEEDS - 1) * SEED_STRIDE
+"""Draws of the last training seed, which is kept for data sets."""
+LANES = 64
+"""Episodes played side by side."""
+BEHAVIOURS = {
+    "grid_search": ("grid_search",),
+    "analytic_gradient": ("analytic_gradient",),
+    "mixture": ("grid_search", "analytic_gradient"),
+}
+
+
+def policy(behaviour: str) -> PolicyFactory:
+    """The rule or the agent of that name."""
+    if behaviour == "analytic_gradient":
+        return onnx_policy.load(AGENT).make
+    return catalogue.entry(behaviour, Scenario.load("rough_turning")).make
+
+
+def record(make: PolicyFactory, draws: Sequence[int]) -> list[EpisodeBuffer]:
+    """One episode per draw, all side by side: observations (T + 1, 11), actions (T, 2), rewards [s] and ends (T)."""
+    envs = RoughTurningVectorEnv(len(draws), "rough_turning", AutoresetMode.SAME_STEP)
+    controller = make(len(draws))
+    observations, _ = envs.reset(seed=list(draws))
+    controller.reset(np.ones(len(draws), np.bool_))
+    seen, steps = [observations], []
+    lengths = np.zeros(len(draws), np.int64)
+    last = np.zeros_like(observations)
+    while not lengths.all():
+        actions = controller.act(observations).clip(-1.0, 1.0)
+        observations, rewards, terminated, truncated, infos = envs.step(actions)
+        steps.append((actions, rewards, terminated, truncated))
+        seen.append(observations)
+        ended = terminated | truncated
+        for lane in np.flatnonzero(ended & (lengths == 0)).tolist():
+            lengths[lane], last[lane] = len(steps), infos["final_obs"][lane]
+        controller.reset(ended)
+    columns = [np.stack(column) for column in zip(*steps, strict=True)]
+    episodes = []
+    for lane, (draw, length) in enumerate(zip(draws, lengths.tolist(), strict=True)):
+        entries = [*(row[lane] for row in seen[:length]), last[lane]]
+        acted, rewarded, worn, late = (column[:length, lane] for column in columns)
+        episodes.append(EpisodeBuffer(None, draw, None, np.stack(entries), acted, rewarded, worn, late, {}))
+    return episodes
+
+
+def make(behaviour: str, episodes: int, out: Path) -> Path:
+    """Play and write a data set, whole or not at all; returns its folder.
+
+    Raises:
+        FileExistsError: there is one of this name already.
+    """
+    name = f"rough_turning-{behaviour}-v0"
+    if (out / name).exists():
+        raise FileExistsError(f"{out / name} exists: delete it, or choose another --out")
+    names = BEHAVIOURS[behaviour]
+    buffers: list[EpisodeBuffer] = []
+    with tqdm(total=episodes, unit="episode", disable=None) as bar:
+        for number, each in enumerate(names):  # by turns: draw i is played by behaviour i modulo their number
+            draws = range(FIRST_DRAW + number, FIRST_DRAW + episodes, len(names))
+            maker = policy(each)
+            for start in range(0, len(draws), LANES):
+                buffers += record(maker, draws[start : start + LANES])
+                bar.update(len(buffers) - bar.n)
+    buffers.sort(key=lambda buffer: buffer.seed)
+    out.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=out.resolve(), prefix=".partial-") as folder:
+        write(name, behaviour, buffers, Path(folder))
+        (Path(folder) / name).replace(out / name)
+    return out / name
+
+
+def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -> None:
+    """Have Minari write a data set below ``root``, and say in it what it is."""
+    scenario = Scenario.load("rough_turning")
+    before = os.environ.get("MINARI_DATASETS_PATH")
+    os.environ["MINARI_DATASETS_PATH"] = str(root)  # Minari takes the folder from nowhere else
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*(author|code_permalink)")  # Minari would have a mail address
+            dataset = minari.create_dataset_from_buffers(
+                name,
+                buffers,
+                env=gymnasium.spec(ENV_ID),
+                eval_env=gymnasium.spec(ENV_ID),
+                algorithm_name=behaviour,
+                description=f"One edge per episode, by {' and '.join(BEHAVIOURS[behaviour])}; rewards in s of machine time.",
+                requirements=["rough-turning"],
+            )
+    finally:
+        if before is None:
+            del os.environ["MINARI_DATASETS_PATH"]
+        else:
+            os.environ["MINARI_DATASETS_PATH"] = before
+    dataset.storage.update_metadata(
+        {
+            "scenario": scenario.to_toml(),
+            "scenario_digest": scenario.digest(),
+            "first_draw": buffers[0].seed,
+            "last_draw": buffers[-1].seed,
+            "draws_are": "of training seed 999: none is trained on, tuned on or held out by the project",
+        }
+    )
+    names = BEHAVIOURS[behaviour]
+    marks = [{"behaviour": names[number % len(names)], "return": float(sum(each.rewards))} for number, each in enumerate(buffers)]
+    dataset.storage.update_episode_metadata(marks)
+
+
+class Clone:
+    """A network that acts as others did, as a policy for ``baselines.play``; it remembers nothing."""
+
+    def __init__(self, network: torch.nn.Module) -> None:
+        self._network = network
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """Nothing is remembered."""
+
+    @torch.no_grad()
+    def act(self, observations: Observations) -> Actions:
+        """Actions in -1..1."""
+        actions: Actions = self._network(torch.from_numpy(observations)).clamp(-1.0, 1.0).numpy()
+        return actions
+
+
+def clone(dataset: minari.MinariDataset, epochs: int, seed: int = 0) -> torch.nn.Module:
+    """A small network that has learned the data set's actions from its observations, by least squares."""
+    torch.manual_seed(seed)
+    episodes = list(dataset.iterate_episodes())
+    observations = torch.from_numpy(np.concatenate([episode.observations[:-1] for episode in episodes]))
+    actions = torch.from_numpy(np.concatenate([episode.actions for episode in episodes]))
+    entries, wanted, width = observations.shape[1], actions.shape[1], 128
+    network = torch.nn.Sequential(
+        torch.nn.Linear(entries, width),
+        torch.nn.ReLU(),
+        torch.nn.Linear(width, width),
+        torch.nn.ReLU(),
+        torch.nn.Linear(width, wanted),
+    )
+    batches = -(-len(actions) // 1024)
+    optimizer = torch.optim.Adam(network.parameters())
+    falling = torch.optim.lr_scheduler.OneCycleLR(optimizer, 3e-3, epochs * batches)
+    for _ in tqdm(range(epochs), unit="epoch", disable=None):
+        for indices in torch.randperm(len(actions)).chunk(batches):
+            optimizer.zero_grad()
+            error: Any = torch.nn.functional.mse_loss(network(observations[indices]), actions[indices])
+            error.backward()
+            optimizer.step()
+            falling.step()
+    return network
+
+
+def load(folder: Path) -> minari.MinariDataset:
+    """A data set of ``make``.
+
+    Raises:
+        ValueError: the folder holds none.
+    """
+    dataset = minari.MinariDataset(folder.resolve() / "data")
+    if (behaviour := dataset.storage.metadata.get("algorithm_name")) not in BEHAVIOURS:
+        raise ValueError(f"{folder} is by {behaviour!r}, but must be by {', '.join(BEHAVIOURS)}")
+    return dataset
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python examples/offline.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+    making = commands.add_parser("make", help="play, and write a data set")
+    making.add_argument("--behaviour", choices=BEHAVIOURS, default="mixture", help="default: %(default)s")
+    making.add_argument("--episodes", type=at_least(1), default=200, help="default: %(default)s")
+    making.add_argument("--out", type=Path, default=Path("runs/datasets"), help="folder of data sets (default: %(default)s)")
+    cloning = commands.add_parser("clone", help="learn a data set's actions, and play tuning draws")
+    cloning.add_argument("dataset", type=Path, help="the folder that make printed")
+    cloning.add_argument("--epochs", type=at_least(1), default=20, help="default: %(default)s")
+    cloning.add_argument("--draws", type=at_least(1), default=DRAWS, help="tuning draws to score on (default: %(default)s)")
+    options = parser.parse_args(arguments)
+    try:
+        if options.command == "make":
+            if options.episodes > SEED_STRIDE:
+                parser.error(f"--episodes is {options.episodes}, but must be at most {SEED_STRIDE}")
+            print(make(options.behaviour, options.episodes, options.out))
+            return 0
+        dataset = load(options.dataset)
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(f"{dataset.total_episodes} episodes, {dataset.total_steps} intervals")
+    for name in BEHAVIOURS[dataset.storage.metadata["algorithm_name"]]:
+        print(f"{name}: {score(policy(name), options.draws)}")
+    network = clone(dataset, options.epochs)
+    print(f"clone: {score(lambda lanes: Clone(network), options.draws)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

@@ -1,0 +1,56 @@
+"""What the examples share: how an agent is scored, and how a command line ends."""
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import torch
+
+from baselines.play import play
+from baselines.policy import PolicyFactory
+from turning_env import Scenario
+from turning_env.draws import tuning_draws
+
+ENV_ID = "RoughTurning-v0"
+DRAWS = 32
+"""Tuning draws that are played for a score: what is tried out is never scored on the held-out ones."""
+
+
+def score(make: PolicyFactory, draws: int = DRAWS) -> str:
+    """Mean return per edge [s of machine time] on the first tuning draws, with its standard error, for people."""
+    returns = play(make, Scenario.load("rough_turning"), tuning_draws(draws))["return"]
+    error = returns.std(ddof=1) / math.sqrt(draws) if draws > 1 else math.nan
+    return f"{returns.mean():.0f} s per edge (standard error {error:.0f}, {draws} tuning draws)"
+
+
+def at_least(least: int) -> Callable[[str], int]:
+    """A type of command line argument: a whole number, not below ``least``."""
+
+    def number(text: str) -> int:
+        if not text.removeprefix("-").isdecimal() or int(text) < least:
+            raise argparse.ArgumentTypeError(f"is {text}, but must be a whole number of at least {least}")
+        return int(text)
+
+    return number
+
+
+def run(main: Callable[[Sequence[str] | None], int]) -> int:
+    """The exit status of a script's ``main``, on one thread: 130 where it is interrupted."""
+    torch.set_num_threads(1)
+    try:
+        return main(None)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
+
+
+@contextmanager
+def extra(name: str) -> Iterator[None]:
+    """Around imports that an optional extra brings: says which, and exits with 2, where it is not installed."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        print(f"error: {error.name} is not installed: pip install -c constraints.txt -e '.[{name}]'", file=sys.stderr)
+        raise SystemExit(2) from error

@@ -1,0 +1,195 @@
+"""PPO in one file, on the vector environment as Gymnasium makes it, with nothing but PyTorch.
+
+    python examples/single_file_ppo.py --intervals 1000000
+
+All that is learned from stays in arrays of shape (rollout, lanes, ...): there is no loop over lanes. (Schulman et al. 2017,
+arXiv 1707.06347; advantages: Schulman et al. 2016, arXiv 1506.02438.)
+"""
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from torch import Tensor
+from tqdm import tqdm
+
+import turning_env  # noqa: F401 - registers the ids
+from baselines.policy import Actions, Observations
+from examples.shared import ENV_ID, run, score
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What can be set on the command line: ``--learning-rate 0.0003``."""
+
+    intervals: int = 1_000_000
+    """Environment steps of the whole training."""
+    seed: int = 0
+    lanes: int = 64
+    rollout: int = 64
+    """Intervals per lane between updates."""
+    epochs: int = 5
+    batches: int = 4
+    """Per epoch."""
+    learning_rate: float = 1e-3
+    """Falls linearly to nothing."""
+    discount: float = 0.8
+    """About 5 s of foresight: life is charged as it is used, so that more only adds noise."""
+    gae_lambda: float = 0.95
+    clip: float = 0.2
+    reward_scale: float = 1 / 3
+    """Of rewards in s."""
+    draws: int = 32
+    """Tuning draws that the agent is scored on."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0 < value < math.inf and (name, value) != ("seed", 0):
+                raise ValueError(f"--{name.replace('_', '-')} is {value}, but must be above 0")
+        if self.discount > 1 or self.gae_lambda > 1:
+            raise ValueError("--discount and --gae-lambda must be at most 1")
+
+
+class Agent(torch.nn.Module):
+    """A Gaussian policy of fixed deviation per action, and a value function."""
+
+    def __init__(self, entries: int, actions: int) -> None:
+        super().__init__()
+        self.mean, self.value = layers(entries, actions, 0.01), layers(entries, 1, 1.0)
+        self.log_deviation = torch.nn.Parameter(torch.full((actions,), -1.0))
+
+    def policy(self, observations: Tensor) -> Any:
+        """PyTorch's distribution of actions, shape (..., actions)."""
+        return torch.distributions.Normal(self.mean(observations), self.log_deviation.exp())
+
+    def values(self, observations: Tensor) -> Tensor:
+        """Discounted return from here on, shape (...), in scaled rewards."""
+        values: Tensor = self.value(observations)
+        return values.squeeze(-1)
+
+
+def layers(entries: int, results: int, gain: float) -> torch.nn.Sequential:
+    """Two hidden layers of 64; ``gain`` scales the first results."""
+    linears = [torch.nn.Linear(*sizes) for sizes in ((entries, 64), (64, 64), (64, results))]
+    for linear, scale in zip(linears, (2**0.5, 2**0.5, gain), strict=True):
+        torch.nn.init.orthogonal_(linear.weight, scale)
+        torch.nn.init.zeros_(linear.bias)
+    first, second, last = linears
+    return torch.nn.Sequential(first, torch.nn.ReLU(), second, torch.nn.ReLU(), last)
+
+
+class Rollouts:
+    """Lathes that go on from where the last rollout left them."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.envs = gymnasium.make_vec(
+            ENV_ID, settings.lanes, vectorization_mode="vector_entry_point", autoreset_mode=AutoresetMode.SAME_STEP
+        )
+        self.observations = torch.from_numpy(self.envs.reset(seed=settings.seed)[0])
+
+    @torch.no_grad()
+    def next(self, agent: Agent) -> dict[str, Tensor]:
+        """What the agent sees, does and thereby gains: each of shape (rollout, lanes, ...)."""
+        steps: dict[str, list[Tensor]] = {name: [] for name in ("observation", "action", "log_probability", "reward", "end")}
+        for _ in range(self.settings.rollout):
+            policy = agent.policy(self.observations)
+            action = policy.sample()
+            observations, rewards, terminated, truncated, infos = self.envs.step(action.numpy())
+            reward = torch.from_numpy(rewards * self.settings.reward_scale).float()
+            if truncated.any():  # the lathe would go on: what it would yet have gained counts
+                last = torch.from_numpy(np.stack(list(infos["final_obs"][truncated])))
+                reward[torch.from_numpy(truncated)] += self.settings.discount * agent.values(last)
+            end = torch.from_numpy(terminated | truncated)
+            step = (self.observations, action, policy.log_prob(action).sum(-1), reward, end)
+            for kept, value in zip(steps.values(), step, strict=True):
+                kept.append(value)
+            self.observations = torch.from_numpy(observations)
+        return {name: torch.stack(values) for name, values in steps.items()} | self._advantages(agent, steps)
+
+    def _advantages(self, agent: Agent, steps: dict[str, list[Tensor]]) -> dict[str, Tensor]:
+        """Generalised advantages of the actions, and the returns that they make with the values: (rollout, lanes)."""
+        values = agent.values(torch.stack([*steps["observation"], self.observations]))
+        advantages = torch.zeros_like(values)
+        for step in reversed(range(self.settings.rollout)):
+            goes_on = self.settings.discount * (~steps["end"][step])
+            surprise = steps["reward"][step] + goes_on * values[step + 1] - values[step]
+            advantages[step] = surprise + goes_on * self.settings.gae_lambda * advantages[step + 1]
+        return {"advantage": advantages[:-1], "return": (advantages + values)[:-1]}
+
+
+def loss(agent: Agent, batch: dict[str, Tensor], clip: float) -> Any:
+    """PPO's clipped objective, and half the square error of values."""
+    log_probability = agent.policy(batch["observation"]).log_prob(batch["action"]).sum(-1)
+    ratio = (log_probability - batch["log_probability"]).exp()
+    advantage = (batch["advantage"] - batch["advantage"].mean()) / (batch["advantage"].std() + 1e-8)
+    gain = torch.minimum(ratio * advantage, ratio.clamp(1 - clip, 1 + clip) * advantage).mean()
+    return 0.5 * (agent.values(batch["observation"]) - batch["return"]).square().mean() - gain
+
+
+def train(settings: Settings) -> Agent:
+    """An agent that has learned for so many intervals, rounded up to whole rollouts."""
+    torch.manual_seed(settings.seed)
+    rollouts = Rollouts(settings)
+    (entries,), (actions,) = rollouts.envs.single_observation_space.shape or (0,), rollouts.envs.single_action_space.shape or (0,)
+    agent = Agent(entries, actions)
+    optimizer = torch.optim.Adam(agent.parameters(), settings.learning_rate, eps=1e-5)
+    size = settings.lanes * settings.rollout
+    updates = -(-settings.intervals // size)
+    falling = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda update: 1 - update / updates)
+    for _ in tqdm(range(updates), unit_scale=size, unit="interval", disable=None):
+        rollout = {name: values.flatten(0, 1) for name, values in rollouts.next(agent).items()}
+        for _ in range(settings.epochs):
+            for indices in torch.randperm(size).chunk(settings.batches):
+                optimizer.zero_grad()
+                loss(agent, {name: values[indices] for name, values in rollout.items()}, settings.clip).backward()
+                torch.nn.utils.clip_grad_norm_(agent.parameters(), 0.5)
+                optimizer.step()
+        falling.step()
+    return agent
+
+
+class Acting:
+    """An agent's most likely actions, as a policy for ``baselines.play``."""
+
+    def __init__(self, agent: Agent) -> None:
+        self._agent = agent
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """Nothing is remembered."""
+
+    @torch.no_grad()
+    def act(self, observations: Observations) -> Actions:
+        """Actions in -1..1."""
+        actions: Actions = self._agent.mean(torch.from_numpy(observations)).clamp(-1.0, 1.0).numpy()
+        return actions
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train, score; return the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python examples/single_file_ppo.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    for field in fields(Settings):
+        kind: Any = field.type
+        parser.add_argument(f"--{field.name.replace('_', '-')}", type=kind, default=field.default, help="default: %(default)s")
+    options = parser.parse_args(arguments)
+    try:
+        settings = Settings(**vars(options))
+    except ValueError as error:
+        parser.error(str(error))
+    agent = train(settings)
+    print(f"PPO after {settings.intervals} intervals: {score(lambda lanes: Acting(agent), settings.draws)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

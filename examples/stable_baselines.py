@@ -1,0 +1,103 @@
+"""Stable-Baselines3 and sb3-contrib, on single environments or on the project's own lathes side by side.
+
+    python examples/stable_baselines.py --algorithm ppo --intervals 500000
+    python examples/stable_baselines.py --algorithm sac --lathes single --intervals 20000
+
+Single environments are what Stable-Baselines3 makes by itself (``make_vec_env``); they are stepped one after the other. The
+project's adapter (``train/vec_env.py``) steps all lanes in one call, which is some thirty times as fast. ``python -m train.ppo``
+and its like do the same with checkpoints and a learning curve.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from sb3_contrib import TQC, RecurrentPPO
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.vec_env import VecEnv
+
+import turning_env
+from baselines.policy import Actions, Observations
+from examples.shared import ENV_ID, at_least, run, score
+from train.vec_env import RoughTurningVecEnv
+
+ROLLOUT = 4096
+"""Intervals of all lanes between two updates of an on-policy algorithm."""
+
+
+def lathes(kind: str, lanes: int, seed: int) -> VecEnv:
+    """``lanes`` environments behind Stable-Baselines3's interface; lane i plays the episodes of seed + i."""
+    if kind == "single":
+        return make_vec_env(ENV_ID, n_envs=lanes, seed=seed, env_kwargs={"render_mode": None})  # else it asks for pictures
+    env = RoughTurningVecEnv(turning_env.Scenario.load("rough_turning"), lanes, reward_scale=1 / 3)
+    env.seed(seed)
+    return env
+
+
+def new_model(algorithm: str, env: VecEnv, seed: int) -> Any:
+    """An untrained model; what matters most is the short horizon: life is charged as it is used (docs/choices.md)."""
+    layers = {"net_arch": [64, 64], "activation_fn": torch.nn.ReLU}
+    common: dict[str, Any] = {"learning_rate": 1e-3, "gamma": 0.8, "seed": seed, "device": "cpu"}
+    on_policy = common | {"n_steps": ROLLOUT // env.num_envs, "batch_size": 512, "n_epochs": 5}
+    off_policy = common | {"learning_starts": 2000, "batch_size": 256, "train_freq": 1, "tau": 0.01, "policy_kwargs": layers}
+    match algorithm:
+        case "ppo":
+            return PPO("MlpPolicy", env, **on_policy, policy_kwargs=layers | {"log_std_init": -1.0})
+        case "recurrent_ppo":
+            memory = {"lstm_hidden_size": 32, "net_arch": [64], "log_std_init": -1.0}
+            return RecurrentPPO("MlpLstmPolicy", env, **on_policy, policy_kwargs=memory)
+        case "sac":
+            return SAC("MlpPolicy", env, **off_policy)
+        case _:
+            return TQC("MlpPolicy", env, **off_policy, top_quantiles_to_drop_per_net=2)
+
+
+class Predicting:
+    """A model of Stable-Baselines3, with a memory or without, as a policy for ``baselines.play``."""
+
+    def __init__(self, model: Any, lanes: int) -> None:
+        self._model, self._memory = model, None
+        self._starting = np.ones(lanes, np.bool_)
+
+    def reset(self, lanes: NDArray[np.bool_]) -> None:
+        """Forget these lanes."""
+        self._starting = self._starting | lanes
+
+    def act(self, observations: Observations) -> Actions:
+        """The most likely actions."""
+        actions, self._memory = self._model.predict(observations, self._memory, self._starting, deterministic=True)
+        self._starting = np.zeros_like(self._starting)
+        result: Actions = actions
+        return result
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train, score; return the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python examples/stable_baselines.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--algorithm", choices=("ppo", "recurrent_ppo", "sac", "tqc"), default="ppo", help="default: %(default)s")
+    parser.add_argument("--lathes", choices=("adapter", "single"), default="adapter", help="default: %(default)s")
+    parser.add_argument("--lanes", type=at_least(1), help="environments side by side (default: 64 of the adapter's, 8 single)")
+    parser.add_argument("--intervals", type=at_least(1), default=500_000, help="environment steps (default: %(default)s)")
+    parser.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
+    parser.add_argument("--draws", type=at_least(1), default=32, help="tuning draws to score on (default: %(default)s)")
+    options = parser.parse_args(arguments)
+    lanes = options.lanes or (64 if options.lathes == "adapter" else 8)
+    if lanes > ROLLOUT // 2:
+        parser.error(f"--lanes is {lanes}, but must be at most {ROLLOUT // 2}")
+    env = lathes(options.lathes, lanes, options.seed)
+    model = new_model(options.algorithm, env, options.seed)
+    model.learn(options.intervals, progress_bar=sys.stderr.isatty())
+    env.close()
+    print(f"{options.algorithm} after {model.num_timesteps} intervals: {score(lambda n: Predicting(model, n), options.draws)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

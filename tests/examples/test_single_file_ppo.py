@@ -1,0 +1,58 @@
+"""PPO in one file: its returns, that it learns, and what it refuses."""
+
+import pytest
+import torch
+
+from baselines.play import play
+from examples.single_file_ppo import Acting, Agent, Rollouts, Settings, main, train
+from turning_env import Scenario
+from turning_env.draws import tuning_draws
+
+
+def test_without_ends_returns_are_discounted_sums() -> None:
+    settings = Settings(lanes=3, rollout=12, gae_lambda=1.0, discount=0.7, reward_scale=0.5)
+    torch.manual_seed(0)
+    rollouts, agent = Rollouts(settings), Agent(11, 2)
+    rollout = rollouts.next(agent)
+    assert not rollout["end"].any()
+    expected = agent.values(rollouts.observations).detach()
+    for step in reversed(range(12)):
+        expected = rollout["reward"][step] + 0.7 * expected
+        torch.testing.assert_close(rollout["return"][step], expected)
+    torch.testing.assert_close(rollout["advantage"], rollout["return"] - agent.values(rollout["observation"]).detach())
+
+
+def test_the_next_rollout_begins_where_the_last_one_ended() -> None:
+    rollouts, agent = Rollouts(Settings(lanes=2, rollout=5)), Agent(11, 2)
+    rollouts.next(agent)
+    left = rollouts.observations
+    assert torch.equal(rollouts.next(agent)["observation"][0], left)
+
+
+def test_it_learns() -> None:
+    torch.manual_seed(0)
+    untrained, trained = Agent(11, 2), train(Settings(intervals=60_000))
+    before, after = (
+        play(lambda lanes, agent=agent: Acting(agent), Scenario(), tuning_draws(8))["return"].mean()
+        for agent in (untrained, trained)
+    )
+    assert after > before + 500
+
+
+def test_the_command_says_what_it_reaches(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--intervals", "1", "--lanes", "2", "--rollout", "8", "--draws", "1"]) == 0
+    assert capsys.readouterr().out.startswith("PPO after 1 intervals: -")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--intervals", "0"], "--intervals is 0, but must be above 0"),
+        (["--learning-rate", "nan"], "--learning-rate is nan"),
+        (["--discount", "1.5"], "--discount and --gae-lambda must be at most 1"),
+    ],
+)
+def test_bad_settings_are_refused(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(arguments)
+    assert said in capsys.readouterr().err

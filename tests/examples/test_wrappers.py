@@ -1,0 +1,165 @@
+"""Gymnasium's own wrappers, single and vector, on every id: each that can apply works."""
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import gymnasium.wrappers as single
+import gymnasium.wrappers.vector as vector
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from tests.turning_env.playing import SHORT_LIVED
+from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv
+
+ZERO, ONE = np.float32(0), np.float32(1)
+
+# Gymnasium's Box compares float32 bounds with float64's range when it is made.
+pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered in cast")
+
+SINGLE: dict[str, Callable[[Any], Any]] = {
+    "Autoreset": single.Autoreset,
+    "ClipAction": single.ClipAction,
+    "ClipReward": lambda env: single.ClipReward(env, -1.0, 1.0),
+    "DelayObservation": lambda env: single.DelayObservation(env, 2),
+    "DiscretizeAction": lambda env: single.DiscretizeAction(env, 3),
+    "DiscretizeObservation": lambda env: single.DiscretizeObservation(env, 3),
+    "DtypeObservation": lambda env: single.DtypeObservation(env, np.float64),
+    "FlattenObservation": single.FlattenObservation,
+    "FrameStackObservation": lambda env: single.FrameStackObservation(env, 4),
+    "MaxAndSkipObservation": lambda env: single.MaxAndSkipObservation(env, 2),
+    "NormalizeObservation": single.NormalizeObservation,
+    "NormalizeReward": single.NormalizeReward,
+    "OrderEnforcing": single.OrderEnforcing,
+    "PassiveEnvChecker": single.PassiveEnvChecker,
+    "RecordEpisodeStatistics": single.RecordEpisodeStatistics,
+    "RepeatAction": lambda env: single.RepeatAction(env, 3),
+    "RescaleAction": lambda env: single.RescaleAction(env, ZERO, ONE),
+    "RescaleObservation": lambda env: single.RescaleObservation(env, ZERO, ONE),
+    "ReshapeObservation": lambda env: single.ReshapeObservation(env, (1, *env.observation_space.shape)),
+    "StickyAction": lambda env: single.StickyAction(env, 0.25),
+    # Time limits are the scenario's, so that the ids state none; this wrapper wants to know one.
+    "TimeAwareObservation": lambda env: single.TimeAwareObservation(single.TimeLimit(env, 10)),
+    "TimeLimit": lambda env: single.TimeLimit(env, 10),
+    "TransformAction": lambda env: single.TransformAction(env, np.negative, env.action_space),
+    "TransformObservation": lambda env: single.TransformObservation(env, lambda seen: seen / 2, env.observation_space),
+    "TransformReward": lambda env: single.TransformReward(env, lambda reward: reward / 3),
+}
+VECTOR: dict[str, Callable[[Any], Any]] = {
+    "ClipAction": vector.ClipAction,
+    "ClipReward": lambda envs: vector.ClipReward(envs, -1.0, 1.0),
+    "DictInfoToList": vector.DictInfoToList,
+    "DtypeObservation": lambda envs: vector.DtypeObservation(envs, np.float64),
+    "FlattenObservation": vector.FlattenObservation,
+    "NormalizeObservation": vector.NormalizeObservation,
+    "NormalizeReward": vector.NormalizeReward,
+    "RecordEpisodeStatistics": vector.RecordEpisodeStatistics,
+    "RescaleAction": lambda envs: vector.RescaleAction(envs, ZERO, ONE),
+    "RescaleObservation": lambda envs: vector.RescaleObservation(envs, ZERO, ONE),
+    "ReshapeObservation": lambda envs: vector.ReshapeObservation(envs, (1, *envs.single_observation_space.shape)),
+    "TransformAction": lambda envs: vector.TransformAction(envs, np.negative),
+    "TransformObservation": lambda envs: vector.TransformObservation(envs, lambda seen: seen / 2),
+    "TransformReward": lambda envs: vector.TransformReward(envs, lambda rewards: rewards / 3),
+    "VectorizeTransformAction": lambda envs: vector.VectorizeTransformAction(envs, single.ClipAction),
+    "VectorizeTransformObservation": lambda envs: vector.VectorizeTransformObservation(envs, single.FlattenObservation),
+    "VectorizeTransformReward": lambda envs: vector.VectorizeTransformReward(
+        envs, single.TransformReward, func=lambda reward: reward / 3
+    ),
+}
+PICTURES = {
+    *("AddRenderObservation", "AddWhiteNoise", "AtariPreprocessing", "GrayscaleObservation", "HumanRendering", "ObstructView"),
+    *("RecordVideo", "RenderCollection", "ResizeObservation"),
+}
+NOT_APPLICABLE = PICTURES | {
+    "vector",  # the module
+    "FilterObservation",  # of dictionaries and tuples
+    *("ArrayConversion", "JaxToNumpy", "JaxToTorch", "NumpyToTorch"),  # need array-api-compat; the last is tested below
+}
+
+# Gymnasium refuses these itself, whatever the environment.
+OF_OBSERVATIONS = {name for name in VECTOR if "Observation" in name}
+REFUSED = {
+    AutoresetMode.NEXT_STEP: set(),
+    AutoresetMode.SAME_STEP: OF_OBSERVATIONS,
+    AutoresetMode.DISABLED: {"NormalizeObservation"},
+}
+
+
+def test_no_wrapper_is_forgotten() -> None:
+    assert set(single.__all__) == SINGLE.keys() | NOT_APPLICABLE
+    assert set(vector.__all__) == VECTOR.keys() | (NOT_APPLICABLE & set(vector.__all__))
+
+
+@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("name", SINGLE)
+def test_single(name: str, env_id: str) -> None:
+    scenario = SHORT_LIVED if env_id == "RoughTurning-v0" else IDS[env_id]
+    env = SINGLE[name](gymnasium.make(env_id, scenario=scenario))
+    env.action_space.seed(0)
+    seen, _ = env.reset(seed=0)
+    for _ in range(40):
+        assert seen in env.observation_space
+        seen, reward, terminated, truncated, _ = env.step(env.action_space.sample())
+        assert np.isfinite(reward)
+        if (terminated or truncated) and name != "Autoreset":
+            seen, _ = env.reset()
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize("name", VECTOR)
+def test_vector_as_gymnasiums_own_vector_environment(name: str, mode: AutoresetMode) -> None:
+    lanes = 3
+    ours: Any = RoughTurningVectorEnv(lanes, SHORT_LIVED, mode)
+    theirs: Any = gymnasium.vector.SyncVectorEnv([lambda: RoughTurningEnv(SHORT_LIVED)] * lanes, autoreset_mode=mode)
+    if name in REFUSED[mode]:
+        for envs in (ours, theirs):
+            with pytest.raises(ValueError, match="autoreset_mode"):
+                VECTOR[name](envs)
+        return
+    ours, theirs = VECTOR[name](ours), VECTOR[name](theirs)
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    ours.action_space.seed(0)
+    seen, _ = ours.reset(seed=5)
+    np.testing.assert_array_equal(seen, theirs.reset(seed=5)[0])
+    ends, returns = 0, np.zeros(lanes)
+    for _ in range(70):
+        assert seen in ours.observation_space
+        actions = ours.action_space.sample()
+        seen, rewards, terminated, truncated, infos = ours.step(actions)
+        expected = theirs.step(actions)
+        for mine, their in zip((seen, rewards, terminated, truncated), expected, strict=False):
+            np.testing.assert_array_equal(mine, their)
+        ended = terminated | truncated
+        ends += ended.sum()
+        returns += rewards
+        # Not compared with theirs: when some lanes of Gymnasium's own vector environment are reset, the wrapper forgets all.
+        if name == "RecordEpisodeStatistics" and ended.any():
+            np.testing.assert_allclose(infos["episode"]["r"][ended], returns[ended])
+        returns[ended] = 0.0
+        if mode is AutoresetMode.DISABLED and ended.any():
+            seen, _ = ours.reset(options={"reset_mask": ended})
+            np.testing.assert_array_equal(seen, theirs.reset(options={"reset_mask": ended})[0])
+    assert ends > lanes
+
+
+@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("name", VECTOR)
+def test_vector_of_every_id(name: str, env_id: str) -> None:
+    envs = VECTOR[name](gymnasium.make_vec(env_id, 2, vectorization_mode="vector_entry_point"))
+    envs.action_space.seed(0)
+    seen, _ = envs.reset(seed=0)
+    for _ in range(5):
+        assert seen in envs.observation_space
+        seen, rewards, *_ = envs.step(envs.action_space.sample())
+        assert np.isfinite(rewards).all()
+
+
+def test_numpy_to_torch() -> None:
+    pytest.importorskip("array_api_compat", reason="gymnasium.wrappers.NumpyToTorch needs array-api-compat")
+    torch = pytest.importorskip("torch")
+    for env in (single.NumpyToTorch(RoughTurningEnv()), vector.NumpyToTorch(RoughTurningVectorEnv(2))):
+        env.reset(seed=0)
+        seen, *_ = env.step(torch.zeros(env.action_space.shape))
+        assert isinstance(seen, torch.Tensor)
