@@ -70,10 +70,10 @@ def zoo(program: str, algorithm: str, folder: Path, *arguments: str) -> str:
     finished = subprocess.run(
         [sys.executable, "-m", f"rl_zoo3.{program}", *words, "--seed", "0", "--num-threads", "1", "--device", "cpu", *arguments],
         cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "CUDA_VISIBLE_DEVICES": ""},
+        env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
     )
     assert finished.returncode == 0, finished.stderr
@@ -84,7 +84,6 @@ def zoo(program: str, algorithm: str, folder: Path, *arguments: str) -> str:
     ("algorithm", "smaller"),
     [
         ("ppo", ["n_envs:4", "n_steps:64", "batch_size:64"]),
-        ("sac", ["n_envs:4", "learning_starts:200"]),
         ("tqc", ["n_envs:4", "learning_starts:200"]),
     ],
 )
@@ -94,4 +93,5 @@ def test_the_zoo_trains(algorithm: str, smaller: list[str], tmp_path: Path) -> N
     assert "Saving to" in said
     assert (tmp_path / algorithm / f"{ENV_ID}_1" / f"{ENV_ID}.zip").stat().st_size > 0
     if algorithm == "ppo":
-        assert "Mean reward: -" in zoo("enjoy", algorithm, tmp_path, "--no-render", "--n-timesteps", "3000")
+        # An episode ends after 60 min at the latest, which are 3600 intervals.
+        assert "Mean reward: -" in zoo("enjoy", algorithm, tmp_path, "--no-render", "--n-timesteps", "3700")
