@@ -7,6 +7,8 @@ for that. Nor does Numba know how to round whole numbers there, which the transi
 import importlib
 import importlib.util
 import os
+import re
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -18,6 +20,7 @@ cuda: Any = importlib.import_module("numba.cuda")
 """Numba's compiler for the accelerator, or its simulator: as a value, since neither has types."""
 THREADS = 128
 """Of a thread block: four warps."""
+_FUSED = re.compile(r"\b(?:(?:fma|mad)\.[a-z.]*f\d\d|(?:mul|add|sub)\.f\d\d)\b")  # those with .rn stay apart
 
 
 class NoAcceleratorError(RuntimeError):
@@ -59,13 +62,21 @@ class Kernel:
             _teach_rounding()
             # Code that is linked as an intermediate language would be compiled anew, with operations fused.
             self._launch = cuda.jit(function, fastmath=False, lto=False)
+        self._configured: dict[int, Any] = {}
         self._checked = 0
 
     def __call__(self, lanes: int, *arguments: Any) -> None:
         """Run it for so many lanes; it goes on while Python does."""
-        with unfused():
+        if self._simulated:
             self._launch[-(-lanes // THREADS), THREADS](*arguments)
-        if not self._simulated and len(self._launch.overloads) > self._checked:
+            return
+        if lanes not in self._configured:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of few lanes, which leave most of a GPU idle
+                self._configured[lanes] = self._launch[-(-lanes // THREADS), THREADS]
+        with unfused():
+            self._configured[lanes](*arguments)
+        if len(self._launch.overloads) > self._checked:
             for code in self._launch.inspect_asm().values():
                 refuse_fused(code)
             self._checked = len(self._launch.overloads)
@@ -73,18 +84,14 @@ class Kernel:
 
 def refuse_fused(code: str) -> None:
     """Raise an ``ArithmeticError`` if a kernel's PTX holds a fused operation, or one that may be fused later."""
-    for line in code.splitlines():
-        operation = line.split()[0] if line.split() else ""
-        if operation.startswith("fma.") or operation in ("mul.f64", "add.f64", "sub.f64"):  # with .rn they stay apart
-            raise ArithmeticError(f"the compiler fuses products and sums ({operation}): results would not be the processor's")
+    found = _FUSED.search(code)
+    if found:
+        raise ArithmeticError(f"the compiler fuses products and sums ({found[0]}): results would not be the processor's")
 
 
 @contextmanager
 def unfused() -> Iterator[None]:
-    """Whatever Numba compiles for the accelerator meanwhile keeps every rounding."""
-    if simulated():
-        yield
-        return
+    """Whatever Numba compiles for a GPU meanwhile keeps every rounding."""
     nvvm: Any = importlib.import_module("numba.cuda.cudadrv.nvvm")
     compile_ir = nvvm.compile_ir
     nvvm.compile_ir = lambda code, **options: compile_ir(code, **(options | {"fma": False}))

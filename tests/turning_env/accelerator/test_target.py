@@ -9,11 +9,11 @@ from turning_env.records import LANES, PARAMETERS, REPORT, REPORT_FIELDS, WIDTH,
 from turning_env.scenario import Scenario
 
 
-@pytest.mark.parametrize("operation", ["fma.rn.f64", "mul.f64", "add.f64", "sub.f64"])
+@pytest.mark.parametrize("operation", ["fma.rn.f64", "mad.rn.f64", "mul.f64", "add.f64", "sub.f64"])
 def test_what_is_or_may_be_fused_is_refused(operation):
-    refuse_fused("mul.rn.f64 a, b, c;\n\nadd.rn.f64 a, b, c;\nadd.s64 a, b, c;")
+    refuse_fused("mul.rn.f64 a, b, c;\n\nadd.rn.f64 a, b, c;\nadd.s64 a, b, c;\nmad.lo.s64 a, b, c, d;")
     with pytest.raises(ArithmeticError, match=operation):
-        refuse_fused(f"mul.rn.f64 a, b, c;\n\t{operation} a, b, c;")
+        refuse_fused(f"mul.rn.f64 a, b, c;\n\t@%p1 {operation} a, b, c;")
 
 
 def test_a_lane_in_place_is_the_block_s_own():
