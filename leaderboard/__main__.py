@@ -180,7 +180,8 @@ def _parser() -> argparse.ArgumentParser:
     show = commands.add_parser("show", parents=[results], help="print the ranking")
     show.set_defaults(command=_show)
 
-    page = commands.add_parser("page", parents=[results], help="write all rankings as one HTML file")
+    example = "example: python -m leaderboard page --results leaderboard/rows --out leaderboard.html"
+    page = commands.add_parser("page", parents=[results], help="write all rankings as one HTML file", epilog=example)
     page.add_argument("--out", type=Path, metavar="FILE", help="where it is written (default: RESULTS/index.html)")
     page.set_defaults(command=_page)
 

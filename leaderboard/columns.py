@@ -17,6 +17,8 @@ class Cell:
     text: str
     interval: str
     number: float | None
+    ends: tuple[float, float] | None = None
+    """Of the interval, in the unit of ``number``."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class Column:
         if isinstance(value, Estimate):
             decimals = max(self.decimals, _decimals(self.factor * (value.high - value.low)))
             text, low, high = (self._text(number, decimals) for number in (value.value, value.low, value.high))
-            return Cell(text, f"{low} to {high}", value.value)
+            return Cell(text, f"{low} to {high}", value.value, (value.low, value.high))
         return Cell(self._text(value, self.decimals), "", value if math.isfinite(value) else None)
 
     def _text(self, value: float, decimals: int) -> str:

@@ -25,7 +25,8 @@ def write(board: Board, path: Path) -> None:
     Raises:
         ResultError: fewer than two trajectories were recorded, or the file cannot be written.
     """
-    episodes = board.trajectories.episodes if board.trajectories else []
+    recorded = board.trajectories.episodes if board.trajectories else []
+    episodes = [episode for episode in recorded if episode.draw == recorded[0].draw]
     if len(episodes) < 2:
         what = f"{board.task.env_id} on scenario {board.task.scenario.name}"
         raise ResultError(f"two trajectories are needed; python -m leaderboard run records those of {what}")

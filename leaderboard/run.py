@@ -29,12 +29,10 @@ from leaderboard.results import (
     write_part,
     write_whole,
 )
-from leaderboard.standings import References, Standing, check_alike, references
-from leaderboard.trajectories import Trajectories, Trajectory, record
+from leaderboard.standings import check_alike
+from leaderboard.trajectories import RECORDED_DRAWS, Trajectories, Trajectory, record
 from train.trained_agent import ONNX_SUFFIX
 from turning_env import Scenario
-
-MOST_TRAJECTORIES = 3
 
 
 def named(names: Sequence[str] | None, scenario: Scenario, tuned_on: Scenario | None = None) -> list[Player]:
@@ -144,8 +142,8 @@ class Round:
 def play_all(rounds: Sequence[Round], fresh: bool, over: Workers | None = None) -> None:
     """Have all contestants of all rounds play, and write each result as it is finished.
 
-    Results in a round's folder of the same task, code and policy stand, unless ``fresh``. Then a few trajectories of each round
-    are recorded.
+    Results in a round's folder of the same task, code and policy stand, unless ``fresh``. Then the policies'
+    trajectories on the first draws of each round are recorded.
 
     Args:
         rounds: who plays what.
@@ -179,7 +177,7 @@ def play_all(rounds: Sequence[Round], fresh: bool, over: Workers | None = None) 
             done += len(turns[path].draws)
             _move(bar, done)
     for each in rounds:
-        _record_trajectories(each.task, each.contestants, each.folder, fresh)
+        _record_trajectories(each, fresh, over)
 
 
 def _move(bar: "tqdm[Never]", to: int) -> None:
@@ -211,22 +209,32 @@ def _finished(task: Task, contestants: Sequence[Player], folder: Path) -> set[Pa
     return finished
 
 
-def _record_trajectories(task: Task, contestants: Sequence[Player], folder: Path, fresh: bool) -> None:
-    digest = current_digests(task).task
-    path = folder / TRAJECTORIES_FILE
+def _record_trajectories(each: Round, fresh: bool, over: Workers | None) -> None:
+    """Record what each policy does on the first draws, where that is not recorded yet."""
+    task, digest, path = each.task, current_digests(each.task).task, each.folder / TRAJECTORIES_FILE
     if fresh or not _is_readable(path):
         path.unlink(missing_ok=True)
-    board = read_board(folder, digest)
-    recorded = {episode.policy.name: episode for episode in board.trajectories.episodes} if board.trajectories else {}
+    board = read_board(each.folder, digest)
+    recorded = board.trajectories.episodes if board.trajectories else []
+    courses = {(episode.policy.name, episode.draw): episode for episode in recorded}
     # One training seed stands for an agent: the first given.
-    able = {each.policy.name: each for each in reversed(contestants) if isinstance(each, Contestant)}
-    episodes: list[Trajectory] = []
-    for name in _shown(board.standings, references(task.scenario)):
-        if name in recorded:
-            episodes.append(recorded[name])
-        elif name in able:
-            episodes.append(record(able[name].policy, able[name].make, task.scenario, task.draws[0]))
-    write_part(Trajectories(task=digest, draw=task.draws[0], episodes=episodes), path)
+    able = {player.policy.name: player for player in reversed(each.contestants) if isinstance(player, Contestant)}
+    wanted = [(standing.name, draw) for standing in board.standings for draw in task.draws[:RECORDED_DRAWS]]
+    missing = [place for place in wanted if place not in courses and place[0] in able]
+    pieces = [((name, draw), (able[name], task.scenario, draw)) for name, draw in missing]
+    try:
+        with tqdm(total=len(pieces), unit="trajectory", dynamic_ncols=True, disable=None) as bar:
+            for place, course in spread(over, _course, pieces):
+                courses[place] = course
+                bar.update()
+    finally:  # what is finished is kept
+        episodes = [courses[place] for place in wanted if place in courses]
+        write_part(Trajectories(task=digest, episodes=episodes), path)
+
+
+def _course(piece: tuple[Contestant, Scenario, int]) -> Trajectory:
+    player, scenario, draw = piece
+    return record(player.policy, player.make, scenario, draw)
 
 
 def _is_readable(path: Path) -> bool:
@@ -235,10 +243,3 @@ def _is_readable(path: Path) -> bool:
     except ResultError:
         return False
     return True
-
-
-def _shown(standings: Sequence[Standing], refer: References) -> list[str]:
-    """The policies whose trajectories are shown, by rank: the first, and the two that all are compared with."""
-    names = [standing.name for standing in standings if standing.kind != "reference"]
-    chosen = dict.fromkeys([*names[:1], *(name for name in (refer.published, refer.fixed) if name in names), *names])
-    return sorted(list(chosen)[:MOST_TRAJECTORIES], key=names.index)

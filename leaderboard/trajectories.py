@@ -1,60 +1,63 @@
-"""Recorded trajectories: what a few policies do, interval by interval, on one and the same draw."""
+"""Recorded trajectories: what policies do on the same few draws, thinned to what a screen shows."""
 
-import math
 from collections.abc import Sequence
 from typing import Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from baselines.policy import PolicyFactory
 from leaderboard.results import Part, PolicyRecord
 from turning_env import RoughTurningEnv, Scenario
 
-SCHEMA: Literal["rough-turning/trajectories/2"] = "rough-turning/trajectories/2"
+SCHEMA: Literal["rough-turning/trajectories/3"] = "rough-turning/trajectories/3"
 SERIES = (
     "path",  # tool position, air and metal [mm]
     "depth_of_cut",  # [mm], 0 in air
     "hardness",  # relative to nominal [-], 0 in air
-    "commanded_cutting_speed",  # [m/min]
     "cutting_speed",  # [m/min]
-    "commanded_feed",  # [mm/rev]
     "feed",  # [mm/rev]
-    "thrust_force",  # [N]
-    "power",  # [kW]
+    "thrust_force",  # [N]; of a whole part, its mean
+    "power",  # [kW]; likewise
     "wear",  # [mm]
     "roughness",  # [um], 0 where none is held
     "roughness_reference",  # [um], likewise
 )
-"""Recorded from ``info`` at the end of every interval, beside ``minutes``, the machine time elapsed."""
-_DIGITS = 6  # enough to draw
-MOST_INTERVALS = 2000
-"""Of longer episodes the start is kept."""
+"""Recorded from ``info`` at the end of intervals, beside ``minutes``, the machine time elapsed."""
+RECORDED_DRAWS = 3
+"""The first of a task's draws."""
+MOST_ROWS = 300
+"""Of an episode: more could not be told apart on a screen."""
+_DIGITS = {"minutes": 5, "path": 5}  # significant ones, enough to draw; of others 4
 
 
 class Trajectory(Part):
     """One episode of one policy."""
 
     policy: PolicyRecord
+    draw: int
+    intervals: int
+    """That were played; of many, some are kept, as ``kept`` says."""
     series: dict[str, list[float]]
-    """``minutes`` and each of ``SERIES``, one value per interval."""
+    """``minutes`` and each of ``SERIES``, one value per interval kept."""
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
         if set(self.series) != {"minutes", *SERIES}:
             raise ValueError(f"series holds {', '.join(self.series)}, but must hold {', '.join(('minutes', *SERIES))}")
-        if len({len(values) for values in self.series.values()}) != 1 or not self.series["minutes"]:
-            raise ValueError("the series must be of one length, of at least one interval")
+        lengths = {len(values) for values in self.series.values()}
+        if len(lengths) != 1 or not 1 <= min(lengths) <= self.intervals:
+            raise ValueError(f"the series must be of one length, of at least one and at most {self.intervals} intervals")
         return self
 
 
 class Trajectories(Part):
-    """Episodes of several policies on one draw."""
+    """Episodes of several policies on a few draws."""
 
-    schema_: Literal["rough-turning/trajectories/2"] = Field(alias="schema", default=SCHEMA)
+    schema_: Literal["rough-turning/trajectories/3"] = Field(alias="schema", default=SCHEMA)
     task: str
     """The task's digest."""
-    draw: int
     episodes: list[Trajectory]
 
     def of_policies(self, task: str, policies: Sequence[PolicyRecord]) -> "Trajectories | None":
@@ -64,15 +67,41 @@ class Trajectories(Part):
 
 
 def record(policy: PolicyRecord, make: PolicyFactory, scenario: Scenario, draw: int) -> Trajectory:
-    """Play one episode and keep its course, up to ``MOST_INTERVALS``."""
-    course = play_course(make, scenario, draw, SERIES, MOST_INTERVALS)
-    return Trajectory(policy=policy, series={name: [_rounded(value) for value in values] for name, values in course.items()})
+    """Play one episode and keep its course, thinned.
+
+    Raises:
+        ValueError: an action has the wrong shape or is not finite.
+    """
+    # After a whole part the tool may be in air: what the part was cut with is told by its means.
+    reported = {"thrust_force": "mean_thrust_force", "power": "mean_power"} if scenario.control.action == "part" else {}
+    names = [reported.get(name, name) for name in SERIES]
+    minutes, *columns = (np.array(values) for values in play_course(make, scenario, draw, names).values())
+    course = {"minutes": minutes} | dict(zip(SERIES, columns, strict=True))
+    rows = kept(course, scenario)
+    series = {name: [_rounded(value, _DIGITS.get(name, 4)) for value in values[rows]] for name, values in course.items()}
+    return Trajectory(policy=policy, draw=draw, intervals=len(minutes), series=series)
 
 
-def play_course(
-    make: PolicyFactory, scenario: Scenario, draw: int, names: Sequence[str], most: float = math.inf
-) -> dict[str, list[float]]:
-    """Play one episode, or its first ``most`` intervals.
+def kept(course: dict[str, NDArray[np.float64]], scenario: Scenario) -> NDArray[np.intp]:
+    """The intervals of a course to keep: all if they are no more than ``MOST_ROWS``.
+
+    Else, of groups of neighbours, that with the least and that with the greatest load relative to a limit, so that no overload
+    is lost however short; in metal, where a group has some. The last is always kept.
+    """
+    count = len(course["minutes"])
+    if count <= MOST_ROWS:
+        return np.arange(count)
+    load = np.maximum(course["thrust_force"] / scenario.limits.thrust_force, course["power"] / scenario.limits.power)
+    chosen = {count - 1}
+    for group in np.array_split(np.arange(count), (MOST_ROWS - 1) // 2):
+        metal = group[course["depth_of_cut"][group] > 0.0]
+        seen = metal if metal.size else group
+        chosen |= {int(seen[np.argmin(load[seen])]), int(seen[np.argmax(load[seen])])}
+    return np.array(sorted(chosen))
+
+
+def play_course(make: PolicyFactory, scenario: Scenario, draw: int, names: Sequence[str]) -> dict[str, list[float]]:
+    """Play one episode.
 
     Returns:
         ``minutes``, the machine time elapsed, and each of ``names`` in ``info``, at the end of every interval.
@@ -86,7 +115,7 @@ def play_course(
     controller.reset(np.ones(1, np.bool_))
     series: dict[str, list[float]] = {name: [] for name in ("minutes", *names)}
     elapsed, ended = 0.0, False
-    while not ended and len(series["minutes"]) < most:
+    while not ended:
         observation, _, terminated, truncated, info = env.step(controller.act(observation[None])[0])
         elapsed += info["time"] / 60.0
         series["minutes"].append(elapsed)
@@ -96,5 +125,5 @@ def play_course(
     return series
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.{_DIGITS}g}")
+def _rounded(value: float, digits: int) -> float:
+    return float(f"{value:.{digits}g}")

@@ -58,13 +58,13 @@ def play_all(task: Task, contestants: Sequence[Player], folder: Path, fresh: boo
     run.play_all([run.Round(task, contestants, folder)], fresh)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def scenario() -> Scenario:
     """Twelve intervals, then the time is up."""
     return Scenario.model_validate({"control": {"time_limit": 0.2}})
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def task(scenario: Scenario) -> Task:
     """Four episodes."""
     return Task(env_id=ENV_ID, scenario=scenario, draws=[7, 8, 9, 10])
@@ -76,7 +76,7 @@ def folder(tmp_path: Path, scenario: Scenario) -> Path:
     return tmp_path / "results" / ENV_ID / scenario.name
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_result(task: Task) -> MakeResult:
     """Makes a result with the given values, and a plain minute of cutting where nothing is given."""
     plain = {"time": 60.0, "engaged_time": 60.0, "removed": 100.0, "used_life": 0.5, "truncated": 1.0}

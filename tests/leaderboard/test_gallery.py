@@ -125,7 +125,7 @@ def test_courses_are_what_trajectories_record(scenario: Scenario) -> None:
     course = Course.of(player, scenario, 7)
     recorded = record(player.policy, player.make, scenario, 7).series
     for name in ("minutes", "path", "feed", "power", "wear"):
-        np.testing.assert_allclose(course[name], recorded[name], rtol=1e-5)
+        np.testing.assert_allclose(course[name], recorded[name], rtol=1e-3)
 
 
 def test_every_picture_is_drawn(make_course: MakeCourse, tmp_path: Path) -> None:

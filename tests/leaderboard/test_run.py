@@ -11,9 +11,10 @@ import pytest
 from baselines.play import EPISODE_FIELDS, Episodes, play
 from leaderboard import contestants, run
 from leaderboard.__main__ import main
+from leaderboard.board import read_board
 from leaderboard.contestants import Contestant, Reference
 from leaderboard.results import MadeFor, ResultError, Task, read_part, read_result
-from leaderboard.trajectories import Trajectories
+from leaderboard.trajectories import RECORDED_DRAWS, Trajectories, record
 from tests.leaderboard.conftest import Steady, contestant, play_all, record_of
 from tests.train import onnx_agents
 from train import agent
@@ -103,18 +104,50 @@ def test_a_policy_whose_actions_are_no_numbers_is_named(task: Task, folder: Path
     assert [path.name for path in folder.iterdir()] == ["one.json.xz"]
 
 
-def test_trajectories_are_of_one_draw_and_of_the_policies_to_compare(task: Task, folder: Path) -> None:
-    names = ["fixed_tuned", "grid_search", "also", "best"]
-    contestants = [contestant(name, (0.0, 0.1 * place)) for place, name in enumerate(names)]
+def test_trajectories_are_of_every_policy_on_the_first_draws(task: Task, folder: Path) -> None:
+    contestants = [
+        contestant("slow"),
+        contestant("quick", (0.0, 0.1)),
+        contestant("ppo", (0.0, 0.2), 1),
+        contestant("ppo", seed=0),
+    ]
+    contestants[3] = Contestant(
+        contestants[3].policy.model_copy(update={"parameters": contestants[2].policy.parameters}), contestants[2].make
+    )
     play_all(task, contestants, folder, fresh=False)
     recorded = read_part(Trajectories, folder / "trajectories.json.xz")
-    assert recorded.draw == task.draws[0]
-    assert {"fixed_tuned", "grid_search"} < {episode.policy.name for episode in recorded.episodes}
-    assert len(recorded.episodes) == 3
-    assert recorded.episodes[0].series["minutes"] == pytest.approx(np.arange(1, 13) / 60, rel=1e-5)
+    standings = read_board(folder).standings
+    labels = {"slow": "slow", "quick": "quick", "ppo": "ppo-seed1"}  # an agent's first training seed stands for it
+    assert [(episode.policy.label, episode.draw) for episode in recorded.episodes] == [
+        (labels[standing.name], draw) for standing in standings for draw in task.draws[:RECORDED_DRAWS]
+    ]
+    assert recorded.episodes[0].series["minutes"] == pytest.approx(np.arange(1, 13) / 60, rel=1e-4)
+    assert recorded.episodes[0].intervals == 12
     # A later run that lacks a policy keeps its trajectory.
     play_all(task, contestants[:1], folder, fresh=False)
     assert read_part(Trajectories, folder / "trajectories.json.xz") == recorded
+
+
+def test_interrupted_recording_keeps_what_is_finished(task: Task, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ordered = []
+
+    def interrupted(policy, make, scenario, draw):
+        if len(ordered) == 4:
+            raise KeyboardInterrupt
+        ordered.append((policy.name, draw))
+        return record(policy, make, scenario, draw)
+
+    monkeypatch.setattr(run, "record", interrupted)
+    contestants = [contestant("one"), contestant("two", (0.0, 0.1))]
+    with pytest.raises(KeyboardInterrupt):
+        play_all(task, contestants, folder, fresh=False)
+    kept = read_part(Trajectories, folder / "trajectories.json.xz").episodes
+    assert [(episode.policy.name, episode.draw) for episode in kept] == ordered
+    monkeypatch.setattr(run, "record", record)
+    play_all(task, contestants, folder, fresh=False)
+    whole = read_part(Trajectories, folder / "trajectories.json.xz").episodes
+    assert whole[:4] == kept
+    assert len(whole) == 6
 
 
 def test_rules_come_from_the_catalogue() -> None:
@@ -146,7 +179,7 @@ def test_references_are_ranked_but_do_not_play(task: Task, folder: Path, monkeyp
     assert "oracle" in [each.policy.name for each in run.named(None, Scenario())]
     play_all(task, [known, contestant("one")], folder, fresh=False)
     assert read_result(folder / "oracle.json.xz").episodes["return"] == [1000.0] * 4
-    assert [each.policy.name for each in read_part(Trajectories, folder / "trajectories.json.xz").episodes] == ["one"]
+    assert [each.policy.name for each in read_part(Trajectories, folder / "trajectories.json.xz").episodes] == ["one"] * 3
 
 
 def test_agents_come_from_their_folders(tmp_path: Path, scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:

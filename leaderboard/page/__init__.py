@@ -1,20 +1,36 @@
-"""The leaderboard as one self-contained HTML file."""
+"""The leaderboard as one self-contained HTML file: the page's parts lie beside this one and are put into it."""
 
+import hashlib
 import shlex
+from base64 import b64encode
 from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 
 from baselines.overload import CONFIDENCE, RESAMPLES
 from leaderboard import columns, generalisation
 from leaderboard.board import Board
-from leaderboard.charts import interval_plot, strips
+from leaderboard.page.courses import chart_data
 from leaderboard.results import write_whole
 from leaderboard.standings import highest
 from train.trained_agent import ONNX_SUFFIX
 from turning_env import IDS, Scenario, presets
+
+COLUMN_GROUPS = {
+    "Return": columns.RETURNS,
+    "Score": columns.SCORE,
+    "Limits": columns.LIMITS,
+    "Compared on the same draws": columns.COMPARISONS,
+    "In the workshop": columns.WORKSHOP,
+}
+SHOWN_AT_FIRST = ("Return", "Score", "Limits")
+_HERE = Path(__file__).parent
+_SCRIPTS = ("tables.js", "charts.js", "start.js")
 
 
 def write(boards: Sequence[Board], path: Path) -> None:
@@ -29,43 +45,49 @@ def write(boards: Sequence[Board], path: Path) -> None:
 def render(boards: Sequence[Board]) -> str:
     """The page as HTML. It needs nothing beside itself."""
     templates = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
+        loader=FileSystemLoader(_HERE),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    templates.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
     templates.filters["number"] = lambda text: str(text).replace("-", "\N{MINUS SIGN}")
     templates.filters["unit"] = lambda text: str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
+    script = "\n".join(["'use strict';", *((_HERE / name).read_text("utf-8") for name in _SCRIPTS)])
+    sections = [_section(board) for board in boards]
     return templates.get_template("page.html.j2").render(
-        sections=[_section(board) for board in boards],
+        sections=sections,
+        tasks={env_id: list(group) for env_id, group in groupby(sections, lambda section: section["board"].task.env_id)},
         across=generalisation.across(boards),
+        column_groups=list(COLUMN_GROUPS),
+        shown_at_first=SHOWN_AT_FIRST,
         confidence=f"{100 * CONFIDENCE:g} %",
         resamples=RESAMPLES,
+        style=Markup((_HERE / "style.css").read_text("utf-8")),
+        script=Markup(script),
+        # No script but this one runs, whatever a submission is called.
+        script_digest=b64encode(hashlib.sha256(script.encode()).digest()).decode(),
     )
 
 
 def _section(board: Board) -> dict[str, Any]:
-    trajectories = board.trajectories
-    groups = {
-        "Return": columns.RETURNS,
-        "Score": columns.SCORE,
-        "Compared on the same draws": columns.COMPARISONS,
-        "Limits": columns.LIMITS,
-        "In the workshop": columns.WORKSHOP,
-    }
-    shown = {heading: columns.applying(group, board.standings) for heading, group in groups.items()}
+    shown = {heading: columns.applying(group, board.standings) for heading, group in COLUMN_GROUPS.items()}
+    place = f"{board.task.env_id}/{board.task.scenario.name}"
     return {
+        "place": place,
+        "link": quote(place),
         "column_groups": {heading: group for heading, group in shown.items() if group},
-        "columns": [column for group in shown.values() for column in group],
+        "columns": [(heading, column) for heading, group in shown.items() for column in group],
         "board": board,
         "digests": board.results[0].digests,
         "versions": board.results[0].versions,
-        "plot": interval_plot(board),
-        "strips": strips(trajectories.episodes, board.task.scenario) if trajectories else [],
-        "draw": trajectories.draw if trajectories else None,
+        "chart_data": chart_data(board),
         "best_rules": _best_rules(board),
-        "policies": [result.policy for result in board.results],
+        "policies": {
+            standing.name: [result.policy for result in board.results if result.policy.name == standing.name]
+            for standing in board.standings
+        },
         "command": reproducing_command(board),
     }
 

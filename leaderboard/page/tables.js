@@ -1,0 +1,71 @@
+// Sorts, filters and scales the tables that the page holds as HTML.
+
+const detailOf = row => row.nextElementSibling?.classList.contains("detail") ? row.nextElementSibling : null;
+
+function sortBy(head) {
+  const button = head.querySelector("button"), table = head.closest("table");
+  const column = [...head.parentElement.children].indexOf(head);
+  const before = head.getAttribute("aria-sort");
+  const direction = before === null ? button.dataset.first : before === "ascending" ? "descending" : "ascending";
+  for (const other of table.querySelectorAll("th[aria-sort]")) other.removeAttribute("aria-sort");
+  head.setAttribute("aria-sort", direction);
+  const sign = direction === "ascending" ? 1 : -1;
+  const rows = [...table.tBodies[0].rows].filter(row => row.classList.contains("policy"));
+  const keyed = rows.map(row => ({ row, detail: detailOf(row), key: row.cells[column].dataset.value }));
+  const numeric = keyed.every(({ key }) => key === "" || !isNaN(key));
+  const inOrder = numeric ? (a, b) => a - b : new Intl.Collator("en").compare;
+  // What has no value comes last, whichever way.
+  keyed.sort((a, b) => (a.key === "") - (b.key === "") || sign * inOrder(a.key, b.key));
+  table.tBodies[0].append(...keyed.flatMap(({ row, detail }) => detail ? [row, detail] : [row]));
+}
+
+function filterBoard(board, form) {
+  const text = form.elements.text.value.trim().toLocaleLowerCase();
+  const kinds = new Set([...form.querySelectorAll("[name=kind]:checked")].map(box => box.value));
+  const rows = [...board.querySelectorAll("tr.policy")];
+  let shown = 0;
+  for (const row of rows) {
+    const named = row.cells[1].textContent.toLocaleLowerCase().includes(text);
+    row.hidden = !named || !kinds.has(row.dataset.kind) || (form.elements.admissible.checked && row.classList.contains("refused"));
+    const detail = detailOf(row);
+    if (detail) detail.hidden = row.hidden || row.querySelector(".open").getAttribute("aria-expanded") !== "true";
+    shown += !row.hidden;
+  }
+  board.querySelector(".count").textContent = `${shown} of ${rows.length} rows shown`;
+  board.querySelector(".nothing").hidden = shown > 0;
+  for (const box of form.querySelectorAll("[name=columns]")) {
+    for (const cell of board.querySelectorAll(`.${box.value}`)) cell.hidden = !box.checked;
+  }
+  scaleIntervals(rows.filter(row => !row.hidden));
+}
+
+// Each column's bars share a scale: that of the admissible rows and references that are shown, or of all if those are few.
+function scaleIntervals(rows) {
+  const columns = new Map();
+  for (const row of rows) {
+    for (const cell of row.cells) {
+      if (!cell.dataset.low || cell.hidden) continue;
+      const numbers = { cell, low: Number(cell.dataset.low), high: Number(cell.dataset.high), at: Number(cell.dataset.value) };
+      if (!columns.has(cell.cellIndex)) columns.set(cell.cellIndex, []);
+      columns.get(cell.cellIndex).push({ ...numbers, counts: !row.classList.contains("refused") });
+    }
+  }
+  for (const intervals of columns.values()) {
+    const admissible = intervals.filter(each => each.counts);
+    const counted = 3 * admissible.length < intervals.length ? intervals : admissible;
+    const least = counted.reduce((low, each) => Math.min(low, each.low), Infinity);
+    const most = counted.reduce((high, each) => Math.max(high, each.high), -Infinity);
+    const room = 0.05 * (most - least) || 1;
+    const percent = value => 100 * (value - least + room) / (most - least + 2 * room);
+    for (const { cell, low, high, at } of intervals) {
+      const bar = cell.querySelector(".interval"), line = bar.firstElementChild;
+      const [from, to] = [Math.max(percent(low), 0), Math.min(percent(high), 100)];
+      bar.classList.toggle("below", percent(at) < 0);
+      bar.classList.toggle("above", percent(at) > 100);
+      bar.style.setProperty("--zero", percent(0) > 0 && percent(0) < 100 ? `${percent(0)}%` : "-9px");
+      line.style.setProperty("--low", `${from}%`);
+      line.style.setProperty("--width", `${to - from}%`);
+      line.style.setProperty("--at", `${100 * (percent(at) - from) / (to - from || 1)}%`);
+    }
+  }
+}

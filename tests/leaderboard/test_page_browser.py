@@ -1,0 +1,276 @@
+"""The page in a browser: what it does on clicks and keys, how it looks on narrow and dark screens, whom it trusts."""
+
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
+
+from leaderboard import page
+from leaderboard.board import Board
+from leaderboard.results import PolicyRecord, Task
+from leaderboard.standings import rank
+from leaderboard.trajectories import Trajectories, record
+from tests.leaderboard.conftest import ENV_ID, MakeResult, Steady, record_of
+
+HOSTILE = "</script><img src=x onerror=\"document.title='owned'\">'&amp;"
+BACKWARDS, LONG = "\u202eexe.gpj \u05d0\u05d1", "long" * 125
+ROWS = 500
+
+Open = Callable[..., Page]
+
+
+def renamed(policy: PolicyRecord, name: str) -> PolicyRecord:
+    """Called and described as no file would let it."""
+    return policy.model_construct(
+        **(dict(policy) | {"name": name, "description": name, "digest": name, "parameters": {name: name}})
+    )
+
+
+@pytest.fixture(scope="module")
+def board(task: Task, make_result: MakeResult) -> Board:
+    """Hostile rules, an inadmissible agent, a reference, and the published controller, some of them recorded."""
+    results = [
+        make_result("grid_search", **{"return": [1.0, 2.0, 3.0, 5.0]}),
+        make_result("fixed_tuned", **{"return": [0.0, 1.0, 2.0, 3.0]}),
+        make_result("oracle", kind="reference", **{"return": 9.0}),
+        *(make_result("ppo", seed, severe_overload_time=30.0, **{"return": 2.0 * seed}) for seed in (0, 1)),
+    ]
+    for place, name in enumerate((HOSTILE, BACKWARDS, LONG)):
+        plain = make_result("plain", **{"return": [-1.0, -2.0, -3.0, -4.0 - place]})
+        results.append(plain.model_copy(update={"policy": renamed(plain.policy, name)}))
+    recorded = {HOSTILE: (7, 8), "grid_search": (7, 8), BACKWARDS: (8,)}
+    episodes = [
+        record(record_of("plain"), lambda lanes: Steady(lanes, (0.1, 0.1)), task.scenario, draw).model_copy(
+            update={"policy": result.policy}
+        )
+        for result in results
+        for draw in recorded.get(result.policy.name, ())
+    ]
+    trajectories = Trajectories(task=results[0].digests.task, episodes=[]).model_copy(update={"episodes": episodes})
+    return Board(task, results, rank(results), trajectories, [])
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """One for all tests of this file."""
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        pytest.skip("there is no chromium on the path")
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+@pytest.fixture(scope="module")
+def file(board: Board, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of two boards."""
+    path = tmp_path_factory.mktemp("page") / "index.html"
+    scenario = board.task.scenario.model_copy(update={"name": "other"})
+    page.write([board, replace(board, task=board.task.model_copy(update={"scenario": scenario}))], path)
+    return path
+
+
+@pytest.fixture
+def opened(browser: Browser, file: Path) -> Iterator[Open]:
+    """Opens a page; at the end it must have said nothing and asked for nothing."""
+    contexts, heard = [], []
+
+    def go(path: Path = file, width: int = 1280, height: int = 900, **settings: object) -> Page:
+        context = browser.new_context(viewport={"width": width, "height": height}, **settings)  # type: ignore[arg-type]
+        context.set_default_timeout(10_000)
+        contexts.append(context)
+        shown = context.new_page()
+        shown.on("console", lambda message: heard.append(message.text))
+        shown.on("pageerror", lambda error: heard.append(str(error)))
+        shown.on("request", lambda request: None if request.url.startswith(path.as_uri()) else heard.append(request.url))
+        shown.goto(path.as_uri())
+        return shown
+
+    yield go
+    for context in contexts:
+        context.close()
+    assert heard == []
+
+
+def names(shown: Page) -> list[str]:
+    """The policies that are to be seen, in their order."""
+    return shown.locator("section:visible .open:visible bdi").all_inner_texts()
+
+
+def row(shown: Page, name: str) -> Locator:
+    """The button that opens a policy's row."""
+    return shown.locator("section:visible .open").filter(has_text=re.compile(f"^{re.escape(name)}$"))
+
+
+def width_beyond(shown: Page) -> int:
+    """By how many pixels the page is wider than the screen."""
+    return int(shown.evaluate("document.documentElement.scrollWidth - innerWidth"))
+
+
+def test_one_board_is_shown_at_a_time(opened: Open) -> None:
+    shown = opened()
+    expect(shown.get_by_role("heading", level=2)).to_have_text([f"{ENV_ID}: rough_turning"])
+    shown.get_by_role("link", name="other").click()
+    expect(shown.get_by_role("heading", level=2)).to_have_text([f"{ENV_ID}: other"])
+    expect(shown.locator("nav [aria-current]")).to_have_text(["other"])
+    shown.go_back()
+    expect(shown.get_by_role("heading", level=2)).to_have_text([f"{ENV_ID}: rough_turning"])
+
+
+def test_headings_sort(opened: Open, board: Board) -> None:
+    shown = opened()
+    ranked = [standing.name for standing in board.standings]
+    assert names(shown) == ranked
+    head = shown.get_by_role("columnheader", name="return [s]", exact=True)
+    head.get_by_role("button").click()
+    expect(head).to_have_attribute("aria-sort", "descending")
+    by_return = [each.name for each in sorted(board.standings, key=lambda each: -each.mean_return.value)]
+    assert names(shown) == by_return
+    head.get_by_role("button").click()
+    expect(head).to_have_attribute("aria-sort", "ascending")
+    assert names(shown) == by_return[::-1]
+    assert shown.locator("section:visible th[aria-sort]").count() == 1
+
+
+def test_filters_leave_what_is_asked_for(opened: Open) -> None:
+    shown = opened()
+    shown.get_by_label("admissible only").check()
+    assert "ppo" not in names(shown)
+    shown.get_by_label("rules").uncheck()
+    assert names(shown) == ["oracle"]
+    expect(shown.locator("section:visible .count")).to_have_text("1 of 7 rows shown")
+    shown.get_by_label("rules").check()
+    shown.get_by_label("Policy").first.fill("GRID")
+    assert names(shown) == ["grid_search"]
+    shown.get_by_label("Policy").first.fill("nobody")
+    expect(shown.locator("section:visible .nothing")).to_be_visible()
+    expect(shown.get_by_role("columnheader", name="over fixed [s]")).to_be_hidden()
+    shown.get_by_label("compared on the same draws").check()
+    expect(shown.get_by_role("columnheader", name="over fixed [s]")).to_be_visible()
+
+
+def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open) -> None:
+    shown = opened()
+    button = row(shown, HOSTILE)
+    button.click()
+    expect(button).to_have_attribute("aria-expanded", "true")
+    inner = shown.locator(".inner:visible")
+    titles = ["cutting speed [m/min]", "feed [mm/rev]", "thrust force [N]", "power [kW]", "flank wear [mm]"]
+    expect(inner.locator("figcaption")).to_have_text(titles)
+    assert inner.locator(".panels .limit").count() == 3
+    # The published controller lies over it at first.
+    expect(inner.get_by_role("combobox", name="Second policy")).to_have_value("0")
+    assert inner.locator(".panels .second").count() == 5
+    inner.get_by_role("combobox", name="Second policy").select_option(label="none")
+    assert inner.locator(".panels .second").count() == 0
+    assert inner.locator(".panels .first").count() == 5
+    inner.get_by_role("combobox", name="Second policy").select_option(label=f"\u2068{BACKWARDS}\u2069")
+    expect(inner.locator(".note")).to_contain_text("Nothing was recorded of the second policy on this draw.")
+    before = inner.locator(".panels .first").first.get_attribute("d")
+    inner.get_by_role("combobox", name="Draw").select_option(label="8")
+    assert inner.locator(".panels .second").count() == 5
+    inner.get_by_role("combobox", name="Along").select_option(label="path [mm]")
+    assert inner.locator(".panels .first").first.get_attribute("d") != before
+    expect(inner.locator(".panels svg text").last).to_have_text("path [mm]")
+    expect(inner.get_by_role("table").get_by_role("row")).to_have_count(3)
+    assert "limit" in str(inner.get_by_role("img", name="thrust force [N] over path [mm]").get_attribute("aria-label"))
+
+
+def test_a_row_says_what_is_not_recorded(opened: Open) -> None:
+    shown = opened()
+    assert shown.locator("section:visible tr.policy small", has_text="no trajectory recorded").count() == 4
+    assert shown.locator("section:visible tr.policy small", has_text="some draws only").count() == 1
+    row(shown, "oracle").click()
+    expect(shown.locator(".inner:visible")).to_contain_text("a reference knows what no policy is told")
+    assert shown.locator(".inner:visible svg").count() == 0
+
+
+def test_the_keyboard_is_enough(opened: Open) -> None:
+    shown = opened()
+    target = row(shown, "grid_search")
+    for _ in range(40):
+        shown.keyboard.press("Tab")
+        if target.evaluate("button => button === document.activeElement"):
+            break
+    assert target.evaluate("button => getComputedStyle(button).outlineStyle") == "solid"
+    shown.keyboard.press("Enter")
+    expect(target).to_have_attribute("aria-expanded", "true")
+    shown.keyboard.press("Tab")
+    expect(shown.locator(".inner:visible").get_by_role("combobox", name="Draw")).to_be_focused()
+    shown.keyboard.press("Escape")
+    expect(target).to_have_attribute("aria-expanded", "false")
+    expect(target).to_be_focused()
+    assert shown.locator(".inner:visible").count() == 0
+
+
+def test_light_and_dark(opened: Open) -> None:
+    shown, dark = opened(color_scheme="light"), opened(color_scheme="dark")
+    paper = "getComputedStyle(document.body).backgroundColor"
+    assert shown.evaluate(paper) == "rgb(255, 255, 255)"
+    assert dark.evaluate(paper) == "rgb(21, 24, 27)"
+    shown.get_by_label("Theme").select_option("dark")
+    assert shown.evaluate(paper) == "rgb(21, 24, 27)"
+    shown.reload()
+    assert shown.evaluate(paper) == "rgb(21, 24, 27)"
+    shown.get_by_label("Theme").select_option("as the system")
+    assert shown.evaluate(paper) == "rgb(255, 255, 255)"
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+def test_the_page_is_no_wider_than_the_screen(opened: Open, width: int) -> None:
+    shown = opened(width=width)
+    assert width_beyond(shown) == 0
+    row(shown, HOSTILE).click()
+    expect(shown.locator(".panels svg").first).to_be_visible()
+    assert width_beyond(shown) == 0
+    for heading in ("compared on the same draws", "in the workshop"):
+        shown.get_by_label(heading).check()
+    assert width_beyond(shown) == 0
+    inner = shown.locator(".inner:visible").bounding_box()
+    assert inner is not None
+    assert inner["width"] <= width
+
+
+def test_hostile_names_are_text(opened: Open) -> None:
+    shown = opened()
+    row(shown, HOSTILE).click()
+    shown.locator(".inner:visible summary").click()
+    assert shown.locator("img").count() == 0
+    assert shown.title() == "RoughTurning leaderboard"
+    assert {HOSTILE, BACKWARDS, LONG} <= set(names(shown))
+    expect(shown.locator(".legend bdi").first).to_have_text(HOSTILE)
+    box = row(shown, LONG).bounding_box()
+    assert box is not None
+    assert box["height"] < 100
+
+
+def test_five_hundred_rows_sort_at_once(opened: Open, board: Board, tmp_path: Path) -> None:
+    result, standing = board.results[0], next(each for each in board.standings if each.name == "grid_search")
+    many = [renamed(result.policy, f"policy {place:03}") for place in range(ROWS)]
+    results = [result.model_copy(update={"policy": policy}) for policy in many]
+    estimate = standing.mean_return
+    standings = [
+        replace(standing, name=policy.name, mean_return=replace(estimate, value=float(place * 7 % ROWS)))
+        for place, policy in enumerate(many)
+    ]
+    path = tmp_path / "many.html"
+    page.write([Board(board.task, results, standings, None, [])], path)
+    shown = opened(path)
+    taken = shown.evaluate(
+        """() => {
+            const head = [...document.querySelectorAll("th button")].find(button => button.textContent.startsWith("return"));
+            const start = performance.now();
+            head.click();
+            document.body.getBoundingClientRect();
+            return performance.now() - start;
+        }"""
+    )
+    assert taken < 2000.0  # some 100 ms on a machine with nothing else to do
+    assert [name.split()[-1] for name in names(shown)[:3]] == [
+        f"{next(i for i in range(ROWS) if i * 7 % ROWS == ROWS - 1 - n):03}" for n in range(3)
+    ]
