@@ -80,15 +80,14 @@ class BarView:
         """The bar as it is now, what is cut of it on the tool's left."""
         start, end = page_of(self._scenario, lane.along)
         across = Ruler(start, end, LEFT, RIGHT)
-        shown = (lane.key, lane.bar, start)
+        shown = (lane.key, lane.bar, start, bool(lane.passes))
         if shown != self._shown:
             self._shown = shown
             self._uncut, self._cut = self._layers(lane, across)
         turned = bool(lane.passes) or lane.ended == "job finished"
         tip = RIGHT if turned else round(across.within(lane.along))
         view = frame[_ROOF:_BOTTOM, LEFT:RIGHT]
-        before = self._uncut if lane.passes else self._cut
-        view[:, : tip - LEFT] = before[:, : tip - LEFT]
+        view[:, : tip - LEFT] = self._cut[:, : tip - LEFT]
         view[:, tip - LEFT :] = self._uncut[:, tip - LEFT :]
         if lane.passes:
             self._name_passes(frame, lane, across)
@@ -102,28 +101,33 @@ class BarView:
         places = across.start + step * (np.arange(_STEPS) + 0.5)
         inside = (places > 0.0) & (places < workpiece.bar_length)
         hardness, depth = lane.fields.along(lane.key, lane.bar, np.ascontiguousarray(places[inside]))
-        xs = [SCALE * (across(place) - LEFT) for place in places[inside]]
+        xs = [SCALE * (across(place) - LEFT) for place in places[inside].tolist()]
         ends = [SCALE * (across.within(place) - LEFT) for place in (0.0, workpiece.bar_length)]
         xs[0], xs[-1] = ends
         tops = [SCALE * (height.within(each) - _ROOF) for each in depth.tolist()]
-        floor, bottom = SCALE * (_SURFACE - _ROOF), SCALE * (_BOTTOM - _ROOF)
-        uncut = Image.new("RGB", (SCALE * (RIGHT - LEFT), bottom), CARD)
-        tints = np.array([[_tint(each) for each in hardness.tolist()]], np.uint8)
-        body = Image.fromarray(tints).resize((max(round(ends[1] - ends[0]), 1), bottom - floor), Image.Resampling.BILINEAR)
-        uncut.paste(body, (round(ends[0]), floor))
-        cut = uncut.copy()
+        floor = SCALE * (_SURFACE - _ROOF)
+        uncut = Image.new("RGB", (SCALE * (RIGHT - LEFT), floor + SCALE), CARD)
+        # Tints have no borders that would need to be smoothed.
+        tints = Image.fromarray(np.array([[_tint(each) for each in hardness.tolist()]], np.uint8))
+        first, last = (round(end / SCALE) for end in ends)
+        body = np.full((_BOTTOM - _SURFACE - 1, RIGHT - LEFT, 3), CARD, np.uint8)
+        body[:, first:last] = np.asarray(tints.resize((last - first, 1), Image.Resampling.BILINEAR))
+        # A whole part is shown as it was before, with its passes: it has no stretch that is cut.
+        cut = None if lane.passes else uncut.copy()
         outline = list(zip(xs, tops, strict=True))
         ImageDraw.Draw(uncut).polygon([(xs[0], floor), *outline, (xs[-1], floor)], fill=ALLOWANCE)
         ImageDraw.Draw(uncut).line(outline, fill=mixed(QUIET, 0.7), width=2)
-        ImageDraw.Draw(cut).line(outline, fill=mixed(FAINT, 0.5), width=2)
-        for image in (uncut, cut):
+        if cut is not None:
+            ImageDraw.Draw(cut).line(outline, fill=mixed(FAINT, 0.5), width=2)
+        for image in filter(None, (uncut, cut)):
             draw = ImageDraw.Draw(image)
             draw.line((ends[0], floor, ends[1], floor), fill=INK, width=3)
             for x in range(round(ends[0]), round(ends[1]), 24):  # the drawing's depth, dashed
                 nominal = self._nominal_depth((x - ends[0]) / (ends[1] - ends[0]), across)
                 y = SCALE * (height(nominal) - _ROOF)
                 draw.line((x, y, x + 12, y), fill=QUIET, width=2)
-        return np.array(uncut.reduce(SCALE)), np.array(cut.reduce(SCALE))
+        before = np.concatenate([np.asarray(uncut.reduce(SCALE)), body])
+        return before, before if cut is None else np.concatenate([np.asarray(cut.reduce(SCALE)), body])
 
     def _nominal_depth(self, share: float, across: Ruler) -> float:
         """What the drawing has [mm] at a share of the metal in view."""
