@@ -1,18 +1,16 @@
 """Every command and every program in the README, run in a copy of the repository, made small where it would take long."""
 
 import re
-import shlex
-import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.walking import ROOT, blocks, check, commands, copy_to, run, small
+
 README = (ROOT / "README.md").read_text("utf-8")
-COMMANDS = [line for block in re.findall(r"```bash\n(.*?)```", README, re.DOTALL) for line in block.strip().splitlines()]
-PROGRAMS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+COMMANDS = [line for block in blocks(README) if block.language == "bash" for line in commands(block)]
+PROGRAMS = [block.text for block in blocks(README) if block.language == "python"]
 
 # What makes a command small: options added to it, words replaced in it.
 SMALLER = {
@@ -36,29 +34,11 @@ SMALLER = {
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The tracked files with their times, the installed environment, and a scenario of short episodes."""
+    """A copy of the repository, with a scenario of short episodes."""
     folder = tmp_path_factory.mktemp("copy")
-    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines()
-    for name in tracked:
-        if (ROOT / name).exists():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, folder / name)
-    (folder / ".venv").symlink_to(ROOT / ".venv")
+    copy_to(folder)
     (folder / "short.toml").write_text('name = "short"\n[control]\ntime_limit = 0.2\n')
     return folder
-
-
-def small(command: str) -> list[str]:
-    """The words of a command, made small, with this Python for ``python``."""
-    for start, (options, replaced) in SMALLER.items():
-        if command.startswith(start):
-            command = shlex.join(replaced.get(word, word) for word in shlex.split(f"{command} {options}"))
-    words = shlex.split(command)
-    return [sys.executable, *words[1:]] if words[0] == "python" else words
-
-
-def run(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
 
 
 def set_up() -> bool:
@@ -75,19 +55,16 @@ def test_every_command_works_in_the_order_given(copy: Path) -> None:
         if command == "make test":  # what is running now
             assert "pytest" in run(["make", "-n", "test"], copy).stdout
             continue
-        finished = run(small(command), copy)
         # Made small, these may miss their criteria, which is an exit with 1.
         allowed = (0, 1) if any(name in command for name in ("throughput", "training", "time_to_beat")) else (0,)
-        assert finished.returncode in allowed, f"{command}\n{finished.stdout}\n{finished.stderr}"
-        assert "Traceback" not in finished.stderr, f"{command}\n{finished.stderr}"
+        check(run(small(command, SMALLER), copy), command, allowed)
     for made in ("few-results/index.html", "results/index.html", "docs/leaderboard.png", "baselines/tuned/short.json"):
         assert (copy / made).stat().st_size > 0
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=range(len(PROGRAMS)))
 def test_every_program_runs(program: str, copy: Path) -> None:
-    finished = run([sys.executable, "-W", "error", "-c", program], copy)
-    assert finished.returncode == 0, finished.stderr
+    check(run([sys.executable, "-W", "error", "-c", program], copy), program)
 
 
 def test_every_link_leads_somewhere() -> None:

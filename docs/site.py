@@ -1,0 +1,112 @@
+"""What the site takes from the code and from the clone's root, so that nothing is written twice. MkDocs calls this."""
+
+import html
+import inspect
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+import turning_env
+from leaderboard import page
+from leaderboard.board import Board, read_boards
+
+ROOT = Path(__file__).parents[1]
+LEADERBOARD = "leaderboard-page.html"
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that are made."""
+    for path, text in pages().items():
+        files.append(File.generated(config, path, content=text))
+    return files
+
+
+def pages() -> dict[str, str]:
+    """Text by path of all pages that are made."""
+    boards = read_boards(ROOT / "leaderboard" / "rows", {})
+    others = [_specification(env_id, 2) for env_id in turning_env.IDS if env_id != "RoughTurning-v0"]
+    return {
+        "index.md": _from_root("README.md"),
+        "contributing.md": _from_root("CONTRIBUTING.md"),
+        "changelog.md": _from_root("CHANGELOG.md"),
+        "cite.md": f"# How to cite\n\n```yaml\n{(ROOT / 'CITATION.cff').read_text('utf-8')}```\n",
+        "environment.md": _specification("RoughTurning-v0"),
+        "tasks.md": "\n".join(["# The other tasks\n", *others]),
+        "scenario.md": "\n".join(_scenario()),
+        "leaderboard.md": "\n".join(_leaderboard(boards)),
+        LEADERBOARD: page.render(boards),
+    }
+
+
+def _from_root(name: str) -> str:
+    """A page that stands in the clone's root: links to docs are links beside it, those to other files stay words."""
+    text = (ROOT / name).read_text("utf-8")
+    text = re.sub(r"\]\(docs/([^)]*)\)", r"](\1)", text)
+    for root, site in {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md", "README.md": "index.md"}.items():
+        text = text.replace(f"]({root})", f"]({site})")
+    return re.sub(r"(?<!!)\[([^\]]*)\]\((?![a-z_/]*\.md|https?:|#|tutorials/|papers/)[^)]*\)", r"\1", text)
+
+
+def _specification(env_id: str, level: int = 1) -> str:
+    """The docstring of an id's class, its headings below one of the given level."""
+    entry_point = gymnasium.spec(env_id).entry_point
+    assert isinstance(entry_point, str)
+    module, name = entry_point.split(":")
+    text = inspect.getdoc(getattr(__import__(module, fromlist=[name]), name)) or ""
+    return f"{'#' * level} {env_id}\n\n" + re.sub(r"^##(?= )", "#" * (level + 1), text, flags=re.MULTILINE) + "\n"
+
+
+def _scenario() -> Iterator[str]:
+    yield "# Scenario files\n"
+    yield "Every quantity that defines an episode but its seed, as `python -m turning_env schema` has it."
+    yield 'A TOML file states what differs from the defaults or, with `base = "PRESET"`, from a preset.'
+    yield "Unknown keys are refused.\n"
+    schema = turning_env.Scenario.model_json_schema()
+    for key, value in schema["properties"].items():
+        if "$ref" not in value:
+            continue
+        section = schema["$defs"][value["$ref"].rpartition("/")[2]]
+        yield f"## {key}\n\n{section.get('description', '')}\n"
+        yield "| Field | Default | Allowed | Meaning |\n|---|---|---|---|"
+        for name, field in section["properties"].items():
+            default = value.get("default", {}).get(name, field.get("default"))
+            yield f"| `{name}` | {_shown(default)} | {_allowed(field)} | {html.escape(field.get('description', ''), False)} |"
+        yield ""
+    yield "## Presets\n\n| Name | What it is |\n|---|---|"
+    for preset in turning_env.presets():
+        text = (Path(turning_env.__path__[0]) / "presets" / f"{preset}.toml").read_text("utf-8")
+        tomllib.loads(text)
+        first = " ".join(line.removeprefix("#").strip() for line in re.match(r"(?:#.*\n)*", text)[0].splitlines())  # type: ignore[index]
+        yield f"| `{preset}` | {html.escape(first, False)} |"
+
+
+def _shown(default: Any) -> str:
+    if isinstance(default, dict):
+        return ", ".join(f"{name} {value:g}" for name, value in default.items() if value)
+    return f"`{default:g}`" if isinstance(default, float) else f"`{default}`"
+
+
+def _allowed(field: dict[str, Any]) -> str:
+    if "enum" in field:
+        return ", ".join(f"`{value}`" for value in field["enum"])
+    return f"{field['minimum']:g} to {field['maximum']:g}" if "minimum" in field and "maximum" in field else ""
+
+
+def _leaderboard(boards: list[Board]) -> Iterator[str]:
+    yield "# Leaderboard\n"
+    yield f"[The whole leaderboard]({LEADERBOARD}), with intervals, limits, splits and courses of what was played."
+    yield "The first of each task:\n"
+    for board in boards:
+        if board.task.scenario.name in turning_env.SPLITS:
+            continue
+        yield f"## {board.task.env_id}\n\n| Policy | Return [s], 95 % interval | Admissible |\n|---|---|---|"
+        for standing in board.standings[:5]:
+            mean, admissible = standing.mean_return, "yes" if standing.admissible else "no"
+            yield f"| `{standing.name}` | {mean.value:.1f} ({mean.low:.1f} to {mean.high:.1f}) | {admissible} |"
+        yield ""

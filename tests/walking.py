@@ -1,0 +1,94 @@
+"""Walks a page of documentation as a reader would: its commands, programs, files and changes, in a copy of the repository."""
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+MOST = 300.0
+"""A command that takes longer [s] fails the test."""
+
+Smaller = Mapping[str, tuple[str, Mapping[str, str]]]
+"""What makes a command small, by how it starts: options added to it, words replaced in it."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block."""
+
+    language: str
+    title: str | None
+    """The file that it shows, if any."""
+    text: str
+
+
+def blocks(page: str) -> Iterator[Block]:
+    """The fenced blocks of a page in order."""
+    for language, title, text in re.findall(r'^```(\w*)(?: title="([^"]*)")?\n(.*?)^```$', page, re.DOTALL | re.MULTILINE):
+        yield Block(language, title or None, text)
+
+
+def commands(block: Block) -> list[str]:
+    """The command lines of a block; one that ends in a backslash goes on."""
+    return [line for line in block.text.replace("\\\n", " ").splitlines() if line.strip() and not line.startswith("#")]
+
+
+def copy_to(folder: Path) -> None:
+    """Put the tracked files with their times, and the installed environment, into a folder."""
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines()
+    for name in tracked:
+        if (ROOT / name).exists():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+    (folder / ".venv").symlink_to(ROOT / ".venv")
+
+
+def small(command: str, smaller: Smaller) -> list[str]:
+    """The words of a command, made small, with this Python for ``python``."""
+    for start, (options, replaced) in smaller.items():
+        if command.startswith(start):
+            command = shlex.join(replaced.get(word, word) for word in shlex.split(f"{command} {options}"))
+    words = shlex.split(command)
+    return [sys.executable, *words[1:]] if words[0] == "python" else words
+
+
+def run(words: list[str], folder: Path) -> "subprocess.CompletedProcess[str]":
+    """Run a command in the copy."""
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=MOST, check=False)
+
+
+def walk(page: str, folder: Path, smaller: Smaller) -> None:
+    """Do in a copy what a page says: run commands and programs, write the files that it shows, make the changes that it shows."""
+    for block in blocks(page):
+        if block.title is not None and block.language == "diff":
+            change(folder / block.title, block.text)
+        elif block.title is not None:
+            (folder / block.title).parent.mkdir(parents=True, exist_ok=True)
+            (folder / block.title).write_text(block.text, "utf-8")
+        elif block.language == "bash":
+            for command in commands(block):
+                check(run(small(command, smaller), folder), command)
+        elif block.language == "python":
+            check(run([sys.executable, "-W", "error", "-c", block.text], folder), block.text)
+
+
+def check(finished: "subprocess.CompletedProcess[str]", what: str, allowed: tuple[int, ...] = (0,)) -> None:
+    """Fail with all that was printed unless it ended as allowed, and without a traceback."""
+    told = f"{what}\n{finished.stdout}\n{finished.stderr}"
+    assert finished.returncode in allowed, told
+    assert "Traceback" not in finished.stderr, told
+
+
+def change(path: Path, difference: str) -> None:
+    """Make the change of a diff without line numbers in a file."""
+    lines = difference.splitlines(keepends=True)
+    before = "".join(line[1:] for line in lines if line[0] in " -")
+    after = "".join(line[1:] for line in lines if line[0] in " +")
+    text = path.read_text("utf-8")
+    assert text.count(before) == 1, f"{path} has this {text.count(before)} times:\n{before}"
+    path.write_text(text.replace(before, after), "utf-8")
