@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import griffe
 import gymnasium
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -67,16 +68,19 @@ def _scenario() -> Iterator[str]:
     yield "Every quantity that defines an episode but its seed, as `python -m turning_env schema` has it."
     yield 'A TOML file states what differs from the defaults or, with `base = "PRESET"`, from a preset.'
     yield "Unknown keys are refused.\n"
-    schema = turning_env.Scenario.model_json_schema()
+    schema, sections = turning_env.Scenario.model_json_schema(), griffe.load("turning_env.sections")
     for key, value in schema["properties"].items():
         if "$ref" not in value:
             continue
-        section = schema["$defs"][value["$ref"].rpartition("/")[2]]
+        class_name = value["$ref"].rpartition("/")[2]
+        section, source = schema["$defs"][class_name], sections[class_name]
         yield f"## {key}\n\n{section.get('description', '')}\n"
         yield "| Field | Default | Allowed | Meaning |\n|---|---|---|---|"
         for name, field in section["properties"].items():
             default = value.get("default", {}).get(name, field.get("default"))
-            yield f"| `{name}` | {_shown(default)} | {_allowed(field)} | {html.escape(field.get('description', ''), False)} |"
+            docstring = source[name].docstring  # of a field that is no quantity
+            meaning = field.get("description") or (" ".join(docstring.value.split()) if docstring else "")
+            yield f"| `{name}` | {_shown(default)} | {_allowed(field)} | {html.escape(meaning, False)} |"
         yield ""
     yield "## Presets\n\n| Name | What it is |\n|---|---|"
     for preset in turning_env.presets():
