@@ -5,7 +5,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,8 +62,11 @@ def run(words: list[str], folder: Path) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=MOST, check=False)
 
 
-def walk(page: str, folder: Path, smaller: Smaller) -> None:
-    """Do in a copy what a page says: run commands and programs, write the files that it shows, make the changes that it shows."""
+def walk(page: str, folder: Path, smaller: Smaller, done: Container[str] = ()) -> None:
+    """Do in a copy what a page says: run commands and programs, write the files that it shows, make the changes that it shows.
+
+    Commands that are ``done`` already are not run again.
+    """
     for block in blocks(page):
         if block.title is not None and block.language == "diff":
             change(folder / block.title, block.text)
@@ -72,6 +75,8 @@ def walk(page: str, folder: Path, smaller: Smaller) -> None:
             (folder / block.title).write_text(block.text, "utf-8")
         elif block.language == "bash":
             for command in commands(block):
+                if command in done:
+                    continue
                 check(run(small(command, smaller), folder), command)
         elif block.language == "python":
             check(run([sys.executable, "-W", "error", "-c", block.text], folder), block.text)

@@ -1,4 +1,4 @@
-"""Every command and every program in the README, run in a copy of the repository, made small where it would take long."""
+"""Every command and program in the README and the tutorials, run in a copy of the repository, small where it would take long."""
 
 import re
 import sys
@@ -6,20 +6,23 @@ from pathlib import Path
 
 import pytest
 
-from tests.walking import ROOT, blocks, check, commands, copy_to, run, small
+from tests.walking import ROOT, Smaller, blocks, check, commands, copy_to, run, small, walk
 
 README = (ROOT / "README.md").read_text("utf-8")
 COMMANDS = [line for block in blocks(README) if block.language == "bash" for line in commands(block)]
 PROGRAMS = [block.text for block in blocks(README) if block.language == "python"]
 
+# In this order: the last changes what is compiled.
+TUTORIALS = ("train", "submit_a_policy", "add_a_controller", "add_a_material")
 # What makes a command small: options added to it, words replaced in it.
-SMALLER = {
+SMALLER: Smaller = {
     "make leaderboard": ("INTERVALS=20000 DRAWS=2 RUNS=few-runs RESULTS=few-results", {}),
     "make agents": ("INTERVALS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 AGENTS=RoughTurning-Surface-v0/ppo", {}),
     "make rows": ("BOARD_DRAWS=2 SHIPPED=few-agents ROWS=few-rows ENVS=RoughTurning-Surface-v0", {}),
     "make verify": ("VERIFY='--draws 2 --env RoughTurning-Surface-v0'", {}),
     "python -m train.ppo": ("--intervals 20000", {}),
     "python -m baselines.tune": ("--draws 1 --trials 2", {"rough_turning": "short.toml"}),
+    "python -m leaderboard run --policies steady_load": ("--scenario short.toml", {}),
     "python -m leaderboard run": ("--draws 2", {}),
     "python -m benchmarks.throughput": ("--repeats 1", {}),
     "python -m benchmarks.overload_price": ("--draws 1", {}),
@@ -58,6 +61,8 @@ def test_every_command_works_in_the_order_given(copy: Path) -> None:
         # Made small, these may miss their criteria, which is an exit with 1.
         allowed = (0, 1) if any(name in command for name in ("throughput", "training", "time_to_beat")) else (0,)
         check(run(small(command, SMALLER), copy), command, allowed)
+    for page in TUTORIALS:
+        walk((ROOT / "docs" / "tutorials" / f"{page}.md").read_text("utf-8"), copy, SMALLER, COMMANDS)
     for made in ("few-results/index.html", "results/index.html", "docs/leaderboard.png", "baselines/tuned/short.json"):
         assert (copy / made).stat().st_size > 0
 
@@ -65,6 +70,15 @@ def test_every_command_works_in_the_order_given(copy: Path) -> None:
 @pytest.mark.parametrize("program", PROGRAMS, ids=range(len(PROGRAMS)))
 def test_every_program_runs(program: str, copy: Path) -> None:
     check(run([sys.executable, "-W", "error", "-c", program], copy), program)
+
+
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    check(run([sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)], ROOT), "mkdocs")
+    for page in ("index.html", "environment/index.html", "scenario/index.html", "api/index.html", "leaderboard-page.html"):
+        text = (tmp_path / page).read_text("utf-8")
+        assert "RoughTurning" in text
+        assert "fonts.googleapis.com" not in text
+    assert {path.stem for path in (ROOT / "docs" / "tutorials").glob("*.md")} == set(TUTORIALS)
 
 
 def test_every_link_leads_somewhere() -> None:
