@@ -24,6 +24,7 @@ SMALLER: Smaller = {
     "python -m baselines.tune": ("--draws 1 --trials 2", {"rough_turning": "short.toml"}),
     "python -m leaderboard run --policies steady_load": ("--scenario short.toml", {}),
     "python -m leaderboard run": ("--draws 2", {}),
+    "python -m baselines.figures": ("--only grid_search_12 --out few-figures", {}),
     "python -m benchmarks.throughput": ("--repeats 1", {}),
     "python -m benchmarks.overload_price": ("--draws 1", {}),
     "python -m benchmarks.ablation": ("--intervals 16384 --runs few-ablations --variants as_it_is", {}),

@@ -4,7 +4,7 @@
 
 A file is only written if it acts as the agent does, on observations drawn from the whole observation space and on those of play.
 
-    python -m train.export nc --help
+    python -m train.export --nc --help
 
 writes what agents and rules command as programs for a lathe's control: see ``train/nc``.
 """
@@ -252,14 +252,14 @@ def latency(policy: Policy, entries: int) -> float:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    if arguments[:1] in (["nc"], ("nc",)):
+    if list(arguments[:1]) == ["--nc"]:
         from train.nc.command import main as nc
 
         return nc(arguments[1:])
     parser = argparse.ArgumentParser(
         prog="python -m train.export",
         description="Write finished agents as ONNX files.",
-        epilog="Programs for a lathe's control are written by: python -m train.export nc --help",
+        epilog="Programs for a lathe's control are written by: python -m train.export --nc --help",
     )
     parser.add_argument("folders", nargs="+", type=Path, metavar="RUN_FOLDER", help="finished trainings of your own")
     parser.add_argument("--out", required=True, type=Path, metavar="FOLDER", help="where the files are written")

@@ -15,7 +15,7 @@ AGENTS = Path(__file__).parents[2] / "agents"
 
 
 def run(*arguments: str) -> int:
-    return export.main(["nc", *arguments])
+    return export.main(["--nc", *arguments])
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_programs_are_written_with_a_summary(
     assert told["simulated"].keys() == {"removed", "time", "wear"}
     text = path.read_text("ascii")
     assert text.startswith(f"; {WARNING}\n")
-    assert f"python -m train.export nc {arguments[0]}" in text
+    assert f"python -m train.export --nc {arguments[0]}" in text
 
     assert run("check", str(path), "--scenario", scenario) == 0
     assert "read back and played: " in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""The command line: ``python -m train.export nc``."""
+"""The command line: ``python -m train.export --nc``."""
 
 import argparse
 import json
@@ -24,7 +24,7 @@ from turning_env import Scenario
 from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
 
-PROGRAM = "python -m train.export nc"
+PROGRAM = "python -m train.export --nc"
 MOST_DIFFERENCE = 0.02
 """Between what a program read back and what it was made from come to: removed metal, time and wear, as a share."""
 MOST_OVERRIDE_DIFFERENCE = 0.5
