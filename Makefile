@@ -22,7 +22,10 @@ AGENTS ?= $(addprefix RoughTurning-v0/,analytic_gradient ppo recurrent_ppo lagra
 	RoughTurning-Shift-v0/analytic_gradient RoughTurning-Batch-v0/ppo
 SEEDS ?= 0 1 2 3 4
 
-.PHONY: leaderboard agents rows verify test format clean
+.PHONY: setup leaderboard agents rows verify test format clean
+
+# What every other command needs.
+setup: .venv/ready
 
 # Train an agent, play it, rank it with every rule and agent that comes with the project: their results need not be played again.
 leaderboard: .venv/ready

@@ -13,7 +13,7 @@ COMMANDS = [line for block in blocks(README) if block.language == "bash" for lin
 PROGRAMS = [block.text for block in blocks(README) if block.language == "python"]
 
 # In this order: the last changes what is compiled.
-TUTORIALS = ("train", "submit_a_policy", "add_a_controller", "add_a_material")
+TUTORIALS = ("ten_minutes", "train", "submit_a_policy", "add_a_controller", "add_a_material")
 # What makes a command small: options added to it, words replaced in it.
 SMALLER: Smaller = {
     "make leaderboard": ("INTERVALS=20000 DRAWS=2 RUNS=few-runs RESULTS=few-results", {}),
@@ -24,6 +24,7 @@ SMALLER: Smaller = {
     "python -m baselines.tune": ("--draws 1 --trials 2", {"rough_turning": "short.toml"}),
     "python -m leaderboard run --policies steady_load": ("--scenario short.toml", {}),
     "python -m leaderboard run": ("--draws 2", {}),
+    "python -m leaderboard.watch": ("--intervals 6", {}),
     "python -m baselines.figures": ("--only grid_search_12 --out few-figures", {}),
     "python -m benchmarks.throughput": ("--repeats 1", {}),
     "python -m benchmarks.overload_price": ("--draws 1", {}),
