@@ -39,7 +39,8 @@ function filterBoard(board, form) {
   scaleIntervals(rows.filter(row => !row.hidden));
 }
 
-// Each column's bars share a scale: that of the admissible rows and references that are shown, or of all if those are few.
+// Each column's bars share a scale: that of the better half of the admissible rows and references that are shown, for the
+// poorest lie many times farther off than the best lie apart. Where few are admissible, all count.
 function scaleIntervals(rows) {
   const columns = new Map();
   for (const row of rows) {
@@ -53,7 +54,7 @@ function scaleIntervals(rows) {
   for (const intervals of columns.values()) {
     const admissible = intervals.filter(each => each.counts);
     const counted = 3 * admissible.length < intervals.length ? intervals : admissible;
-    const least = counted.reduce((low, each) => Math.min(low, each.low), Infinity);
+    const least = counted.map(each => each.low).sort((a, b) => b - a)[Math.floor(counted.length / 2)];
     const most = counted.reduce((high, each) => Math.max(high, each.high), -Infinity);
     const room = 0.05 * (most - least) || 1;
     const percent = value => 100 * (value - least + room) / (most - least + 2 * room);
