@@ -41,6 +41,7 @@ from train.run import Run
 from train.training import SEEDS, Algorithm, train
 from train.vec_env import RoughTurningVecEnv, of_interval
 from turning_env import IDS, Scenario
+from turning_env.console import described, exits
 from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
 
@@ -285,19 +286,25 @@ def page(command: str, lines: Sequence[str], intervals: int, seeds: int) -> str:
     return "\n".join(["# What each choice in PPO's training is worth", "", "```bash", command, "```", "", text, "", *lines, ""])
 
 
+@exits(ValueError, interrupted="interrupted: run the same command again to go on")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train what is not trained yet, play, print the table; return the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.ablation", description=(__doc__ or "").partition("\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.ablation", **described(__doc__))
     parser.add_argument("--intervals", type=int, default=2_000_000, help="environment steps per training (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=1, help="trainings per variant (default: %(default)s)")
     parser.add_argument(
-        "--variants", nargs="+", choices=VARIANTS, default=list(VARIANTS), help="rows (default: all)", metavar="NAME"
+        "--variants",
+        nargs="+",
+        choices=VARIANTS,
+        default=list(VARIANTS),
+        help=f"rows, of {', '.join(VARIANTS)} (default: all)",
+        metavar="NAME",
     )
     who = parser.add_mutually_exclusive_group()
     who.add_argument("--jobs", type=int, default=1, metavar="N", help="trainings at the same time (default: %(default)s)")
     who.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster train, such as tcp://host:8786")
-    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs")
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parser.add_argument("--out", type=Path, help="Markdown file for the table")
     parsed = parser.parse_args(arguments)
     for name, most in (("intervals", 10**12), ("seeds", SEEDS), ("jobs", 1000)):
@@ -306,31 +313,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command = f"python -m benchmarks.ablation {shlex.join(arguments)}".strip()
     names = list(dict.fromkeys(parsed.variants))
     overrides = {"intervals": parsed.intervals}
-    try:
-        base = Scenario.load(IDS[ENV_ID])
-        work = partial(play_agent, base=base, runs=parsed.runs, overrides=overrides, command=command)
-        agents = [(name, seed) for name in names for seed in range(parsed.seeds)]
-        played = {}
-        with (
-            workers(parsed.jobs, parsed.scheduler) as over,
-            tqdm(total=len(agents), unit="agent", disable=None) as bar,
-        ):
-            for agent, outcome in spread(over, work, zip(agents, agents, strict=True)):
-                played[agent] = outcome
-                bar.set_postfix_str(f"{agent[0]}, seed {agent[1]}")
-                bar.update()
-        rows = [gathered(name, [played[name, seed] for seed in range(parsed.seeds)]) for name in names]
-        lines = table(rows)
-        print("\n".join(lines))
-        if parsed.out:
-            content = page(command, lines, parsed.intervals, parsed.seeds)
-            replace_file(parsed.out, lambda path: path.write_text(content, "utf-8"))
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted: run the same command again to go on", file=sys.stderr)
-        return 130
+    base = Scenario.load(IDS[ENV_ID])
+    work = partial(play_agent, base=base, runs=parsed.runs, overrides=overrides, command=command)
+    agents = [(name, seed) for name in names for seed in range(parsed.seeds)]
+    played = {}
+    with (
+        workers(parsed.jobs, parsed.scheduler) as over,
+        tqdm(total=len(agents), unit="agent", disable=None) as bar,
+    ):
+        for agent, outcome in spread(over, work, zip(agents, agents, strict=True)):
+            played[agent] = outcome
+            bar.set_postfix_str(f"{agent[0]}, seed {agent[1]}")
+            bar.update()
+    rows = [gathered(name, [played[name, seed] for seed in range(parsed.seeds)]) for name in names]
+    lines = table(rows)
+    print("\n".join(lines))
+    if parsed.out:
+        content = page(command, lines, parsed.intervals, parsed.seeds)
+        replace_file(parsed.out, lambda path: path.write_text(content, "utf-8"))
     return 0
 
 

@@ -1,4 +1,6 @@
-"""Intervals per second on a GPU, and of PPO that stays there: ``python -m benchmarks.accelerator``.
+"""Intervals per second on a GPU, and of PPO that stays there.
+
+    python -m benchmarks.accelerator --most 1048576 --most-learning 65536 --json
 
 From 1 k to 4 M lanes of ``RoughTurning-v0``: of stepping alone, with random actions that were drawn beforehand on the device, and
 of all of PPO (rollouts, advantages and updates: ``train.resident``). ``--device cpu`` measures the same loops on the processor.
@@ -22,6 +24,7 @@ from train.resident.lathes import TensorLathes, lathes_on
 from train.resident.ppo import Learner, Progress
 from train.run import hyperparameters
 from turning_env import IDS, Scenario
+from turning_env.console import described, exits, print_json
 
 LANES = tuple(1024 * 4**power for power in range(7))
 INTERVALS = 16
@@ -61,12 +64,12 @@ def learning(lathes: TensorLathes) -> Case:
     return Case(f"{lathes.device.type}, learning", lathes.lanes, collected, step)
 
 
+@exits(RuntimeError)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure and print; return the exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.accelerator",
-        description=__doc__.split("\n", 1)[0],
-        epilog="example: python -m benchmarks.accelerator --most 1048576 --most-learning 65536",
+        **described(__doc__),
     )
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cuda", help="where (default: %(default)s)")
     parser.add_argument("--most", type=int, default=LANES[-1], help="most lanes (default: %(default)s)")
@@ -75,26 +78,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--repeats", type=int, default=5, help="turns that every case gets (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=0.5, help="length of one turn in s (default: %(default)s)")
+    parser.add_argument("--json", action="store_true", help="print the median rates [intervals/s] as JSON, at the end")
     options = parser.parse_args(arguments)
     if min(options.most, options.most_learning) < LANES[0] or options.repeats < 1 or not options.seconds > 0:
         parser.error(f"--most and --most-learning must be at least {LANES[0]}, --repeats at least 1, and --seconds above 0")
 
     torch.set_num_threads(1)
     scenario = Scenario.load(IDS[MAIN])
-    try:
-        lathes_on(options.device, scenario, 1)
-    except RuntimeError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    print(f"{'lanes':>9}  {'stepping [intervals/s]':>34}  {'PPO [intervals/s]':>34}")
+    lathes_on(options.device, scenario, 1)
+    if not options.json:
+        print(f"{'lanes':>9}  {'stepping [intervals/s]':>34}  {'PPO [intervals/s]':>34}")
+    found: list[dict[str, float]] = []
     for lanes in LANES:  # one count after the other, since the memory would not hold all of them
         if lanes > options.most:
             break
         makers = [stepping, *([learning] if lanes <= options.most_learning else [])]
         cases = [maker(lathes_on(options.device, scenario, lanes)) for maker in makers]
         rates = [[turn.rate for turn in turns] for turns in measure(cases, options.repeats, options.seconds)]
+        found.append({"lanes": lanes} | dict(zip(("stepping", "ppo"), map(statistics.median, rates), strict=False)))
+        if options.json:
+            continue
         told = [f"{statistics.median(row):,.0f} ({min(row):,.0f} to {max(row):,.0f})" for row in rates]
         print(f"{lanes:>9}" + "".join(f"  {text:>34}" for text in told), flush=True)
+    if options.json:
+        print_json(found)
     return 0
 
 

@@ -1,6 +1,7 @@
 """How much the clairvoyant bound still moves when its grids are refined.
 
     python -m benchmarks.bound
+    python -m benchmarks.bound --scenario forging --draws 4 --json
 
 Every step of the grids is halved in turn, then all of them. Draws are tuning draws.
 """
@@ -13,6 +14,7 @@ import numpy as np
 
 from baselines.clairvoyant import GRID, TOLERANCE, Grid, bounds, covers
 from turning_env import Scenario
+from turning_env.console import described, exits, print_json
 from turning_env.draws import tuning_draws
 
 Row = tuple[str, float, float, float, float]
@@ -35,23 +37,27 @@ def measure(scenario: Scenario, draws: int) -> list[Row]:
     return rows
 
 
+@exits(ValueError)
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.bound", description="Refine the clairvoyant bound's grids.")
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.bound", **described(__doc__))
     parser.add_argument("--scenario", default="rough_turning", help="preset or TOML file (default: rough_turning)")
     parser.add_argument("--draws", type=int, default=8, help="tuning draws (default: 8)")
+    parser.add_argument("--json", action="store_true", help="print the table as JSON")
     parsed = parser.parse_args(arguments)
-    try:
-        scenario = Scenario.load(parsed.scenario)
-        draws = len(tuning_draws(parsed.draws))
-        if not covers(scenario):
-            raise ValueError(f"the bound does not cover scenario {scenario.name!r}")
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    scenario = Scenario.load(parsed.scenario)
+    draws = len(tuning_draws(parsed.draws))
+    if not covers(scenario):
+        raise ValueError(f"the bound does not cover scenario {scenario.name!r}")
     bounds(scenario, tuning_draws(1), Grid(50.0, 10, 4))  # compiles
+    rows = measure(scenario, draws)
+    if parsed.json:
+        print_json(
+            [dict(zip(("steps", "bound", "mean_move", "largest_move", "seconds_per_draw"), row, strict=True)) for row in rows]
+        )
+        return 0
     print(f"{'steps':>14}  {'bound [s]':>9}  {'mean move [s]':>13}  {'largest [s]':>11}  {'per draw [s]':>12}")
-    for name, bound, mean, largest, seconds in measure(scenario, draws):
+    for name, bound, mean, largest, seconds in rows:
         print(f"{name:>14}  {bound:9.2f}  {mean:13.2f}  {largest:11.2f}  {seconds:12.2f}")
     print(f"Tolerance: {TOLERANCE:.1%} of an episode's machine time.")
     return 0

@@ -1,6 +1,7 @@
 """What the overload price does: which margin on the limits pays best at each price.
 
     python -m benchmarks.overload_price
+    python -m benchmarks.overload_price --draws 16 --json
 
 The rescaled grid search plays tuning draws at several margins. It does not know the price, so each margin is played once, and
 its return at another price follows from the same episodes.
@@ -17,6 +18,7 @@ from baselines import tuned
 from baselines.grid_search import RescaledGridSearch
 from baselines.play import Episodes, play
 from turning_env import Scenario
+from turning_env.console import described, exits, print_json
 from turning_env.draws import tuning_draws
 
 PRICES = (1.0, 3.0, 5.0, 10.0, 20.0, 40.0)
@@ -28,24 +30,33 @@ def mean_return(episodes: Episodes, price: float) -> float:
     return float((episodes["return"] - episodes["reward_overload"] - price * episodes["excess"]).mean())
 
 
+@exits(ValueError)
 def main(arguments: list[str] | None = None) -> int:
     """Print, for each price, the best margin and what it does; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.overload_price", description=__doc__.split("\n")[0])
-    parser.add_argument("--draws", type=int, default=128, help="tuning draws")
-    draws = tuning_draws(parser.parse_args(arguments).draws)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.overload_price", **described(__doc__))
+    parser.add_argument("--draws", type=int, default=128, help="tuning draws (default: %(default)s)")
+    parser.add_argument("--json", action="store_true", help="print the table as JSON")
+    options = parser.parse_args(arguments)
+    draws = tuning_draws(options.draws)
     scenario = Scenario.load("rough_turning")
     smoothing = tuned.parameters(scenario)["rescaled_grid_search"]["smoothing"]
     played = [
         play(partial(RescaledGridSearch, scenario, margin=margin, smoothing=smoothing), scenario, draws)
-        for margin in tqdm(MARGINS, unit="margin")
+        for margin in tqdm(MARGINS, unit="margin", disable=None)
     ]
-    print(f"{'price':>6} {'best margin':>12} {'return [s]':>11} {'over limit':>11} {'over by > 5 %':>14}")
+    rows = []
     for price in PRICES:
         best = int(np.argmax([mean_return(episodes, price) for episodes in played]))
         cut = played[best]["engaged_time"].sum()
-        over, severe = (played[best][name].sum() / cut for name in ("overload_time", "severe_overload_time"))
-        score = mean_return(played[best], price)
-        print(f"{price:>6g} {MARGINS[best]:>12.1%} {score:>11.0f} {over:>11.1%} {severe:>14.1%}")
+        over, severe = (float(played[best][name].sum() / cut) for name in ("overload_time", "severe_overload_time"))
+        rows.append((price, MARGINS[best], mean_return(played[best], price), over, severe))
+    if options.json:
+        names = ("price", "best_margin", "return", "overload_share", "severe_share")
+        print_json([dict(zip(names, row, strict=True)) for row in rows])
+        return 0
+    print(f"{'price':>6} {'best margin':>12} {'return [s]':>11} {'over limit':>11} {'over by > 5 %':>14}")
+    for price, margin, score, over, severe in rows:
+        print(f"{price:>6g} {margin:>12.1%} {score:>11.0f} {over:>11.1%} {severe:>14.1%}")
     return 0
 
 

@@ -1,4 +1,6 @@
-"""Environment steps per second beside peers: ``python -m benchmarks.peers --out docs``, which writes peers.md and peers.png.
+"""Environment steps per second beside peers; with ``--out`` written to peers.md and peers.png.
+
+    python -m benchmarks.peers --out docs
 
 Measures every peer that can be imported, and this project, in one process; installs nothing (``pip install -e '.[peers]'`` does).
 All cases take turns, so that whatever else the machine does hits all alike, and ratios are taken within a turn. Steps per CPU
@@ -21,6 +23,7 @@ import gymnasium
 from benchmarks.throughput import MAIN, single, vector
 from benchmarks.timing import Case, Timing, many, measure, one
 from turning_env import IDS
+from turning_env.console import described, exits
 from turning_env.files import replace_file
 
 LANES = (1, 16, 256, 4096, 65536)
@@ -218,9 +221,10 @@ def plot(rows: Sequence[Row], path: Path) -> None:
     replace_file(path, lambda temporary: figure.savefig(temporary, dpi=150, format="png"))
 
 
+@exits()
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print and write; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.peers", description=__doc__.split("\n", 1)[0])
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.peers", **described(__doc__))
     parser.add_argument("--repeats", type=int, default=7, help="turns that every case gets (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=0.3, help="length of one turn in s (default: %(default)s)")
     parser.add_argument("--out", type=Path, help="folder for peers.md and peers.png (default: only print)")

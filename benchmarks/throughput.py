@@ -1,4 +1,7 @@
-"""Steps per second beside Gymnasium's own Pendulum: ``python -m benchmarks.throughput``.
+"""Steps per second beside Gymnasium's own Pendulum.
+
+    python -m benchmarks.throughput
+    python -m benchmarks.throughput --repeats 5 --json
 
 One process, one thread. The time is the processor's, of which what else the machine does takes less than of the clock's; all
 cases take turns, so that it hits all alike, and ratios are taken within a turn. Actions are uniformly random and drawn
@@ -17,6 +20,7 @@ import gymnasium
 
 from benchmarks.timing import BATCHES, Case, many, measure, one
 from turning_env import IDS, RoughTurningVectorEnv
+from turning_env.console import DONE, FAILED, described, exits, print_json
 
 PEER = "Pendulum-v1"
 MAIN = "RoughTurning-v0"
@@ -38,12 +42,14 @@ def vector(env_id: str, lanes: int, batches: int = BATCHES, threads: int = 1) ->
     return many(f"{env_id}, {lanes} lanes", env, lanes, env.single_action_space, batches)
 
 
+@exits(checks=True)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure and print; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.throughput", description=__doc__.split("\n", 1)[0])
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.throughput", **described(__doc__))
     parser.add_argument("--repeats", type=int, default=9, help="turns that every case gets (default: %(default)s)")
     parser.add_argument("--lanes", type=int, default=1024, help="lanes of the vector environments (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=0.25, help="length of one turn in s (default: %(default)s)")
+    parser.add_argument("--json", action="store_true", help="print the medians as JSON")
     options = parser.parse_args(arguments)
     if options.repeats < 1 or options.lanes < 1 or not options.seconds > 0:
         parser.error("--repeats and --lanes must be at least 1, and --seconds above 0")
@@ -52,11 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     measured = [[turn.cpu_rate for turn in turns] for turns in measure(cases, options.repeats, options.seconds)]
     ratios = [[rate / peer for rate, peer in zip(row, measured[0], strict=True)] for row in measured]
 
-    width = max(len(case.name) for case in cases)
-    print(f"{'medians of ' + str(options.repeats) + ' turns (range)':<{width}}  {'steps per second':>33}  {'x ' + PEER:>25}")
-    for case, row, ratio in zip(cases, measured, ratios, strict=True):
-        speed = f"{statistics.median(row):,.0f} ({min(row):,.0f} to {max(row):,.0f})"
-        print(f"{case.name:<{width}}  {speed:>33}  {statistics.median(ratio):>9.2f} ({min(ratio):.2f} to {max(ratio):.2f})")
+    if not options.json:
+        _print(cases, measured, ratios, options.repeats)
 
     found = {"single": statistics.median(ratios[1]), "lanes": statistics.median(ratios[2 + list(IDS).index(MAIN)])}
     names = {"single": f"one {MAIN}", "lanes": f"{options.lanes} lanes of {MAIN}"}
@@ -67,9 +70,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         for key, recorded in RECORDED.items()
     ]
-    for text, met in verdicts:
-        print(f"{'met   ' if met else 'FAILED'}  {text}")
-    return 0 if all(met for _, met in verdicts) else 1
+    if options.json:
+        rows = [
+            {"case": case.name, "steps_per_cpu_second": statistics.median(row), "ratio": statistics.median(ratio)}
+            for case, row, ratio in zip(cases, measured, ratios, strict=True)
+        ]
+        print_json({"cases": rows, "verdicts": [{"text": text, "met": met} for text, met in verdicts]})
+    else:
+        for text, met in verdicts:
+            print(f"{'met   ' if met else 'FAILED'}  {text}")
+    return DONE if all(met for _, met in verdicts) else FAILED
+
+
+def _print(cases: Sequence[Case], rates: list[list[float]], ratios: list[list[float]], repeats: int) -> None:
+    width = max(len(case.name) for case in cases)
+    print(f"{'medians of ' + str(repeats) + ' turns (range)':<{width}}  {'steps per second':>33}  {'x ' + PEER:>25}")
+    for case, row, ratio in zip(cases, rates, ratios, strict=True):
+        speed = f"{statistics.median(row):,.0f} ({min(row):,.0f} to {max(row):,.0f})"
+        print(f"{case.name:<{width}}  {speed:>33}  {statistics.median(ratio):>9.2f} ({min(ratio):.2f} to {max(ratio):.2f})")
 
 
 if __name__ == "__main__":

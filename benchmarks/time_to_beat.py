@@ -1,4 +1,7 @@
-"""How long until an agent that starts from nothing beats the best tuned rule: ``python -m benchmarks.time_to_beat --seeds 5``.
+"""How long until an agent that starts from nothing beats the best tuned rule.
+
+    python -m benchmarks.time_to_beat --seeds 5
+    python -m benchmarks.time_to_beat --algorithm ppo --rule rescaled_grid_search --json
 
 Every so many intervals the clock stops while the agent, as it is, plays tuning draws that the rule has played, too. It has beaten
 the rule once it earns more in the mean, with the paired 95 % bootstrap interval above zero. The clock runs from when lathes and
@@ -31,6 +34,7 @@ from train.actor import ActorPolicy
 from train.run import Run
 from train.training import SEEDS, Algorithm, new_model
 from turning_env import IDS, Scenario
+from turning_env.console import DONE, FAILED, described, exits, print_json
 from turning_env.draws import tuning_draws
 
 ENV_ID = "RoughTurning-v0"
@@ -105,15 +109,17 @@ def time_to_beat(algorithm: Algorithm, seed: int, rule: NDArray[np.float64], eve
     return np.inf
 
 
+@exits(checks=True)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, print the times; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.time_to_beat", description=__doc__.split("\n", 1)[0])
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.time_to_beat", **described(__doc__))
     parser.add_argument("--algorithm", choices=ALGORITHMS, default="analytic_gradient", help="who learns (default: %(default)s)")
     parser.add_argument("--rule", default="predictive", help="to be beaten (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=5, help="trainings (default: %(default)s)")
     parser.add_argument("--draws", type=int, default=64, help="tuning draws played (default: %(default)s)")
     parser.add_argument("--every", type=int, default=500_000, help="intervals between looks (default: %(default)s)")
     parser.add_argument("--intervals", type=int, help="of a whole training (default: the hyperparameter file's)")
+    parser.add_argument("--json", action="store_true", help="print the times [s] as JSON; null for never")
     options = parser.parse_args(arguments)
     for name, most in (("seeds", SEEDS), ("draws", 10**6), ("every", 10**12)):
         if not 1 <= (value := getattr(options, name)) <= most:
@@ -127,9 +133,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     times = []
     for seed in range(options.seeds):
         times.append(time_to_beat(ALGORITHMS[options.algorithm], seed, rule, options.every, overrides))
-        print(f"{options.algorithm}, seed {seed}: {times[-1]:.0f} s until it beats {options.rule}", flush=True)
-    print(f"median {statistics.median(times):.0f} s ({min(times):.0f} to {max(times):.0f})")
-    return 0 if max(times) < np.inf else 1
+        if not options.json:
+            print(f"{options.algorithm}, seed {seed}: {times[-1]:.0f} s until it beats {options.rule}", flush=True)
+    if options.json:
+        print_json({"algorithm": options.algorithm, "rule": options.rule, "times": times, "median": statistics.median(times)})
+    else:
+        print(f"median {statistics.median(times):.0f} s ({min(times):.0f} to {max(times):.0f})")
+    return DONE if max(times) < np.inf else FAILED
 
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""What the environment costs in training with Stable-Baselines3: ``python -m benchmarks.training``.
+"""What the environment costs in training with Stable-Baselines3.
+
+    python -m benchmarks.training
+    python -m benchmarks.training --repeats 1 --json
 
 Three questions, in one process on one thread, all cases in turn:
 
@@ -32,6 +35,7 @@ from train.run import Run
 from train.training import new_model
 from train.vec_env import RoughTurningVecEnv
 from turning_env import IDS, Scenario
+from turning_env.console import DONE, FAILED, described, exits, print_json
 
 LANES = 1024
 MANY_LANES: dict[str, Any] = {"n_steps": 16, "batch_size": 4096, "n_epochs": 2, "device": "cpu", "seed": 0}
@@ -131,11 +135,13 @@ def measure(repeats: int, lanes: int, folder: Path) -> dict[str, list[float]]:
     return measured
 
 
+@exits(checks=True)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure and print; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.training", description=__doc__.split("\n", 1)[0])
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.training", **described(__doc__))
     parser.add_argument("--repeats", type=int, default=5, help="turns that every case gets (default: %(default)s)")
     parser.add_argument("--lanes", type=int, default=LANES, help="lathes side by side (default: %(default)s)")
+    parser.add_argument("--json", action="store_true", help="print the medians as JSON")
     options = parser.parse_args(arguments)
     if options.repeats < 1 or options.lanes < 1:
         parser.error("--repeats and --lanes must be at least 1")
@@ -161,9 +167,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             medians["share"] <= MOST_SHARE,
         ),
     ]
-    for text, met in verdicts:
-        print(f"{'met   ' if met else 'FAILED'}  {text}")
-    return 0 if all(met for _, met in verdicts) else 1
+    if options.json:
+        print_json({"medians": medians, "verdicts": [{"text": text, "met": met} for text, met in verdicts]})
+    else:
+        for text, met in verdicts:
+            print(f"{'met   ' if met else 'FAILED'}  {text}")
+    return DONE if all(met for _, met in verdicts) else FAILED
 
 
 if __name__ == "__main__":

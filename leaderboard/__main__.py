@@ -1,16 +1,22 @@
-"""``python -m leaderboard run|show|page|figure|gallery|verify|cards``."""
+"""Rank policies on common draws.
+
+    python -m leaderboard run --draws 16 --policies fixed_tuned predictive
+    python -m leaderboard show --results leaderboard/rows
+
+Each command has a help of its own, with an example.
+"""
 
 import argparse
-import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from baselines.workers import WorkersError, workers
-from leaderboard import generalisation, table
+from leaderboard import generalisation, machine_readable, table
 from leaderboard.board import Board, read_board, read_boards
 from leaderboard.results import ResultError, Task, current_digests, result_folder
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
+from turning_env.console import DONE, FAILED, described, exits, print_json
 from turning_env.draws import held_out_draws
 
 PAGE = "index.html"
@@ -18,18 +24,46 @@ SPLITS_ENV_ID = "RoughTurning-v0"
 """Of which there are splits."""
 
 
+_RUN = """Play policies on held-out draws, then print the ranking and write the page. What has been played is not played again.
+
+    python -m leaderboard run --draws 16 --policies fixed_tuned predictive
+    python -m leaderboard run --agents my-agents/ppo-seed1.onnx --jobs 2
+"""
+_SHOW = """Print the ranking of every environment and scenario that the results' folder holds.
+
+    python -m leaderboard show --results leaderboard/rows
+    python -m leaderboard show --results leaderboard/rows --json
+"""
+_PAGE = """Write all rankings as one HTML file.
+
+    python -m leaderboard page --results leaderboard/rows --out page.html
+"""
+_VERIFY = """Play the project's own results again. The exit status is 1 if a number does not come back bit for bit.
+
+    python -m leaderboard verify --draws 4
+    python -m leaderboard verify --env RoughTurning-Surface-v0 --jobs 2
+"""
+_CARDS = """Write the model card of every agent in the agents' folder.
+
+    python -m leaderboard cards --rows leaderboard/rows --agents agents
+"""
+_FIGURE = """Draw the ranking for print.
+
+    python -m leaderboard figure --results leaderboard/rows --out docs/leaderboard.png
+"""
+_GALLERY = """Draw what a few policies do on the same bars.
+
+    python -m leaderboard gallery --policies grid_search predictive --draws 3 --out docs/gallery
+"""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     options = _parser().parse_args(arguments)
-    try:
-        status: int | None = options.command(options)
-    except (ResultError, ScenarioError, WorkersError) as error:
-        print(f"leaderboard: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print("leaderboard: interrupted; what is finished is kept, and the same command goes on from there", file=sys.stderr)
-        return 130
-    return status or 0
+    command: Callable[[argparse.Namespace], int | None] = options.command
+    goes_on = "interrupted: what is finished is kept, and the same command goes on from there"
+    ended = exits(ResultError, ScenarioError, WorkersError, interrupted=goes_on, checks=command is _verify)
+    return ended(lambda: command(options) or DONE)()
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -49,8 +83,10 @@ def _run(options: argparse.Namespace) -> None:
     digests = {each.folder: current_digests(each.task).task for each in rounds}
     with workers(options.jobs, options.scheduler) as over:
         run.play_all(rounds, options.fresh, over)
-    _print([read_board(folder, digest) for folder, digest in digests.items()])
-    _write_page(read_boards(options.results, digests), options.results / PAGE)
+    _print([read_board(folder, digest) for folder, digest in digests.items()], options.json)
+    path = options.results / PAGE
+    _write_page(read_boards(options.results, digests), path)
+    print(f"wrote {path}", file=sys.stderr if options.json else sys.stdout)
 
 
 def _splits(task: Task, draws: list[int]) -> list[Task]:
@@ -61,11 +97,13 @@ def _splits(task: Task, draws: list[int]) -> list[Task]:
 
 
 def _show(options: argparse.Namespace) -> None:
-    _print(read_boards(options.results, {}))
+    _print(read_boards(options.results, {}), options.json)
 
 
 def _page(options: argparse.Namespace) -> None:
-    _write_page(read_boards(options.results, {}), options.out or options.results / PAGE)
+    path = options.out or options.results / PAGE
+    _write_page(read_boards(options.results, {}), path)
+    print(f"wrote {path}")
 
 
 def _figure(options: argparse.Namespace) -> None:
@@ -84,7 +122,7 @@ def _gallery(options: argparse.Namespace) -> None:
     written = gallery.write(courses, options.out)
     if options.json:
         told = {"env_id": options.env, "scenario": scenario.name, "draws": options.draws, "policies": habits.as_json(courses)}
-        print(json.dumps(told, indent=2))
+        print_json(told)
         return
     print(habits.render(courses))
     for path in written:
@@ -103,7 +141,7 @@ def _verify(options: argparse.Namespace) -> int:
         print(complaint)
     what = "every row" if options.draws is None else "the start of every row"
     print(f"{len(complaints)} complaints" if complaints else f"{what} came back bit for bit")
-    return 1 if complaints else 0
+    return FAILED if complaints else DONE
 
 
 def _cards(options: argparse.Namespace) -> None:
@@ -117,14 +155,17 @@ def _scenario(options: argparse.Namespace) -> Scenario:
     return Scenario.load(options.scenario or IDS[options.env])
 
 
-def _print(boards: Sequence[Board]) -> None:
+def _print(boards: Sequence[Board], as_json: bool) -> None:
+    if as_json:
+        print_json(machine_readable.as_data(boards))
     for board in boards:
-        print(table.render(board) + "\n")
+        if not as_json:
+            print(table.render(board) + "\n")
         if board.left_out:
             names = ", ".join(str(path) for path in board.left_out)
             why = "they are of other scenario values, draws, versions or code"
-            print(f"leaderboard: left out, as {why}: {names}", file=sys.stderr)
-    if (across := generalisation.across(boards)) is not None:
+            print(f"left out, as {why}: {names}", file=sys.stderr)
+    if not as_json and (across := generalisation.across(boards)) is not None:
         print(generalisation.render(across) + "\n")
 
 
@@ -132,7 +173,6 @@ def _write_page(boards: Sequence[Board], path: Path) -> None:
     from leaderboard import page  # needed only here: imports Jinja2
 
     page.write(boards, path)
-    print(f"wrote {path}")
 
 
 def _draws(text: str) -> list[int]:
@@ -149,7 +189,7 @@ def _positive(text: str) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m leaderboard", description="Rank policies on common draws.")
+    parser = argparse.ArgumentParser(prog="python -m leaderboard", **described(__doc__))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     results = argparse.ArgumentParser(add_help=False)
     results.add_argument(
@@ -158,6 +198,8 @@ def _parser() -> argparse.ArgumentParser:
         default=Path("results"),
         help="folder of the results (default: results; leaderboard/rows holds those that come with the project)",
     )
+    printed = argparse.ArgumentParser(add_help=False)
+    printed.add_argument("--json", action="store_true", help="print JSON, with all numbers and their units")
     environment = argparse.ArgumentParser(add_help=False)
     environment.add_argument("--env", choices=IDS, default="RoughTurning-v0", help="the environment's id")
     environment.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own preset")
@@ -167,7 +209,9 @@ def _parser() -> argparse.ArgumentParser:
     who.add_argument("--jobs", type=_positive, default=1, metavar="N", help="processes that play at the same time (default: 1)")
     who.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster play, such as tcp://host:8786")
 
-    run = commands.add_parser("run", parents=[results, environment, elsewhere], help="play policies, then show and page")
+    run = commands.add_parser(
+        "run", parents=[results, printed, environment, elsewhere], help="play policies, then show and page", **described(_RUN)
+    )
     run.add_argument("--draws", type=_draws, default="256", help="number of held-out draws (default: 256)")
     run.add_argument("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all)")
     run.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders of your own")
@@ -177,11 +221,10 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--fresh", action="store_true", help="play again what has been played")
     run.set_defaults(command=_run)
 
-    show = commands.add_parser("show", parents=[results], help="print the ranking")
+    show = commands.add_parser("show", parents=[results, printed], help="print the ranking", **described(_SHOW))
     show.set_defaults(command=_show)
 
-    example = "example: python -m leaderboard page --results leaderboard/rows --out leaderboard.html"
-    page = commands.add_parser("page", parents=[results], help="write all rankings as one HTML file", epilog=example)
+    page = commands.add_parser("page", parents=[results], help="write all rankings as one HTML file", **described(_PAGE))
     page.add_argument("--out", type=Path, metavar="FILE", help="where it is written (default: RESULTS/index.html)")
     page.set_defaults(command=_page)
 
@@ -190,7 +233,10 @@ def _parser() -> argparse.ArgumentParser:
     shipped.add_argument("--agents", type=Path, default=Path("agents"), help="agents' ONNX files (default: agents)")
 
     verify = commands.add_parser(
-        "verify", parents=[shipped, elsewhere], help="play the project's own results again; fail if any differs"
+        "verify",
+        parents=[shipped, elsewhere],
+        help="play the project's own results again; fail if any differs",
+        **described(_VERIFY),
     )
     verify.add_argument("--env", choices=IDS, help="only of this id")
     verify.add_argument("--scenario", metavar="NAME", help="only on this scenario")
@@ -202,14 +248,18 @@ def _parser() -> argparse.ArgumentParser:
     verify.add_argument("--memory", type=Path, default=Path("results/verified.json"), metavar="FILE", help=memory)
     verify.set_defaults(command=_verify)
 
-    cards = commands.add_parser("cards", parents=[shipped], help="write the model card of every agent in the agents' folder")
+    cards = commands.add_parser("cards", parents=[shipped], help="write the model card of every agent", **described(_CARDS))
     cards.set_defaults(command=_cards)
 
-    figure = commands.add_parser("figure", parents=[results, environment], help="draw the ranking for print")
+    figure = commands.add_parser(
+        "figure", parents=[results, environment], help="draw the ranking for print", **described(_FIGURE)
+    )
     figure.add_argument("--out", type=Path, default=Path("docs/leaderboard.png"), help="picture (default: docs/leaderboard.png)")
     figure.set_defaults(command=_figure)
 
-    gallery = commands.add_parser("gallery", parents=[environment], help="draw what a few policies do on the same bars")
+    gallery = commands.add_parser(
+        "gallery", parents=[environment], help="draw what a few policies do on the same bars", **described(_GALLERY)
+    )
     gallery.add_argument("--draws", type=_draws, default="3", help="number of held-out draws (default: 3)")
     gallery.add_argument("--policies", nargs="*", default=[], metavar="NAME", help="rule-based controllers")
     gallery.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders")

@@ -199,7 +199,7 @@ def _finished(task: Task, contestants: Sequence[Player], folder: Path) -> set[Pa
         except ResultError as error:
             if path not in wanted:
                 raise
-            print(f"leaderboard: played again: {error}", file=sys.stderr)
+            print(f"played again: {error}", file=sys.stderr)
             continue
         if result.digests.task == digest:
             ranked.setdefault(path, result.policy)

@@ -1,4 +1,7 @@
-"""``python -m leaderboard.watch``: have a policy play, or two of them the same bars, and film it or show it in a window."""
+"""Have a policy play, or two of them the same bars, and film it or show it in a window.
+
+python -m leaderboard.watch --env RoughTurning-v0 --policy rescaled_grid_search --beside grid_search --out cut.mp4
+"""
 
 import argparse
 import sys
@@ -16,10 +19,9 @@ from leaderboard.contestants import Contestant
 from leaderboard.film import Frame
 from leaderboard.results import ResultError
 from train.trained_agent import ONNX_SUFFIX
-from turning_env import IDS, Scenario, ScenarioError
+from turning_env import IDS, Scenario
+from turning_env.console import described, exits
 
-EXAMPLE = """example:
-  python -m leaderboard.watch --env RoughTurning-v0 --policy rescaled_grid_search --beside grid_search --out cut.mp4"""
 _CAPTION_HEIGHT = 30
 _GAP = 8
 
@@ -70,6 +72,7 @@ class Show:
         return np.concatenate([np.asarray(caption), picture])
 
 
+@exits(ValueError, gymnasium.error.Error, interrupted="interrupted; nothing was written")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     options = _parser().parse_args(arguments)
@@ -77,12 +80,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _watch(options)
     except ClosedEnvironmentError:
         print("the window was closed", file=sys.stderr)
-    except (ResultError, ScenarioError, gymnasium.error.Error, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted; nothing was written", file=sys.stderr)
-        return 130
     return 0
 
 
@@ -170,9 +167,7 @@ def _width(text: str) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m leaderboard.watch",
-        description="Have a policy play, and film it or show it in a window.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        **described(__doc__),
     )
     parser.add_argument("--env", choices=IDS, default="RoughTurning-v0", help="the environment's id (default: RoughTurning-v0)")
     parser.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own preset")

@@ -23,6 +23,7 @@ from baselines.figures import style
 from baselines.overload import CONFIDENCE, KEY, RESAMPLES
 from train import learning_curve
 from train.run import Run
+from turning_env.console import described, exits
 
 POINTS = 200
 
@@ -144,28 +145,21 @@ def _level(text: str) -> tuple[str, float]:
     return name, level
 
 
+@exits(ValueError)
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m train.curves", description=(__doc__ or "").partition("\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m train.curves", **described(__doc__))
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN_FOLDER", help="trainings on one task")
     out_help = "PNG, SVG or PDF by its suffix; default: %(default)s"
     parser.add_argument("--out", type=Path, default=Path("docs/learning_curves.png"), metavar="PICTURE", help=out_help)
     parser.add_argument("--level", action="append", default=[], metavar="NAME=VALUE", help="a return [s] to compare with")
     parser.add_argument("--against", choices=list(AXES), default="intervals", help="default: %(default)s")
     parsed = parser.parse_args(arguments)
-    out: Path = parsed.out
-    try:
-        levels = dict(map(_level, parsed.level))
-        title, found = curves(parsed.runs, parsed.against)
-        with style.for_print():
-            style.save(draw(found, levels, parsed.against), out)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        print(f"error: {out} cannot be written: {error.strerror}", file=sys.stderr)
-        return 2
-    print(f"{out}: {title}")
+    levels = dict(map(_level, parsed.level))
+    title, found = curves(parsed.runs, parsed.against)
+    with style.for_print():
+        style.save(draw(found, levels, parsed.against), parsed.out)
+    print(f"{parsed.out}: {title}")
     return 0
 
 

@@ -4,9 +4,7 @@
 
 A file is only written if it acts as the agent does, on observations drawn from the whole observation space and on those of play.
 
-    python -m train.export --nc --help
-
-writes what agents and rules command as programs for a lathe's control: see ``train/nc``.
+``python -m train.export --nc --help`` tells how to write what agents and rules command as programs for a lathe's control.
 """
 
 import argparse
@@ -39,6 +37,7 @@ from train.onnx_policy import OnnxPolicy, session_of
 from train.run import Run
 from train.trained_agent import ONNX_SUFFIX
 from turning_env import RoughTurningVectorEnv, Scenario
+from turning_env.console import described, exits
 from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
 from turning_env.lathes import action_space, observation_space
@@ -249,6 +248,7 @@ def latency(policy: Policy, entries: int) -> float:
     return float(np.median(times))
 
 
+@exits(ValueError, interrupted="interrupted: the files named above are whole, and the same command writes all again")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
@@ -258,23 +258,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return nc(arguments[1:])
     parser = argparse.ArgumentParser(
         prog="python -m train.export",
-        description="Write finished agents as ONNX files.",
-        epilog="Programs for a lathe's control are written by: python -m train.export --nc --help",
+        **described(__doc__),
     )
     parser.add_argument("folders", nargs="+", type=Path, metavar="RUN_FOLDER", help="finished trainings of your own")
     parser.add_argument("--out", required=True, type=Path, metavar="FOLDER", help="where the files are written")
     parser.add_argument("--json", action="store_true", help="print one line of JSON per file")
     parsed = parser.parse_args(arguments)
-    try:
-        for folder in tqdm(parsed.folders, unit="agent", disable=None, leave=False):
-            exported = export(folder, parsed.out)
-            tqdm.write(json.dumps(asdict(exported)) if parsed.json else _line(exported))
-    except (OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted: the files named above are whole, and the same command writes all again", file=sys.stderr)
-        return 130
+    for folder in tqdm(parsed.folders, unit="agent", disable=None, leave=False):
+        exported = export(folder, parsed.out)
+        tqdm.write(json.dumps(asdict(exported)) if parsed.json else _line(exported))
     return 0
 
 

@@ -74,7 +74,9 @@ class Progress(BaseCallback):
     def _on_training_start(self) -> None:
         self.last_checkpoint = self.num_timesteps
         total = self.run.parameters["intervals"]
-        self.bar = tqdm(total=total, initial=self.num_timesteps, unit="interval", unit_scale=True, desc=self.run.label)
+        self.bar = tqdm(
+            total=total, initial=self.num_timesteps, unit="interval", unit_scale=True, desc=self.run.label, disable=None
+        )
 
     def _on_rollout_start(self) -> None:
         if self.num_timesteps - self.last_checkpoint >= self.checkpoint_every:

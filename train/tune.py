@@ -41,6 +41,7 @@ from train.run import Run, hyperparameters
 from train.storage import opened, shown
 from train.training import SEEDS, Algorithm, train
 from turning_env import IDS, Scenario
+from turning_env.console import described, exits
 from turning_env.draws import tuning_draws
 
 ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
@@ -199,11 +200,12 @@ def _digest(values: list[Any]) -> str:
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()[:16]
 
 
+@exits(ValueError, StorageInternalError, SQLAlchemyError, interrupted="interrupted: run the same command again to go on")
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m train.tune", description=(__doc__ or "").partition("\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m train.tune", **described(__doc__))
     parser.add_argument("--algorithm", required=True, choices=ALGORITHMS, help="what is tuned")
-    parser.add_argument("--env", default="RoughTurning-v0", choices=list(IDS), help="environment id")
+    parser.add_argument("--env", default="RoughTurning-v0", choices=list(IDS), help="environment id (default: %(default)s)")
     parser.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
     parser.add_argument("--trials", type=int, default=20, help="settings tried in all (default: 20)")
     parser.add_argument("--seeds", type=int, default=1, help="trainings per trial (default: 1)")
@@ -212,26 +214,19 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster train, such as tcp://host:8786")
     kept = "journal file or database URL that several searches share (default: a journal in RUNS/tuning, not shared)"
     parser.add_argument("--storage", metavar="FILE_OR_URL", help=kept)
-    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs")
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parsed = parser.parse_args(arguments)
     for name, most in (("trials", 100_000), ("seeds", SEEDS), ("intervals", 10**12), ("workers", 1000)):
         value = getattr(parsed, name)
         if value is not None and not 1 <= value <= most:
             parser.error(f"--{name} is {value}, but must be 1 to {most}")
     command = "python -m train.tune " + shlex.join(sys.argv[1:] if arguments is None else arguments)
-    try:
-        if parsed.storage:
-            command = command.replace(shlex.quote(parsed.storage), shlex.quote(shown(parsed.storage)))
-        scenario = Scenario.load(parsed.scenario or IDS[parsed.env])
-        intervals = parsed.intervals or hyperparameters(parsed.algorithm, parsed.env)["intervals"]
-        task = Task(parsed.algorithm, parsed.env, scenario, intervals, parsed.seeds, parsed.runs)
-        best = search(task, parsed.trials, parsed.workers, parsed.scheduler, parsed.storage)
-    except (ValueError, StorageInternalError, SQLAlchemyError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted: run the same command again to go on", file=sys.stderr)
-        return 130
+    if parsed.storage:
+        command = command.replace(shlex.quote(parsed.storage), shlex.quote(shown(parsed.storage)))
+    scenario = Scenario.load(parsed.scenario or IDS[parsed.env])
+    intervals = parsed.intervals or hyperparameters(parsed.algorithm, parsed.env)["intervals"]
+    task = Task(parsed.algorithm, parsed.env, scenario, intervals, parsed.seeds, parsed.runs)
+    best = search(task, parsed.trials, parsed.workers, parsed.scheduler, parsed.storage)
     print(f"# {command}")
     print(f"# trial {best.number}: mean return {best.value:.1f} s, {'' if admissible(best) else 'not '}admissible")
     print(tomli_w.dumps({parsed.env: best.params}), end="")

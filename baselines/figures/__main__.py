@@ -15,47 +15,31 @@ from tqdm import tqdm
 
 from baselines.figures import index, style
 from baselines.figures.catalogue import PLATES, chosen
+from turning_env.console import described, exits
 
 
+@exits(ValueError, interrupted="interrupted: figures that were drawn are whole")
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    summary, _, details = (__doc__ or "").partition("\n")
-    parser = argparse.ArgumentParser(
-        prog="python -m baselines.figures",
-        description=summary,
-        epilog=f"{details}\nfigures: {', '.join(PLATES)}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = argparse.ArgumentParser(prog="python -m baselines.figures", **described(__doc__))
     parser.add_argument("--out", type=Path, default=Path("docs/figures"), metavar="FOLDER", help="default: %(default)s")
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="figures to draw (default: all)")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help=f"figures to draw, of {', '.join(PLATES)} (default: all)")
     parser.add_argument("--format", nargs="+", choices=style.FORMATS, default=["png"], help="default: png")
     parsed = parser.parse_args(arguments)
     out: Path = parsed.out
-    path = out
-    try:
-        plates, said = chosen(parsed.only), {}
-        for plate in (bar := tqdm(plates, unit="figure", disable=None)):
-            bar.set_postfix_str(plate.name)
-            with style.for_print():
-                figure = plate.draw()
-                for kind in parsed.format:
-                    path = out / f"{plate.name}.{kind}"
-                    style.save(figure, path)
-            said[plate.name] = index.described(plate)
-        if parsed.only is None:
-            print(index.write(said, parsed.format, path := out))
-        else:
-            for name, lines in said.items():
-                print(name, *lines, sep="\n  ")
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        print(f"error: {path} cannot be written: {error.strerror}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted: figures that were drawn are whole", file=sys.stderr)
-        return 130
+    plates, said = chosen(parsed.only), {}
+    for plate in (bar := tqdm(plates, unit="figure", disable=None)):
+        bar.set_postfix_str(plate.name)
+        with style.for_print():
+            figure = plate.draw()
+            for kind in parsed.format:
+                style.save(figure, out / f"{plate.name}.{kind}")
+        said[plate.name] = index.described(plate)
+    if parsed.only is None:
+        print(index.write(said, parsed.format, out))
+    else:
+        for name, lines in said.items():
+            print(name, *lines, sep="\n  ")
     return 0
 
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
-from turning_env.files import replace_file
+from turning_env.inquiry.output import write
 
 SINGLE, DOUBLE = 89.0 / 25.4, 183.0 / 25.4
 """Widths of one column and of two [inch]."""
@@ -105,16 +105,15 @@ def save(figure: Figure, path: Path) -> None:
     """Write a figure, whole or not at all, in the format of its suffix: the same bytes whenever it is drawn.
 
     Raises:
-        ValueError: the suffix is none of ``FORMATS``.
-        OSError: it cannot be written.
+        ValueError: the suffix is none of ``FORMATS``, or it cannot be written.
     """
     kind = path.suffix.removeprefix(".")
     if kind not in FORMATS:
         raise ValueError(f"{path} is to be written, but its suffix must be .{' or .'.join(FORMATS)}")
     if kind == "png":
-        replace_file(path, lambda partial: _save_png(figure, partial))
+        write(path, lambda partial: _save_png(figure, partial))
     else:
-        replace_file(path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind]))
+        write(path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind]))
 
 
 def _save_png(figure: Figure, path: Path) -> None:

@@ -1,15 +1,21 @@
 """Sets the figures and claims of the papers beside the project's, and fails if one no longer holds.
 
     python -m baselines.reproduce
+    python -m baselines.reproduce --json
 
 What the project cannot reproduce is listed with the reason, and fails nothing until it holds after all.
 """
 
+import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
+
+from tqdm import tqdm
 
 from baselines.reproduce import alaskari_oraby, constant_force, fuzzy_override, part_programming, servo_current
 from baselines.reproduce.checks import Paper, print_checks, summary
+from turning_env.console import DONE, FAILED, described, exits, print_json
 
 PAPERS = (
     Paper("Alaskari and Oraby (2018), grid search", alaskari_oraby.checks, alaskari_oraby.tables),
@@ -21,9 +27,26 @@ PAPERS = (
 """A further paper is added here."""
 
 
-def main(papers: Sequence[Paper] = PAPERS) -> int:
-    """Print the tables and checks of all papers, and a summary; return the exit status."""
-    results = [(paper, list(paper.checks())) for paper in papers]
+@exits(interrupted="interrupted: nothing is kept, and the same command checks all again", checks=True)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m baselines.reproduce", **described(__doc__))
+    parser.add_argument("--json", action="store_true", help="print the checks as JSON, without the tables")
+    return reproduce(PAPERS, parser.parse_args(arguments).json)
+
+
+def reproduce(papers: Sequence[Paper], as_json: bool = False) -> int:
+    """Print the tables and checks of all papers, and a summary, or the checks as JSON; return the exit status."""
+    results = [(paper, list(paper.checks())) for paper in tqdm(papers, unit="paper", disable=None, leave=False)]
+    status = DONE if all(check.passed for _, checks in results for check in checks) else FAILED
+    if as_json:
+        print_json(
+            [
+                {"title": paper.title, "checks": [asdict(check) | {"verdict": check.verdict} for check in checks]}
+                for paper, checks in results
+            ]
+        )
+        return status
     for paper, _ in results:
         if lines := list(paper.tables()):
             print("", paper.title, "", *lines, sep="\n")
@@ -32,7 +55,7 @@ def main(papers: Sequence[Paper] = PAPERS) -> int:
     print()
     for paper, checks in results:
         print(summary(paper.title, checks))
-    return 0 if all(check.passed for _, checks in results for check in checks) else 1
+    return status
 
 
 if __name__ == "__main__":

@@ -20,8 +20,9 @@ from baselines import tuned
 from baselines.catalogue import RULES, names, playable
 from baselines.rule import Rule
 from baselines.tune import study
-from baselines.workers import WorkersError, workers
+from baselines.workers import workers
 from turning_env import Scenario
+from turning_env.console import described, exits
 from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
 
@@ -61,9 +62,10 @@ def kept_rules(chosen: dict[str, Rule], scenario: Scenario, budget: Budget) -> d
     return kept
 
 
+@exits(KeyError, ValueError, interrupted="interrupted: run the same command again to go on")
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m baselines.tune", description="Tune the rules for a scenario.")
+    parser = argparse.ArgumentParser(prog="python -m baselines.tune", **described(__doc__))
     parser.add_argument("--scenario", default="rough_turning", metavar="PRESET_OR_TOML", help="default: rough_turning")
     parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune these alone, and keep the others of the scenario's file")
     parser.add_argument("--trials", type=int, default=64, help="settings tried for each rule (default: 64)")
@@ -72,31 +74,20 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster play, such as tcp://host:8786")
     parsed = parser.parse_args(arguments)
     budget = {"trials": parsed.trials, "draws": parsed.draws}
-    try:
-        if parsed.trials < 1:
-            raise ValueError(f"{parsed.trials} trials asked for, but there must be 1 or more")
-        if parsed.jobs < 1:
-            raise ValueError(f"{parsed.jobs} jobs asked for, but there must be 1 or more")
-        tuning_draws(parsed.draws)
-        scenario = Scenario.load(parsed.scenario)
-        if scenario != scenario.as_told():
-            raise ValueError(f"scenario {scenario.name!r} has a lot of which rules are not told: they are tuned without one")
-        chosen = chosen_rules(parsed.rules, scenario)
-        if parsed.rules is not None:
-            kept_rules(chosen, scenario, budget)  # refused before hours of playing, not after
-    except (KeyError, ValueError) as error:
-        print(f"error: {error.args[0]}", file=sys.stderr)
-        return 2
-    try:
-        with workers(parsed.jobs, parsed.scheduler) as over:
-            searches = [study.Search(name, rule, scenario, **budget) for name, rule in chosen.items()]
-            study.run_all(searches, over)
-    except WorkersError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted: run the same command again to go on", file=sys.stderr)
-        return 130
+    if parsed.trials < 1:
+        raise ValueError(f"{parsed.trials} trials asked for, but there must be 1 or more")
+    if parsed.jobs < 1:
+        raise ValueError(f"{parsed.jobs} jobs asked for, but there must be 1 or more")
+    tuning_draws(parsed.draws)
+    scenario = Scenario.load(parsed.scenario)
+    if scenario != scenario.as_told():
+        raise ValueError(f"scenario {scenario.name!r} has a lot of which rules are not told: they are tuned without one")
+    chosen = chosen_rules(parsed.rules, scenario)
+    if parsed.rules is not None:
+        kept_rules(chosen, scenario, budget)  # refused before hours of playing, not after
+    with workers(parsed.jobs, parsed.scheduler) as over:
+        searches = [study.Search(name, rule, scenario, **budget) for name, rule in chosen.items()]
+        study.run_all(searches, over)
     found = {search.name: _told(search, budget) for search in searches}
     # Read again, as another rule may have been tuned meanwhile.
     rules = found | (kept_rules(chosen, scenario, budget) if parsed.rules is not None else {})

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from baselines.reproduce import alaskari_oraby, part_programming
-from baselines.reproduce.__main__ import PAPERS, main
+from baselines.reproduce.__main__ import PAPERS, main, reproduce
 from baselines.reproduce.checks import Check, Paper, at_least, at_most, claim, summary
 from baselines.reproduce.part_programming import Blank, divided_cost, gain, pass_cost, uncorrected_cost
 from baselines.two_limits import TWO_LIMITS
@@ -14,7 +14,7 @@ GRID_SEARCH = (PAPERS[0],)
 
 
 def test_every_figure_of_every_paper_agrees(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main() == 0
+    assert main([]) == 0
     printed = capsys.readouterr().out
     assert "MISMATCH" not in printed
     assert sum(line.startswith("Table 1") for line in printed.splitlines()) == 16 * 5
@@ -35,7 +35,7 @@ def test_a_figure_that_is_off_fails(column: str, monkeypatch: pytest.MonkeyPatch
         return rows
 
     monkeypatch.setattr(alaskari_oraby, "rows", altered)
-    assert main(GRID_SEARCH) == 1
+    assert reproduce(GRID_SEARCH) == 1
     assert "MISMATCH" in capsys.readouterr().out
 
 
@@ -71,7 +71,7 @@ def test_verdicts_and_exit_status(check: Check, verdict: str, capsys: pytest.Cap
         yield check
 
     assert check.verdict == verdict
-    assert main((Paper("a paper", checks),)) == (0 if verdict in ("ok", "not reproduced") else 1)
+    assert reproduce((Paper("a paper", checks),)) == (0 if verdict in ("ok", "not reproduced") else 1)
     printed = capsys.readouterr().out
     assert verdict in printed
     assert check.not_reproduced in printed
@@ -84,7 +84,7 @@ def test_a_summary_counts_what_holds_and_what_is_known_not_to() -> None:
 
 
 def test_tables_come_before_the_checks(capsys: pytest.CaptureFixture[str]) -> None:
-    main((Paper("a paper", lambda: iter([claim("the claim", True)]), lambda: iter(["the table"])),))
+    reproduce((Paper("a paper", lambda: iter([claim("the claim", True)]), lambda: iter(["the table"])),))
     printed = capsys.readouterr().out
     assert printed.index("the table") < printed.index("the claim")
 

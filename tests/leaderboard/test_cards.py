@@ -67,14 +67,14 @@ def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixt
 def test_cards_without_results_are_refused(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = shipped / "agents" / ENV_ID / "short"
     (shipped / "rows" / ENV_ID / "short" / "ppo-seed1.json.xz").unlink()
-    assert main(command(shipped)) == 1
+    assert main(command(shipped)) == 2
     assert "ppo-seed1.onnx has no results" in capsys.readouterr().err
     (folder / "ppo-seed1.onnx").rename(folder / "ppo-seed7.onnx")
-    assert main(command(shipped)) == 1
+    assert main(command(shipped)) == 2
     assert f"holds ppo-seed1 and should be at {ENV_ID}/short/ppo-seed1.onnx" in capsys.readouterr().err
     for path in folder.iterdir():
         path.unlink()
-    assert main(command(shipped)) == 1
+    assert main(command(shipped)) == 2
     assert "holds no agents" in capsys.readouterr().err
 
 
@@ -83,5 +83,5 @@ def test_agents_of_one_name_must_be_alike(shipped: Path, capsys: pytest.CaptureF
     model = onnx.load_model_from_string(path.read_bytes())
     next(entry for entry in model.metadata_props if entry.key == "trained_intervals").value = "2000"
     path.write_bytes(model.SerializeToString())
-    assert main(command(shipped)) == 1
+    assert main(command(shipped)) == 2
     assert "the files of ppo cannot share a card, as they differ in trained_intervals" in capsys.readouterr().err

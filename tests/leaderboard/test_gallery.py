@@ -211,6 +211,6 @@ def test_command(scenario: Scenario, tmp_path: Path, capsys: pytest.CaptureFixtu
     ],
 )
 def test_bad_input_gets_a_message(arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["gallery", "--out", str(tmp_path), *arguments]) == 1
+    assert main(["gallery", "--out", str(tmp_path), *arguments]) == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

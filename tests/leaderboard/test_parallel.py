@@ -152,8 +152,8 @@ def test_a_scheduler_that_is_not_there_is_an_error(
     address: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["run", "--policies", "fixed_handbook", "--draws", "1", "--results", str(tmp_path)]
-    assert main([*arguments, "--scheduler", address]) == 1
-    assert capsys.readouterr().err.startswith(f"leaderboard: {message}")
+    assert main([*arguments, "--scheduler", address]) == 2
+    assert capsys.readouterr().err.startswith(f"error: {message}")
 
 
 def test_without_dask_a_scheduler_is_an_error(
@@ -161,7 +161,7 @@ def test_without_dask_a_scheduler_is_an_error(
 ) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     arguments = ["run", "--policies", "fixed_handbook", "--draws", "1", "--results", str(tmp_path)]
-    assert main([*arguments, "--scheduler", "tcp://127.0.0.1:1"]) == 1
+    assert main([*arguments, "--scheduler", "tcp://127.0.0.1:1"]) == 2
     assert "needs the extra 'distributed'" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([*arguments, "--jobs", "2", "--scheduler", "tcp://127.0.0.1:1"])

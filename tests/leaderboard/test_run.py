@@ -249,7 +249,7 @@ def test_splits_are_played_by_what_was_made_for_the_scenario(
     html = (tmp_path / "results" / "index.html").read_text("utf-8")
     assert "Where they were not made for" in html
     assert "--scenario rough_turning --splits --split-draws 2" in html
-    assert main(["run", "--results", str(tmp_path), "--env", "RoughTurning-Shift-v0", "--splits", "--policies"]) == 1
+    assert main(["run", "--results", str(tmp_path), "--env", "RoughTurning-Shift-v0", "--splits", "--policies"]) == 2
     assert "no splits of RoughTurning-Shift-v0" in capsys.readouterr().err
 
 
@@ -289,7 +289,7 @@ def test_scenarios_live_side_by_side(tmp_path: Path, scenario: Scenario, capsys:
     assert page.count("<h2>") == 3
     picture = ["--out", str(tmp_path / "board.png")]
     assert main(["figure", *results, *picture, "--scenario", files["short"]]) == 0
-    assert main(["figure", *results, *picture]) == 1
+    assert main(["figure", *results, *picture]) == 2
     assert "RoughTurning-v0 on scenario rough_turning" in capsys.readouterr().err
 
 
@@ -305,7 +305,7 @@ def test_scenarios_live_side_by_side(tmp_path: Path, scenario: Scenario, capsys:
     ],
 )
 def test_bad_input_gets_a_message(tmp_path: Path, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([*arguments, "--results", str(tmp_path)]) == 1
+    assert main([*arguments, "--results", str(tmp_path)]) == 2
     assert message in capsys.readouterr().err
 
 

@@ -162,7 +162,7 @@ def test_command_line(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None
     row(shipped, RULE).write_bytes(b"damaged")
     assert main([*arguments, "--env", ENV_ID, "--scenario", "short", "--policies", RULE]) == 1
     assert "fixed_handbook.json.xz: " in capsys.readouterr().out
-    assert main([*arguments, "--policies", "nonsense"]) == 1
+    assert main([*arguments, "--policies", "nonsense"]) == 2
     assert "holds no such rows" in capsys.readouterr().err
     (shipped / "memory.json").write_text("{")
     assert main(arguments) == 1

@@ -3,7 +3,6 @@
 import argparse
 import json
 import shlex
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
@@ -21,6 +20,7 @@ from train.nc.read import read, read_file
 from train.nc.schedule import Sums
 from train.nc.write import write
 from turning_env import Scenario
+from turning_env.console import described, exits
 from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
 
@@ -34,44 +34,32 @@ REVIEW = (
     "machine."
 )
 CAUTION = f"Simulation output: not for a machine without review. {REVIEW}"
-EXAMPLES = f"""examples:
-  {PROGRAM} schedule --agent agents/RoughTurning-v0/rough_turning/analytic_gradient-seed0.onnx --draw 0 --out bar.mpf
-  {PROGRAM} schedule --rule rescaled_grid_search --seed 7 --bars 3 --tolerance 0.05 --out bars.mpf
-  {PROGRAM} table --interval 1 --out edge.mpf
-  {PROGRAM} law --rule modified_fuzzy_override --out override.mpf
-  {PROGRAM} check bar.mpf --draw 0
-"""
+EXAMPLES = f"""\
+{PROGRAM} schedule --agent agents/RoughTurning-v0/rough_turning/analytic_gradient-seed0.onnx --draw 0 --out bar.mpf
+{PROGRAM} schedule --rule rescaled_grid_search --seed 7 --bars 3 --tolerance 0.05 --out bars.mpf
+{PROGRAM} table --interval 1 --out edge.mpf
+{PROGRAM} law --rule modified_fuzzy_override --out override.mpf
+{PROGRAM} check bar.mpf --draw 0"""
 
 
+@exits(KeyError, ValueError, interrupted="interrupted: nothing was written")
 def main(arguments: Sequence[str]) -> int:
     """Run the command line; returns the exit status."""
     parsed = _parser().parse_args(arguments)
-    try:
-        done: dict[str, Any] = parsed.run(parsed, f"{PROGRAM} {shlex.join(arguments)}")
-    except KeyError as error:
-        print(f"error: {error.args[0]}", file=sys.stderr)
-        return 2
-    except (OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted: nothing was written", file=sys.stderr)
-        return 130
+    done: dict[str, Any] = parsed.run(parsed, f"{PROGRAM} {shlex.join(arguments)}")
     print(json.dumps(done) if parsed.json else _lines(done))
     return 0
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog=PROGRAM,
-        description=f"Write what a controller commands as a program for a SINUMERIK lathe, read it back and play it. {CAUTION}",
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    about = f"Write what a controller commands as a program for a SINUMERIK lathe, read it back and play it. {CAUTION}"
+    parser = argparse.ArgumentParser(prog=PROGRAM, **described(f"{about}\n\n{EXAMPLES}"))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def command(name: str, run: Callable[[argparse.Namespace, str], dict[str, Any]], about: str) -> argparse.ArgumentParser:
-        added = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}. {CAUTION}")
+        examples = "\n".join(line for line in EXAMPLES.splitlines() if line.startswith(f"{PROGRAM} {name} "))
+        told = described(f"{about[0].upper()}{about[1:]}. {CAUTION}\n\n{examples}")
+        added = commands.add_parser(name, help=about, **told)
         added.set_defaults(run=run)
         added.add_argument("--json", action="store_true", help="print the summary as one line of JSON")
         return added

@@ -19,6 +19,7 @@ from train.resident.ppo import Learner
 from train.run import Run, hyperparameters
 from train.training import SEEDS
 from turning_env import IDS, Scenario
+from turning_env.console import described, exits
 from turning_env.files import replace_file
 
 NAME = "resident_ppo"
@@ -26,13 +27,13 @@ OPTIONS = ("intervals", "lanes", "rollout", "batch_size", "epochs")
 """Of PPO's hyperparameters, those that may be given: many lanes want long batches and short rollouts."""
 
 
+@exits(ValueError, RuntimeError, interrupted="interrupted: nothing is written")
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     program = "python -m train.resident"
     parser = argparse.ArgumentParser(
         prog=program,
-        description="Train a PPO agent with everything on one device.",
-        epilog=f"example: {program} --device cuda --lanes 16384 --rollout 32 --batch-size 65536 --out my-agents",
+        **described(__doc__),
     )
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cuda", help="where (default: %(default)s)")
     parser.add_argument("--env", default="RoughTurning-v0", choices=list(IDS), help="environment id (default: %(default)s)")
@@ -50,16 +51,8 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error(f"--seed is {parsed.seed}, but must be 0 to {SEEDS - 1}")
     command = f"{program} {shlex.join(sys.argv[1:] if arguments is None else arguments)}".strip()
     parameters = hyperparameters("ppo", parsed.env) | given
-    try:
-        scenario = Scenario.load(parsed.scenario or IDS[parsed.env])
-        path = train(Run(NAME, parsed.env, scenario, parsed.seed, parameters, command, parsed.out), parsed.device)
-    except (ValueError, RuntimeError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted: nothing is written", file=sys.stderr)
-        return 130
-    print(path)
+    scenario = Scenario.load(parsed.scenario or IDS[parsed.env])
+    print(train(Run(NAME, parsed.env, scenario, parsed.seed, parameters, command, parsed.out), parsed.device))
     return 0
 
 

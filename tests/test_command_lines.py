@@ -1,0 +1,200 @@
+"""All command lines alike: help with examples that parse, exit statuses, errors of one line, notices beside JSON."""
+
+import argparse
+import importlib
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("turning_env", "baselines", "train", "leaderboard", "benchmarks")
+
+# Of every command, by module and subcommand, arguments with a mistake in a name, a number or a file: none of them exists.
+MISTAKES: dict[str, list[str]] = {
+    "turning_env": ["nothing", "show nothing"],
+    "turning_env presets": ["more"],
+    "turning_env show": ["nothing", "."],
+    "turning_env schema": ["more"],
+    "turning_env calibrate": ["nothing.csv --out made.toml", ". --out made.toml", "nothing.csv --out made.toml --confidence 2"],
+    "turning_env whatif": [
+        "nothing --cutting-speed 100 --feed 0.3 --wear 0.2",
+        "forging --cutting-speed x --feed 0.3 --wear 0.2",
+    ],
+    "turning_env map": ["nothing --wear 0.2 --out made.png", "forging --wear 0.2 --out made.txt"],
+    "baselines.reproduce": ["more"],
+    "baselines.tune": ["--scenario nothing", "--rules nobody", "--trials 0", "--draws 0", "--jobs 0", "--trials x"],
+    "baselines.figures": ["--only nothing", "--format gif"],
+    **{
+        f"train.{name}": ["--scenario nothing", "--env nothing", "--seed -1", "--intervals 0", "--intervals 1 --runs file"]
+        for name in ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
+    },
+    "train.resident": ["--device cpu --scenario nothing", "--env nothing", "--device gpu", "--lanes 0"],
+    "train.tune": ["--algorithm ppo --scenario nothing", "--algorithm nobody", "--algorithm ppo --trials 0"],
+    "train.curves": ["nothing", ". --out made.png", "nothing --level x"],
+    "train.export": ["nothing --out made", ". --out made", "nothing"],
+    "train.export --nc": ["nothing"],
+    "train.export --nc schedule": [
+        "--rule nobody --out made.mpf",
+        "--agent nothing.onnx --out made.mpf",
+        "--agent . --out made.mpf",
+    ],
+    "train.export --nc table": ["--scenario nothing --out made.mpf", "--interval x --out made.mpf"],
+    "train.export --nc law": ["--rule nobody --out made.mpf", "--rule one_line_law --out file/made.mpf"],
+    "train.export --nc check": ["nothing.mpf", "."],
+    "leaderboard": ["nothing"],
+    "leaderboard run": [
+        "--env nothing",
+        "--scenario nothing",
+        "--policies nobody --results made",
+        "--policies --agents nothing.onnx --results made",
+        "--policies --agents . --results made",
+        "--draws 0",
+        "--jobs 0",
+        "--draws 1 --policies fixed_handbook --results file",
+    ],
+    "leaderboard show": ["--results nothing", "--results file"],
+    "leaderboard page": ["--results nothing", "--results file"],
+    "leaderboard figure": ["--results nothing", "--scenario nothing"],
+    "leaderboard gallery": ["--policies nobody --out made", "--draws 0", "--agents nothing.onnx --out made"],
+    "leaderboard verify": ["--rows nothing --memory made.json", "--draws 0", "--jobs x"],
+    "leaderboard cards": ["--rows nothing", "--rows file"],
+    "leaderboard.watch": [
+        "--policy nobody --out made.gif",
+        "--policy fixed_tuned --out made.txt",
+        "--agent nothing.onnx --out made.gif",
+    ],
+    "benchmarks.ablation": ["--variants nothing", "--seeds 0", "--jobs 0"],
+    "benchmarks.accelerator": ["--device gpu", "--repeats 0"],
+    "benchmarks.bound": ["--scenario nothing", "--scenario shift", "--draws 0"],
+    "benchmarks.growth": ["made.txt", "made.png --most 0"],
+    "benchmarks.overload_price": ["--draws 0", "--draws x"],
+    "benchmarks.peers": ["--repeats 0", "--seconds x"],
+    "benchmarks.throughput": ["--repeats 0", "--lanes x"],
+    "benchmarks.time_to_beat": ["--rule nobody", "--seeds 0"],
+    "benchmarks.training": ["--repeats 0", "--lanes x"],
+}
+
+
+class Parsed(Exception):
+    """Raised in place of what a command does once it has understood its arguments."""
+
+
+def main_of(module: str) -> Callable[[list[str]], int]:
+    """The function behind ``python -m module``."""
+    found = importlib.import_module(module)
+    main: Callable[[list[str]], int] = (
+        importlib.import_module(f"{module}.__main__") if hasattr(found, "__path__") else found
+    ).main
+    return main
+
+
+def status_of(command: str, arguments: list[str]) -> int:
+    """The exit status of a command, whether its parser or the command itself ends it."""
+    module, *words = command.split()
+    try:
+        return main_of(module)([*words, *arguments])
+    except SystemExit as ended:
+        return int(ended.code or 0)
+
+
+def commands_of(parser: argparse.ArgumentParser) -> list[str]:
+    """The subcommands of a parser, with those below them."""
+    return [
+        f"{name}{below}"
+        for action in parser._actions
+        if isinstance(action, argparse._SubParsersAction)
+        for name, child in action.choices.items()
+        for below in ("", *(f" {each}" for each in commands_of(child)))
+    ]
+
+
+@pytest.fixture
+def parser_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, list[str]], argparse.ArgumentParser]:
+    """A command's parser, once it has parsed arguments; nothing else is done."""
+    original = argparse.ArgumentParser.parse_args
+    used: list[argparse.ArgumentParser] = []
+
+    def parse_args(self: argparse.ArgumentParser, *arguments: Any, **options: Any) -> Any:
+        used.append(self)
+        original(self, *arguments, **options)
+        raise Parsed
+
+    def found(command: str, arguments: list[str]) -> argparse.ArgumentParser:
+        with monkeypatch.context() as patched:
+            patched.setattr(argparse.ArgumentParser, "parse_args", parse_args)
+            with pytest.raises(Parsed):
+                status_of(command, arguments)
+        return used[-1]
+
+    return found
+
+
+def test_every_command_is_among_these(parser_of: Callable[[str, list[str]], argparse.ArgumentParser]) -> None:
+    modules = set()
+    for package in PACKAGES:
+        for path in (ROOT / package).rglob("*.py"):
+            if re.search(r"^if __name__ ==", path.read_text("utf-8"), re.MULTILINE):
+                modules.add(".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__"))
+    assert modules == {command.split()[0] for command in MISTAKES}
+    for command, complete in (
+        ("turning_env", ["presets"]),
+        ("leaderboard", ["show"]),
+        ("train.export --nc", ["check", "bar.mpf"]),
+    ):
+        below = commands_of(parser_of(command, complete))
+        assert {f"{command} {name}" for name in below} == {name for name in MISTAKES if name.startswith(f"{command} ")}
+
+
+@pytest.mark.parametrize("command", MISTAKES)
+def test_help_shows_examples_that_parse(
+    command: str, capsys: pytest.CaptureFixture[str], parser_of: Callable[[str, list[str]], argparse.ArgumentParser]
+) -> None:
+    assert status_of(command, ["--help"]) == 0
+    _, title, shown = re.split(r"^(examples?):$", capsys.readouterr().out, maxsplit=1, flags=re.MULTILINE)
+    module, *words = command.split()
+    start = f"  python -m {' '.join([module, *words])}"
+    examples = [line for line in shown.splitlines() if line.startswith("  ")]
+    assert len([line for line in examples if line.startswith(start)]) >= (1 if title == "example" else 2)
+    for example in examples:
+        if example.startswith("  python -m "):
+            module, *arguments = shlex.split(example)[2:]
+            parser_of(module, arguments)
+
+
+@pytest.mark.parametrize("command", MISTAKES)
+def test_an_unknown_option_is_an_error(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert status_of(command, ["--no-such-option"]) == 2
+    assert "error: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("command", "mistake"), [(name, each) for name, mistakes in MISTAKES.items() for each in mistakes])
+def test_a_mistake_is_an_error_of_one_line_and_writes_nothing(
+    command: str, mistake: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("")
+    assert status_of(command, shlex.split(mistake)) == 2
+    printed = capsys.readouterr()
+    assert re.search(r"error: \S", printed.err.splitlines()[-1])
+    assert printed.out == ""
+    assert not [path for path in Path().rglob("*") if path.is_file() and path.name != "file"]
+
+
+def test_a_reader_that_leaves_early_is_no_error() -> None:
+    code = "from turning_env.console import exits; raise SystemExit(exits(checks={})(lambda: print('x' * 10**6) or 0)())"
+    for checks, status in ((False, 0), (True, 1)):
+        with subprocess.Popen(
+            [sys.executable, "-c", code.format(checks)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        ) as process:
+            assert process.stdout is not None
+            assert process.stderr is not None
+            process.stdout.read(1)
+            process.stdout.close()
+            assert process.stderr.read() == b""
+        assert process.returncode == status
