@@ -1,3 +1,4 @@
+import json
 import math
 from collections.abc import Iterator
 
@@ -87,6 +88,13 @@ def test_tables_come_before_the_checks(capsys: pytest.CaptureFixture[str]) -> No
     reproduce((Paper("a paper", lambda: iter([claim("the claim", True)]), lambda: iter(["the table"])),))
     printed = capsys.readouterr().out
     assert printed.index("the table") < printed.index("the claim")
+
+
+def test_machines_are_told_checks_and_verdicts_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    papers = (Paper("a paper", lambda: iter([claim("the claim", False)]), lambda: iter(["the table"])),)
+    assert reproduce(papers, as_json=True) == 1
+    (paper,) = json.loads(capsys.readouterr().out)
+    assert (paper["title"], [check["verdict"] for check in paper["checks"]]) == ("a paper", ["MISMATCH"])
 
 
 def test_blanks_are_those_of_the_paper() -> None:

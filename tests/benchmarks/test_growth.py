@@ -1,5 +1,7 @@
 """The growth benchmark measures, prints and draws."""
 
+import json
+
 import pytest
 
 from benchmarks import growth
@@ -10,6 +12,11 @@ def test_it_prints_and_draws(tmp_path, capsys):
     assert growth.main([str(plot), "--most", "64", "--repeats", "1", "--seconds", "0.001"]) == 0
     assert plot.read_text("utf-8").startswith("<?xml")
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["lanes", "1", "8", "64"]
+
+
+def test_machines_are_told_the_table_alone(tmp_path, capsys):
+    assert growth.main([str(tmp_path / "a.svg"), "--most", "8", "--repeats", "1", "--seconds", "0.001", "--json"]) == 0
+    assert [row["lanes"] for row in json.loads(capsys.readouterr().out)] == [1, 8]
 
 
 def test_a_lane_of_many_takes_less_than_a_kilobyte():

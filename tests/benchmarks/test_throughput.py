@@ -1,5 +1,7 @@
 """The throughput benchmark runs, and its exit status tells whether the criteria are met."""
 
+import json
+
 import pytest
 
 from benchmarks import throughput
@@ -15,6 +17,10 @@ def test_it_prints_every_case_and_meets_criteria_that_are_easy(capsys, monkeypat
     for name in ("Pendulum-v1, single", "RoughTurning-v0, single", *(f"{env_id}, 3 lanes" for env_id in IDS)):
         assert name in printed
     assert (printed.count("met   "), printed.count("FAILED")) == (2, 0)
+    assert throughput.main([*TINY, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert len(told["cases"]) == 2 + len(IDS)
+    assert [verdict["met"] for verdict in told["verdicts"]] == [True, True]
 
 
 @pytest.mark.parametrize("criterion", throughput.RECORDED)

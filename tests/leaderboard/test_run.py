@@ -1,6 +1,7 @@
 """Playing: what is played, what is resumed, what is refused, and the command line over all of it."""
 
 import hashlib
+import json
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -251,6 +252,30 @@ def test_splits_are_played_by_what_was_made_for_the_scenario(
     assert "--scenario rough_turning --splits --split-draws 2" in html
     assert main(["run", "--results", str(tmp_path), "--env", "RoughTurning-Shift-v0", "--splits", "--policies"]) == 2
     assert "no splits of RoughTurning-Shift-v0" in capsys.readouterr().err
+
+
+def test_machines_are_told_all_numbers_and_nothing_else(
+    tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario.save(tmp_path / "short.toml")
+    results = ["--results", str(tmp_path / "results"), "--json"]
+    words = ["--scenario", str(tmp_path / "short.toml"), "--draws", "2", "--policies", "fixed_handbook", "grid_search"]
+    assert main(["run", *results, *words]) == 0
+    printed = capsys.readouterr()
+    assert printed.err.endswith(f"wrote {tmp_path / 'results' / 'index.html'}\n")
+    told = json.loads(printed.out)
+    (board,) = told["boards"]
+    assert (board["env_id"], board["scenario"], len(board["draws"])) == ("RoughTurning-v0", "rough_turning", 2)
+    ranked = read_board(tmp_path / "results" / "RoughTurning-v0" / "rough_turning").standings
+    assert [standing["name"] for standing in board["standings"]] == [standing.name for standing in ranked]
+    first = board["standings"][0]
+    assert first["mean_return"]["value"] == ranked[0].mean_return.value
+    assert first.keys() - told["units"].keys() == {
+        "name", "kind", "description", "training_seeds", "admissible", "best_rule"
+    }  # fmt: skip
+    assert told["units"].keys() < first.keys()
+    assert main(["show", *results]) == 0
+    assert json.loads(capsys.readouterr().out) == told
 
 
 def test_command_line(tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]) -> None:
