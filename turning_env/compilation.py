@@ -6,7 +6,8 @@ With ``NUMBA_DISABLE_JIT=1`` in the environment the same functions run in the Py
 import logging
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,14 @@ from typing import Any
 import numba
 import numpy as np
 from numba.core import event
+from numba.core.caching import FunctionCache
 
 from turning_env.files import digest_of_files
+
+try:
+    import fcntl
+except ImportError:  # there is none on Windows
+    fcntl = None  # type: ignore[assignment]
 
 
 class _Announcer(event.Listener):
@@ -42,6 +49,43 @@ _ANNOUNCER = _Announcer()
 event.register("numba:compile", _ANNOUNCER)  # type: ignore[no-untyped-call]
 
 
+class _SharedCache(FunctionCache):
+    """Numba's cache on disk, for several processes at a time and for files that are damaged.
+
+    Numba's own lets two processes that compile an entry for different types write the same file, and the index then hands out
+    one's machine code for the other's records.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The machine code kept for a signature, None if there is none or it cannot be read."""
+        try:
+            with self._alone():
+                return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        except Exception as error:  # whatever comes of reading damaged pickles
+            _LOG.warning("compiled code kept in %s cannot be read (%s): it is made anew", self.cache_path, type(error).__name__)
+            with suppress(OSError), self._alone():
+                self.flush()  # type: ignore[no-untyped-call]
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the machine code of a signature."""
+        with self._alone():
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Wait until no other process reads or writes here."""
+        try:
+            lock = open(Path(self.cache_path) / ".lock", "w")  # noqa: SIM115 - closed below
+        except OSError:  # the folder cannot be written, so nobody does
+            yield
+            return
+        with lock:
+            if fcntl is not None:
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
+
+
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a scalar function that other compiled functions call."""
     return numba.njit(error_model="numpy", forceinline=True)(function)
@@ -59,7 +103,9 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
     function stands, so a change in a file that it calls would otherwise run stale machine code. Nothing else that is compiled
     may be in the closure: it would make a key of its own in every process.
     """
-    entry = numba.njit(error_model="numpy", cache=True, nogil=True)(function)
+    entry = numba.njit(error_model="numpy", nogil=True)(function)
+    if hasattr(entry, "_cache"):  # not where nothing is compiled
+        entry._cache = _SharedCache(entry.py_func)  # type: ignore[no-untyped-call]
     _ANNOUNCER.entries.add(entry)
     return entry
 

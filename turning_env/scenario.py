@@ -13,6 +13,7 @@ from typing import Any, Self
 import tomli_w
 from pydantic import ValidationError, field_validator, model_validator
 
+from turning_env.extremes import complaints
 from turning_env.files import replace_file
 from turning_env.quantity import Section
 from turning_env.sections import (
@@ -71,6 +72,12 @@ class Scenario(Section):
         wear, criterion = self.lot.initial_wear, self.tool.wear_criterion
         if wear >= criterion:
             raise ValueError(f"lot.initial_wear is {wear}, but must be below tool.wear_criterion, which is {criterion}")
+        return self
+
+    @model_validator(mode="after")
+    def _laws_make_sense(self) -> Self:
+        for complaint in complaints(self.material, self.tool, self.machine, self.workpiece, self.control, self.lot):
+            raise ValueError(complaint)
         return self
 
     @model_validator(mode="after")

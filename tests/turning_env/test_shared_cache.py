@@ -1,0 +1,68 @@
+"""Machine code on disk: what several processes keep there at a time is each one's own, and what is damaged is made anew."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.walking import ROOT
+
+pytestmark = pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
+
+MODULE = """
+from turning_env.compilation import compiled_entry
+
+@compiled_entry
+def last(values):
+    return values[values.shape[0] - 1]
+"""
+# Compiled for types of different widths, beginning with another one in each process.
+PROGRAM = """
+import sys, numpy as np
+from entry import last
+types = ["u1", "i2", "i4", "i8", "f4", "f8"]
+first = int(sys.argv[1])
+for name in types[first:] + types[:first]:
+    assert last(np.arange(100, 110).astype(name)) == 109, name
+print(len(last.stats.cache_hits), len(last.stats.cache_misses))
+"""
+
+
+def run(folder: Path, first: int) -> "subprocess.Popen[str]":
+    variables = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, str(first)],
+        cwd=folder,
+        env=variables,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def finished(process: "subprocess.Popen[str]") -> tuple[str, str]:
+    out, error = process.communicate(timeout=120)
+    assert process.returncode == 0, error
+    return out, error
+
+
+def test_processes_that_compile_at_the_same_time_keep_all_that_they_made(tmp_path: Path) -> None:
+    (tmp_path / "entry.py").write_text(MODULE)
+    for process in [run(tmp_path, first) for first in (0, 2, 4)]:
+        finished(process)
+    assert len(list((tmp_path / "__pycache__").glob("*.nbc"))) == 6
+    assert finished(run(tmp_path, 0))[0] == "6 0\n"
+
+
+def test_what_is_damaged_is_made_anew(tmp_path: Path) -> None:
+    (tmp_path / "entry.py").write_text(MODULE)
+    finished(run(tmp_path, 0))
+    for ending in ("nbc", "nbi"):
+        for path in (tmp_path / "__pycache__").glob(f"*.{ending}"):
+            path.write_bytes(path.read_bytes()[:50])
+        out, error = finished(run(tmp_path, 0))
+        assert int(out.split()[1]) > 0
+        assert "cannot be read" in error
+    assert finished(run(tmp_path, 0))[0] == "6 0\n"
