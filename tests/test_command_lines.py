@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.walking import ROOT, blocks, commands
+
 PACKAGES = ("turning_env", "baselines", "train", "leaderboard", "benchmarks")
 
 # Of every command, by module and subcommand, arguments with a mistake in a name, a number or a file: none of them exists.
@@ -165,6 +166,19 @@ def test_help_shows_examples_that_parse(
         if example.startswith("  python -m "):
             module, *arguments = shlex.split(example)[2:]
             parser_of(module, arguments)
+
+
+def test_every_command_in_the_documentation_parses(parser_of: Callable[[str, list[str]], argparse.ArgumentParser]) -> None:
+    seen = 0
+    for page in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]:
+        shown = [line for block in blocks(page.read_text("utf-8")) if block.language == "bash" for line in commands(block)]
+        for module, arguments in [
+            (words[2], words[3:]) for line in shown if (words := shlex.split(line))[:2] == ["python", "-m"]
+        ]:
+            if module.partition(".")[0] in PACKAGES:
+                parser_of(module, arguments)
+                seen += 1
+    assert seen > 50
 
 
 @pytest.mark.parametrize("command", MISTAKES)
