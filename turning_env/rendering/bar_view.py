@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from turning_env.rendering.lane import Lane
@@ -21,7 +22,6 @@ from turning_env.rendering.theme import (
     SCALE,
     SOFT_TINT,
     Box,
-    Colour,
     Pixels,
     enlarged,
     length,
@@ -69,8 +69,9 @@ class BarView:
             draw.line((LEFT - 8, y, LEFT - 4, y), fill=FAINT)
             write(image, (LEFT - 11, y - 8), f"{tick:g}", 11, QUIET, "right")
         left, top = RIGHT - 190, box[1] + 11
+        scale = _tints(np.linspace(_SOFT, _HARD, 90)).tolist()
         for x in range(90):
-            draw.line((left + x, top, left + x, top + 9), fill=_tint(_SOFT + (_HARD - _SOFT) * x / 89))
+            draw.line((left + x, top, left + x, top + 9), fill=tuple(scale[x]))
         write(image, (left - 6, top - 3), f"hardness {_SOFT:g}", 11, QUIET, "right")
         write(image, (left + 96, top - 3), f"{_HARD:g} of nominal", 11, QUIET)
         note = "allowance and tints are true, and hidden from the controller"
@@ -108,7 +109,7 @@ class BarView:
         floor = SCALE * (_SURFACE - _ROOF)
         uncut = Image.new("RGB", (SCALE * (RIGHT - LEFT), floor + SCALE), CARD)
         # Tints have no borders that would need to be smoothed.
-        tints = Image.fromarray(np.array([[_tint(each) for each in hardness.tolist()]], np.uint8))
+        tints = Image.fromarray(_tints(hardness)[np.newaxis])
         first, last = (round(end / SCALE) for end in ends)
         body = np.full((_BOTTOM - _SURFACE - 1, RIGHT - LEFT, 3), CARD, np.uint8)
         body[:, first:last] = np.asarray(tints.resize((last - first, 1), Image.Resampling.BILINEAR))
@@ -179,9 +180,11 @@ class BarView:
         put(frame, image, (LEFT, _ROOF))
 
 
-def _tint(hardness: float) -> Colour:
-    share = min(max((hardness - _SOFT) / (_HARD - _SOFT), 0.0), 1.0)
-    return mixed(HARD_TINT, share, SOFT_TINT)
+def _tints(hardness: NDArray[np.float64]) -> Pixels:
+    """Colours, shape (n, 3), of hardnesses, shape (n,)."""
+    shares = np.clip((hardness - _SOFT) / (_HARD - _SOFT), 0.0, 1.0)[:, np.newaxis]
+    tints: Pixels = np.rint(shares * HARD_TINT + (1.0 - shares) * SOFT_TINT).astype(np.uint8)
+    return tints
 
 
 def _draw_chip(draw: ImageDraw.ImageDraw, place: tuple[float, float], thickness: int, path: float) -> None:
