@@ -1,0 +1,113 @@
+"""Scenarios drawn from the ranges that ``Scenario.model_json_schema()`` states."""
+
+import math
+from typing import Any
+
+from hypothesis import strategies as st
+
+from turning_env import Scenario, presets
+
+Path = tuple[str, ...]
+_SCHEMA = Scenario.model_json_schema()
+_LEAST_CHANGES_OF_ALL = 40
+BASES = {preset: Scenario.load(preset).model_dump() for preset in presets()}
+
+
+def _fields(properties: dict[str, Any], path: Path = ()) -> dict[Path, dict[str, Any]]:
+    """What the schema says of every value by the names that lead to it; the scenario's own name is left out."""
+    found: dict[Path, dict[str, Any]] = {}
+    for name, entry in properties.items():
+        if "$ref" in entry:
+            found |= _fields(_SCHEMA["$defs"][entry["$ref"].rsplit("/", 1)[1]]["properties"], (*path, name))
+        elif (*path, name) != ("name",):
+            found[(*path, name)] = entry
+    return found
+
+
+FIELDS = _fields(_SCHEMA["properties"])
+"""Of every value, its schema."""
+LAWS = {path for path in FIELDS if path[0] == "material"}
+"""The values of the material's laws: coefficients and exponents."""
+
+
+def value_of(path: Path) -> st.SearchStrategy[Any]:
+    """Values that the schema allows: ends of the range as often as what lies between, evenly and by order of magnitude."""
+    entry = FIELDS[path]
+    if "enum" in entry:
+        return st.sampled_from(entry["enum"])
+    if entry["type"] == "boolean":
+        return st.booleans()
+    if entry["type"] == "array":
+        return st.lists(st.floats(0.01, 50.0), max_size=16).map(tuple)
+    low, high = entry["minimum"], entry["maximum"]
+    if entry["type"] == "integer":
+        # Ten thousand sub-steps differ from a hundred in nothing but the time that they take.
+        return st.sampled_from((low, min(high, 100))) | st.integers(low, min(high, 100))
+    least = math.log10(max(low, 1e-6 * high))
+    between = st.floats(low, high)
+    orders = st.floats(least, math.log10(high)).map(lambda order: min(max(10.0**order, low), high))
+    return st.sampled_from((float(low), float(high))) | (between if low < 0 else between | orders)
+
+
+@st.composite
+def values(draw: st.DrawFn, laws: bool = False) -> dict[str, Any]:
+    """The values of a preset of which some are replaced; they need not go together. ``laws``: the material's, too."""
+    base = BASES[draw(st.sampled_from(sorted(BASES)))]
+    changed = {name: _copied(entry) for name, entry in base.items()} | {"name": "drawn"}
+    allowed = sorted(path for path in FIELDS if laws or path not in LAWS)
+    most = draw(st.sampled_from((3, 12, len(allowed))))
+    for path in draw(st.lists(st.sampled_from(allowed), unique=True, max_size=min(most, _LEAST_CHANGES_OF_ALL))):
+        _put(changed, path, draw(value_of(path)))
+    return changed
+
+
+@st.composite
+def scenarios(draw: st.DrawFn, laws: bool = False) -> Scenario:
+    """Scenarios whose values go together."""
+    return Scenario.model_validate(reconciled(draw(values(laws))))
+
+
+def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
+    """The values, changed where they do not go together with others."""
+    changed = {name: _copied(entry) for name, entry in drawn.items()}
+    machine, control, surface, sensors = (changed[name] for name in ("machine", "control", "surface", "sensors"))
+    for name in ("cutting_speed", "feed"):
+        low, high = sorted((machine[f"{name}_min"], machine[f"{name}_max"]))
+        machine[f"{name}_min"], machine[f"{name}_max"] = (low, high) if low < high else (0.5 * high, high)
+        if machine[f"{name}_min"] < FIELDS["machine", f"{name}_min"]["minimum"]:
+            machine[f"{name}_min"], machine[f"{name}_max"] = low, 2.0 * high
+        start = control[f"initial_{name}"]
+        control[f"initial_{name}"] = min(max(start, machine[f"{name}_min"]), machine[f"{name}_max"])
+    surface["reference_min"], surface["reference_max"] = sorted((surface["reference_min"], surface["reference_max"]))
+    if changed["lot"]["initial_wear"] >= changed["tool"]["wear_criterion"]:
+        changed["lot"]["initial_wear"] = 0.0
+    if control["time_limit"] * 60.0 < control["interval"]:
+        control["interval"] = control["time_limit"] * 60.0
+    if control["action"] == "override":
+        control["override_max"] = min(control["override_max"], machine["feed_max"] / control["initial_feed"])
+        if control["override_max"] < 0.01:
+            control["action"] = "set_point"
+    if control["action"] == "part":
+        for section, names in (
+            (machine, ("feed_time_constant", "spindle_time_constant", "chip_lag")),
+            (sensors, ("power_time_constant", "force_time_constant")),
+        ):
+            section.update(dict.fromkeys(names, 0.0))
+        changed["workpiece"]["bars"] = max(changed["workpiece"]["bars"], 1)
+        control["edge_changes"] = "automatic"
+    else:
+        sensors["probe"] = False
+    laws = changed["material"]
+    laws["wear"]["wear"] = laws["thrust_force"]["time"] = laws["power"]["time"] = 0.0
+    laws["wear"]["time"] = abs(laws["wear"]["time"]) or 0.245
+    return changed
+
+
+def _copied(entry: Any) -> Any:
+    return {name: _copied(value) for name, value in entry.items()} if isinstance(entry, dict) else entry
+
+
+def _put(tree: dict[str, Any], path: Path, value: Any) -> None:
+    for name in path[:-1]:
+        tree = tree[name]
+    tree[path[-1]] = value

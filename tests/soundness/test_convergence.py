@@ -1,0 +1,39 @@
+"""The integration's order: first. Twice as many sub-steps halve the error of what an episode's beginning gives."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.turning_env.playing import changed, fixed_actions
+from turning_env import RoughTurningEnv, Scenario
+
+SUB_STEPS = (5, 10, 20, 40)
+SMOOTH = {
+    "workpiece": {"depth_ripple": 0.0, "approach": 0.0, "depth_profile": ()},
+    "tool": {"edge_strength": 1e6},
+    "lot": {"initial_wear": 0.0},
+}
+"""No steps and no breakage, whose places would hide the order; all fields, lags and wear stay."""
+
+
+def sums(preset: str, seed: int, sub_steps: int) -> dict[str, float]:
+    """What a dozen intervals of a swinging command give."""
+    scenario: Any = changed(Scenario.load(preset), **SMOOTH, control={"sub_steps": sub_steps, "time_limit": 60.0})
+    env = RoughTurningEnv(scenario)
+    env.reset(seed=seed)
+    removed = 0.0
+    for chosen in 0.5 * fixed_actions(12, 1, scenario)[:, 0]:
+        info = env.step(chosen)[4]
+        removed += info["removed"]
+    return {"path": info["path"], "removed": removed, "used_life": info["used_life"]}
+
+
+@pytest.mark.parametrize("preset", ["rough_turning", "override", "surface", "forging", "ck45"])
+def test_errors_halve_with_twice_as_many_sub_steps(preset: str) -> None:
+    for seed in range(3):
+        found = [sums(preset, seed, sub_steps) for sub_steps in SUB_STEPS]
+        for name in found[0]:
+            differences = np.abs(np.diff([values[name] for values in found]))
+            ratios = differences[:-1] / differences[1:]
+            assert (ratios > 1.6).all() and (ratios < 2.6).all(), (seed, name, ratios)

@@ -1,0 +1,134 @@
+"""Whatever the scenario, the actions and the seed: what an environment tells is finite and within its space, or it refuses."""
+
+import copy
+import decimal
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from tests.soundness.acting import SEEDS, action, assert_sound
+from tests.soundness.effort import tried
+from tests.soundness.scenarios import FIELDS, scenarios, values
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
+
+ADDRESSES = {".".join(path) for path in FIELDS} | {path[-1] for path in FIELDS}
+"""Every value, as a refusal may call it."""
+
+
+def play_and_check(data: st.DataObject, scenario: Scenario, seed: int) -> None:
+    """A few intervals, across episodes' ends."""
+    env = RoughTurningEnv(scenario)
+    observation, info = env.reset(seed=seed)
+    assert_sound(env, observation, 0.0, info)
+    for chosen in data.draw(st.lists(action(scenario), min_size=1, max_size=8)):
+        observation, reward, terminated, truncated, info = env.step(chosen)
+        assert_sound(env, observation, reward, info)
+        if terminated or truncated:
+            observation, info = env.reset()
+            assert_sound(env, observation, 0.0, info)
+
+
+@tried(short=250, soak=60_000)
+@given(st.data(), scenarios(), SEEDS)
+def test_everything_told_is_finite_and_within_its_space_on_any_lathe(data: st.DataObject, scenario: Scenario, seed: int) -> None:
+    play_and_check(data, scenario, seed)
+
+
+@tried(short=250, soak=60_000)
+@given(st.data(), scenarios(laws=True), SEEDS)
+def test_everything_told_is_finite_and_within_its_space_with_any_laws(data: st.DataObject, scenario: Scenario, seed: int) -> None:
+    play_and_check(data, scenario, seed)
+
+
+@pytest.mark.parametrize("sensed", ["dynamometer", "servo_current"])
+def test_laws_beyond_all_sense_stay_finite(sensed: str) -> None:
+    law = {"coefficient": 1e12, "cutting_speed": 10.0, "feed": -10.0, "depth_of_cut": 10.0, "wear": -10.0}
+    wear = {"coefficient": 1e-12, "time": 10.0}
+    beyond = {
+        "name": "beyond",
+        "material": {"wear": wear, "thrust_force": law, "power": law},
+        "workpiece": {"approach": 0.0},
+        "tool": {"edge_strength": 1e6},
+        "sensors": {"force": sensed},
+    }
+    env = RoughTurningEnv(Scenario.model_validate(beyond))
+    env.reset(seed=0)
+    observation, reward, _, _, info = env.step(np.ones(2))
+    assert info["mean_thrust_force"] > 1e30
+    assert_sound(env, observation, reward, info)
+
+
+@tried(short=250, soak=60_000)
+@given(st.data(), values(laws=True), SEEDS)
+def test_any_values_are_played_or_refused_by_name(data: st.DataObject, drawn: dict[str, object], seed: int) -> None:
+    try:
+        scenario = Scenario.model_validate(drawn)
+    except ValidationError as refusal:
+        for detail in refusal.errors():
+            assert any(address in detail["msg"] for address in ADDRESSES), detail
+        return
+    play_and_check(data, scenario, seed)
+
+
+@tried(short=50, soak=5_000)
+@given(st.integers(1, 70), st.data(), st.sampled_from((np.nan, np.inf, -np.inf)))
+def test_an_action_that_is_not_finite_is_refused_with_its_lane_and_nothing_moves(
+    lanes: int, data: st.DataObject, unfit: float
+) -> None:
+    envs = RoughTurningVectorEnv(lanes)
+    envs.reset(seed=1)
+    good = np.zeros((lanes, 2))
+    bad, place = good.copy(), data.draw(st.tuples(st.integers(0, lanes - 1), st.integers(0, 1)))
+    bad[place] = unfit
+    other = copy.deepcopy(envs)
+    with pytest.raises(ValueError, match=f"lane {place[0]} must be finite"):
+        envs.step(bad)
+    for ours, theirs in zip(envs.step(good)[:4], other.step(good)[:4], strict=True):
+        assert ours.tobytes() == theirs.tobytes()
+
+
+class Anything:
+    """No number at all."""
+
+
+@pytest.mark.parametrize(
+    "unfit",
+    [
+        None,
+        "ab",
+        b"ab",
+        {"speed": 1.0, "feed": 1.0},
+        Anything(),
+        0.0,
+        [],
+        [0.0],
+        [0.0, 0.0, 0.0],
+        [[0.0, 0.0]],
+        [0.0, [0.0]],
+        [True, False],
+        [1j, 0.0],
+        ["0", "0"],
+        [2**70, 0],
+        [decimal.Decimal(0), 0],
+        np.zeros(2, "datetime64[s]"),
+        np.zeros(2, [("speed", float)]),
+        iter([0.0, 0.0]),
+        float("nan"),
+        np.longdouble([1.0, 1.0]) * np.longdouble(2) ** 5_000,
+    ],
+    ids=lambda unfit: repr(unfit)[:30].split(" object")[0],
+)
+def test_what_is_no_action_is_refused_and_nothing_moves(unfit: object) -> None:
+    env, envs = RoughTurningEnv(), RoughTurningVectorEnv(2)
+    env.reset(seed=1)
+    envs.reset(seed=1)
+    with pytest.raises(ValueError, match="an action must be 2 finite numbers, got "):
+        env.step(unfit)
+    with pytest.raises(ValueError, match=r"actions must (be numbers of|have) shape \(2, 2\)"):
+        envs.step([unfit, unfit])
+    alone, _, _, _, _ = env.step(np.zeros(2))
+    beside, *_ = envs.step(np.zeros((2, 2)))
+    assert alone.tobytes() == beside[0].tobytes()

@@ -1,0 +1,146 @@
+"""Laws that hold on every lathe that a scenario can describe."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.soundness.acting import SEEDS, action
+from tests.soundness.effort import tried
+from tests.soundness.scenarios import scenarios
+from tests.turning_env.playing import UNDISTURBED, changed
+from turning_env import RoughTurningEnv, Scenario
+from turning_env.rendering.fields import Fields, Key
+
+TERMS = ("metal", "time", "edge", "overload", "breakage", "roughness")
+FACTORS = st.floats(-1.0, 1.0)
+
+
+def intervals(data: st.DataObject, scenario: Scenario, seed: int) -> list[tuple[float, dict[str, Any]]]:
+    """Reward and info of a few intervals of one episode, the reset's first."""
+    env = RoughTurningEnv(scenario)
+    told: list[tuple[float, dict[str, Any]]] = [(0.0, env.reset(seed=seed)[1])]
+    for chosen in data.draw(st.lists(action(scenario), min_size=1, max_size=8)):
+        _, reward, terminated, truncated, info = env.step(chosen)
+        told.append((reward, info))
+        if terminated or truncated:
+            break
+    return told
+
+
+@tried(short=200, soak=60_000)
+@given(st.data(), scenarios(), SEEDS)
+def test_wear_never_falls(data: st.DataObject, scenario: Scenario, seed: int) -> None:
+    told = intervals(data, changed(scenario, control={"edge_changes": "end"}) if not_parts(scenario) else scenario, seed)
+    for (_, before), (_, after) in zip(told, told[1:], strict=False):
+        if not_parts(scenario) or after["cutting_time"] >= before["cutting_time"] + after["engaged_time"] / 60.0 * (1 - 1e-9):
+            for name in ("wear", "used_life", "cutting_time"):
+                assert after[name] >= before[name], name
+
+
+def not_parts(scenario: Scenario) -> bool:
+    """Whether an interval is a stretch of time; with parts, edges are changed within it."""
+    return scenario.control.action != "part"
+
+
+@tried(short=200, soak=60_000)
+@given(st.data(), scenarios(), SEEDS)
+def test_what_is_told_of_an_interval_adds_up(data: st.DataObject, scenario: Scenario, seed: int) -> None:
+    """The reward is the sum of its terms; power, torque and speed agree; no share is more than its whole."""
+    for number, (reward, info) in enumerate(intervals(data, scenario, seed)):
+        terms = [info[f"reward_{term}"] for term in TERMS]
+        assert reward == pytest.approx(math.fsum(terms), rel=0, abs=1e-12 * max(map(abs, terms)))
+        speed = info["spindle_speed"]
+        assert info["torque"] == pytest.approx(30_000.0 * info["power"] / (math.pi * speed), rel=1e-12)
+        assert speed == pytest.approx(1000.0 * info["cutting_speed"] / (math.pi * scenario.workpiece.diameter), rel=1e-12)
+        assert info["feed_velocity"] == pytest.approx(speed * info["feed"], rel=1e-12)
+        assert info["cost"] == info["cost_force"] + info["cost_power"]
+        assert 0.0 <= info["severe_overload_time"] <= info["overload_time"] <= info["engaged_time"] * (1 + 1e-9)
+        assert info["engaged_time"] <= (info["time"] - info["stopped_time"]) * (1 + 1e-9) + 1e-12 * info["time"]
+        assert info["removed"] >= 0.0
+        if number > 0:
+            paid = scenario.economics.reference_productivity * info["reward_metal"] / 60.0
+            assert paid == pytest.approx(info["removed"], rel=1e-12)
+            assert info["reward_time"] == -info["time"]
+
+
+@tried(short=100, soak=20_000)
+@given(
+    SEEDS, st.integers(1, 200), st.lists(st.tuples(FACTORS, FACTORS), min_size=1, max_size=6), st.floats(0, 1), st.floats(0, 1)
+)
+def test_removed_volume_is_the_allowance_over_the_way_cut(
+    seed: int, sub_steps: int, actions: list[tuple[float, float]], along: float, offset: float
+) -> None:
+    """Compared with an integral over the bar's own fields, in steps that are finer than the environment's."""
+    scenario = changed(
+        Scenario(),
+        workpiece={"depth_along_spread": along, "depth_bar_spread": offset, "bar_length": 1e5, "depth_of_cut": 5.0},
+        control={"sub_steps": sub_steps},
+        tool={"edge_strength": 1e6},
+    )
+    env = RoughTurningEnv(scenario)
+    env.reset(seed=seed)
+    removed, way = 0.0, 0.0
+    for chosen in actions:
+        info = env.step(np.array(chosen))[4]
+        removed += info["removed"]
+        way = info["path"]
+    cut = max(way - scenario.workpiece.approach, 0.0)
+    steps = 20_000
+    places = (np.arange(steps) + 0.5) * cut / steps
+    _, depth = Fields(scenario).along(Key(seed, 0), 0, places)
+    volume = math.pi * scenario.workpiece.diameter * depth.mean() * cut / 1000.0  # [cm3]
+    # The middle of a sub-step stands for all of it: the error is of second order in its length, 4 mm at most here.
+    correlated = scenario.workpiece.depth_correlation_length
+    step = cut / (sub_steps * len(actions))
+    assert removed == pytest.approx(volume, rel=1e-6 + 2.0 * along * min(step / correlated, 1.0))
+
+
+STEADY = changed(UNDISTURBED, control={"interval": 6.0}, tool={"wear_criterion": 5.0})
+"""One metal, one depth, no lags; six seconds of constant speed and feed."""
+
+
+def first_interval(scenario: Scenario, speed: float, feed: float) -> dict[str, Any]:
+    """What is told of an edge's first interval at a set point."""
+    env = RoughTurningEnv(scenario)
+    env.reset(seed=3)
+    return env.step(np.array([speed, feed]))[4]
+
+
+@tried(short=100, soak=20_000)
+@given(FACTORS, FACTORS, FACTORS, st.floats(0.05, 50.0), st.floats(0.0, 10.0))
+def test_more_feed_never_removes_less_metal_per_minute(speed: float, one: float, other: float, depth: float, lag: float) -> None:
+    scenario = changed(STEADY, workpiece={"depth_of_cut": depth}, machine={"feed_time_constant": lag})
+    rates = [first_interval(scenario, speed, feed) for feed in sorted((one, other))]
+    less, more = (info["removed"] / info["time"] for info in rates)
+    assert less <= more * (1 + 1e-12)
+
+
+@tried(short=100, soak=20_000)
+@given(FACTORS, FACTORS, st.sampled_from(("initial_wear", "hardness_factor")), st.floats(0.1, 4.9), st.floats(0.1, 4.9))
+def test_force_and_power_rise_with_wear_and_hardness(speed: float, feed: float, what: str, one: float, other: float) -> None:
+    told = [first_interval(changed(STEADY, lot={what: value}), speed, feed) for value in sorted((one, other))]
+    less, more = told
+    for name in ("thrust_force", "power", "mean_thrust_force", "mean_power", "torque"):
+        assert 0.0 < less[name] <= more[name] * (1 + 1e-12), name
+
+
+@tried(short=60, soak=10_000)
+@given(st.lists(st.tuples(FACTORS, FACTORS), min_size=1, max_size=5), st.integers(2, 12), st.integers(1, 20))
+def test_used_life_does_not_depend_on_how_time_is_split(
+    set_points: list[tuple[float, float]], pieces: int, sub_steps: int
+) -> None:
+    """Equivalent time: a minute at one set point wears as much in one interval as in a dozen."""
+    lives = []
+    for parts in (1, pieces):
+        control = {"interval": 12.0 / parts, "sub_steps": sub_steps}
+        env = RoughTurningEnv(changed(UNDISTURBED, control=control, tool={"wear_criterion": 5.0}))
+        env.reset(seed=0)
+        for chosen in set_points:
+            for _ in range(parts):
+                info = env.step(np.array(chosen))[4]
+        lives.append(info["used_life"])
+    assert lives[0] == pytest.approx(lives[1], rel=1e-9)
