@@ -9,7 +9,7 @@ from turning_env import Scenario, presets
 
 Path = tuple[str, ...]
 _SCHEMA = Scenario.model_json_schema()
-_LEAST_CHANGES_OF_ALL = 40
+_MOST_CHANGES = 40
 BASES = {preset: Scenario.load(preset).model_dump() for preset in presets()}
 
 
@@ -56,15 +56,14 @@ def values(draw: st.DrawFn, laws: bool = False) -> dict[str, Any]:
     changed = {name: _copied(entry) for name, entry in base.items()} | {"name": "drawn"}
     allowed = sorted(path for path in FIELDS if laws or path not in LAWS)
     most = draw(st.sampled_from((3, 12, len(allowed))))
-    for path in draw(st.lists(st.sampled_from(allowed), unique=True, max_size=min(most, _LEAST_CHANGES_OF_ALL))):
+    for path in draw(st.lists(st.sampled_from(allowed), unique=True, max_size=min(most, _MOST_CHANGES))):
         _put(changed, path, draw(value_of(path)))
     return changed
 
 
-@st.composite
-def scenarios(draw: st.DrawFn, laws: bool = False) -> Scenario:
-    """Scenarios whose values go together."""
-    return Scenario.model_validate(reconciled(draw(values(laws))))
+def scenarios() -> st.SearchStrategy[Scenario]:
+    """Scenarios whose values go together, of the presets' materials."""
+    return values().map(reconciled).map(Scenario.model_validate)
 
 
 def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Laws that hold on every lathe that a scenario can describe."""
 
+import itertools
 import math
 from typing import Any
 
@@ -17,6 +18,7 @@ from turning_env.rendering.fields import Fields, Key
 
 TERMS = ("metal", "time", "edge", "overload", "breakage", "roughness")
 FACTORS = st.floats(-1.0, 1.0)
+ACTIONS = st.lists(st.tuples(FACTORS, FACTORS), min_size=1, max_size=6)
 
 
 def intervals(data: st.DataObject, scenario: Scenario, seed: int) -> list[tuple[float, dict[str, Any]]]:
@@ -35,7 +37,7 @@ def intervals(data: st.DataObject, scenario: Scenario, seed: int) -> list[tuple[
 @given(st.data(), scenarios(), SEEDS)
 def test_wear_never_falls(data: st.DataObject, scenario: Scenario, seed: int) -> None:
     told = intervals(data, changed(scenario, control={"edge_changes": "end"}) if not_parts(scenario) else scenario, seed)
-    for (_, before), (_, after) in zip(told, told[1:], strict=False):
+    for (_, before), (_, after) in itertools.pairwise(told):
         if not_parts(scenario) or after["cutting_time"] >= before["cutting_time"] + after["engaged_time"] / 60.0 * (1 - 1e-9):
             for name in ("wear", "used_life", "cutting_time"):
                 assert after[name] >= before[name], name

@@ -1,0 +1,87 @@
+"""A copy or a pickle goes on as the original does, and so does another Python."""
+
+import copy
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import pytest
+
+from tests.turning_env.playing import SHORT_LIVED, fixed_actions
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv, presets
+
+OTHER_PYTHON = os.environ.get("OTHER_PYTHON")
+"""Another interpreter that has what the environment needs, for example of another minor version."""
+PLAYS = """
+import hashlib
+from tests.turning_env.playing import fixed_actions, play
+from turning_env import RoughTurningEnv, presets
+whole = hashlib.sha256()
+for preset in presets():
+    record = play(RoughTurningEnv(preset), 21, fixed_actions(4 if preset.startswith("batch") else 40, 1, preset)[:, 0])
+    for name in sorted(record):
+        whole.update(record[name].tobytes())
+print(whole.hexdigest())
+"""
+WAYS: dict[str, Callable[[Any], Any]] = {"copy": copy.deepcopy, "pickle": lambda env: pickle.loads(pickle.dumps(env))}
+
+
+def course(env: Any, actions: Any) -> list[bytes]:
+    """All that is told over some actions, across the ends of episodes."""
+    told = []
+    for action in actions:
+        step = env.step(action)
+        told.append(pickle.dumps([step[0].tobytes(), *map(repr, step[1:])]))
+        if isinstance(env, gymnasium.Env) and (step[2] or step[3]):
+            told.append(env.reset()[0].tobytes())
+    return told
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("render_mode", [None, "rgb_array"])
+@pytest.mark.parametrize("preset", ["rough_turning", "surface", "shift", "batch_casting"])
+def test_a_copy_in_the_middle_of_an_episode_goes_on_alike(preset: str, render_mode: str | None, way: str) -> None:
+    assert preset in presets()
+    env = RoughTurningEnv(preset, render_mode)
+    env.reset(seed=3)
+    actions = fixed_actions(8, 1, preset)[:, 0]
+    course(env, actions[:4])
+    before = None if render_mode is None else env.render()
+    other = WAYS[way](env)
+    there = course(other, actions[4:])
+    if render_mode is not None:
+        assert (env.render() == before).all()
+    assert course(env, actions[4:]) == there
+    if render_mode is not None:
+        assert (env.render() == other.render()).all()
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("render_mode", [None, "rgb_array"])
+@pytest.mark.parametrize("autoreset", ["NextStep", "SameStep"])
+def test_a_copy_of_many_lanes_goes_on_alike(autoreset: str, render_mode: str | None, way: str) -> None:
+    envs = RoughTurningVectorEnv(3, SHORT_LIVED, autoreset, render_mode, threads=2)
+    envs.reset(seed=0)
+    actions = fixed_actions(60, 3)
+    course(envs, actions[:17])
+    other = WAYS[way](envs)
+    assert course(other, actions[17:]) == course(envs, actions[17:])
+    if render_mode is not None:
+        assert all((ours == theirs).all() for ours, theirs in zip(envs.render(), other.render(), strict=True))
+    envs.close()
+    other.close()
+
+
+@pytest.mark.skipif(OTHER_PYTHON is None, reason="OTHER_PYTHON names no other interpreter")
+def test_another_python_gives_the_same_bytes() -> None:
+    printed = []
+    for python in (sys.executable, str(OTHER_PYTHON)):
+        run = subprocess.run([python, "-c", PLAYS], cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
+        assert run.returncode == 0, run.stderr
+        printed.append(run.stdout)
+    assert printed[0] == printed[1]
