@@ -3,6 +3,7 @@
 With ``NUMBA_DISABLE_JIT=1`` in the environment the same functions run in the Python interpreter.
 """
 
+import hashlib
 import logging
 import os
 import time
@@ -14,7 +15,7 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core import event
+from numba.core import event, types
 from numba.core.caching import FunctionCache
 
 from turning_env.files import digest_of_files
@@ -47,6 +48,18 @@ class _Announcer(event.Listener):
 _LOG = logging.getLogger("turning_env")
 _ANNOUNCER = _Announcer()
 event.register("numba:compile", _ANNOUNCER)  # type: ignore[no-untyped-call]
+
+
+def _mangled_by_content(record: Any) -> tuple[str, tuple[int]]:
+    """What a record type's name in machine code is made of.
+
+    Numba numbers record types in the order in which a process meets them. So code on disk that two processes made has the same
+    names for what is done to different records, and where a third loads both, one's code would work on the other's.
+    """
+    return type(record).__name__, (int.from_bytes(hashlib.sha256(record.name.encode()).digest()[:7], "big"),)
+
+
+types.Record.mangling_args = property(_mangled_by_content)  # type: ignore[method-assign, assignment]
 
 
 class _SharedCache(FunctionCache):

@@ -222,6 +222,7 @@ def run_sub_step(lanes, work, report, count, parameters):
             work.wear[i] = wear_by_clock(p, lanes.used_life[i], coefficient, work.time_power_before[i], work.time_power[i])
         for i in range(count):
             used_life = raised(work.wear[i], p.life_exponent)
+            used_life = max(used_life, lanes.used_life[i])  # rounding must not make an edge sharper
             lanes.used_life[i] = used_life if work.engaged[i] > 0.0 else lanes.used_life[i]
     for i in range(count):
         work.log_wear[i] = log_wear(p, max(lanes.used_life[i], _LEAST_LIFE))

@@ -221,7 +221,7 @@ class Lathes:
             given = np.asarray(actions)
         except ValueError as error:  # ragged
             raise ValueError(f"actions must be numbers of shape {self._shape}, got {actions!r}") from error
-        if given.dtype.kind not in "fiu":
+        if given.dtype.kind not in "fiu" or given.dtype.itemsize > 8:
             raise ValueError(f"actions must be numbers of shape {self._shape}, got {actions!r}")
         if given.shape != self._shape:
             raise ValueError(f"actions must have shape {self._shape}, got {given.shape}")

@@ -125,9 +125,16 @@ class Scenario(Section):
         if isinstance(source, str) and source in presets():
             return cls._preset(source, ())
         path = Path(source)
-        if not path.is_file():
-            raise ScenarioError(f"no preset and no file is called {str(source)!r}; presets: {', '.join(presets())}")
-        return cls._parse(path.read_bytes(), str(path), path.stem, ())
+        try:
+            if not path.is_file():
+                raise ScenarioError(f"no preset and no file is called {str(source)!r}; presets: {', '.join(presets())}")
+            text = path.read_bytes()
+        except OSError as error:
+            raise ScenarioError(f"{str(path)[:200]!r} cannot be read: {error.strerror}") from error
+        try:
+            return cls._parse(text, str(path), path.stem, ())
+        except RecursionError as error:
+            raise ScenarioError(f"{path} is nested too deep to be a scenario") from error
 
     @classmethod
     def _preset(cls, name: str, below: tuple[str, ...]) -> "Scenario":
@@ -146,10 +153,12 @@ class Scenario(Section):
                     raise ScenarioError(f"{source}: base: {base!r} is not a preset; presets: {', '.join(presets())}")
                 values = _merged(cls._preset(base, below).model_dump(exclude={"name"}), values)
             return cls.model_validate({"name": name} | values)
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ScenarioError(f"{source} is not TOML: {error}") from error
+        except ScenarioError:
+            raise
         except ValidationError as error:
             raise ScenarioError(f"{source}: " + "; ".join(_complaints(error))) from error
+        except ValueError as error:  # also of bytes that are no text, and of whole numbers of thousands of digits
+            raise ScenarioError(f"{source} is not TOML: {error}") from error
 
     def to_toml(self) -> str:
         """The whole scenario as TOML; ``Scenario.load`` reads it back equal."""

@@ -177,7 +177,10 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
     def _reset_mask(self, options: dict[str, Any] | None) -> NDArray[np.bool_]:
         if not options or "reset_mask" not in options:
             return self._every_lane
-        mask = np.array(options["reset_mask"])
+        try:
+            mask = np.array(options["reset_mask"])
+        except ValueError as error:  # ragged
+            raise ValueError(f"reset_mask must be bool of shape ({self.num_envs},), got {options['reset_mask']!r}") from error
         if mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
             raise ValueError(f"reset_mask must be bool of shape ({self.num_envs},), got {mask.dtype} of {mask.shape}")
         if not self._lathes.seeded and not mask.all():

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from leaderboard.results import Result, ResultError, read_part, read_result
@@ -65,7 +65,6 @@ def attempt(read: Callable[[Path], Any], path: Path, refusal: type[Exception]) -
     return None
 
 
-@pytest.mark.xfail(strict=True, reason="nesting, numbers of thousands of digits and unreadable files give Python's own errors")
 @pytest.mark.parametrize("text", ["x = " + "[" * 5_000, "x = " + "9" * 5_000, "name" + ".a" * 5_000 + " = 1"])
 def test_a_scenario_file_beyond_python_s_limits_is_a_scenario_error(text: str, tmp_path: Path) -> None:
     (tmp_path / "deep.toml").write_text(text)
@@ -73,15 +72,9 @@ def test_a_scenario_file_beyond_python_s_limits_is_a_scenario_error(text: str, t
         Scenario.load(tmp_path / "deep.toml")
 
 
-def beyond_limits(content: bytes) -> bool:
-    """Whether a file may be one of the above."""
-    return b"[" * 900 in content or b"9" * 4_000 in content
-
-
 @tried(short=150, soak=100_000)
 @given(damaged(TOML))
 def test_a_scenario_file_is_read_or_refused(tmp_path: Path, content: bytes) -> None:
-    assume(not beyond_limits(content))
     path = tmp_path / "damaged.toml"
     path.write_bytes(content)
     scenario = attempt(Scenario.load, path, ScenarioError)

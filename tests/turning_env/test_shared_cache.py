@@ -30,6 +30,28 @@ print(len(last.stats.cache_hits), len(last.stats.cache_misses))
 """
 
 
+# Narrow records for a single environment, wide ones for many lanes.
+SINGLE = """
+import numpy as np
+from turning_env import RoughTurningEnv
+env = RoughTurningEnv()
+env.reset(seed=1)
+env.step(np.ones(2))
+"""
+BOTH = """
+import numpy as np
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv
+envs = RoughTurningVectorEnv(3)
+envs.reset(seed=1)
+env = RoughTurningEnv()
+for seed in range(20):
+    env.reset(seed=seed)
+    envs.reset(seed=seed)
+    for _ in range(50):
+        assert envs.step(np.full((3, 2), 0.3))[0][0].tobytes() == env.step(np.full(2, 0.3))[0].tobytes()
+"""
+
+
 def run(folder: Path, first: int) -> "subprocess.Popen[str]":
     variables = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
     return subprocess.Popen(
@@ -66,3 +88,12 @@ def test_what_is_damaged_is_made_anew(tmp_path: Path) -> None:
         assert int(out.split()[1]) > 0
         assert "cannot be read" in error
     assert finished(run(tmp_path, 0))[0] == "6 0\n"
+
+
+def test_what_different_processes_compiled_works_in_one(tmp_path: Path) -> None:
+    variables = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    for program in (SINGLE, BOTH, BOTH):  # the last loads what the others made
+        done = subprocess.run(
+            [sys.executable, "-c", program], cwd=ROOT, env=variables, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
