@@ -22,7 +22,7 @@ AGENTS ?= $(addprefix RoughTurning-v0/,analytic_gradient ppo recurrent_ppo lagra
 	RoughTurning-Shift-v0/analytic_gradient RoughTurning-Batch-v0/ppo
 SEEDS ?= 0 1 2 3 4
 
-.PHONY: setup leaderboard agents rows verify test format clean
+.PHONY: setup leaderboard agents rows verify test soak format clean
 
 # What every other command needs.
 setup: .venv/ready
@@ -66,6 +66,10 @@ test: .venv/ready
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
 	.venv/bin/pytest -n 2
+
+# The properties in tests/soundness on hundreds of times as many inputs: hours.
+soak: .venv/ready
+	HYPOTHESIS_PROFILE=soak .venv/bin/pytest tests/soundness -n 2
 
 format: .venv/ready
 	.venv/bin/ruff check --fix .
