@@ -7,6 +7,7 @@ Each command has a help of its own, with an example.
 """
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from pathlib import Path
 from baselines.workers import WorkersError, workers
 from leaderboard import generalisation, machine_readable, table
 from leaderboard.board import Board, read_board, read_boards
+from leaderboard.private_draws import PUBLIC, PrivateDraws
 from leaderboard.results import ResultError, Task, current_digests, result_folder
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
@@ -28,6 +30,7 @@ _RUN = """Play policies on held-out draws, then print the ranking and write the 
 
     python -m leaderboard run --draws 16 --policies fixed_tuned predictive
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --jobs 2
+    python -m leaderboard run --agents my-agents/ppo-seed1.onnx --draws private_draws.txt --results private_results
 """
 _SHOW = """Print the ranking of every environment and scenario that the results' folder holds.
 
@@ -69,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> None:
     from leaderboard import run  # needed only here: plays
 
-    task = Task(env_id=options.env, scenario=_scenario(options), draws=options.draws)
+    task, private = _task(options)
     tasks = [task, *(_splits(task, options.split_draws) if options.splits else [])]
     rounds = []
     for each in tasks:  # all of them first: what cannot be played is found before anything is
@@ -79,14 +82,36 @@ def _run(options: argparse.Namespace) -> None:
         ]
         if not contestants:
             raise ResultError("there is nothing to play: name a policy or give an agent")
-        rounds.append(run.Round(each, contestants, result_folder(options.results, each.env_id, each.scenario.name)))
+        rounds.append(run.Round(each, contestants, result_folder(options.results, each.env_id, each.scenario.name), private))
     digests = {each.folder: current_digests(each.task).task for each in rounds}
     with workers(options.jobs, options.scheduler) as over:
-        run.play_all(rounds, options.fresh, over)
+        try:
+            run.play_all(rounds, options.fresh, over)
+        except run.PlayersFailed:
+            boards = []
+            for folder, digest in digests.items():
+                with contextlib.suppress(ResultError):  # where nobody could play there is nothing to show
+                    boards.append(read_board(folder, digest))
+            _print(boards, options.json)
+            raise
     _print([read_board(folder, digest) for folder, digest in digests.items()], options.json)
     path = options.results / PAGE
     _write_page(read_boards(options.results, digests), path)
     print(f"wrote {path}", file=sys.stderr if options.json else sys.stdout)
+
+
+def _task(options: argparse.Namespace) -> tuple[Task, PrivateDraws | None]:
+    """What is played, and the seeds of the draws if these are private."""
+    given = options.draws
+    task = Task(env_id=options.env, scenario=_scenario(options), draws=[] if isinstance(given, Path) else given)
+    if not isinstance(given, Path):
+        return task, None
+    private = PrivateDraws.read(given)
+    if options.splits:
+        raise ResultError("splits are played on held-out draws: give --scenario and --draws FILE for each of them")
+    if private.public:
+        print(f"warning: {private.public} draws of {given} are below {PUBLIC}, and so no secret", file=sys.stderr)
+    return private.task_of(task), private
 
 
 def _splits(task: Task, draws: list[int]) -> list[Task]:
@@ -182,6 +207,14 @@ def _draws(text: str) -> list[int]:
         raise argparse.ArgumentTypeError(str(error)) from error
 
 
+def _draws_or_file(text: str) -> list[int] | Path:
+    if text.lstrip("+-").isdecimal():
+        return _draws(text)
+    if not Path(text).is_file():
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a number of held-out draws nor a file of private ones")
+    return Path(text)
+
+
 def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
@@ -212,7 +245,8 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser(
         "run", parents=[results, printed, environment, elsewhere], help="play policies, then show and page", **described(_RUN)
     )
-    run.add_argument("--draws", type=_draws, default="256", help="number of held-out draws (default: 256)")
+    which = "number of held-out draws (default: 256), or a file of private ones, whose rows should go to --results of their own"
+    run.add_argument("--draws", type=_draws_or_file, default="256", metavar="DRAWS", help=which)
     run.add_argument("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all)")
     run.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders of your own")
     run.add_argument("--splits", action="store_true", help=f"also play the splits: {', '.join(SPLITS)}")

@@ -55,3 +55,10 @@ class Turn:
     def play(self, on_interval: Callable[[int], None] = lambda ended: None) -> Episodes:
         """Play them; see ``Contestant.episodes``."""
         return self.player.episodes(self.scenario, self.draws, on_interval)
+
+    def attempt(self, on_interval: Callable[[int], None] = lambda ended: None) -> Episodes | ResultError:
+        """Play them, or say why the player cannot, so that others go on."""
+        try:
+            return self.play(on_interval)
+        except ResultError as error:
+            return error

@@ -12,7 +12,17 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    JsonValue,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
 from baselines.code import code_digest
 from baselines.play import EPISODE_FIELDS, Episodes
@@ -43,7 +53,20 @@ class Task(Part):
     env_id: str
     scenario: Scenario
     draws: list[int]
-    """One episode of each of these seeds."""
+    """One episode of each of these seeds; or, if they are private, of the seeds at these places of their file."""
+    private: str | None = None
+    """SHA-256 of private seeds: see ``private_draws.py``."""
+
+    @model_validator(mode="after")
+    def _names_places(self) -> Self:
+        if self.private is not None and self.draws != list(range(len(self.draws))):
+            raise ValueError("draws that are private must be named by their places, 0 and up")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _as_before_there_were_private_ones(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        values: dict[str, Any] = serialize(self)
+        return values if self.private is not None else {name: value for name, value in values.items() if name != "private"}
 
 
 class Digests(Part):
@@ -59,7 +82,7 @@ class Digests(Part):
     @classmethod
     def of(cls, task: Task, environment_version: str, code: str) -> Self:
         """The digests of a task as played by one version of ``rough-turning`` with the sources of digest ``code``."""
-        scenario, draws = task.scenario.digest(), digest_of(task.draws)
+        scenario, draws = task.scenario.digest(), task.private or digest_of(task.draws)
         whole = digest_of([environment_version, scenario, draws, code])
         return cls(scenario=scenario, draws=draws, code=code, task=whole)
 
@@ -70,6 +93,13 @@ class MadeFor(Part):
     scenario: str
     """Its name."""
     digest: str
+
+    @field_validator("scenario")
+    @classmethod
+    def _names_no_path(cls, scenario: str) -> str:
+        if not re.fullmatch(r"(?!\.)[A-Za-z0-9_.-]{1,64}", scenario):
+            raise ValueError(f"{scenario!r} cannot be a scenario's name")
+        return scenario
 
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
@@ -97,7 +127,7 @@ class PolicyRecord(Part):
     @field_validator("name")
     @classmethod
     def _names_a_file(cls, name: str) -> str:
-        if not re.fullmatch(r"[^./\\\0][^/\\\0]*", name) or f"{name}{SUFFIX}" == TRAJECTORIES_FILE:
+        if not re.fullmatch(r"(?!\.)[^/\\\0-\x1f\x7f-\x9f]+", name) or f"{name}{SUFFIX}" == TRAJECTORIES_FILE:
             raise ValueError(f"{name!r} cannot be a policy's name, as its results are kept in a file of that name")
         return name
 

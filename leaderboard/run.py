@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Never
 
@@ -12,6 +12,7 @@ from baselines.play import Episodes
 from baselines.workers import Workers, spread
 from leaderboard.board import read_board
 from leaderboard.contestants import Contestant, Player, Turn
+from leaderboard.private_draws import PrivateDraws
 from leaderboard.references import references as known_references
 from leaderboard.results import (
     TRAJECTORIES_FILE,
@@ -137,6 +138,17 @@ class Round:
     task: Task
     contestants: Sequence[Player]
     folder: Path
+    private: PrivateDraws | None = None
+    """The seeds, if the task does not tell them."""
+
+    @property
+    def seeds(self) -> Sequence[int]:
+        """What is played."""
+        return self.task.draws if self.private is None else self.private.seeds
+
+
+class PlayersFailed(ResultError):
+    """Some policies could not play; the others have."""
 
 
 def play_all(rounds: Sequence[Round], fresh: bool, over: Workers | None = None) -> None:
@@ -151,6 +163,7 @@ def play_all(rounds: Sequence[Round], fresh: bool, over: Workers | None = None) 
         over: who does it, each turn a piece of work; without, this process, one turn after another. Results are the same.
 
     Raises:
+        PlayersFailed: some policies cannot play; says which and why. All others have played.
         ResultError: a folder cannot be written to; it holds something unreadable, something that belongs in another, or
             agents that are not alike but for the training seed.
         WorkersError: the workers have gone, or do not run this code.
@@ -162,22 +175,31 @@ def play_all(rounds: Sequence[Round], fresh: bool, over: Workers | None = None) 
         for contestant in each.contestants:
             path = result_path(each.folder, contestant.policy)
             if fresh or path not in finished:
-                tasks[path], turns[path] = each.task, Turn(contestant, each.task.scenario, each.task.draws)
+                tasks[path], turns[path] = each.task, Turn(contestant, each.task.scenario, each.seeds)
     total = sum(len(each.contestants) * len(each.task.draws) for each in rounds)
     done = total - sum(len(turn.draws) for turn in turns.values())
     # Without miniters=0 the bar would stand still while episodes run and none ends; disable=None: quiet without a terminal.
     with tqdm(total=total, initial=done, unit="episode", miniters=0, dynamic_ncols=True, disable=None) as bar:
 
-        def play_here(turn: Turn) -> Episodes:
+        def play_here(turn: Turn) -> Episodes | ResultError:
             bar.set_description(turn.player.policy.label)
-            return turn.play(lambda ended: _move(bar, done + ended))
+            return turn.attempt(lambda ended: _move(bar, done + ended))
 
-        for path, episodes in spread(over, Turn.play if over else play_here, turns.items()):
-            write_part(Result.of(tasks[path], turns[path].player.policy, episodes), path)
+        failed: dict[Path, ResultError] = {}
+        for path, played in spread(over, Turn.attempt if over else play_here, turns.items()):
+            if isinstance(played, ResultError):
+                failed[path] = played
+            else:
+                write_part(Result.of(tasks[path], turns[path].player.policy, played), path)
             done += len(turns[path].draws)
             _move(bar, done)
+    complaints = list(failed.values())
     for each in rounds:
-        _record_trajectories(each, fresh, over)
+        able = [player for player in each.contestants if result_path(each.folder, player.policy) not in failed]
+        if able and each.private is None:  # who sees a course could recognise its bars
+            complaints += _record_trajectories(replace(each, contestants=able), fresh, over)
+    if complaints:
+        raise PlayersFailed("; ".join(map(str, complaints)))
 
 
 def _move(bar: "tqdm[Never]", to: int) -> None:
@@ -209,8 +231,9 @@ def _finished(task: Task, contestants: Sequence[Player], folder: Path) -> set[Pa
     return finished
 
 
-def _record_trajectories(each: Round, fresh: bool, over: Workers | None) -> None:
-    """Record what each policy does on the first draws, where that is not recorded yet."""
+def _record_trajectories(each: Round, fresh: bool, over: Workers | None) -> list[ResultError]:
+    """Record what each policy does on the first draws, where that is not recorded yet; returns why some could not."""
+    complaints = []
     task, digest, path = each.task, current_digests(each.task).task, each.folder / TRAJECTORIES_FILE
     if fresh or not _is_readable(path):
         path.unlink(missing_ok=True)
@@ -225,16 +248,23 @@ def _record_trajectories(each: Round, fresh: bool, over: Workers | None) -> None
     try:
         with tqdm(total=len(pieces), unit="trajectory", dynamic_ncols=True, disable=None) as bar:
             for place, course in spread(over, _course, pieces):
-                courses[place] = course
+                if isinstance(course, ResultError):
+                    complaints.append(course)
+                else:
+                    courses[place] = course
                 bar.update()
     finally:  # what is finished is kept
         episodes = [courses[place] for place in wanted if place in courses]
         write_part(Trajectories(task=digest, episodes=episodes), path)
+    return complaints
 
 
-def _course(piece: tuple[Contestant, Scenario, int]) -> Trajectory:
+def _course(piece: tuple[Contestant, Scenario, int]) -> Trajectory | ResultError:
     player, scenario, draw = piece
-    return record(player.policy, player.make, scenario, draw)
+    try:
+        return record(player.policy, player.make, scenario, draw)
+    except ValueError as error:
+        return ResultError(f"{player.policy.label} cannot play draw {draw}: {error}")
 
 
 def _is_readable(path: Path) -> bool:

@@ -30,7 +30,7 @@ from leaderboard.results import (
     result_folder,
     write_whole,
 )
-from train import agent_file, onnx_policy
+from train import agent_file, onnx_child, onnx_guard, onnx_policy, onnx_session, plain_graph
 from train.trained_agent import ONNX_SUFFIX
 from turning_env import Scenario, presets
 
@@ -113,7 +113,7 @@ def verify(
                         continue
                 bar.update()
 
-        for row, played in spread(over, _episodes, turns()):
+        for row, played in spread(over, Turn.attempt, turns()):
             bar.set_description(row.path.name.removesuffix(SUFFIX))
             bar.update()
             found = [str(played)] if isinstance(played, ResultError) else differences(row.result, played)
@@ -136,27 +136,24 @@ def _row(path: Path, agents: Path) -> Row:
     return Row(path, result, player_of(result.policy, result.task, agents), key)
 
 
-def _episodes(turn: Turn) -> Episodes | ResultError:
-    """What a row's player does, or why it cannot play."""
-    try:
-        return turn.play()
-    except ResultError as error:
-        return error
-
-
 def _complaint(path: Path, what: object) -> str:
     return f"{path}: {str(what).removeprefix(f'{path}: ')}"
 
 
+_PLAY = (agent_file, onnx_child, onnx_guard, onnx_policy, onnx_session, plain_graph, contestants, references)
+
+
 def key_of(path: Path) -> str:
     """What decides whether a row comes back: the file, which names the environment's and the rules' code, and what else plays."""
-    parts = [path, *(Path(module.__file__ or "") for module in (agent_file, onnx_policy, contestants, references))]
+    parts = [path, *(Path(module.__file__ or "") for module in _PLAY)]
     return digest_of([*(hashlib.sha256(part.read_bytes()).hexdigest() for part in parts), present_versions()])
 
 
 def _check_task(result: Result) -> None:
     """See that the row is of the present code and values."""
     task, present = result.task, current_digests(result.task)
+    if task.private is not None:
+        raise ResultError("was played on private draws: only who has their file can play it again, by run --draws FILE")
     if result.digests != present:
         fields = [name for name, digest in present if digest != getattr(result.digests, name)]
         raise ResultError(f"is not of the present code: its digests of {', '.join(fields)} are others")

@@ -4,7 +4,7 @@ import importlib
 from pathlib import Path
 
 from train.actor import Actor, ActorPolicy
-from train.run import HYPERPARAMETERS, Run
+from train.run import HYPERPARAMETERS, Run, warn_of_pickle
 from train.trained_agent import TrainedAgent
 from turning_env.files import digest_of_files
 
@@ -41,5 +41,6 @@ def load_actor(run: Run) -> Actor:
         raise ValueError(f"{run.folder} holds a training of {run.algorithm!r}, but there are {known}")
     if not run.policy.exists():
         raise ValueError(f"the training in {run.folder} is not finished: run its command again: {run.command}")
+    warn_of_pickle(run.policy)
     actor: Actor = importlib.import_module(f"train.{run.algorithm}").actor(run.policy)
     return actor.eval()

@@ -10,65 +10,20 @@ A file may come from anywhere, so it is refused unless it is small, plain arithm
 
 import hashlib
 import json
-import math
+import os
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
 
-import onnx
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 
+from train import plain_graph
+from train.plain_graph import MOST_BYTES, MOST_MEMORY, Outline
 from turning_env import IDS, Scenario
 from turning_env.lathes import action_space, observation_space
 
 FORMAT: Literal["rough-turning/agent/1"] = "rough-turning/agent/1"
-MOST_BYTES = 20_000_000
-MOST_NODES = 2_000
-MOST_ENTRIES = 1_000_000
-"""Of any value on the way from input to output, per lane."""
-MOST_MEMORY = 65_536
-OPSETS = range(18, 25)
-OPERATORS = frozenset(
-    (
-        *(
-            "Abs",
-            "Add",
-            "And",
-            "ArgMax",
-            "Cast",
-            "Clip",
-            "Concat",
-            "Constant",
-            "Conv",
-            "CumSum",
-            "Div",
-            "Einsum",
-            "Elu",
-            "Equal",
-            "Erf",
-        ),
-        *("Exp", "Expand", "Flatten", "GRU", "Gather", "GatherElements", "Gelu", "Gemm", "Greater", "GreaterOrEqual"),
-        *("HardSigmoid", "HardTanh"),
-        *(
-            "Identity",
-            "LSTM",
-            "LayerNormalization",
-            "LeakyRelu",
-            "Less",
-            "LessOrEqual",
-            "Log",
-            "LogSoftmax",
-            "MatMul",
-            "Max",
-            "Min",
-            "Mish",
-        ),
-        *("Mul", "Neg", "Not", "Or", "Pow", "RNN", "Reciprocal", "ReduceMax", "ReduceMean", "ReduceMin", "ReduceSum", "Relu"),
-        *("Reshape", "Selu", "Shape", "Sigmoid", "Sign", "Slice", "Softmax", "Softplus", "Softsign", "Split", "Sqrt"),
-        *("Squeeze", "Sub", "Sum", "Swish", "Tanh", "Transpose", "Unsqueeze", "Where"),
-    )
-)
-"""Those that a network may consist of: arithmetic whose result is as large as shape inference says beforehand."""
 
 
 class Space(BaseModel):
@@ -180,18 +135,34 @@ class AgentFile:
 
 
 def read(path: Path) -> AgentFile:
-    """Read an agent's file.
+    """Read an agent's file, one of one's own: a stranger's is loaded by ``onnx_policy.load``.
 
     Raises:
         ValueError: it is not an agent's file, or one that is not trusted; says why.
         OSError: it cannot be read.
     """
-    with path.open("rb") as stream:
-        content = stream.read(MOST_BYTES + 1)
+    content = read_content(path)
     try:
         return checked(content)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+
+
+def read_content(path: Path) -> bytes:
+    """What a file holds, up to a byte more than is allowed.
+
+    Raises:
+        ValueError: it is a link, a pipe or a device.
+        OSError: it cannot be read.
+    """
+    # Not to wait for whoever may write into a pipe. A link would have another file read than the one that was given.
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    if path.is_symlink():
+        raise ValueError(f"{path} is a link: give the file itself")
+    with os.fdopen(os.open(path, flags), "rb") as stream:
+        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            raise ValueError(f"{path} is not an ordinary file")
+        return stream.read(MOST_BYTES + 1)
 
 
 def checked(content: bytes) -> AgentFile:
@@ -200,55 +171,26 @@ def checked(content: bytes) -> AgentFile:
     Raises:
         ValueError: see ``read``.
     """
-    if len(content) > MOST_BYTES:
-        raise ValueError(f"is larger than {MOST_BYTES} bytes")
-    try:
-        model = onnx.load_model_from_string(content)
-    except Exception as error:  # whatever a parser throws at bytes of any kind
-        raise ValueError(f"is no ONNX file: {error}") from error
-    if not model.HasField("graph"):
-        raise ValueError("is no ONNX file: it has no graph")
-    _check_plain(model)
-    properties = {entry.key: entry.value for entry in model.metadata_props}
-    if len(properties) != len(model.metadata_props):
-        raise ValueError("metadata names something twice")
-    metadata = Metadata.of(properties)
-    memory_size = _memory_size(model, metadata)
-    _check_sizes(model)
-    return AgentFile(content, metadata, memory_size)
+    model, outline = plain_graph.read(content)
+    file = of_outline(content, outline)
+    plain_graph.check_sizes(model)
+    return file
 
 
-def _check_plain(model: onnx.ModelProto) -> None:
-    """See that the model is nothing but arithmetic on weights that it holds itself."""
-    graph = model.graph
-    opsets = [(opset.domain, opset.version) for opset in model.opset_import]
-    if len(opsets) != 1 or opsets[0][0] not in ("", "ai.onnx") or opsets[0][1] not in OPSETS:
-        raise ValueError(f"uses operator sets {opsets}, but must use ONNX's own, {OPSETS[0]} to {OPSETS[-1]}, alone")
-    if model.functions or model.training_info or graph.sparse_initializer or graph.quantization_annotation:
-        raise ValueError("holds functions, training or sparse or quantized weights, which agents have no need of")
-    if len(graph.node) > MOST_NODES:
-        raise ValueError(f"has {len(graph.node)} nodes, but may have {MOST_NODES}")
-    tensors = list(graph.initializer)
-    for node in graph.node:
-        if node.domain not in ("", "ai.onnx") or node.op_type not in OPERATORS:
-            raise ValueError(f"uses the operator {node.op_type!r}, which agents may not use")
-        for attribute in node.attribute:
-            if attribute.type in (onnx.AttributeProto.GRAPH, onnx.AttributeProto.GRAPHS) or attribute.HasField("g"):
-                raise ValueError(f"{node.op_type} holds a graph of its own, which agents may not")
-            if attribute.type == onnx.AttributeProto.TENSOR:
-                tensors.append(attribute.t)
-    for tensor in tensors:
-        if tensor.external_data or tensor.data_location == onnx.TensorProto.EXTERNAL:
-            raise ValueError(f"keeps its weights {tensor.name!r} in another file: all must be inside")
-        if any(size < 0 for size in tensor.dims) or math.prod(tensor.dims) > MOST_BYTES:
-            raise ValueError(f"holds weights {tensor.name!r} of impossible size")
+def of_outline(content: bytes, outline: Outline) -> AgentFile:
+    """The agent of a file that is plain, if it is what it says.
+
+    Raises:
+        ValueError: see ``read``.
+    """
+    metadata = Metadata.of(outline.properties)
+    return AgentFile(content, metadata, _memory_size(outline, metadata))
 
 
-def _memory_size(model: onnx.ModelProto, metadata: Metadata) -> int:
+def _memory_size(outline: Outline, metadata: Metadata) -> int:
     """The memory's size, 0 for none, of inputs and outputs that are as they should be."""
     entries, actions = len(metadata.observation_space.low), len(metadata.action_space.low)
-    inputs = {value.name: _row(value) for value in model.graph.input}
-    outputs = {value.name: _row(value) for value in model.graph.output}
+    inputs, outputs = outline.inputs, outline.outputs
     memory = inputs.get("memory", 0)
     expected_inputs = {"observation": entries} | ({"memory": memory} if "memory" in inputs else {})
     expected_outputs = {"action": actions} | ({"next_memory": memory} if "memory" in inputs else {})
@@ -258,33 +200,3 @@ def _memory_size(model: onnx.ModelProto, metadata: Metadata) -> int:
     if "memory" in inputs and not 1 <= memory <= MOST_MEMORY:
         raise ValueError(f"has a memory of {memory} entries, but may have 1 to {MOST_MEMORY}")
     return memory
-
-
-def _row(value: onnx.ValueInfoProto) -> int:
-    """Entries per lane of a float32 value of shape (any number of lanes, entries)."""
-    tensor = value.type.tensor_type
-    sizes = tensor.shape.dim
-    if tensor.elem_type != onnx.TensorProto.FLOAT or len(sizes) != 2 or sizes[0].HasField("dim_value"):
-        raise ValueError(f"{value.name!r} must be float32 of shape (any number of lanes, entries)")
-    return int(sizes[1].dim_value)
-
-
-def _check_sizes(model: onnx.ModelProto) -> None:
-    """See that for one lane every value's size is known beforehand, and moderate."""
-    lane = onnx.ModelProto()
-    lane.CopyFrom(model)
-    del lane.graph.value_info[:]
-    for value in [*lane.graph.input, *lane.graph.output]:
-        value.type.tensor_type.shape.dim[0].dim_value = 1
-    try:
-        onnx.checker.check_model(lane)
-        graph = onnx.shape_inference.infer_shapes(lane, check_type=True, strict_mode=True, data_prop=True).graph
-    except Exception as error:  # of several unrelated types
-        raise ValueError(f"is not valid ONNX: {str(error).strip().splitlines()[0]}") from error
-    sizes = {value.name: value.type.tensor_type.shape for value in [*graph.value_info, *graph.output]}
-    for name in (name for node in graph.node for name in node.output if name):
-        dimensions = sizes[name].dim if name in sizes else None
-        if dimensions is None or not all(size.HasField("dim_value") for size in dimensions):
-            raise ValueError(f"value {name!r} is of a size that depends on more than the number of lanes")
-        if math.prod(size.dim_value for size in dimensions) > MOST_ENTRIES:
-            raise ValueError(f"value {name!r} has more than {MOST_ENTRIES} entries per lane")

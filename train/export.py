@@ -33,7 +33,7 @@ from train import agent_file
 from train.actor import Actor, ActorPolicy
 from train.agent import load_actor
 from train.agent_file import FORMAT, Metadata, Space
-from train.onnx_policy import OnnxPolicy, session_of
+from train.onnx_session import OnnxPolicy, tried
 from train.run import Run
 from train.trained_agent import ONNX_SUFFIX
 from turning_env import RoughTurningVectorEnv, Scenario
@@ -81,7 +81,9 @@ def export(folder: Path, out: Path) -> Exported:
         content = to_onnx(actor, metadata(run))
     try:
         file = agent_file.checked(content)
-        session = session_of(file)
+        spaces = file.metadata.observation_space, file.metadata.action_space
+        entries, actions = (len(space.low) for space in spaces)
+        session = tried(content, entries, actions, file.memory_size)
     except ValueError as error:
         raise ValueError(f"the agent in {folder} cannot be exported: {error}") from error
 

@@ -1,6 +1,7 @@
 """One training run: what was asked for, and where its files lie."""
 
 import json
+import sys
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,11 @@ def hyperparameters(algorithm: str, env_id: str) -> dict[str, Any]:
     tables = tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8"))
     values: dict[str, Any] = tables["default"] | tables.get(env_id, {})
     return values
+
+
+def warn_of_pickle(path: Path) -> None:
+    """Say on standard error what loading a pickle means."""
+    print(f"warning: {path} is a pickle, which can run code: load only what you have trained yourself", file=sys.stderr)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from train.actor import Actor
 from train.learning_curve import LearningCurve
-from train.run import Run
+from train.run import Run, warn_of_pickle
 from train.vec_env import RoughTurningVecEnv
 from turning_env import Scenario
 from turning_env.draws import TUNING_START
@@ -111,6 +111,7 @@ def save_checkpoint(model: Any, run: Run, algorithm: Algorithm) -> None:
 
 def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
     """The model of the last checkpoint, ready to go on as if it had never stopped."""
+    warn_of_pickle(run.checkpoint)
     model: Any = algorithm.model.load(run.checkpoint, device="cpu")
     beside = model.beside
     model.set_env(beside["lathes"], force_reset=False)

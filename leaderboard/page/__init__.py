@@ -109,7 +109,11 @@ def reproducing_command(board: Board) -> str:
     elif task.env_id not in IDS or Scenario.load(IDS[task.env_id]) != task.scenario:
         known = task.scenario.name in presets() and Scenario.load(task.scenario.name) == task.scenario
         words += ["--scenario", task.scenario.name if known else "SCENARIO.toml"]
-    words += ["--split-draws" if made_for else "--draws", str(len(task.draws)), "--policies"]
+    words += [
+        "--split-draws" if made_for else "--draws",
+        "PRIVATE_DRAWS.txt" if task.private else str(len(task.draws)),
+        "--policies",
+    ]
     words += [policy.name for policy in policies if policy.kind != "agent"]
     files = [f"{policy.label}{ONNX_SUFFIX}" for policy in policies if policy.kind == "agent"]
     return shlex.join([*words, "--agents", *files] if files else words)

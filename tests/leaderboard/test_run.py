@@ -15,6 +15,7 @@ from leaderboard.__main__ import main
 from leaderboard.board import read_board
 from leaderboard.contestants import Contestant, Reference
 from leaderboard.results import MadeFor, ResultError, Task, read_part, read_result
+from leaderboard.run import PlayersFailed
 from leaderboard.trajectories import RECORDED_DRAWS, Trajectories, record
 from tests.leaderboard.conftest import Steady, contestant, play_all, record_of
 from tests.train import onnx_agents
@@ -98,11 +99,13 @@ def test_agents_that_cannot_be_ranked_are_refused_before_play(task: Task, folder
     assert not played
 
 
-def test_a_policy_whose_actions_are_no_numbers_is_named(task: Task, folder: Path) -> None:
+def test_a_policy_whose_actions_are_no_numbers_is_named_and_others_go_on(task: Task, folder: Path) -> None:
     lost = Contestant(record_of("lost"), lambda lanes: Steady(lanes, (math.nan, 0.0)))
-    with pytest.raises(ResultError, match=r"lost cannot play: .*finite"):
-        play_all(task, [contestant("one"), lost], folder, fresh=False)
-    assert [path.name for path in folder.iterdir()] == ["one.json.xz"]
+    with pytest.raises(PlayersFailed, match=r"lost cannot play: .*finite"):
+        play_all(task, [lost, contestant("one")], folder, fresh=False)
+    assert sorted(path.name for path in folder.iterdir()) == ["one.json.xz", "trajectories.json.xz"]
+    with pytest.raises(PlayersFailed, match="lost cannot play"):
+        play_all(task, [lost], folder, fresh=False)
 
 
 def test_trajectories_are_of_every_policy_on_the_first_draws(task: Task, folder: Path) -> None:

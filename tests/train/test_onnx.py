@@ -18,7 +18,7 @@ from tests.train import onnx_agents, small
 from train import agent, agent_file, export, onnx_policy
 from train.actor import Actor, ActorPolicy
 from train.feedforward import Feedforward
-from train.onnx_policy import OnnxPolicy, session_of
+from train.onnx_session import OnnxPolicy, session_of, tried
 from train.training import Algorithm, new_model
 from turning_env import Scenario
 
@@ -32,7 +32,7 @@ def observations(steps: int, lanes: int = 5) -> NDArray[np.float32]:
 
 def policy(lanes: int, memory: bool) -> OnnxPolicy:
     file = agent_file.checked(onnx_agents.content(memory))
-    made = OnnxPolicy(session_of(file), file.memory_size, lanes)
+    made = OnnxPolicy(session_of(file.content), file.memory_size, lanes)
     made.reset(np.ones(lanes, np.bool_))
     return made
 
@@ -268,7 +268,12 @@ def test_damaged_files_are_refused_or_act(memory: bool, tmp_path: Path) -> None:
             damaged[place : place + 1] = generator.bytes(int(generator.integers(3)))
         path.write_bytes(damaged)
         try:
-            actions = onnx_policy.load(path).make(1).act(np.zeros((1, 11), np.float32))
+            file = agent_file.read(path)
+            try:
+                session = tried(file.content, 11, 2, file.memory_size)
+            except ValueError as error:
+                raise ValueError(f"{path}: {error}") from error
+            actions = OnnxPolicy(session, file.memory_size, 1).act(np.zeros((1, 11), np.float32))
         except ValueError as error:
             reasons.append(str(error))
         else:

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from train import agent_file
-from train.onnx_policy import OnnxPolicy, session_of
+from train.onnx_session import OnnxPolicy, session_of
 from train.resident import __main__ as command
 from turning_env import RoughTurningVectorEnv
 
@@ -19,7 +19,7 @@ def test_it_writes_an_agent_that_plays(tmp_path, capsys):
     file = agent_file.checked(path.read_bytes())
     assert file.metadata.parameters["lanes"] == 32
     observations, _ = RoughTurningVectorEnv(5).reset(seed=1)
-    actions = OnnxPolicy(session_of(file), file.memory_size, 5).act(observations)
+    actions = OnnxPolicy(session_of(file.content), file.memory_size, 5).act(observations)
     assert actions.shape == (5, 2)
     assert (np.abs(actions) <= 1.0).all()
 

@@ -1,0 +1,228 @@
+"""A stranger's network plays in a process of its own that may do nothing but act; what it gives is checked, and it is limited."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.train import networks, onnx_agents
+from train import agent_file, onnx_guard, onnx_policy
+from train.onnx_guard import GuardedPolicy, Limits
+from train.onnx_session import OnnxPolicy, session_of, tried
+
+LANES = 6
+linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+
+def observations(steps: int, lanes: int = LANES) -> NDArray[np.float32]:
+    return np.random.default_rng(1).uniform(-1, 1, (steps, lanes, 11)).astype(np.float32)
+
+
+def guarded(content: bytes, lanes: int = LANES, limits: Limits = onnx_guard.LIMITS) -> GuardedPolicy:
+    return GuardedPolicy(agent_file.checked(content), lanes, limits)
+
+
+def child_of(policy: GuardedPolicy) -> "subprocess.Popen[bytes]":
+    return policy._child._process
+
+
+@pytest.mark.parametrize("memory", [False, True])
+def test_it_acts_there_bit_for_bit_as_here(memory: bool) -> None:
+    content = onnx_agents.content(memory)
+    file = agent_file.checked(content)
+    here, there = OnnxPolicy(session_of(content), file.memory_size, LANES), guarded(content)
+    for step, given in enumerate(observations(80)):
+        if step % 7 == 0:
+            for each in (here, there):
+                each.reset(np.arange(LANES) == step % LANES)
+        actions = there.act(given)
+        assert actions.tobytes() == here.act(given).tobytes()
+        actions[:] = 0.0  # they are the caller's own
+
+
+def test_a_file_is_looked_at_and_tried_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*arguments: object) -> None:
+        raise AssertionError("a stranger's file was looked into by this process")
+
+    path = onnx_agents.write(tmp_path, memory=True)
+    expected = agent_file.read(path)
+    for name in ("onnx.load_model_from_string", "onnx.checker.check_model", "train.onnx_session.runtime"):
+        monkeypatch.setattr(name, never)
+    agent = onnx_policy.load(path)
+    assert (agent.digest, agent.scenario) == (expected.digest, expected.metadata.scenario)
+    policy = agent.make(2)
+    assert policy.act(np.zeros((2, 11), np.float32)).shape == (2, 2)
+
+
+@linux
+def test_its_process_holds_no_variables_and_no_files_of_this_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SECRET", "private draws")
+    policy = guarded(networks.plain())
+    place = Path(f"/proc/{child_of(policy).pid}")
+    assert b"SECRET" not in (place / "environ").read_bytes()
+    assert sorted(int(path.name) for path in (place / "fd").iterdir()) == [0, 1, 2]
+    # ONNX Runtime could note down how it is used, and tell: a file and a thread more.
+    assert len(list((place / "task").iterdir())) == 1
+    limits = {line[:20].strip(): line[26:].split()[0] for line in (place / "limits").read_text().splitlines()}
+    assert limits["Max open files"] == "3"
+    assert limits["Max file size"] == limits["Max core file size"] == "0"
+    assert limits["Max cpu time"] == str(onnx_guard.LIMITS.computing)
+    assert limits["Max address space"] == str(onnx_guard.LIMITS.memory * 2**20)
+
+
+@linux
+@pytest.mark.parametrize(
+    ("attempt", "error"),
+    [
+        ("open('/etc/passwd')", "Too many open files"),
+        ("socket.socket()", "Too many open files"),
+        ("os.open('left', os.O_CREAT | os.O_WRONLY)", "Too many open files"),
+        ("bytearray(2**30)", "MemoryError"),
+        ("resource.setrlimit(resource.RLIMIT_AS, (2**40, 2**40))", "not allowed to raise maximum limit"),
+    ],
+    ids=["read", "connect", "write", "swell", "unlimit"],
+)
+def test_what_is_limited_can_open_and_ask_for_nothing(attempt: str, error: str, tmp_path: Path) -> None:
+    program = f"import os, socket, resource; from train.onnx_child import limit; limit(512, 10)\n{attempt}"
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(Path(onnx_guard.__file__).parents[1])}
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, cwd=tmp_path)
+    assert ended.returncode == 1
+    assert error in ended.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_who_takes_too_long_is_ended() -> None:
+    policy = guarded(networks.toiling(), lanes=2, limits=Limits(answer=1.0))
+    process, start = child_of(policy), time.monotonic()
+    with pytest.raises(ValueError, match="gives no answer within 1 s"):
+        policy.act(observations(1, 2)[0])
+    assert time.monotonic() - start < 5.0
+    assert process.poll() is not None
+    with pytest.raises(ValueError, match="its process has ended"):
+        policy.act(observations(1, 2)[0])
+
+
+@linux
+def test_who_computes_too_much_is_ended() -> None:
+    policy = guarded(networks.toiling(), lanes=2, limits=Limits(computing=1))
+    with pytest.raises(ValueError, match="needs more than the 1 s of processor time that it may have"):
+        policy.act(observations(1, 2)[0])
+
+
+@linux
+def test_who_asks_for_too_much_memory_is_refused() -> None:
+    limits = Limits(memory=400)
+    assert guarded(networks.swelling(), lanes=1, limits=limits).act(observations(1, 1)[0]).shape == (1, 2)
+    with pytest.raises(ValueError, match=r"lloc|memory"):
+        guarded(networks.swelling(), lanes=100, limits=limits).act(observations(1, 100)[0])
+
+
+@pytest.mark.parametrize(
+    ("content", "lanes", "message"),
+    [
+        (networks.sociable, LANES, "gives a lane other actions or memories when other lanes play beside it"),
+        (networks.counting, LANES, "gives a lane other actions or memories when other lanes play beside it"),
+        (networks.few, LANES, "gives 1 actions and . memories for . lanes"),
+    ],
+)
+def test_what_looks_at_other_lanes_is_refused(content: Callable[[], bytes], lanes: int, message: str, tmp_path: Path) -> None:
+    (tmp_path / "agent.onnx").write_bytes(content())
+    with pytest.raises(ValueError, match=message):
+        onnx_policy.load(tmp_path / "agent.onnx")
+    with pytest.raises(ValueError, match=message):
+        guarded(content(), lanes).act(observations(1, lanes)[0])
+
+
+def test_actions_out_of_bounds_are_refused_while_playing(tmp_path: Path) -> None:
+    (tmp_path / "agent.onnx").write_bytes(networks.unbounded())
+    policy = onnx_policy.load(tmp_path / "agent.onnx").make(2)
+    given = observations(1, 2)[0]
+    policy.act(given)
+    with pytest.raises(ValueError, match=r"acts \[\[.*2.97.*\]\], which are not two actions of 2 numbers in -1 to 1"):
+        policy.act(3.0 * np.ones_like(given))
+
+
+def test_who_does_not_act_alike_is_refused() -> None:
+    class Fickle:
+        """Not to be had from the operators that are allowed."""
+
+        def run(self, names: None, fed: dict[str, NDArray[np.float32]]) -> list[NDArray[np.float32]]:
+            return [np.random.default_rng().uniform(-1, 1, (len(fed["observation"]), 2)).astype(np.float32)]
+
+        def get_outputs(self) -> list[object]:
+            return [type("Output", (), {"name": "action"})]
+
+    with pytest.raises(ValueError, match="gives other actions for the same observations"):
+        OnnxPolicy(Fickle(), 0, 2).act_checked(observations(1, 2)[0], np.random.default_rng())
+
+
+def test_wrong_observations_do_not_even_travel() -> None:
+    policy = guarded(networks.plain())
+    for wrong in (np.zeros((LANES, 12), np.float32), np.zeros((LANES, 11)), np.zeros((1, 11), np.float32)):
+        with pytest.raises(ValueError, match=r"must be float32 of shape \(6, 11\)"):
+            policy.act(wrong)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="lanes to forget must be bool"):
+        policy.reset(np.ones(LANES - 1, np.bool_))
+    assert policy.act(observations(1)[0]).shape == (LANES, 2)
+
+
+def test_a_process_that_dies_is_an_error_and_one_that_is_not_needed_ends() -> None:
+    policy = guarded(networks.plain())
+    process = child_of(policy)
+    os.kill(process.pid, signal.SIGKILL)
+    with pytest.raises(ValueError, match=r"its process has ended \(status -9\)"):
+        policy.act(observations(1)[0])
+    policy = guarded(networks.plain())
+    process = child_of(policy)
+    del policy
+    assert process.poll() is not None
+
+
+LIES = {
+    "silence": ("", "its process has ended"),
+    "too much": ("send(b'K', 10**9)", "its process has ended"),
+    "another kind": ("send(b'Z', 0)", "gives an answer to nothing that was asked"),
+    "no outline": ("send(b'K', 3); wire.sendall(b'{}x')", "tells nothing of itself that can be understood"),
+    "another outline": (
+        'send(b\'K\', 47); wire.sendall(b\'{"properties": {}, "inputs": {}, "outputs": {}}  \')',
+        "metadata format: Field required",
+    ),
+    "a terminal's commands": ("send(b'E', 9); wire.sendall(b'\\x1b[2Jgone\\n')", r"^\?\[2Jgone\?$"),
+}
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_process_that_lies_is_not_believed(lie: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    said, message = LIES[lie]
+    program = "import socket, struct; wire = socket.socket(fileno=0); wire.recv(5)\n"
+    program += f"send = lambda kind, length: wire.sendall(struct.pack('<cQ', kind, length))\n{said}"
+    monkeypatch.setattr(onnx_guard, "_PROGRAM", program)
+    with pytest.raises(ValueError, match=message):
+        onnx_guard.examined(b"content")
+
+
+def test_links_pipes_devices_and_folders_are_no_files(tmp_path: Path) -> None:
+    path = onnx_agents.write(tmp_path)
+    (tmp_path / "link.onnx").symlink_to(path)
+    os.mkfifo(tmp_path / "pipe.onnx")
+    (tmp_path / "folder.onnx").mkdir()
+    with pytest.raises(ValueError, match=r"link\.onnx is a link: give the file itself"):
+        onnx_policy.load(tmp_path / "link.onnx")
+    for name in ("pipe.onnx", "folder.onnx"):
+        with pytest.raises((ValueError, OSError), match=r"is not an ordinary file|Is a directory"):
+            onnx_policy.load(tmp_path / name)
+    with pytest.raises(ValueError, match="is not an ordinary file"):
+        onnx_policy.load(Path("/dev/zero"))
+
+
+def test_what_is_tried_here_is_what_is_tried_there() -> None:
+    tried(networks.plain(), 11, 2, 0)
+    with pytest.raises(ValueError, match="other lanes"):
+        tried(networks.counting(), 11, 2, 0)
