@@ -38,6 +38,8 @@ class Limits:
 
     answer: float = 60.0
     """Time until an answer [s], by the clock: generous, as the machine may be busy otherwise."""
+    start: float = 120.0
+    """Time until its process is ready, likewise."""
     computing: int = 3600
     """Processor time altogether [s]."""
     memory: int = 3072
@@ -70,7 +72,7 @@ class Child:
                 env=kept | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
                 start_new_session=True,  # an interruption is for the process that waits to handle
             )
-        self._wire = Wire(ours, limits.answer)
+        self._wire = Wire(ours, limits.start)
         self.close = weakref.finalize(self, _end, self._process, self._wire)
 
     def send(self, kind: bytes, content: bytes = b"") -> None:
@@ -82,27 +84,28 @@ class Child:
         try:
             self._wire.send(kind, content)
         except OSError as error:
-            raise ValueError(self._what_happened(error)) from error
+            raise ValueError(self._what_happened()) from error
 
-    def answer(self, most: int) -> bytes:
-        """What it says, at most so many bytes.
+    def answer(self, most: int, starting: bool = False) -> bytes:
+        """What it says, at most so many bytes; it may take longer where it is still ``starting``.
 
         Raises:
             ValueError: it says why it cannot, nothing in time, or is gone.
         """
+        patience = self._limits.start if starting else self._limits.answer
         try:
-            kind, content = self._wire.receive(max(most, _MOST_SAID))
+            kind, content = self._wire.receive(max(most, _MOST_SAID), patience)
+        except TimeoutError as error:
+            self.close()
+            raise ValueError(f"gives no answer within {patience:g} s") from error
         except (OSError, EOFError) as error:
-            raise ValueError(self._what_happened(error)) from error
+            raise ValueError(self._what_happened()) from error
         if kind == onnx_wire.ANSWER and len(content) <= most:
             return content
         said = "".join(each if each.isprintable() else "?" for each in content[:_MOST_SAID].decode("utf-8", "replace"))
         raise ValueError(said if kind == onnx_wire.ERROR else "gives an answer to nothing that was asked")
 
-    def _what_happened(self, error: Exception) -> str:
-        if isinstance(error, TimeoutError):
-            self.close()
-            return f"gives no answer within {self._limits.answer:g} s"
+    def _what_happened(self) -> str:
         try:
             status = self._process.wait(1.0)
         except subprocess.TimeoutExpired:
@@ -132,7 +135,7 @@ class GuardedPolicy:
         self._child = Child(PLAY, limits)
         self._child.send(onnx_wire.CONTENT, file.content)
         self._child.send(onnx_wire.LANES, np.array([*self._given, file.memory_size], np.int64).tobytes())
-        self._child.answer(0)
+        self._child.answer(0, starting=True)
 
     def reset(self, lanes: NDArray[np.bool_]) -> None:
         """Forget these lanes."""
@@ -170,7 +173,7 @@ def examined(content: bytes, limits: Limits = LIMITS) -> AgentFile:
     try:
         child.send(onnx_wire.CONTENT, content[: MOST_BYTES + 1])
         try:
-            outline = _OUTLINE.validate_json(child.answer(_MOST_OUTLINE), strict=True)
+            outline = _OUTLINE.validate_json(child.answer(_MOST_OUTLINE, starting=True), strict=True)
         except ValidationError as error:
             raise ValueError("tells nothing of itself that can be understood") from error
         file = agent_file.of_outline(content, outline)

@@ -17,7 +17,7 @@ class Wire:
 
     Args:
         connection: a socket that is connected.
-        patience: how long a message to come or to go is waited for [s]; None: for ever.
+        patience: how long it may take until a message is taken [s]; None: for ever.
     """
 
     def __init__(self, connection: socket.socket, patience: float | None = None) -> None:
@@ -33,15 +33,16 @@ class Wire:
         self._connection.settimeout(self._patience)
         self._connection.sendall(_HEAD.pack(kind, len(content)) + content)
 
-    def receive(self, most: int) -> tuple[bytes, bytes]:
-        """Wait for a message of at most so many bytes.
+    def receive(self, most: int, patience: float | None = None) -> tuple[bytes, bytes]:
+        """Wait for a message of at most so many bytes, so long [s]; None: for ever.
 
         Raises:
             TimeoutError: none has come in time, the whole of it.
             EOFError: the other side is gone.
             OSError: likewise, or what it says is too long.
         """
-        until = None if self._patience is None else time.monotonic() + self._patience
+        until = None if patience is None else time.monotonic() + patience
+        self._connection.settimeout(None)
         kind, length = _HEAD.unpack(self._bytes(_HEAD.size, until))
         if length > most:
             raise OSError(f"a message of {length} bytes, where at most {most} are allowed")

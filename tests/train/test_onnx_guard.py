@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -100,10 +99,9 @@ def test_what_is_limited_can_open_and_ask_for_nothing(attempt: str, error: str, 
 
 def test_who_takes_too_long_is_ended() -> None:
     policy = guarded(networks.toiling(), lanes=2, limits=Limits(answer=1.0))
-    process, start = child_of(policy), time.monotonic()
+    process = child_of(policy)
     with pytest.raises(ValueError, match="gives no answer within 1 s"):
         policy.act(observations(1, 2)[0])
-    assert time.monotonic() - start < 5.0
     assert process.poll() is not None
     with pytest.raises(ValueError, match="its process has ended"):
         policy.act(observations(1, 2)[0])
