@@ -210,7 +210,7 @@ def _draws(text: str) -> list[int]:
 def _draws_or_file(text: str) -> list[int] | Path:
     if text.lstrip("+-").isdecimal():
         return _draws(text)
-    if not Path(text).is_file():
+    if not Path(text).suffix and not Path(text).is_file():  # a file that is missing is an error of its own
         raise argparse.ArgumentTypeError(f"{text!r} is neither a number of held-out draws nor a file of private ones")
     return Path(text)
 

@@ -2,14 +2,12 @@
 
 It is started afresh, with none of the environment's variables, and limits itself before it sees the file: in memory and
 computing time, to writing no file, and to opening nothing, neither files nor connections. It imports nothing of the
-environment, which it must not know. See ``onnx_guard.py`` for the other side.
+environment, which it must not know. See ``onnx_guard.py`` for the other side, which starts ``main``.
 """
 
 import contextlib
 import json
-import os
 import socket
-import sys
 
 import numpy as np
 
@@ -108,8 +106,3 @@ def _play(wire: Wire) -> None:
         checked = acts <= _SURE or generator.integers(_RARELY) == 0
         actions = policy.act_checked(observations, generator) if checked else policy.act(observations)
         wire.send(onnx_wire.ANSWER, np.ascontiguousarray(actions, np.float32).tobytes())
-
-
-if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
-    os._exit(0)  # nothing is to be tidied up, by libraries that can open nothing

@@ -25,7 +25,13 @@ from train.onnx_session import check_actions
 from train.onnx_wire import Wire
 from train.plain_graph import MOST_BYTES, MOST_METADATA, Outline
 
-_PROGRAM = "import sys; sys.path.insert(0, sys.argv.pop(1)); import runpy; runpy.run_module('train.onnx_child', {}, '__main__')"
+_PROGRAM = """
+import os, sys
+sys.path.insert(0, sys.argv[1])
+from train.onnx_child import main
+main(sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
+os._exit(0)  # nothing is to be tidied up, by libraries that can open nothing
+"""
 _MOST_OUTLINE = 6 * MOST_METADATA + 1_000_000  # bytes: JSON may need six for a character
 _MOST_SAID = 2_000
 _KEPT_VARIABLES = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
