@@ -1,1 +1,5 @@
 """Throughput measurements against peers."""
+
+from baselines.extras import tell_plainly
+
+tell_plainly()

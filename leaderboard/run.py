@@ -2,12 +2,14 @@
 
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Never
 
 from tqdm import tqdm
 
+from baselines.folders import alone, together
 from baselines.play import Episodes
 from baselines.workers import Workers, spread
 from leaderboard.board import read_board
@@ -168,6 +170,16 @@ def play_all(rounds: Sequence[Round], fresh: bool, over: Workers | None = None) 
             agents that are not alike but for the training seed.
         WorkersError: the workers have gone, or do not run this code.
     """
+    with ExitStack() as held:
+        for each in rounds:
+            try:
+                held.enter_context(together(each.folder))
+            except OSError as error:
+                raise ResultError(f"{each.folder} cannot be written: {error.strerror}") from error
+        _play_all(rounds, fresh, over)
+
+
+def _play_all(rounds: Sequence[Round], fresh: bool, over: Workers | None) -> None:
     tasks: dict[Path, Task] = {}
     turns: dict[Path, Turn] = {}
     for each in rounds:  # all of them first: what is wrong is found before anything is played
@@ -210,7 +222,7 @@ def _finished(task: Task, contestants: Sequence[Player], folder: Path) -> set[Pa
     """The results that stand. What would make the ranking fail is found here, before anything is played."""
     probe = folder / "writable"
     write_whole(probe, "")
-    probe.unlink()
+    probe.unlink(missing_ok=True)
     digest = current_digests(task).task
     wanted = {result_path(folder, contestant.policy): contestant.policy for contestant in contestants}
     ranked = dict(wanted)
@@ -253,9 +265,14 @@ def _record_trajectories(each: Round, fresh: bool, over: Workers | None) -> list
                 else:
                     courses[place] = course
                 bar.update()
-    finally:  # what is finished is kept
-        episodes = [courses[place] for place in wanted if place in courses]
-        write_part(Trajectories(task=digest, episodes=episodes), path)
+    finally:  # what is finished is kept, also what another run has played and recorded in the meantime
+        with alone(each.folder.parent, wait=True):
+            board = read_board(each.folder, digest)
+            recorded = board.trajectories.episodes if board.trajectories else []
+            courses = {(episode.policy.name, episode.draw): episode for episode in recorded} | courses
+            wanted = [(standing.name, draw) for standing in board.standings for draw in task.draws[:RECORDED_DRAWS]]
+            episodes = [courses[place] for place in wanted if place in courses]
+            write_part(Trajectories(task=digest, episodes=episodes), path)
     return complaints
 
 

@@ -52,14 +52,17 @@ class Run:
         """The run that a folder holds.
 
         Raises:
-            ValueError: the folder holds no run.
+            ValueError: the folder holds no run, or one whose description cannot be read.
         """
         path = folder / "run.json"
         if not path.is_file():
             raise ValueError(f"{folder} holds no training run: there is no run.json")
-        values = json.loads(path.read_text("utf-8"))
-        values["scenario"] = Scenario.model_validate(values["scenario"])
-        return cls(**values, folder=folder)
+        try:
+            values = json.loads(path.read_text("utf-8"))
+            values["scenario"] = Scenario.model_validate(values["scenario"])
+            return cls(**values, folder=folder)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{path} describes no training run: {error}") from error
 
     @property
     def checkpoint(self) -> Path:

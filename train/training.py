@@ -17,6 +17,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
+from baselines.folders import alone
 from train.actor import Actor
 from train.learning_curve import LearningCurve
 from train.run import Run, warn_of_pickle
@@ -110,9 +111,16 @@ def save_checkpoint(model: Any, run: Run, algorithm: Algorithm) -> None:
 
 
 def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
-    """The model of the last checkpoint, ready to go on as if it had never stopped."""
+    """The model of the last checkpoint, ready to go on as if it had never stopped.
+
+    Raises:
+        ValueError: it has been damaged since it was written.
+    """
     warn_of_pickle(run.checkpoint)
-    model: Any = algorithm.model.load(run.checkpoint, device="cpu")
+    try:
+        model: Any = algorithm.model.load(run.checkpoint, device="cpu")
+    except Exception as error:  # there is nothing that garbled bytes cannot lead to
+        raise ValueError(f"{run.checkpoint} cannot be read: {error}; delete it to begin the training anew") from error
     beside = model.beside
     model.set_env(beside["lathes"], force_reset=False)
     for name, value in beside["attributes"].items():
@@ -130,24 +138,30 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
     return model
 
 
-def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000) -> Path:
+def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait: bool = False) -> Path:
     """Train, or resume, or find the work done; return the path of the finished agent.
 
     Args:
         run: what to train; its folder is made if need be.
         algorithm: how.
         checkpoint_every: environment steps between checkpoints.
+        wait: where another process trains in the run's folder, wait until it has done; without, that is an error.
 
     Raises:
-        ValueError: the folder holds a run of other settings, or the algorithm cannot learn on the scenario.
+        ValueError: the folder holds a run of other settings or what cannot be read, another process trains in it, or the
+            algorithm cannot learn on the scenario.
+        OSError: something cannot be written; what was written before stands.
     """
     if not algorithm.plays(run.scenario):
         raise ValueError(
             f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}, whose actions or aim it does not know"
         )
-    run.begin()
-    if run.policy.exists():
-        return run.policy
+    with alone(run.folder, wait):
+        run.begin()
+        return run.policy if run.policy.exists() else _train(run, algorithm, checkpoint_every)
+
+
+def _train(run: Run, algorithm: Algorithm, checkpoint_every: int) -> Path:
     torch.set_num_threads(1)
     resumed = run.checkpoint.exists()
     model = load_checkpoint(run, algorithm) if resumed else new_model(run, algorithm)

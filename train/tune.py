@@ -29,12 +29,15 @@ import optuna
 import tomli_w
 from optuna.exceptions import StorageInternalError
 from optuna.samplers import TPESampler
+from optuna.storages import BaseStorage
 from optuna.trial import FrozenTrial, TrialState
 from sqlalchemy.exc import SQLAlchemyError
 from tqdm import tqdm
 
+from baselines.folders import alone, holding
 from baselines.overload import severe_limit
 from baselines.play import play
+from baselines.tune.journal import cut_off_half_line
 from baselines.workers import cluster, processes
 from train.actor import ActorPolicy
 from train.run import Run, hyperparameters
@@ -108,9 +111,10 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Played | str:
     for seed in range(task.seeds):
         command = f"a trial of python -m train.tune --algorithm {task.algorithm}"
         run = Run.plan(task.algorithm, task.env_id, task.scenario, seed, runs, command, task.known | setting)
-        run.begin()
+        with alone(run.folder, wait=True):
+            run.begin()  # a folder of other settings is no matter of the setting
         try:
-            make = partial(ActorPolicy, algorithm.actor(train(run, algorithm)).eval())
+            make = partial(ActorPolicy, algorithm.actor(train(run, algorithm, wait=True)).eval())
             episodes.append(play(make, task.scenario, tuning_draws(DRAWS)))
         except ValueError as error:
             return str(error)
@@ -132,13 +136,22 @@ def search(task: Task, trials: int, side_by_side: int, scheduler: str | None = N
             folder, and not shared.
 
     Raises:
-        ValueError: every training came to nothing, the storage cannot be used, or there are no workers.
+        ValueError: every training came to nothing, the storage cannot be used, there are no workers, or another process works
+            on this search, which is not shared.
     """
+    if storage:
+        return _search(task, trials, side_by_side, scheduler, opened(storage), shared=True)
+    journal = task.folder / "journal.log"
+    with holding(task.folder / f".{task.name}.lock"):
+        cut_off_half_line(journal)
+        return _search(task, trials, side_by_side, scheduler, opened(str(journal)), shared=False)
+
+
+def _search(task: Task, trials: int, side_by_side: int, scheduler: str | None, kept: BaseStorage, shared: bool) -> FrozenTrial:
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    kept = opened(storage or str(task.folder / "journal.log"))
     study = optuna.create_study(storage=kept, study_name=task.name, direction="maximize", load_if_exists=True)
     distributions = dict(algorithm_of(task.algorithm).search)
-    if not storage:
+    if not shared:
         for unfinished in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
             study.tell(unfinished.number, state=TrialState.FAIL)  # killed; the sampler must not heed it
     if not study.get_trials(deepcopy=False, states=(*_ENDED, TrialState.WAITING, TrialState.RUNNING)):
@@ -154,7 +167,7 @@ def search(task: Task, trials: int, side_by_side: int, scheduler: str | None = N
                 while len(running) < min(side_by_side, trials - ended):
                     # A sampler per trial, as its random numbers must not depend on how often the search was interrupted.
                     # Those of searches that share their trials must differ.
-                    study.sampler = TPESampler(seed=None if storage else ended + len(running), n_startup_trials=5)
+                    study.sampler = TPESampler(seed=None if shared else ended + len(running), n_startup_trials=5)
                     running.append(study.ask(distributions))
                     over.start(running[-1], evaluate, task, running[-1].params)
                 trial, played = over.finished()

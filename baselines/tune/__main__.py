@@ -13,11 +13,14 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from baselines import tuned
 from baselines.catalogue import RULES, names, playable
+from baselines.folders import alone, holding
 from baselines.rule import Rule
 from baselines.tune import study
 from baselines.workers import workers
@@ -85,24 +88,34 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = chosen_rules(parsed.rules, scenario)
     if parsed.rules is not None:
         kept_rules(chosen, scenario, budget)  # refused before hours of playing, not after
-    with workers(parsed.jobs, parsed.scheduler) as over:
+    with workers(parsed.jobs, parsed.scheduler) as over, ExitStack() as held:
+        for name in chosen:
+            held.enter_context(holding(study.journal(name, scenario)))
         searches = [study.Search(name, rule, scenario, **budget) for name, rule in chosen.items()]
         study.run_all(searches, over)
-    found = {search.name: _told(search, budget) for search in searches}
-    # Read again, as another rule may have been tuned meanwhile.
-    rules = found | (kept_rules(chosen, scenario, budget) if parsed.rules is not None else {})
-    values = {
-        "command": f"python -m baselines.tune --scenario {parsed.scenario} --trials {parsed.trials} --draws {parsed.draws}",
-        "scenario_digest": scenario.digest(),
-        "budget": budget,
-        "rules": {name: rules[name] for name in RULES if name in rules},
-    }
-    target = tuned.path(scenario)
-    replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
-    for name in chosen:
-        study.journal(name, scenario).unlink(missing_ok=True)
+        target = _write(searches, chosen, parsed.scenario, scenario, budget, parsed.rules is not None)
+        for name in chosen:
+            study.journal(name, scenario).unlink(missing_ok=True)
     print(target)
     return 0
+
+
+def _write(
+    searches: Sequence[study.Search], chosen: dict[str, Rule], preset: str, scenario: Scenario, budget: Budget, some: bool
+) -> Path:
+    """Write what was found; where only some rules were tuned, beside what the file says of the others."""
+    found = {search.name: _told(search, budget) for search in searches}
+    with alone(tuned.FOLDER, wait=True):  # read again, as another rule may have been tuned meanwhile
+        rules = found | (kept_rules(chosen, scenario, budget) if some else {})
+        values = {
+            "command": f"python -m baselines.tune --scenario {preset} --trials {budget['trials']} --draws {budget['draws']}",
+            "scenario_digest": scenario.digest(),
+            "budget": budget,
+            "rules": {name: rules[name] for name in RULES if name in rules},
+        }
+        target = tuned.path(scenario)
+        replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
+    return target
 
 
 def _told(search: study.Search, budget: Budget) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from baselines.code import code_digest
 from baselines.overload import severe_limit, severe_share
 from baselines.play import play
 from baselines.rule import Parameters, Range, Rule
+from baselines.tune.journal import cut_off_half_line
 from baselines.workers import Workers
 from turning_env import Scenario
 from turning_env.draws import tuning_draws
@@ -213,15 +214,15 @@ def _task(scenario: Scenario, trials: int, draws: int) -> str:
 def _open(path: Path) -> JournalStorage:
     """What a file keeps; one that is damaged is started anew."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    cut_off_half_line(path)
     try:
-        # Optuna passes over a last line that is damaged, and is then at odds with what it writes after it.
-        lines = path.read_bytes().splitlines(keepends=True) if path.exists() else []
-        if not all(line.endswith(b"\n") and json.loads(line) for line in lines):
-            raise ValueError(f"{path} ends within a line")
+        lines = path.read_bytes().splitlines() if path.exists() else []
+        if not all(json.loads(line) for line in lines):
+            raise ValueError(f"{path} holds a line that says nothing")
         return _storage(path)
     except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError):
         print(f"{path} is damaged, so the search begins anew", file=sys.stderr)
-        path.unlink()
+        path.write_bytes(b"")  # and not removed: who works with it holds a lock on it
         return _storage(path)
 
 

@@ -144,7 +144,7 @@ def test_another_task_starts_anew(
     assert len(counted.settings) == 10 + trials
 
 
-@pytest.mark.parametrize("damage", ["cut off", "garbled", "", "{", "{}\n", "null\n", "[]\n", '{"op_code": 3}\n', "\xff\n"])
+@pytest.mark.parametrize("damage", ["garbled", "", "{}\n", "null\n", "[]\n", '{"op_code": 3}\n', "\xff\n"])
 def test_a_damaged_journal_is_started_anew(
     damage: str, scored: Callable[[Score], Counted], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -153,12 +153,26 @@ def test_a_damaged_journal_is_started_anew(
     path = study.journal("made_up", SHORT)
     text = path.read_text()
     lines = text.splitlines(keepends=True)
-    path.write_text(
-        {"cut off": text[:-5], "garbled": "".join([*lines[:9], "{garbled\n", *lines[9:]])}.get(damage, damage), "latin-1"
-    )
+    path.write_text({"garbled": "".join([*lines[:9], "{garbled\n", *lines[9:]])}.get(damage, damage), "latin-1")
     assert run(trials=12) == expected
     assert len(counted.settings) == 24
     assert ("is damaged" in capsys.readouterr().err) == (damage != "")
+
+
+@pytest.mark.parametrize("kept", [0.3, 0.7, 0.99])
+def test_of_a_journal_that_ends_within_a_line_all_that_is_whole_is_kept(
+    kept: float, scored: Callable[[Score], Counted], capsys: pytest.CaptureFixture[str]
+) -> None:
+    counted = scored(hill)
+    expected = run(trials=12)
+    path = study.journal("made_up", SHORT)
+    content = path.read_bytes()
+    cut = content[: int(kept * len(content))].rstrip(b"\n")[:-1]
+    path.write_bytes(cut)
+    assert run(trials=12) == expected
+    assert len(counted.settings) < 12 + 12 * (1.2 - kept)
+    assert "ended within a line, which is cut off" in capsys.readouterr().err
+    assert path.read_bytes().startswith(cut[: cut.rfind(b"\n") + 1])
 
 
 def test_a_failure_names_the_rule_and_the_setting(scored: Callable[[Score], Counted]) -> None:
