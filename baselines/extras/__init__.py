@@ -12,7 +12,7 @@ HOW = {
         ),
         BENCHMARK,
     ),
-    **dict.fromkeys(("dask", "distributed"), "pip install -e '.[distributed]' in a clone"),
+    **dict.fromkeys(("dask", "distributed", "psutil"), "pip install -e '.[distributed]' in a clone"),
     **dict.fromkeys(("PIL", "pygame"), 'pip install "rough-turning[render]"'),
     **dict.fromkeys(("h5py", "minari", "moviepy", "rl_zoo3", "torchrl"), 'pip install "rough-turning[ecosystem]"'),
 }

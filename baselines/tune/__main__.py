@@ -91,6 +91,7 @@ def main(arguments: list[str] | None = None) -> int:
     with workers(parsed.jobs, parsed.scheduler) as over, ExitStack() as held:
         for name in chosen:
             held.enter_context(holding(study.journal(name, scenario)))
+            study.journal(name, scenario).with_suffix(".log.lock").unlink(missing_ok=True)  # of who was killed while writing
         searches = [study.Search(name, rule, scenario, **budget) for name, rule in chosen.items()]
         study.run_all(searches, over)
         target = _write(searches, chosen, parsed.scenario, scenario, budget, parsed.rules is not None)

@@ -9,6 +9,7 @@ that have failed for good; and it puts larger arguments into the memory of a wor
 """
 
 import math
+import os
 import socket
 import threading
 import time
@@ -120,8 +121,7 @@ class _Processes(Workers):
     def _pool(self) -> Executor:
         from joblib.externals.loky import ProcessPoolExecutor  # type: ignore[import-untyped]
 
-        # An interruption is for the process that waits to handle.
-        pool: Executor = ProcessPoolExecutor(self._count, initializer=signal, initargs=(SIGINT, SIG_IGN))
+        pool: Executor = ProcessPoolExecutor(self._count, initializer=_begin, initargs=(os.getpid(),))
         return pool
 
     def _lost(self, future: "Future[Any]") -> bool:
@@ -166,6 +166,19 @@ class _Cluster(Workers):
         if not future.cancelled() and isinstance(error := future.exception(), KilledWorker):
             raise WorkersError(f"several workers of {self._address} ended over the same piece of work; {_AGAIN}") from error
         return False
+
+
+def _begin(parent: int) -> None:
+    """The first that a process does."""
+    signal(SIGINT, SIG_IGN)  # an interruption is for the process that waits to handle
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    """End this process soon after its parent, which cannot do so itself if it is killed; else it would wait for ever for work."""
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
 
 
 @contextmanager

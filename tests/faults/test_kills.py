@@ -1,0 +1,119 @@
+"""Programs killed by SIGKILL at any moment: the short form of ``make soak``."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from benchmarks.soak import __main__ as soak
+from benchmarks.soak import kills
+from benchmarks.soak.contents import contents, unreadable
+from benchmarks.soak.kills import Toll
+from benchmarks.soak.victims import VICTIMS, Victim
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("name", ["training", "tuning of rules", "leaderboard"])
+def test_a_killed_program_goes_on_to_what_it_makes_undisturbed(name: str, tmp_path: Path) -> None:
+    (victim,) = (each for each in VICTIMS if each.name == name)
+    toll = kills.soak(victim, 1, tmp_path, Random(4))
+    assert toll.kills == 1
+    assert toll.survived, toll
+    assert contents(tmp_path / "undisturbed")
+
+
+def careless(folder: Path) -> int:
+    """Writes a file bit by bit, and adds to what it finds of it."""
+    with (folder / "result.json").open("a") as file:
+        print("{", file=file, flush=True)
+        time.sleep(0.5)
+        print("}", file=file, flush=True)
+    return 0
+
+
+def test_a_careless_program_is_found_out(tmp_path: Path) -> None:
+    toll = kills.soak(Victim("careless", careless), 1, tmp_path, Random(4))
+    assert (toll.torn, toll.differing) == (1, 1)
+    assert not toll.survived
+
+
+def failing(folder: Path) -> int:
+    """Fails by itself."""
+    print("I cannot")
+    return 3
+
+
+def test_one_that_fails_by_itself_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(soak, "VICTIMS", (Victim("failing", failing),))
+    assert soak.main(["--only", "kills", "--kills", "1"]) == 2
+    assert capsys.readouterr().err == "error: it ended with status 3: I cannot\n"
+    with pytest.raises(SystemExit):
+        soak.main(["--kills", "0"])
+
+
+@pytest.mark.parametrize("toll", [Toll("", 1, 1, torn=1), Toll("", 1, 1, differing=1), Toll("", 1, 1, orphans=1), Toll("", 1)])
+def test_any_loss_counts(toll: Toll) -> None:
+    assert not toll.survived
+    assert Toll("", 1, 1).survived
+
+
+def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
+    for name in ("a.json", "a.json.xz", "a.zip", "a.csv", "index.html", "journal.log"):
+        (tmp_path / name).write_bytes(b"")
+        (tmp_path / f"half-{name}").write_bytes(b"intervals\n{")
+    assert len(unreadable(tmp_path)) == 12
+    (tmp_path / "tensorboard").mkdir()
+    for name in (".hidden.json", "tensorboard/a.json"):
+        (tmp_path / name).write_bytes(b"")
+    assert len(unreadable(tmp_path)) == 12
+
+
+PARENT = """
+import sys, time
+from pathlib import Path
+from baselines.workers import processes
+from tests.faults.test_kills import wait
+with processes(1) as over:
+    over.start("long", wait, Path(sys.argv[1]))
+    over.finished()
+"""
+
+
+def wait(mark: Path) -> None:
+    """Says which process it is, and then nothing for long."""
+    mark.write_text(str(os.getpid()))
+    time.sleep(600.0)
+
+
+def test_processes_end_though_who_started_them_is_killed(tmp_path: Path) -> None:
+    mark = tmp_path / "process"
+    with subprocess.Popen([sys.executable, "-c", PARENT, str(mark)], cwd=ROOT, stderr=subprocess.DEVNULL) as parent:
+        _until(lambda: mark.exists() and mark.read_text() != "")
+        parent.kill()
+    number = int(mark.read_text())
+    _until(lambda: _has_ended(number))
+
+
+def _has_ended(number: int) -> bool:
+    try:
+        os.kill(number, 0)
+    except ProcessLookupError:
+        return True
+    # Where nobody takes its status, an ended process stays as a zombie.
+    status = Path(f"/proc/{number}/stat")
+    return status.exists() and status.read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+def _until(holds: Callable[[], bool], most: float = 60.0) -> None:
+    start = time.monotonic()
+    while not holds():
+        assert time.monotonic() - start < most
+        time.sleep(0.05)
