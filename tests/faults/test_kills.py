@@ -31,15 +31,16 @@ def test_a_killed_program_goes_on_to_what_it_makes_undisturbed(name: str, tmp_pa
 def careless(folder: Path) -> int:
     """Writes a file bit by bit, and adds to what it finds of it."""
     with (folder / "result.json").open("a") as file:
-        print("{", file=file, flush=True)
+        print("[", file=file, flush=True)
         time.sleep(0.5)
-        print("}", file=file, flush=True)
+        print("]", file=file, flush=True)
     return 0
 
 
 def test_a_careless_program_is_found_out(tmp_path: Path) -> None:
     toll = kills.soak(Victim("careless", careless), 1, tmp_path, Random(4))
-    assert (toll.torn, toll.differing) == (1, 1)
+    assert toll.torn
+    assert toll.differing
     assert not toll.survived
 
 

@@ -1,5 +1,6 @@
 """The window of human rendering, opened with pygame when there is something to show."""
 
+import os
 from typing import Any
 
 import pygame
@@ -41,6 +42,10 @@ class Window:
     def _open(self, title: str) -> None:
         try:
             pygame.display.init()
+            # Where it finds no display, SDL draws to where nobody sees it, unless it was told to.
+            if pygame.display.get_driver() == "offscreen" and not {"SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER"} & os.environ.keys():
+                pygame.display.quit()
+                raise pygame.error("there is no display")
             self._screen = pygame.display.set_mode((WIDTH, HEIGHT))
         except pygame.error as error:
             raise Error(

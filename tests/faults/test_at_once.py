@@ -1,0 +1,160 @@
+"""Two programs in one folder at once."""
+
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from baselines import tuned
+from baselines.folders import FolderTaken, alone, holding, together
+from baselines.tune import __main__ as rule_tuning
+from baselines.tune import study
+from leaderboard import run
+from leaderboard.contestants import Contestant
+from leaderboard.results import Task, read_part, result_folder
+from leaderboard.trajectories import RECORDED_DRAWS, Trajectories
+from tests.leaderboard.conftest import ENV_ID, Steady, contestant
+from tests.train.small import ALGORITHMS, SCENARIO, small_run
+from train import tune
+from train.run import Run
+from train.training import train
+from turning_env import Scenario
+
+ROOT = Path(__file__).parents[2]
+HOLD = """
+import sys
+from pathlib import Path
+from baselines import folders
+with getattr(folders, sys.argv[1])(Path(sys.argv[2])):
+    print("held", flush=True)
+    sys.stdin.readline()
+"""
+
+
+@contextmanager
+def held(how: str, path: Path) -> Iterator["subprocess.Popen[str]"]:
+    """Another process, which holds a folder or a file until it is killed or its input ends."""
+    command = [sys.executable, "-c", HOLD, how, str(path)]
+    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        try:
+            yield other
+        finally:
+            other.kill()
+
+
+def test_a_folder_is_held_until_the_process_ends_however_it_ends(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "folder"
+    with held("alone", folder) as other:
+        (folder / ".partial-7-file.txt").touch()
+        with pytest.raises(FolderTaken, match=f"another process works in {folder}"), alone(folder):
+            pass
+        assert list(folder.iterdir())  # what another may be filling is let be
+        other.kill()
+        other.wait()
+        with alone(folder):
+            assert not list(folder.iterdir())
+
+
+def test_several_share_a_folder_and_the_first_clears_it(tmp_path: Path) -> None:
+    (tmp_path / ".partial-7-file.txt").touch()
+    with held("together", tmp_path) as other:
+        assert not list(tmp_path.iterdir())
+        (tmp_path / ".partial-8-file.txt").touch()
+        with together(tmp_path):
+            assert list(tmp_path.iterdir())
+        with pytest.raises(FolderTaken), alone(tmp_path):
+            pass
+        entered = threading.Event()
+
+        def wait() -> None:
+            with alone(tmp_path, wait=True):
+                entered.set()
+
+        thread = threading.Thread(target=wait)
+        thread.start()
+        assert not entered.wait(0.2)
+        other.kill()
+        assert entered.wait(60.0)
+        thread.join()
+
+
+def test_a_training_is_not_trained_twice_at_once(tmp_path: Path) -> None:
+    algorithm = ALGORITHMS["ppo"]
+    run = small_run(algorithm, tmp_path, intervals=512)
+    with held("alone", run.folder) as other:
+        with pytest.raises(ValueError, match=f"another process works in {run.folder}: wait until it has done"):
+            train(run, algorithm)
+        assert not list(run.folder.iterdir())
+        threading.Timer(0.2, other.kill).start()
+        assert train(run, algorithm, wait=True) == run.policy
+
+
+def test_a_damaged_run_says_which_file(tmp_path: Path) -> None:
+    algorithm = ALGORITHMS["ppo"]
+    run = small_run(algorithm, tmp_path)
+    run.begin()
+    run.checkpoint.write_bytes(b"no archive")
+    with pytest.raises(ValueError, match=rf"{run.checkpoint} cannot be read: .*; delete it to begin the training anew"):
+        train(run, algorithm)
+    (run.folder / "run.json").write_text("{}")
+    with pytest.raises(ValueError, match=rf"{run.folder / 'run.json'} describes no training run"):
+        Run.read(run.folder)
+
+
+def test_a_search_of_rules_is_not_made_twice_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(tuned, "FOLDER", tmp_path / "tuned")
+    SCENARIO.save(tmp_path / "short.toml")
+    arguments = ["--scenario", str(tmp_path / "short.toml"), "--trials", "1", "--draws", "2", "--rules"]
+    with held("holding", study.journal("fixed_tuned", SCENARIO)):
+        assert rule_tuning.main([*arguments, "fixed_tuned"]) == 2
+        assert "error: another process works with" in capsys.readouterr().err
+        assert rule_tuning.main([*arguments, "rescaled_grid_search"]) == 0  # another rule, into the same file
+    assert rule_tuning.main([*arguments, "fixed_tuned"]) == 0
+    assert tuned.parameters(SCENARIO).keys() == {"fixed_tuned", "rescaled_grid_search"}
+
+
+def test_a_search_of_hyperparameters_is_not_made_twice_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    task = tune.Task("ppo", "RoughTurning-v0", Scenario.load("rough_turning"), 1, 1, tmp_path)
+    with holding(task.folder / f".{task.name}.lock"):
+        assert tune.main(["--algorithm", "ppo", "--intervals", "1", "--trials", "1", "--runs", str(tmp_path)]) == 2
+    assert "error: another process works with" in capsys.readouterr().err
+    assert not list(tmp_path.rglob("run.json"))
+
+
+def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path) -> None:
+    scenario = Scenario.model_validate({"control": {"time_limit": 0.2}})
+    task = Task(env_id=ENV_ID, scenario=scenario, draws=[7, 8, 9, 10])
+
+    def play(folder: Path, players: Sequence[Contestant]) -> None:
+        run.play_all([run.Round(task, players, folder)], fresh=False)
+
+    here = result_folder(tmp_path / "two", ENV_ID, scenario.name)
+    second = contestant("second", (0.0, 0.2))
+    third = contestant("third", (0.1, 0.2))
+    recording = 0
+
+    def make(lanes: int) -> Steady:
+        nonlocal recording
+        recording += lanes == 1
+        if recording == 1:  # while the first run records what its policy does
+            recording += 1
+            play(here, [second, third])
+        return contestant("first").make(lanes)  # type: ignore[return-value]
+
+    play(here, [Contestant(contestant("first").policy, make), third])
+    expected = result_folder(tmp_path / "one", ENV_ID, scenario.name)
+    play(expected, [contestant("first"), second, third])
+    assert recording > 1
+    names = [path.name for path in sorted(expected.iterdir())]
+    assert names == ["first.json.xz", "second.json.xz", "third.json.xz", "trajectories.json.xz"]
+    for name in names:
+        assert (here / name).read_bytes() == (expected / name).read_bytes()
+    assert len(read_part(Trajectories, here / "trajectories.json.xz").episodes) == 3 * RECORDED_DRAWS

@@ -1,0 +1,176 @@
+"""A disk that is full, and folders that must not be written: a message, and what was there before stays as it was."""
+
+import json
+import os
+import resource
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from baselines import tuned
+from baselines.tune import __main__ as rule_tuning
+from benchmarks.soak.contents import files, unreadable
+from leaderboard import __main__ as board
+from leaderboard import watch
+from tests.train.small import ALGORITHMS, SCENARIO, small_run
+from train import ppo, tune
+from train.training import train
+
+Main = Callable[[Sequence[str]], int]
+NOBODY = 65534
+
+
+@contextmanager
+def full_disk(most: int) -> Iterator[None]:
+    """No file can grow beyond so many bytes."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+@pytest.fixture
+def read_only() -> Iterator[Callable[[], Path]]:
+    """Gives a folder in which this process can from then on read but not write."""
+    with tempfile.TemporaryDirectory() as name:
+
+        def forbid() -> Path:
+            Path(name).chmod(0o555)
+            if os.geteuid() == 0:  # may write everywhere
+                os.seteuid(NOBODY)
+            return Path(name)
+
+        try:
+            yield forbid
+        finally:
+            if os.getuid() == 0:
+                os.seteuid(0)
+
+
+@pytest.fixture(scope="module")
+def results() -> Iterator[Path]:
+    """Two rules have been played."""
+    with tempfile.TemporaryDirectory() as name:
+        Path(name).chmod(0o755)
+        main, arguments, _ = commands(Path(name), Path())["leaderboard run"]
+        assert main(arguments) == 0
+        yield Path(name) / "results"
+
+
+def commands(folder: Path, scenario: Path, results: Path = Path()) -> dict[str, tuple[Main, list[str], int]]:
+    """Programs that write, with their arguments and the status that says that they could not."""
+    env = ["--env", "RoughTurning-Override-v0"]
+    rules = ["--policies", "programmed_feed", "tmac", *env]
+    return {
+        "train.ppo": (ppo.main, ["--intervals", "1", "--runs", str(folder / "runs")], 2),
+        "train.tune": (tune.main, ["--algorithm", "ppo", "--trials", "1", "--runs", str(folder / "runs")], 2),
+        "baselines.tune": (
+            rule_tuning.main,
+            ["--scenario", str(scenario), "--rules", "fixed_tuned", "--trials", "1", "--draws", "2"],
+            2,
+        ),
+        "leaderboard run": (board.main, ["run", *rules, "--draws", "1", "--results", str(folder / "results")], 1),
+        "leaderboard page": (board.main, ["page", "--results", str(results), "--out", str(folder / "p.html")], 1),
+        "leaderboard figure": (board.main, ["figure", *env, "--results", str(results), "--out", str(folder / "f.png")], 1),
+        "leaderboard.watch": (
+            watch.main,
+            ["--policy", "programmed_feed", *env, "--intervals", "1", "--out", str(folder / "w.gif")],
+            2,
+        ),
+    }
+
+
+@pytest.mark.parametrize("name", commands(Path(), Path()))
+def test_a_folder_that_must_not_be_written_is_an_error(
+    name: str,
+    results: Path,
+    read_only: Callable[[], Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    scenario_file: Path,
+) -> None:
+    if name in ("leaderboard page", "leaderboard figure", "leaderboard.watch"):  # where it may be written, it is
+        main, arguments, _ = commands(tmp_path, scenario_file, results)[name]
+        assert main(arguments) == 0
+    folder = read_only()
+    if name == "baselines.tune":
+        monkeypatch.setattr(tuned, "FOLDER", folder / "tuned")
+    main, arguments, status = commands(folder, scenario_file, results)[name]
+    assert main(arguments) == status
+    said = capsys.readouterr().err
+    assert "Permission denied" in said
+    assert str(folder) in said
+    assert "written" in said
+    assert list(folder.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def scenario_file() -> Iterator[Path]:
+    with tempfile.NamedTemporaryFile("w", suffix=".toml") as file:
+        file.write(SCENARIO.to_toml())
+        file.flush()
+        Path(file.name).chmod(0o444)
+        yield Path(file.name)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # the file that its library leaves open
+def test_a_training_that_finds_the_disk_full_goes_on_later(tmp_path: Path) -> None:
+    algorithm = ALGORITHMS["ppo"]
+    undisturbed, run = (small_run(algorithm, tmp_path / name) for name in ("undisturbed", "full"))
+    train(undisturbed, algorithm)
+    with full_disk(20_000), pytest.raises(OSError, match=r"File too large|No space left"):
+        train(run, algorithm, checkpoint_every=512)  # its first checkpoint is larger
+    assert (run.folder / "run.json").exists()
+    assert not run.checkpoint.exists()
+    assert not list(run.folder.glob(".partial-*"))
+    assert unreadable(run.folder) == []
+    train(run, algorithm)
+    assert [path.name for path in files(run.folder)] == [path.name for path in files(undisturbed.folder)]
+
+
+def test_the_training_s_command_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with full_disk(200):
+        assert ppo.main(["--intervals", "1", "--runs", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "error: " in said
+    assert "File too large; what was kept before stands, and the same command goes on from there" in said
+    assert not [path for path in tmp_path.rglob("*") if path.is_file() and "tensorboard" not in path.parts]
+
+
+def test_a_search_of_rules_that_finds_the_disk_full_keeps_its_trials(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scenario_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(tuned, "FOLDER", tmp_path / "undisturbed")
+    main, arguments, _ = commands(tmp_path, scenario_file)["baselines.tune"]
+    arguments[arguments.index("--trials") + 1] = "8"
+    assert main(arguments) == 0
+    (expected,) = files(tmp_path / "undisturbed")
+    monkeypatch.setattr(tuned, "FOLDER", tmp_path / "full")
+    with full_disk(4000):  # the journal does not fit, and ends within a line
+        assert main(arguments) == 2
+    assert "error: " in capsys.readouterr().err
+    (journal,) = (path for path in (tmp_path / "full").iterdir())
+    assert journal.stat().st_size == 4000
+    assert main(arguments) == 0
+    assert "is cut off" in capsys.readouterr().err
+    (found,) = files(tmp_path / "full")
+    assert json.loads(found.read_text()) == json.loads(expected.read_text())
+
+
+def test_a_leaderboard_that_finds_the_disk_full_keeps_what_is_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main, arguments, status = commands(tmp_path, tmp_path)["leaderboard run"]
+    with full_disk(3000):  # of which the trajectories are more
+        assert main(arguments) == status
+    assert "trajectories.json.xz cannot be written: File too large" in capsys.readouterr().err
+    assert [path.name for path in files(tmp_path)] == (played := ["programmed_feed.json.xz", "tmac.json.xz"])
+    assert unreadable(tmp_path) == []
+    before = next(files(tmp_path)).stat().st_mtime_ns
+    assert main(arguments) == 0
+    assert [path.name for path in files(tmp_path)] == [*played, "trajectories.json.xz", "index.html"]
+    assert next(files(tmp_path)).stat().st_mtime_ns == before

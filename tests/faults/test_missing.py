@@ -1,0 +1,82 @@
+"""Optional packages that are not installed: one line that says what to do, or no matter at all."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from baselines.extras import HOW, missing
+
+ROOT = Path(__file__).parents[2]
+WITHOUT = """
+import importlib.abc, os, sys
+
+class Without(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == os.environ["WITHOUT"]:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Without())
+"""
+
+
+@pytest.fixture
+def without(tmp_path: Path) -> Path:
+    """A folder that hides the package that WITHOUT names from who has it on its path."""
+    (tmp_path / "sitecustomize.py").write_text(WITHOUT)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("package", "command"),
+    [
+        ("torch", "train.ppo --intervals 1"),
+        ("optuna", "baselines.tune --trials 1"),
+        ("matplotlib", "leaderboard figure --results leaderboard/rows --env RoughTurning-Batch-v0"),
+        ("matplotlib", "baselines.figures"),
+        ("onnxruntime", "leaderboard gallery --agents agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx"),
+        ("PIL", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --intervals 1 --out FILE.gif"),
+        ("moviepy", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --intervals 1 --out FILE.mp4"),
+        ("pygame", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --intervals 1 --human"),
+    ],
+)
+def test_what_is_missing_is_said_in_one_line(package: str, command: str, without: Path) -> None:
+    words = command.replace("FILE", str(without / "film")).split()
+    variables = os.environ | {"WITHOUT": package, "PYTHONPATH": os.pathsep.join((str(ROOT), str(without)))}
+    finished = subprocess.run([sys.executable, "-m", *words], cwd=ROOT, env=variables, capture_output=True, text=True)
+    assert finished.returncode == 2, finished.stderr
+    (line,) = finished.stderr.splitlines()
+    assert line.startswith("error: ")
+    assert f"{package} is not installed" in line
+    assert "pip install" in line
+
+
+def test_without_torch_rules_are_played(without: Path) -> None:
+    words = [
+        "leaderboard",
+        "run",
+        "--env",
+        "RoughTurning-Override-v0",
+        "--draws",
+        "1",
+        "--policies",
+        "programmed_feed",
+        "--results",
+    ]
+    variables = os.environ | {"WITHOUT": "torch", "PYTHONPATH": os.pathsep.join((str(ROOT), str(without)))}
+    command = [sys.executable, "-m", *words, "--results", str(without / "results")]
+    assert subprocess.run(command, cwd=ROOT, env=variables, capture_output=True).returncode == 0
+    assert (without / "results" / "index.html").exists()
+
+
+def test_other_failures_are_not_hidden() -> None:
+    assert missing(ModuleNotFoundError("no", name="torch.nn")) == f"torch is not installed: {HOW['torch']}"
+    assert missing(ModuleNotFoundError("no", name="turning_env.nothing")) is None
+    assert missing(ImportError("no", name="torch")) is None
+    assert missing(ValueError("no")) is None
+    finished = subprocess.run(
+        [sys.executable, "-c", "import train, sys; print(sys.excepthook is sys.__excepthook__)"], cwd=ROOT, capture_output=True
+    )
+    assert finished.stdout == b"True\n"  # a program that imports the packages keeps its own
