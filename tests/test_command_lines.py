@@ -76,6 +76,8 @@ MISTAKES: dict[str, list[str]] = {
     "benchmarks.growth": ["made.txt", "made.png --most 0"],
     "benchmarks.overload_price": ["--draws 0", "--draws x"],
     "benchmarks.peers": ["--repeats 0", "--seconds x"],
+    "benchmarks.audit": ["--constraints nothing"],
+    "benchmarks.soak": ["--kills 0", "--only nothing", "--intervals 1"],
     "benchmarks.throughput": ["--repeats 0", "--lanes x"],
     "benchmarks.time_to_beat": ["--rule nobody", "--seeds 0"],
     "benchmarks.training": ["--repeats 0", "--lanes x"],

@@ -1,5 +1,6 @@
 """What is published: the environment alone, with its presets."""
 
+import os
 import subprocess
 import sys
 import zipfile
@@ -16,3 +17,21 @@ def test_the_wheel_holds_the_environment_and_nothing_else(tmp_path: Path) -> Non
     packaged = {name for name in names if name.startswith("turning_env/")}
     sources = {str(path.relative_to(ROOT)) for end in ("py", "toml") for path in (ROOT / "turning_env").rglob(f"*.{end}")}
     assert packaged == sources
+
+
+def test_the_wheel_alone_is_the_environment(tmp_path: Path) -> None:
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path]
+    subprocess.run(build, cwd=ROOT, check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    installed, empty = tmp_path / "installed", tmp_path / "empty"
+    zipfile.ZipFile(wheel).extractall(installed)  # as an installer does with a wheel that has no scripts
+    empty.mkdir()
+    code = (
+        "import gymnasium, turning_env; env = gymnasium.make('turning_env:RoughTurning-v0'); env.reset(seed=0); "
+        "env.step(env.action_space.sample()); print(turning_env.__file__)"
+    )
+    # Interpreted: here it matters that it runs, and compiling would take half a minute.
+    variables = os.environ | {"PYTHONPATH": str(installed), "NUMBA_DISABLE_JIT": "1"}
+    finished = subprocess.run([sys.executable, "-c", code], cwd=empty, env=variables, capture_output=True, text=True)
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.strip() == str(installed / "turning_env" / "__init__.py")

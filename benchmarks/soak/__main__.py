@@ -1,12 +1,12 @@
 """Kills programs and runs lathes for months: ``python -m benchmarks.soak``, about an hour.
 
-    python -m benchmarks.soak
-    python -m benchmarks.soak --only lathes --intervals 1000000
-    python -m benchmarks.soak --only kills --kills 2
-
 Each program is killed so many times, each time at a random moment, and started again; what it makes in the end must be what it
 makes undisturbed, and after each kill every file must be whole. Lanes are stepped and environments are reset: memory must not
 grow, and lanes must stay what their single lathes are, bit for bit. The exit status is 1 if any of this does not hold.
+
+    python -m benchmarks.soak
+    python -m benchmarks.soak --only lathes --intervals 1000000
+    python -m benchmarks.soak --only kills --kills 2
 """
 
 import argparse
@@ -19,21 +19,17 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.soak import kills, lathes
 from benchmarks.soak.victims import VICTIMS, Victim, leaderboard_on
+from turning_env.console import described, exits
 
 MOST_GROWTH = 8_000_000
 """Of memory [bytes], from the first tenth of the work on, that counts as none."""
 PARTS = ("kills", "lathes")
 
 
+@exits(RuntimeError, interrupted="interrupted: a soak begins anew", checks=True)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Soak, print and judge; returns the exit status."""
-    summary, _, details = (__doc__ or "").partition("\n")
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.soak",
-        description=summary,
-        epilog=details,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.soak", **described(__doc__))
     parser.add_argument("--only", choices=PARTS, help="this part alone")
     parser.add_argument("--kills", type=int, default=20, metavar="N", help="of each program (default: %(default)s)")
     parser.add_argument("--intervals", type=int, default=100_000_000, metavar="N", help="in lanes (default: %(default)s)")
@@ -44,17 +40,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if getattr(parsed, name) < least:
             parser.error(f"--{name} is {getattr(parsed, name)}, but must be at least {least}")
     held = True
-    try:
-        if parsed.only != "lathes":
-            held &= _kill_all(parsed.kills, Random(parsed.seed))
-        if parsed.only != "kills":
-            held &= _run_lathes(parsed.intervals, parsed.resets)
-    except RuntimeError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted: a soak begins anew", file=sys.stderr)
-        return 130
+    if parsed.only != "lathes":
+        held &= _kill_all(parsed.kills, Random(parsed.seed))
+    if parsed.only != "kills":
+        held &= _run_lathes(parsed.intervals, parsed.resets)
     return 0 if held else 1
 
 
