@@ -9,6 +9,7 @@ policy = agent.make(1)
 
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from train import agent_file, onnx_guard
@@ -18,6 +19,8 @@ from train.trained_agent import TrainedAgent
 
 _examined = lru_cache(64)(onnx_guard.examined)
 """One file plays many scenarios."""
+_NEEDED = ("onnx", "onnxruntime")
+"""By the process that looks at a file and plays it."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,11 @@ def load(path: Path, limits: Limits = onnx_guard.LIMITS) -> TrainedAgent:
     Raises:
         ValueError: it is not an agent's file, or one that is not trusted; says why.
         OSError: it cannot be read.
+        ModuleNotFoundError: what runs such files is not installed.
     """
+    for name in _NEEDED:
+        if find_spec(name) is None:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
     content = agent_file.read_content(path)
     try:
         file = _examined(content, limits)
