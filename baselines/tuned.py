@@ -22,11 +22,24 @@ def path(scenario: Scenario) -> Path:
 
 
 def contents(scenario: Scenario) -> dict[str, Any]:
-    """All that the scenario's file says; nothing where there is no file."""
+    """All that the scenario's file says; nothing where there is no file.
+
+    Raises:
+        NotTuned: the file cannot be understood.
+    """
     try:
-        values: dict[str, Any] = json.loads(path(scenario).read_text("utf-8"))
+        return _read(path(scenario))
     except FileNotFoundError:
         return {}
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        values: dict[str, Any] = json.loads(file.read_text("utf-8"))
+        for rule in values["rules"].values():
+            dict(rule["parameters"])
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise NotTuned(f"{file} holds no tuned parameters ({error!r}): delete it and run `{_COMMAND}`") from error
     return values
 
 
@@ -37,7 +50,7 @@ def parameters(scenario: Scenario) -> dict[str, Parameters]:
         NotTuned: there are none for this scenario; says which command makes them.
     """
     own = contents(scenario)
-    others = (json.loads(file.read_text("utf-8")) for file in sorted(FOLDER.glob("*.json")))
+    others = map(_read, sorted(FOLDER.glob("*.json")))
     for values in chain([own], others):
         if values.get("scenario_digest") == scenario.digest():
             return {name: rule["parameters"] for name, rule in values["rules"].items()}

@@ -81,9 +81,12 @@ class _SharedCache(FunctionCache):
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the machine code of a signature."""
-        with self._alone():
-            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+        """Keep the machine code of a signature, if the disk has room for it."""
+        try:
+            with self._alone():
+                super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+        except OSError as error:
+            _LOG.warning("compiled code cannot be kept in %s (%s)", self.cache_path, error.strerror)
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
@@ -118,9 +121,18 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
     """
     entry = numba.njit(error_model="numpy", nogil=True)(function)
     if hasattr(entry, "_cache"):  # not where nothing is compiled
-        entry._cache = _SharedCache(entry.py_func)  # type: ignore[no-untyped-call]
+        try:
+            entry._cache = _SharedCache(entry.py_func)  # type: ignore[no-untyped-call]
+        except RuntimeError:  # neither the package's folder nor the user's can be written, as in some containers
+            _tell_of_no_cache()
     _ANNOUNCER.entries.add(entry)
     return entry
+
+
+@cache
+def _tell_of_no_cache() -> None:
+    """Once: there is more than one entry."""
+    _LOG.warning("no folder for machine code can be written: every process compiles anew; NUMBA_CACHE_DIR names one")
 
 
 def handed_over(records: Any) -> Any:

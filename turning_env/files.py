@@ -10,7 +10,8 @@ def replace_file(target: Path, write: Callable[[Path], object]) -> None:
     """Have ``write`` fill a hidden file beside ``target``, then put it in the target's place; the folder is made.
 
     The hidden file keeps the target's suffix, as some writers choose the format by it or add one that is missing. It is
-    removed if anything fails, and the target is then as it was.
+    removed if anything fails, and the target is then as it was. What it holds is on the disk before it takes the target's
+    place, so that a loss of power leaves the one or the other.
 
     Raises:
         OSError: the folder or the file cannot be written; also whatever ``write`` raises.
@@ -20,6 +21,8 @@ def replace_file(target: Path, write: Callable[[Path], object]) -> None:
     partial = target.with_name(f".partial-{os.getpid()}-{target.name}")
     try:
         write(partial)
+        with partial.open("rb+") as file:
+            os.fsync(file.fileno())
         partial.replace(target)
     finally:
         partial.unlink(missing_ok=True)

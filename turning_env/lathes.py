@@ -188,6 +188,16 @@ class Lathes:
         self._blocks["seed"][block, i] = seeds
         self._blocks["episode"][block, i] = 0
 
+    def state(self, lane: int, field: str) -> Any:
+        """A field of a lane's record (``records.LANES``), for who draws it."""
+        block, i = divmod(lane, WIDTH)
+        return self._blocks[field][block, i]
+
+    def action(self, lane: int) -> NDArray[np.float64]:
+        """The last action of a lane, shape (action_size,)."""
+        action: NDArray[np.float64] = self._actions[lane]
+        return action
+
     def start(self, chosen: NDArray[np.bool_]) -> None:
         """Start the keyed episode in every chosen lane."""
         _start_lanes(*self._desk.records, chosen, self.answers.observations, self.answers.padded_table)

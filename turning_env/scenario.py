@@ -76,8 +76,9 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _laws_make_sense(self) -> Self:
-        for complaint in complaints(self.material, self.tool, self.machine, self.workpiece, self.control, self.lot):
-            raise ValueError(complaint)
+        wrong = list(complaints(self.material, self.tool, self.machine, self.workpiece, self.control, self.lot))
+        if wrong:
+            raise ValueError("; ".join(wrong))
         return self
 
     @model_validator(mode="after")

@@ -154,7 +154,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         given, seeds = np.ones(count, np.bool_), np.zeros(count, np.uint64)
         if seed is None:
             given[:] = False
-        elif isinstance(seed, Sequence | np.ndarray):
+        elif isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim > 0):
             if len(seed) != count:
                 raise ValueError(f"there are {len(seed)} seeds, but must be one for each of {count} lanes")
             for lane, number in enumerate(seed):

@@ -54,7 +54,7 @@ def test_what_is_missing_is_said_in_one_line(package: str, command: str, without
 
 
 def test_without_torch_rules_are_played(without: Path) -> None:
-    words = "leaderboard run --env RoughTurning-Override-v0 --draws 1 --policies programmed_feed".split()
+    words = ["leaderboard", "run", "--env", "RoughTurning-Override-v0", "--draws", "1", "--policies", "programmed_feed"]
     variables = os.environ | {"WITHOUT": "torch", "PYTHONPATH": os.pathsep.join((str(ROOT), str(without)))}
     command = [sys.executable, "-m", *words, "--results", str(without / "results")]
     assert subprocess.run(command, cwd=ROOT, env=variables, capture_output=True).returncode == 0

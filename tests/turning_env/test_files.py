@@ -48,6 +48,13 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, error
     assert list(tmp_path.iterdir()) == [target]
 
 
+def test_what_replaces_the_target_is_on_the_disk(tmp_path, monkeypatch):
+    synced: list[str] = []
+    monkeypatch.setattr("turning_env.files.os.fsync", lambda number: synced.append(os.readlink(f"/proc/self/fd/{number}")))
+    replace_file(tmp_path / "file.txt", lambda path: path.write_text("text"))
+    assert synced == [str(tmp_path / f".partial-{os.getpid()}-file.txt")]
+
+
 def test_a_rename_that_fails_leaves_nothing(tmp_path):
     (tmp_path / "taken" / "inside").mkdir(parents=True)
     with pytest.raises(OSError, match="taken"):

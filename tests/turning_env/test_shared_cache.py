@@ -52,8 +52,8 @@ for seed in range(20):
 """
 
 
-def run(folder: Path, first: int) -> "subprocess.Popen[str]":
-    variables = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
+def run(folder: Path, first: int, **more: str) -> "subprocess.Popen[str]":
+    variables = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])} | more
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM, str(first)],
         cwd=folder,
@@ -75,6 +75,27 @@ def test_processes_that_compile_at_the_same_time_keep_all_that_they_made(tmp_pat
     for process in [run(tmp_path, first) for first in (0, 2, 4)]:
         finished(process)
     assert len(list((tmp_path / "__pycache__").glob("*.nbc"))) == 6
+    assert finished(run(tmp_path, 0))[0] == "6 0\n"
+
+
+def test_where_no_folder_can_be_written_it_goes_without(tmp_path: Path) -> None:
+    (tmp_path / "entry.py").write_text(MODULE)
+    (tmp_path / "__pycache__").touch()  # no folder, so not even root can write in it
+    nowhere = str(tmp_path / "entry.py" / "home")
+    out, error = finished(run(tmp_path, 0, HOME=nowhere, XDG_CACHE_HOME=nowhere))
+    assert out == "0 6\n"
+    assert error.count("no folder for machine code can be written") == 1
+
+
+def test_where_there_is_no_room_it_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "entry.py").write_text(MODULE)
+    code = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"  # as a full disk: EFBIG for ENOSPC
+    (tmp_path / "sitecustomize.py").write_text(code + "import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n")
+    out, error = finished(run(tmp_path, 0))
+    assert out == "0 6\n"
+    assert "compiled code cannot be kept in" in error
+    (tmp_path / "sitecustomize.py").unlink()
+    assert finished(run(tmp_path, 0))[0] == "0 6\n"
     assert finished(run(tmp_path, 0))[0] == "6 0\n"
 
 

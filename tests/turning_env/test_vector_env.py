@@ -153,6 +153,7 @@ def test_bad_reset_masks_are_refused(mask, error):
         (2**64 - 2, f"seed {2**64} of lane 2"),
         (1.5, "seed 1.5 of lane 0"),
         ("abc", "seed 'a' of lane 0"),
+        (np.array(3), r"seed array\(3\) of lane 0"),
         ([1, 2], "there are 2 seeds, but must be one for each of 3 lanes"),
         ([1, 2, -3], "seed -3 of lane 2"),
         ([1, 2.5, 3], "seed 2.5 of lane 1"),

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
-from turning_env.records import REPORT_FIELDS, WIDTH
+from turning_env.records import REPORT_FIELDS
 from turning_env.rendering.fields import Fields, Key
 from turning_env.scenario import Scenario
 
@@ -47,20 +47,21 @@ class Lane:
         """Take down what the last interval gave, or that an episode has begun."""
         answers = self._lathes.answers
         self.now: dict[str, float] = dict(zip(REPORT_FIELDS, answers.padded_table[:, self._lane].tolist(), strict=True))
-        block, i = divmod(self._lane, WIDTH)
-        record: Any = self._lathes._blocks[block]  # read and never written
-        begins = int(record["interval_count"][i]) == 0
+        begins = int(self._state("interval_count")) == 0
         if begins or not self.started:
-            self._start(Key(int(record["seed"][i]), int(record["episode"][i])))
-        self.edge = int(record["edge"][i])
-        self.nominal_used_life = float(record["nominal_used_life"][i])
+            self._start(Key(int(self._state("seed")), int(self._state("episode"))))
+        self.edge = int(self._state("edge"))
+        self.nominal_used_life = float(self._state("nominal_used_life"))
         self._find_place()
         if not begins:
             self._add(float(answers.rewards[self._lane]))
             if self._parts:
-                self.passes = self.fields.passes(self._lathes._actions[self._lane])
-        self.ended = self._end(bool(record["ended"][i]))
+                self.passes = self.fields.passes(self._lathes.action(self._lane))
+        self.ended = self._end(bool(self._state("ended")))
         self._extend_course(begins)
+
+    def _state(self, field: str) -> Any:
+        return self._lathes.state(self._lane, field)
 
     def _start(self, key: Key) -> None:
         self.key = key
