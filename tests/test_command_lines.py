@@ -73,6 +73,13 @@ MISTAKES: dict[str, list[str]] = {
     "benchmarks.ablation": ["--variants nothing", "--seeds 0", "--jobs 0"],
     "benchmarks.accelerator": ["--device gpu", "--repeats 0"],
     "benchmarks.bound": ["--scenario nothing", "--scenario shift", "--draws 0"],
+    "benchmarks.fuzz": [
+        "--reader nothing",
+        "--minutes 0",
+        "--inputs 0",
+        "--again file",
+        "--reader program --again nothing.mpf",
+    ],
     "benchmarks.growth": ["made.txt", "made.png --most 0"],
     "benchmarks.overload_price": ["--draws 0", "--draws x"],
     "benchmarks.peers": ["--repeats 0", "--seconds x"],

@@ -5,8 +5,8 @@
     python -m benchmarks.fuzz --reader program --again runs/fuzz/program/found-0123456789ab.mpf
 
 Readers of scenarios (TOML), measurements (CSV), results and trajectories (JSON), agents (ONNX) and NC programs are given damaged
-files. Each must give what the file may hold, or its own error, which names the file. Where atheris is installed (the extra "fuzz"),
-the code that is reached guides the search, and what it has learnt is kept for the next; else files are damaged at random.
+files. Each must give what the file may hold, or its own error, which names the file. Where atheris is installed (the extra
+"fuzz"), the code that is reached guides the search, and what it has learnt is kept for the next; else the damage is random.
 
 Each content that breaks a promise is kept, one for each place in the code, and the exit status is then 1.
 """
@@ -56,7 +56,8 @@ def fuzz(name: str, minutes: float, inputs: int | None, out: Path, guided: bool,
     with tempfile.TemporaryDirectory() as scratch, tqdm(total=round(60 * minutes), desc=name, unit="s", disable=None) as bar:
         asked = {"reader": name, "guided": guided, "scratch": scratch, "out": str((out / name).absolute())}
         asked |= {"seconds": 60.0 * minutes, "inputs": inputs, "seed": seed}
-        process = subprocess.Popen(
+        said: list[str] = []
+        with subprocess.Popen(
             [sys.executable, "-c", _PROGRAM, json.dumps(asked)],
             cwd=ROOT,
             stdin=subprocess.DEVNULL,
@@ -64,29 +65,34 @@ def fuzz(name: str, minutes: float, inputs: int | None, out: Path, guided: bool,
             stderr=subprocess.STDOUT,
             encoding="utf-8",
             errors="replace",
-        )
-        said: list[str] = []
-        try:
+        ) as process:
             assert process.stdout is not None
-            for line in process.stdout:
-                if line.startswith('{"tried"'):
-                    told = json.loads(line)
-                    outcome.inputs, outcome.unhandled = told["tried"], told["found"]
-                    bar.set_postfix(inputs=outcome.inputs, unhandled=len(outcome.unhandled))
+            try:
+                for line in process.stdout:
+                    if not _take(outcome, line):
+                        said = [*said, line][-_LAST_LINES:]
+                    bar.set_postfix(inputs=outcome.inputs, unhandled=len(outcome.unhandled), refresh=False)
                     bar.update(max(0, min(round(bar.format_dict["elapsed"]), bar.total) - bar.n))
-                elif match := _TRIED.match(line):
-                    outcome.inputs = int(match[1])
-                elif match := _REACHED.match(line):
-                    outcome.branches, outcome.features = int(match[1]), int(match[2])
-                else:
-                    said = [*said, line][-_LAST_LINES:]
-            status = process.wait()
-        finally:
-            process.kill()
-            process.wait()
+                status = process.wait()
+            finally:
+                process.kill()
         if status:
             _keep_last(outcome, Path(scratch), out / name, f"its process ended (status {status}):\n{''.join(said)}")
     return outcome
+
+
+def _take(outcome: Outcome, line: str) -> bool:
+    """Take in what a worker's line says of the search, or return false if it says nothing of it."""
+    if line.startswith('{"tried"'):
+        told = json.loads(line)
+        outcome.inputs, outcome.unhandled = told["tried"], told["found"]
+    elif match := _TRIED.match(line):
+        outcome.inputs = int(match[1])
+    elif match := _REACHED.match(line):
+        outcome.branches, outcome.features = int(match[1]), int(match[2])
+    else:
+        return False
+    return True
 
 
 def _keep_last(outcome: Outcome, scratch: Path, kept: Path, error: str) -> None:

@@ -1,4 +1,4 @@
-"""Damage to a file's content: to its bytes, or to what they say, so that it is TOML, JSON or ONNX still, but says something odd."""
+"""Damage to a file's content: to its bytes, or to what they say, so that it still is TOML, JSON or ONNX, but an odd one."""
 
 import json
 import tomllib
@@ -11,7 +11,7 @@ import tomli_w
 
 ODD = (b"", b"\0", b"\xff", b"\n", b'"', b"[" * 3_000, b"{", b"9" * 5_000, b"1e999", b"nan", b"-1", b"null", b"=", b",")
 """What readers tend to stumble over."""
-_ODD_VALUES = (
+_ODD_VALUES: tuple[Any, ...] = (
     *(None, True, False, 0, -1, 1, 2**31, 2**63, -(2**63), 10**400, 0.0, -0.0, 5e-324, 1e-12, 1.5, 1e308),
     *(float("nan"), float("inf"), "", "nan", "../x", "\0", "\ud800", "x" * 300, [], [[]], {}, {"": None}),
 )

@@ -9,6 +9,7 @@ import json
 import signal
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from random import Random
@@ -42,10 +43,9 @@ class _Instrumenting(PathFinder):
 
 class _Loader(SourceFileLoader):
     def get_code(self, fullname: str) -> CodeType | None:
-        import atheris
-
         code = super().get_code(fullname)
-        return None if code is None else atheris.patch_code(code, True)
+        patched: CodeType | None = code and import_module("atheris").patch_code(code, True)
+        return patched
 
 
 def main() -> None:
@@ -75,8 +75,7 @@ def _report(tried: int, found: dict[str, str]) -> None:
 
 def _guided(search: Any, asked: dict[str, Any]) -> None:
     """Let libFuzzer search; it ends the process itself."""
-    import atheris
-
+    atheris = import_module("atheris")
     reader, scratch = search.reader, Path(asked["scratch"])
     valid, grown = scratch / "valid", Path(asked["out"]) / "corpus"
     for folder in (valid, grown):

@@ -1,27 +1,20 @@
-"""Damaged files: a valid one with a few bytes cut out, put in or doubled; and bytes of any kind."""
+"""Damaged files: mostly valid ones with a few bytes cut out, put in or doubled, or with odd values; and bytes of any kind."""
 
 from hypothesis import strategies as st
 
-ODD = (b"", b"\0", b"\xff", b"\n", b'"', b"[" * 3_000, b"{", b"9" * 5_000, b"1e999", b"nan", b"-1", b"null", b"=", b",")
-"""What readers tend to stumble over."""
+from benchmarks.fuzz.damage import damaged
+from benchmarks.fuzz.readers import READERS
 
 
-@st.composite
-def damaged(draw: st.DrawFn, valid: bytes) -> bytes:
+def damages_of(valid: bytes) -> st.SearchStrategy[bytes]:
     """The content of a file with one to four damages, or something else altogether."""
-    if draw(st.integers(0, 9)) == 0:
-        return draw(st.binary(max_size=300))
-    content = valid
-    for _ in range(draw(st.integers(1, 4))):
-        place = draw(st.integers(0, len(content)))
-        end = min(place + draw(st.sampled_from((0, 0, 1, 1, 4, 40, len(content)))), len(content))
-        kind = draw(st.integers(0, 2))
-        if kind == 0:
-            new = draw(st.sampled_from(ODD))
-        elif kind == 1:
-            new = draw(st.binary(max_size=6))
-        else:
-            start = draw(st.integers(0, len(content)))
-            new = content[start : start + draw(st.integers(0, 60))]
-        content = content[:place] + new + content[end:]
-    return content
+    random = st.randoms(use_true_random=False)
+    return st.one_of(*[st.builds(damaged, st.just(valid), random)] * 9, st.binary(max_size=300))
+
+
+def damages(name: str) -> st.SearchStrategy[bytes]:
+    """The same of the files that a reader of ``READERS`` takes, also so that they keep their form."""
+    reader = READERS[name]
+    valid = reader.valid()
+    kept = st.builds(reader.damaged, st.sampled_from(valid), st.randoms(use_true_random=False))
+    return st.one_of(kept, *map(damages_of, valid))
