@@ -11,4 +11,6 @@ settings.register_profile("suite", deadline=None, derandomize=True, database=Non
 settings.register_profile(
     "soak", deadline=None, derandomize=False, database=None, print_blob=True, suppress_health_check=[HealthCheck.too_slow]
 )
+# Windows are opened where nobody sees them, with a display or without.
+os.environ["SDL_VIDEODRIVER"] = "dummy"
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))

@@ -206,6 +206,10 @@ def test_without_a_display_the_error_says_what_to_do(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "nonsense")
     with pytest.raises(Error, match=r"no window can be opened .*rgb_array"):
         RoughTurningEnv(render_mode="human").reset(seed=0)
+    monkeypatch.delenv("SDL_VIDEODRIVER")
+    monkeypatch.setattr("pygame.display.get_driver", lambda: "offscreen")
+    with pytest.raises(Error, match=r"no window can be opened \(there is no display\).*rgb_array"):
+        RoughTurningEnv(render_mode="human").reset(seed=0)
 
 
 @pytest.mark.parametrize(("mode", "missing"), [("rgb_array", "PIL"), ("human", "pygame")])

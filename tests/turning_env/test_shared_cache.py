@@ -30,26 +30,31 @@ print(len(last.stats.cache_hits), len(last.stats.cache_misses))
 """
 
 
-# Narrow records for a single environment, wide ones for many lanes.
-SINGLE = """
+# A single environment's records are others than those of many lanes, and each process numbers them as it meets them.
+RECORDS = """
 import numpy as np
-from turning_env import RoughTurningEnv
-env = RoughTurningEnv()
-env.reset(seed=1)
-env.step(np.ones(2))
+from turning_env.compilation import compiled_apart, compiled_entry
+
+NARROW = np.dtype([("first", "f4"), ("last", "f8")], align=True)
+WIDE = np.dtype([("first", "f8"), ("middle", "f8"), ("last", "f8")], align=True)
+
+@compiled_apart
+def last_of(records, place):
+    return max(LONG)
+
+@compiled_entry
+def total(records):
+    return last_of(records, 0) + last_of(records, 1)
+
+def check(*kinds):
+    for kind in kinds:
+        records = np.zeros(2, kind)
+        records["last"] = 9.0
+        assert total(records) == 18.0, kind
+    print(len(total.stats.cache_misses))
 """
-BOTH = """
-import numpy as np
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv
-envs = RoughTurningVectorEnv(3)
-envs.reset(seed=1)
-env = RoughTurningEnv()
-for seed in range(20):
-    env.reset(seed=seed)
-    envs.reset(seed=seed)
-    for _ in range(50):
-        assert envs.step(np.full((3, 2), 0.3))[0][0].tobytes() == env.step(np.full(2, 0.3))[0].tobytes()
-"""
+# So much that the compiler calls the function rather than making it part of the entry.
+LONG = ", ".join(f"records[place].last % {number}.5" for number in range(9, 39))
 
 
 def run(folder: Path, first: int, **more: str) -> "subprocess.Popen[str]":
@@ -112,9 +117,10 @@ def test_what_is_damaged_is_made_anew(tmp_path: Path) -> None:
 
 
 def test_what_different_processes_compiled_works_in_one(tmp_path: Path) -> None:
-    variables = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    for program in (SINGLE, BOTH, BOTH):  # the last loads what the others made
-        done = subprocess.run(
-            [sys.executable, "-c", program], cwd=ROOT, env=variables, capture_output=True, text=True, check=False
-        )
+    (tmp_path / "records.py").write_text(RECORDS.replace("LONG", LONG))
+    variables = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    for kinds in ("NARROW", "WIDE", "NARROW, WIDE"):  # the last loads what the others made
+        command = [sys.executable, "-c", f"from records import *; check({kinds})"]
+        done = subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
+    assert done.stdout == "0\n"
