@@ -16,13 +16,21 @@ TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS) $(if
 RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --draws $(DRAWS) --results $(RESULTS)
 AGENT = $(RUNS)/RoughTurning-v0/$(SCENARIO)/ppo-seed
 
+# What is installed beside the environment's own needs, by extra. pip takes hashes only of what it is told by name, not of a folder.
+EXTRAS = benchmark distributed render ecosystem docs test
+PIP = .venv/bin/python -m pip --disable-pip-version-check
+NEEDS = import sys, tomllib; project = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
+	print(*project["dependencies"], *(need for extra in sys.argv[1:] for need in project["optional-dependencies"][extra]), sep="\n")
+# A package's lines of constraints.txt: its version and the hashes of all of that version's files.
+pinned = sed -n '/^$(1)==/,/[^\]$$/p' constraints.txt
+
 # Agents that come with the project: environment's id and algorithm.
 AGENTS ?= $(addprefix RoughTurning-v0/,analytic_gradient ppo recurrent_ppo lagrangian_ppo sac tqc) \
 	$(addprefix RoughTurning-Override-v0/,analytic_gradient ppo) RoughTurning-Surface-v0/ppo \
 	RoughTurning-Shift-v0/analytic_gradient RoughTurning-Batch-v0/ppo
 SEEDS ?= 0 1 2 3 4
 
-.PHONY: setup leaderboard agents rows verify test soak format clean
+.PHONY: setup leaderboard agents rows verify test soak wheel audit constraints format clean
 
 # What every other command needs.
 setup: .venv/ready
@@ -71,6 +79,23 @@ test: .venv/ready
 soak: .venv/ready
 	HYPOTHESIS_PROFILE=soak .venv/bin/pytest tests/soundness -n 2
 
+# The wheel in an empty environment: what it holds, and that it runs.
+wheel: .venv/ready
+	.venv/bin/python -m benchmarks.wheel
+
+# Licences, changed files and known vulnerabilities of what is installed.
+audit: .venv/ready
+	$(PIP) install --only-binary :all: -c constraints.txt --group audit
+	.venv/bin/python -m benchmarks.audit
+
+# Write constraints.txt anew for what pyproject.toml asks, on all platforms; versions stay, but with UPGRADE=--upgrade. Hashes of other
+# builds stay with their version, as that of torch without CUDA, which the index does not serve: `pip hash` gives that of a new one.
+constraints: .venv/ready
+	$(PIP) install --only-binary :all: -c constraints.txt --group pin
+	.venv/bin/uv pip compile --quiet --universal --python-version 3.11.5 --generate-hashes --no-annotate \
+		--custom-compile-command "make constraints" $(UPGRADE) -o constraints.txt pyproject.toml \
+		$(addprefix --extra ,$(EXTRAS)) --group setup --group audit --group pin
+
 format: .venv/ready
 	.venv/bin/ruff check --fix .
 	.venv/bin/ruff format .
@@ -78,8 +103,13 @@ format: .venv/ready
 clean:
 	rm -rf .venv $(RUNS) $(RESULTS)
 
+# pip first: older ones do not look for hashes in constraints. Then torch from a folder of wheels, if pip's settings name one: such a
+# build without CUDA is a tenth of the download. Every file is compared with its hashes; only the clone itself has none.
 .venv/ready: pyproject.toml constraints.txt
 	test -x .venv/bin/python || $(PYTHON) -m venv .venv
-	.venv/bin/python -m pip install --disable-pip-version-check -c constraints.txt hatchling editables
-	.venv/bin/python -m pip install --disable-pip-version-check -c constraints.txt --no-build-isolation -e '.[benchmark,distributed,render,ecosystem,docs,test]'
+	$(call pinned,pip) | $(PIP) install -r /dev/stdin
+	$(call pinned,torch) | $(PIP) install --no-index --no-deps -r /dev/stdin || echo "No folder of wheels has torch: it comes from the index."
+	.venv/bin/python -c '$(NEEDS)' $(EXTRAS) > .venv/needs.txt
+	$(PIP) install --only-binary :all: -c constraints.txt --group setup -r .venv/needs.txt
+	$(PIP) install --no-deps --no-build-isolation -e .
 	touch $@

@@ -52,5 +52,5 @@ def extra(name: str) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        print(f"error: {error.name} is not installed: pip install -c constraints.txt -e '.[{name}]'", file=sys.stderr)
+        print(f"error: {error.name} is not installed: pip install -e '.[{name}]' in a clone", file=sys.stderr)
         raise SystemExit(2) from error

@@ -88,6 +88,7 @@ MISTAKES: dict[str, list[str]] = {
     "benchmarks.throughput": ["--repeats 0", "--lanes x"],
     "benchmarks.time_to_beat": ["--rule nobody", "--seeds 0"],
     "benchmarks.training": ["--repeats 0", "--lanes x"],
+    "benchmarks.wheel": ["--constraints nothing", "--constraints file"],
 }
 
 

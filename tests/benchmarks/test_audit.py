@@ -50,6 +50,28 @@ def test_what_has_been_changed_is_named(tmp_path: Path) -> None:
 
 
 def test_all_that_the_project_needs_is_found_with_what_that_needs() -> None:
-    found = audit.closure([audit.PROJECT])
+    found = audit.closure([audit.everything()])
     assert {"rough-turning", "gymnasium", "numba", "llvmlite", "torch", "pytest"} <= found.keys()
-    assert audit.pinned(Path(__file__).parents[2] / "constraints.txt")["llvmlite"]
+    assert "torch" not in audit.closure([audit.PROJECT])
+
+
+def test_extras_of_what_is_needed_are_needed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    inside = {"whole": "Requires-Dist: part; extra == 'more'\nRequires-Dist: other; extra == 'most'", "part": "", "other": ""}
+    for name in inside:
+        (tmp_path / name).mkdir()
+    found = {name: installed(tmp_path / name, needs) for name, needs in inside.items()}
+    monkeypatch.setattr(audit, "distribution", found.__getitem__)
+    assert audit.closure(["whole"]).keys() == {"whole"}
+    assert audit.closure(["whole", "whole[more]"]).keys() == {"whole", "part"}
+
+
+def test_vulnerabilities_are_told_from_what_could_not_be_looked_up(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hole = {"id": "CVE-1", "fix_versions": ["1.1"], "aliases": []}
+    report = [{"name": "holed", "version": "1.0", "vulns": [hole]}, {"name": "unheard", "skip_reason": "not there"}]
+    assert audit.read(report) == (["holed 1.0: CVE-1, mended in 1.1"], ["unheard"])
+    monkeypatch.setattr(audit.importlib.util, "find_spec", lambda name: object())
+    monkeypatch.setattr(audit, "vulnerable", lambda installed: ([], list(installed)))
+    assert audit.look_up({"unheard": "1.0"}) == []
+    assert "none could be looked up" in capsys.readouterr().err

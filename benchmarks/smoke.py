@@ -1,0 +1,53 @@
+"""Tries an installed wheel: every task is made, checked, played, and played in lanes. Knows nothing of the clone.
+
+Run by ``benchmarks/wheel.py`` with the Python into which the wheel was installed, from an empty folder.
+"""
+
+import sys
+from importlib.metadata import Distribution, distribution
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+from gymnasium.utils.env_checker import check_env
+
+import turning_env
+
+
+def check_contents(installed: Distribution) -> None:
+    """The distribution holds one package, its own records and its licence, and nothing else."""
+    files = installed.files or []
+    top = {file.parts[0] for file in files}
+    records = {name for name in top if name.endswith(".dist-info")}
+    assert top - records == {"turning_env"}, top
+    assert len(records) == 1, records
+    assert installed.metadata["License-Expression"] == "MIT"
+    licences = [file for file in files if file.parts[1:] == ("licenses", "LICENSE")]
+    assert [file.read_text().startswith("MIT License") for file in licences] == [True], licences
+
+
+def check_task(env_id: str) -> None:
+    """The task keeps Gymnasium's interface, and is played for a few steps alone and in lanes."""
+    env = gymnasium.make(env_id)
+    check_env(env.unwrapped, skip_render_check=True)
+    env.reset(seed=1)
+    env.action_space.seed(1)
+    rewards = [env.step(env.action_space.sample())[1] for _ in range(3)]
+    assert np.isfinite(np.array(rewards, float)).all(), rewards
+    lanes = gymnasium.make_vec(env_id, num_envs=4, vectorization_mode="vector_entry_point")
+    observations, _ = lanes.reset(seed=1)
+    assert observations.shape == (4, *env.observation_space.shape)  # type: ignore[misc]
+    rewards = lanes.step(lanes.action_space.sample())[1]
+    assert np.isfinite(rewards).all(), rewards
+    env.close()
+    lanes.close()
+
+
+def main() -> None:
+    """Check everything, printing what is done."""
+    home = Path(turning_env.__file__).resolve()
+    assert home.is_relative_to(Path(sys.prefix).resolve()), f"{home} is not of this environment"
+    check_contents(distribution("rough-turning"))
+    for env_id in turning_env.IDS:
+        check_task(env_id)
+        print(f"{env_id}: made, checked and played", flush=True)
