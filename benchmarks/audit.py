@@ -74,11 +74,14 @@ def published(found: Distribution) -> str:
 
 
 def licence(found: Distribution) -> str:
-    """What a distribution says its licence is; empty if it says nothing."""
+    """What a distribution says its licence is, or else the heads of the licence files in it; empty if it says nothing."""
     data = found.metadata
     classified = [text.rpartition(" :: ")[2] for text in data.get_all("Classifier") or [] if text.startswith("License ::")]
     expression, said = ((data.get_all(name) or [""])[0] for name in ("License-Expression", "License"))
-    told = (expression, *classified, said.strip().partition("\n")[0])
+    heads = [
+        (found.read_text(f"licenses/{name}") or "").strip().partition("\n")[0] for name in data.get_all("License-File") or []
+    ]
+    told = (expression, *classified, said.strip().partition("\n")[0], ", ".join(heads))
     return next((text for text in told if text and text not in ("OSI Approved", "UNKNOWN")), "")
 
 

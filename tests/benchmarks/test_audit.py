@@ -36,6 +36,16 @@ def test_licences_are_read_and_judged(metadata: str, told: str | None, allowed: 
     assert audit.allowed(found) == allowed
 
 
+def test_a_licence_may_stand_in_its_file_alone(tmp_path: Path) -> None:
+    found = installed(tmp_path, "License-File: LICENSE\nLicense-File: NOTICE")
+    folder = tmp_path / "made_up-1.0.dist-info" / "licenses"
+    folder.mkdir()
+    (folder / "LICENSE").write_text("\nMIT License\n\nCopyright\n")
+    (folder / "NOTICE").write_text("GNU General Public License\n")
+    assert audit.licence(found) == "MIT License, GNU General Public License"
+    assert not audit.allowed(audit.licence(found))
+
+
 def test_what_has_been_changed_is_named(tmp_path: Path) -> None:
     for name in ("whole.py", "changed.py"):
         (tmp_path / name).write_text("one")
