@@ -31,8 +31,8 @@ from turning_env.console import DONE, FAILED, described, exits, print_json
 
 _PROGRAM = "from benchmarks.fuzz.worker import main; main()"
 _REACHED = re.compile(r"#\d+\s.*\bcov: (\d+) ft: (\d+)")
-_TRIED = re.compile(r"stat::number_of_executed_units: +(\d+)")
 _LAST_LINES = 12
+_COLUMNS = {"reader": 12, "minutes": 7, "inputs": 10, "branches": 8, "features": 8, "unhandled": 9}
 
 
 @dataclass
@@ -41,6 +41,7 @@ class Outcome:
 
     reader: str
     minutes: float
+    """Processor time that it was given: on a busy machine, as far as on an idle one."""
     inputs: int = 0
     branches: int | None = None
     """That were reached, of those instrumented; None without atheris."""
@@ -69,30 +70,21 @@ def fuzz(name: str, minutes: float, inputs: int | None, out: Path, guided: bool,
             assert process.stdout is not None
             try:
                 for line in process.stdout:
-                    if not _take(outcome, line):
+                    if line.startswith('{"tried"'):
+                        told = json.loads(line)
+                        outcome.inputs, outcome.unhandled = told["tried"], told["found"]
+                        bar.set_postfix(inputs=outcome.inputs, unhandled=len(outcome.unhandled), refresh=False)
+                        bar.update(min(round(told["seconds"]), bar.total) - bar.n)
+                    elif match := _REACHED.match(line):
+                        outcome.branches, outcome.features = int(match[1]), int(match[2])
+                    else:
                         said = [*said, line][-_LAST_LINES:]
-                    bar.set_postfix(inputs=outcome.inputs, unhandled=len(outcome.unhandled), refresh=False)
-                    bar.update(max(0, min(round(bar.format_dict["elapsed"]), bar.total) - bar.n))
                 status = process.wait()
             finally:
                 process.kill()
         if status:
             _keep_last(outcome, Path(scratch), out / name, f"its process ended (status {status}):\n{''.join(said)}")
     return outcome
-
-
-def _take(outcome: Outcome, line: str) -> bool:
-    """Take in what a worker's line says of the search, or return false if it says nothing of it."""
-    if line.startswith('{"tried"'):
-        told = json.loads(line)
-        outcome.inputs, outcome.unhandled = told["tried"], told["found"]
-    elif match := _TRIED.match(line):
-        outcome.inputs = int(match[1])
-    elif match := _REACHED.match(line):
-        outcome.branches, outcome.features = int(match[1]), int(match[2])
-    else:
-        return False
-    return True
 
 
 def _keep_last(outcome: Outcome, scratch: Path, kept: Path, error: str) -> None:
@@ -123,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Fuzz, print and return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fuzz", **described(__doc__))
     parser.add_argument("--reader", nargs="+", choices=READERS, default=list(READERS), help="which (default: all)")
-    parser.add_argument("--minutes", type=float, default=10.0, help="for each reader (default: %(default)g)")
+    parser.add_argument("--minutes", type=float, default=10.0, help="processor time for each reader (default: %(default)g)")
     parser.add_argument("--inputs", type=int, help="most that each reader is given (default: as many as there is time for)")
     parser.add_argument("--seed", type=int, help="of what is drawn (default: another every time)")
     parser.add_argument("--out", type=Path, default=Path("runs/fuzz"), help="folder for what is kept (default: %(default)s)")
@@ -141,11 +133,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not guided and not options.random:
         print("atheris is not installed (pip install 'rough-turning[fuzz]'): files are damaged at random", file=sys.stderr)
     seed = random.randrange(2**31) if options.seed is None else options.seed
-    outcomes = [fuzz(name, options.minutes, options.inputs, options.out, guided, seed) for name in dict.fromkeys(options.reader)]
+    outcomes = []
+    if not options.json:
+        print("  ".join(f"{heading:>{width}}" for heading, width in _COLUMNS.items()), flush=True)
+    for name in dict.fromkeys(options.reader):
+        outcomes.append(fuzz(name, options.minutes, options.inputs, options.out, guided, seed))
+        if not options.json:
+            _print(outcomes[-1])
     if options.json:
         print_json(outcomes)
-    else:
-        _print(outcomes)
     for outcome in outcomes:
         for path, error in outcome.unhandled.items():
             print(
@@ -155,12 +151,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return FAILED if any(outcome.unhandled for outcome in outcomes) else DONE
 
 
-def _print(outcomes: Sequence[Outcome]) -> None:
-    print(f"{'reader':<12}  {'minutes':>7}  {'inputs':>10}  {'branches':>8}  {'features':>8}  {'unhandled':>9}")
-    for outcome in outcomes:
-        branches, features = ("-" if count is None else f"{count:,}" for count in (outcome.branches, outcome.features))
-        counts = f"{outcome.inputs:>10,}  {branches:>8}  {features:>8}  {len(outcome.unhandled):>9}"
-        print(f"{outcome.reader:<12}  {outcome.minutes:>7g}  {counts}")
+def _print(outcome: Outcome) -> None:
+    branches, features = ("-" if count is None else f"{count:,}" for count in (outcome.branches, outcome.features))
+    cells = outcome.reader, f"{outcome.minutes:g}", f"{outcome.inputs:,}", branches, features, f"{len(outcome.unhandled)}"
+    print("  ".join(f"{cell:>{width}}" for cell, width in zip(cells, _COLUMNS.values(), strict=True)), flush=True)
 
 
 if __name__ == "__main__":

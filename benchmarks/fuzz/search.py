@@ -24,41 +24,45 @@ class Search:
         reader: what is tried.
         scratch: folder for the file that it reads, which must exist.
         kept: folder for contents that break a promise; it is made when the first is found.
-        report: called now and then, and told how many have been tried and what was found.
+        report: called now and then, and told how many have been tried, what was found, and the processor time taken [s].
     """
 
     reader: Reader
     scratch: Path
     kept: Path
-    report: Callable[[int, dict[str, str]], object] = lambda tried, found: None
+    report: Callable[[int, dict[str, str], float], object] = lambda tried, found, seconds: None
     tried: int = 0
     found: dict[str, str] = field(default_factory=dict)
     """Of each file that was kept, the error."""
     _places: set[tuple[str, ...]] = field(default_factory=set)
+    _begun: float = field(default_factory=time.process_time)
     _reported: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        """Processor time since it was begun [s]."""
+        return time.process_time() - self._begun
 
     def attempt(self, content: bytes) -> None:
         """Try one content."""
-        started = time.process_time()
+        started = self.seconds
         try:
             self.reader.check(self.scratch, content)
         except Exception as error:
             self._keep(content, error)
-        taken = time.process_time() - started
+        taken = self.seconds - started
         if taken > LONGEST:
             self._keep(content, TimeoutError(f"takes {taken:.0f} s of processor time"))
         self.tried += 1
         if time.monotonic() - self._reported >= 1.0:
-            self._reported = time.monotonic()
-            self.report(self.tried, self.found)
+            self.tell()
 
     def damage(self, seconds: float, inputs: int | None, random: Random) -> None:
-        """Try contents that are damaged at random, for so many seconds, or so many of them; what is valid goes first."""
+        """Try contents damaged at random, for so many seconds of processor time, or so many of them; what is valid goes first."""
         valid = self.reader.valid()
         for content in valid:
             self.attempt(content)
-        until = time.monotonic() + seconds
-        while time.monotonic() < until and (inputs is None or self.tried < inputs):
+        while self.seconds < seconds and (inputs is None or self.tried < inputs):
             damage = self.reader.damaged if random.random() < 0.7 else damaged
             self.attempt(damage(random.choice(valid), random))
 
@@ -71,7 +75,12 @@ class Search:
         self.kept.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
         self.found[str(path)] = f"{type(error).__name__}: {error}"[:300]
-        self.report(self.tried, self.found)
+        self.tell()
+
+    def tell(self) -> None:
+        """Call ``report``."""
+        self._reported = time.monotonic()
+        self.report(self.tried, self.found, self.seconds)
 
 
 def kept_path(folder: Path, content: bytes, suffix: str) -> Path:

@@ -21,7 +21,7 @@ from benchmarks.fuzz.search import Search
 @pytest.mark.parametrize("name", READERS)
 def test_no_reader_breaks_its_promise(name: str, tmp_path: Path) -> None:
     search = Search(READERS[name], tmp_path, tmp_path / "kept")
-    search.damage(60.0, 300, Random(0))
+    search.damage(600.0, 300, Random(0))
     assert search.found == {}
     assert search.tried == 300
 
@@ -44,8 +44,8 @@ def stumbles(folder: Path, content: bytes) -> None:
 def test_planted_faults_are_found_and_kept_once_each(tmp_path: Path) -> None:
     heard: list[int] = []
     reader = READERS["program"]._replace(check=stumbles)
-    search = Search(reader, tmp_path, tmp_path / "kept", lambda tried, found: heard.append(len(found)))
-    search.damage(60.0, 300, Random(0))
+    search = Search(reader, tmp_path, tmp_path / "kept", lambda tried, found, seconds: heard.append(len(found)))
+    search.damage(600.0, 300, Random(0))
     assert sorted(error.split(":")[0] for error in search.found.values()) == ["IndexError", "KeyError"]
     assert max(heard) == 2
     for path in map(Path, search.found):
@@ -59,6 +59,12 @@ def test_a_slow_input_is_a_finding(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     search = Search(READERS["program"], tmp_path, tmp_path / "kept")
     search.attempt(b"")
     assert [error.split(":")[0] for error in search.found.values()] == ["TimeoutError"]
+
+
+def test_it_ends_after_its_time(tmp_path: Path) -> None:
+    search = Search(READERS["program"], tmp_path, tmp_path / "kept")
+    search.damage(0.2, None, Random(0))
+    assert 0.2 <= search.seconds < 10.0
 
 
 def test_it_prints_a_table_and_is_content(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -117,6 +123,6 @@ def test_interrupted_it_ends_its_worker(tmp_path: Path) -> None:
 def test_with_atheris_the_code_that_is_reached_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--reader", "program", "--inputs", "300", "--seed", "0", "--out", str(tmp_path), "--json"]) == 0
     outcome = json.loads(capsys.readouterr().out)[0]
-    assert outcome["inputs"] >= 300
+    assert outcome["inputs"] == 300
     assert outcome["branches"] > 50
     assert list((tmp_path / "program" / "corpus").iterdir())
