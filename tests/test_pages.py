@@ -1,6 +1,7 @@
 """Every command and program in the README and the tutorials, run in a copy of the repository, small where it would take long."""
 
 import re
+import shlex
 import sys
 from pathlib import Path
 
@@ -14,6 +15,8 @@ PROGRAMS = [block.text for block in blocks(README) if block.language == "python"
 
 # In this order: the last changes what is compiled.
 TUTORIALS = ("ten_minutes", "train", "submit_a_policy", "add_a_controller", "add_a_material")
+# What is not done here, and where it is.
+ELSEWHERE = {"python -m baselines.reproduce": "tests/baselines/test_reproduce.py"}
 # What makes a command small: options added to it, words replaced in it.
 SMALLER: Smaller = {
     "make leaderboard": ("INTERVALS=20000 DRAWS=2 RUNS=few-runs RESULTS=few-results", {}),
@@ -23,6 +26,7 @@ SMALLER: Smaller = {
     "python -m train.ppo": ("--intervals 20000", {}),
     "python -m baselines.tune": ("--draws 1 --trials 2", {"rough_turning": "short.toml"}),
     "python -m leaderboard run --policies steady_load": ("--scenario short.toml", {}),
+    "python -m leaderboard run --agents": ("--policies fixed_tuned grid_search", {}),  # ``make leaderboard`` plays all
     "python -m leaderboard run": ("--draws 2", {}),
     "python -m leaderboard.watch": ("--intervals 6", {}),
     "python -m baselines.figures": ("--only grid_search_12 --out few-figures", {}),
@@ -53,10 +57,18 @@ def set_up() -> bool:
     return ready.exists() and ready.stat().st_mtime >= asked
 
 
+@pytest.mark.parametrize("program", PROGRAMS, ids=range(len(PROGRAMS)))
+def test_every_program_runs(program: str, copy: Path) -> None:
+    check(run([sys.executable, "-W", "error", "-c", program], copy), program)
+
+
 @pytest.mark.skipif(not set_up(), reason="needs the .venv that make sets up")
 def test_every_command_works_in_the_order_given(copy: Path) -> None:
     assert COMMANDS[:2] == ["make leaderboard", "make test"]
-    for command in COMMANDS:
+    for command in dict.fromkeys(COMMANDS):
+        if command in ELSEWHERE:
+            assert f"main({shlex.split(command)[3:]})" in (ROOT / ELSEWHERE[command]).read_text("utf-8")
+            continue
         if command == "make test":  # what is running now
             assert "pytest" in run(["make", "-n", "test"], copy).stdout
             continue
@@ -67,11 +79,6 @@ def test_every_command_works_in_the_order_given(copy: Path) -> None:
         walk((ROOT / "docs" / "tutorials" / f"{page}.md").read_text("utf-8"), copy, SMALLER, COMMANDS)
     for made in ("few-results/index.html", "results/index.html", "docs/leaderboard.png", "baselines/tuned/short.json"):
         assert (copy / made).stat().st_size > 0
-
-
-@pytest.mark.parametrize("program", PROGRAMS, ids=range(len(PROGRAMS)))
-def test_every_program_runs(program: str, copy: Path) -> None:
-    check(run([sys.executable, "-W", "error", "-c", program], copy), program)
 
 
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:

@@ -39,9 +39,10 @@ def commands(block: Block) -> list[str]:
 
 
 def copy_to(folder: Path) -> None:
-    """Put the tracked files with their times, and the installed environment, into a folder."""
+    """Put the tracked files with their times, the machine code made of them, and the installed environment, into a folder."""
     tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines()
-    for name in tracked:
+    compiled = [path for package in ("turning_env", "baselines") for path in (ROOT / package).rglob("*.nb[ci]")]
+    for name in (*tracked, *(str(path.relative_to(ROOT)) for path in compiled)):
         if (ROOT / name).exists():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, folder / name)
