@@ -1,8 +1,8 @@
 """rl-baselines3-zoo: its files say what the project's own do, and its commands work."""
 
-import os
-import subprocess
 import sys
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -64,20 +64,22 @@ def test_settings_are_those_of_the_projects_own_training(algorithm: str) -> None
         assert theirs["ent_coef"] == f"auto_{ours['initial_entropy_coefficient']}"
 
 
-def zoo(program: str, algorithm: str, folder: Path, *arguments: str) -> str:
-    """What one of the zoo's programs prints."""
-    words = ["--algo", algorithm, "--env", ENV_ID, "--gym-packages", "turning_env", "-f", str(folder)]
-    finished = subprocess.run(
-        [sys.executable, "-m", f"rl_zoo3.{program}", *words, "--seed", "0", "--num-threads", "1", "--device", "cpu", *arguments],
-        cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert finished.returncode == 0, finished.stderr
-    return finished.stdout
+Zoo = Callable[..., str]
+
+
+@pytest.fixture
+def zoo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Zoo:
+    """Runs one of the zoo's programs, and gives what it prints."""
+    monkeypatch.chdir(ROOT)
+
+    def run(program: str, algorithm: str, *arguments: str) -> str:
+        words = ["--algo", algorithm, "--env", ENV_ID, "--gym-packages", "turning_env", "-f", str(tmp_path)]
+        common = ["--seed", "0", "--num-threads", "1", "--device", "cpu"]
+        monkeypatch.setattr(sys, "argv", [program, *words, *common, *arguments])
+        getattr(import_module(f"rl_zoo3.{program}"), program)()
+        return capsys.readouterr().out
+
+    return run
 
 
 @pytest.mark.parametrize(
@@ -87,11 +89,12 @@ def zoo(program: str, algorithm: str, folder: Path, *arguments: str) -> str:
         ("tqc", ["n_envs:4", "learning_starts:200"]),
     ],
 )
-def test_the_zoo_trains(algorithm: str, smaller: list[str], tmp_path: Path) -> None:
+@pytest.mark.filterwarnings("ignore")  # what the zoo does is not this project's
+def test_the_zoo_trains(algorithm: str, smaller: list[str], tmp_path: Path, zoo: Zoo) -> None:
     few = ["--n-timesteps", "256", "--eval-freq", "-1", "-params", *smaller]
-    said = zoo("train", algorithm, tmp_path, "--conf-file", f"examples/zoo/{algorithm}.yml", *few)
+    said = zoo("train", algorithm, "--conf-file", f"examples/zoo/{algorithm}.yml", *few)
     assert "Saving to" in said
     assert (tmp_path / algorithm / f"{ENV_ID}_1" / f"{ENV_ID}.zip").stat().st_size > 0
     if algorithm == "ppo":
         # An episode ends after 60 min at the latest, which are 3600 intervals.
-        assert "Mean reward: -" in zoo("enjoy", algorithm, tmp_path, "--no-render", "--n-timesteps", "3700")
+        assert "Mean reward: -" in zoo("enjoy", algorithm, "--no-render", "--n-timesteps", "3700")
