@@ -155,7 +155,7 @@ def look_up(installed: Mapping[str, str]) -> list[str]:
         known, unknown = [], list(installed)
         print((error.stderr or "").strip().rpartition("\n")[2], file=sys.stderr)
     if len(unknown) == len(installed):
-        print("known vulnerabilities: none could be looked up, as the service did not answer", file=sys.stderr)
+        print("known vulnerabilities: none looked up: the service does not answer, or knows none of them", file=sys.stderr)
     else:
         print(f"known vulnerabilities: {len(known)} in {len(installed) - len(unknown)} distributions")
         if unknown:

@@ -84,4 +84,4 @@ def test_vulnerabilities_are_told_from_what_could_not_be_looked_up(
     monkeypatch.setattr(audit.importlib.util, "find_spec", lambda name: object())
     monkeypatch.setattr(audit, "vulnerable", lambda installed: ([], list(installed)))
     assert audit.look_up({"unheard": "1.0"}) == []
-    assert "none could be looked up" in capsys.readouterr().err
+    assert "none looked up" in capsys.readouterr().err
