@@ -197,6 +197,9 @@ def plot(rows: Sequence[Row], path: Path) -> None:
     """Steps per second over lanes, one line per peer."""
     from matplotlib.figure import Figure
 
+    from baselines.figures import style
+
+    others = style.VERMILLION, style.ORANGE, style.GREEN, style.PURPLE, style.SKY, style.BLACK
     figure = Figure(figsize=(8.0, 4.8), layout="constrained")
     axes = figure.add_subplot()
     names = [name for name in dict.fromkeys(row.name for row in rows) if "unwrapped" not in name]
@@ -210,7 +213,7 @@ def plot(rows: Sequence[Row], path: Path) -> None:
             marker="os^Dv<>*Pp"[seen[ours] % 10],
             linewidth=2.0 if ours else 1.0,
             linestyle="-" if ours else "--",
-            color="#0072B2" if ours else ("#D55E00", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#000000")[seen[ours] % 6],
+            color=style.BLUE if ours else others[seen[ours] % len(others)],
             label=name,
         )
         seen[ours] += 1

@@ -8,15 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import SymmetricalLogLocator
 
+from baselines.figures.style import BLUE, GREY, ORANGE, VERMILLION
 from leaderboard.board import Board
 from leaderboard.results import ResultError
 from leaderboard.standings import references
 from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
 from turning_env.files import replace_file
-
-# Okabe and Ito's colours, told apart by colour-blind readers too.
-BLUE, ORANGE, VERMILLION, GREY = "#0072B2", "#E69F00", "#D55E00", "#666666"
 
 
 def write(board: Board, path: Path) -> None:

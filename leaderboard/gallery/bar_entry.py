@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from leaderboard.figure import GREY
+from baselines.figures.style import GREY
 from leaderboard.gallery.drawing import LIMIT, PANEL, WIDTH, Courses, headline, scenario_of, with_looks
 from leaderboard.habits import AFTER, BEFORE, habits
 

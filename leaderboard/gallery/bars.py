@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from leaderboard.figure import GREY
+from baselines.figures.style import GREY
 from leaderboard.gallery.drawing import LIMIT, WIDTH, Courses, cuts, headline, scenario_of, with_looks
 from leaderboard.habits import Array, Course
 

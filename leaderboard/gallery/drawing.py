@@ -6,7 +6,7 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 
-from leaderboard.figure import BLUE, GREY, ORANGE, VERMILLION
+from baselines.figures.style import BLUE, GREY, ORANGE, VERMILLION
 from leaderboard.habits import Course
 from turning_env import Scenario
 

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 
+from baselines.figures.style import BLUE
 from baselines.process import Process
-from leaderboard.figure import BLUE
 from leaderboard.gallery.drawing import PANEL, WIDTH, Courses, cuts, headline, of_draws, scenario_of
 from leaderboard.habits import fifths
 from turning_env import Scenario

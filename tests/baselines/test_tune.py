@@ -155,3 +155,16 @@ def test_a_failing_rule_keeps_its_journal(folder: Path, monkeypatch: pytest.Monk
     assert "while tuning fixed_tuned with {'cutting_speed': 125.0" in caught.value.__notes__[0]
     assert (folder / "tuned" / ".unfinished-short-fixed_tuned.log").exists()
     assert not (folder / "tuned" / "short.json").exists()
+
+
+@pytest.mark.parametrize(
+    "content", ["", "[]", "{}", '{"rules": []}', '{"rules": {"fixed_tuned": 1}}', "[" * 100_000], ids=range(6)
+)
+def test_a_damaged_file_of_tuned_parameters_is_named(folder: Path, content: str) -> None:
+    path = tuned.path(SHORT)
+    path.parent.mkdir()
+    path.write_text(content)
+    with pytest.raises(tuned.NotTuned, match=r"short\.json holds no tuned parameters"):
+        tuned.setting("fixed_tuned", RULES["fixed_tuned"], SHORT)
+    assert run(folder, "--rules", "fixed_tuned", "--trials", "1") == 2
+    assert path.read_text() == content

@@ -37,7 +37,7 @@ class Singles:
         return given_back
 
 
-@tried(short=60, soak=15_000)
+@tried(short=60, soak=5_000)
 @given(st.data(), st.integers(1, 6), SEEDS_OF_LANES)
 def test_resets_and_steps_in_any_order_are_those_of_single_environments(data: st.DataObject, lanes: int, seed: int) -> None:
     envs, singles = RoughTurningVectorEnv(lanes, MORTAL, "Disabled"), Singles(lanes)

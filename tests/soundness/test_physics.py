@@ -33,7 +33,7 @@ def intervals(data: st.DataObject, scenario: Scenario, seed: int) -> list[tuple[
     return told
 
 
-@tried(short=200, soak=60_000)
+@tried(short=200, soak=15_000)
 @given(st.data(), scenarios(), SEEDS)
 def test_wear_never_falls(data: st.DataObject, scenario: Scenario, seed: int) -> None:
     told = intervals(data, changed(scenario, control={"edge_changes": "end"}) if not_parts(scenario) else scenario, seed)
@@ -48,7 +48,7 @@ def not_parts(scenario: Scenario) -> bool:
     return scenario.control.action != "part"
 
 
-@tried(short=200, soak=60_000)
+@tried(short=200, soak=15_000)
 @given(st.data(), scenarios(), SEEDS)
 def test_what_is_told_of_an_interval_adds_up(data: st.DataObject, scenario: Scenario, seed: int) -> None:
     """The reward is the sum of its terms; power, torque and speed agree; no share is more than its whole."""
@@ -69,7 +69,7 @@ def test_what_is_told_of_an_interval_adds_up(data: st.DataObject, scenario: Scen
             assert info["reward_time"] == -info["time"]
 
 
-@tried(short=100, soak=20_000)
+@tried(short=100, soak=10_000)
 @given(
     SEEDS, st.integers(1, 200), st.lists(st.tuples(FACTORS, FACTORS), min_size=1, max_size=6), st.floats(0, 1), st.floats(0, 1)
 )
@@ -112,7 +112,7 @@ def first_interval(scenario: Scenario, speed: float, feed: float) -> dict[str, A
     return env.step(np.array([speed, feed]))[4]
 
 
-@tried(short=100, soak=20_000)
+@tried(short=100, soak=10_000)
 @given(FACTORS, FACTORS, FACTORS, st.floats(0.05, 50.0), st.floats(0.0, 10.0))
 def test_more_feed_never_removes_less_metal_per_minute(speed: float, one: float, other: float, depth: float, lag: float) -> None:
     scenario = changed(STEADY, workpiece={"depth_of_cut": depth}, machine={"feed_time_constant": lag})
@@ -121,7 +121,7 @@ def test_more_feed_never_removes_less_metal_per_minute(speed: float, one: float,
     assert less <= more * (1 + 1e-12)
 
 
-@tried(short=100, soak=20_000)
+@tried(short=100, soak=10_000)
 @given(FACTORS, FACTORS, st.sampled_from(("initial_wear", "hardness_factor")), st.floats(0.1, 4.9), st.floats(0.1, 4.9))
 def test_force_and_power_rise_with_wear_and_hardness(speed: float, feed: float, what: str, one: float, other: float) -> None:
     told = [first_interval(changed(STEADY, lot={what: value}), speed, feed) for value in sorted((one, other))]
@@ -146,3 +146,29 @@ def test_used_life_does_not_depend_on_how_time_is_split(
                 info = env.step(np.array(chosen))[4]
         lives.append(info["used_life"])
     assert lives[0] == pytest.approx(lives[1], rel=1e-9)
+
+
+VARIED = changed(
+    Scenario(),
+    control={"action": "set_point"},
+    tool={"edge_strength": 1e6, "wear_criterion": 5.0},
+)
+"""Bars of varied hardness and depth, air between them, and all lags."""
+
+
+@tried(short=60, soak=5_000)
+@given(SEEDS, st.lists(st.tuples(FACTORS, FACTORS), min_size=1, max_size=5), st.integers(2, 12), st.integers(1, 10))
+def test_energy_and_impulse_do_not_depend_on_how_time_is_split(
+    seed: int, set_points: list[tuple[float, float]], pieces: int, sub_steps: int
+) -> None:
+    """Mean power over the time in metal is the work done, and adds up: over one interval as over its pieces."""
+    done = []
+    for parts in (1, pieces):
+        control = {"interval": 6.0 / parts, "sub_steps": sub_steps * pieces // parts}
+        env = RoughTurningEnv(changed(VARIED, control=control))
+        env.reset(seed=seed)
+        told = [env.step(np.array(chosen))[4] for chosen in set_points for _ in range(parts)]
+        work = sum(info["mean_power"] * info["engaged_time"] for info in told)
+        impulse = sum(info["mean_thrust_force"] * info["engaged_time"] for info in told)
+        done.append((work, impulse, sum(info["engaged_time"] for info in told), sum(info["removed"] for info in told)))
+    assert done[0] == pytest.approx(done[1], rel=1e-9, abs=1e-9)

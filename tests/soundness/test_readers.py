@@ -39,31 +39,31 @@ def test_what_is_valid_is_read(name: str, tmp_path: Path) -> None:
         assert READERS[name].check(tmp_path, content) is not None
 
 
-@tried(short=150, soak=100_000)
+@tried(short=150, soak=15_000)
 @given(damages("scenario"))
 def test_a_scenario_file_is_read_or_refused(tmp_path: Path, content: bytes) -> None:
     READERS["scenario"].check(tmp_path, content)
 
 
-@tried(short=150, soak=100_000)
+@tried(short=150, soak=15_000)
 @given(damages("measurements"))
 def test_a_table_of_measurements_is_read_or_refused(tmp_path: Path, content: bytes) -> None:
     READERS["measurements"].check(tmp_path, content)
 
 
-@tried(short=60, soak=20_000)
+@tried(short=60, soak=5_000)
 @given(damages("results"))
 def test_results_and_trajectories_are_read_or_refused(tmp_path: Path, content: bytes) -> None:
     READERS["results"].check(tmp_path, content)
 
 
-@tried(short=60, soak=20_000)
+@tried(short=60, soak=5_000)
 @given(damages_of(tampered()), st.booleans())
 def test_results_that_were_tampered_with_are_refused(tmp_path: Path, content: bytes, compressed: bool) -> None:
     assert READERS["results"].check(tmp_path, lzma.compress(content, preset=0) if compressed else content) is None
 
 
-@tried(short=40, soak=10_000)
+@tried(short=40, soak=3_000)
 @given(damages_of(ROW.read_bytes()))
 def test_a_compressed_row_is_read_or_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path.joinpath(*ROW.parts[-3:])
@@ -73,7 +73,7 @@ def test_a_compressed_row_is_read_or_refused(tmp_path: Path, content: bytes) -> 
     assert result is None or result == read_result(ROW)
 
 
-@tried(short=80, soak=30_000)
+@tried(short=80, soak=2_000)
 @given(damages("agent"))
 def test_an_agent_is_read_and_acts_or_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "damaged.onnx"
@@ -85,7 +85,7 @@ def test_an_agent_is_read_and_acts_or_is_refused(tmp_path: Path, content: bytes)
         assert np.abs(actions).max() <= 1.0
 
 
-@tried(short=150, soak=200_000)
+@tried(short=150, soak=20_000)
 @given(damages("program"))
 def test_an_nc_program_is_read_or_refused(tmp_path: Path, content: bytes) -> None:
     READERS["program"].check(tmp_path, content)

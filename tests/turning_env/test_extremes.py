@@ -47,3 +47,11 @@ def test_a_law_at_the_edge_of_sense_stays_finite() -> None:
         if terminated:
             break
     assert info["thrust_force"] > 1e20
+
+
+def test_all_laws_beyond_sense_are_named_at_once() -> None:
+    material: dict[str, Any] = Scenario().material.model_dump()
+    for law in ("thrust_force", "power"):
+        material[law] |= {"coefficient": 1e12, "cutting_speed": 10.0, "wear": -10.0}
+    with pytest.raises(ValueError, match=r"material\.thrust_force comes to 1e.*; material\.power comes to 1e"):
+        Scenario.model_validate({"material": material})
