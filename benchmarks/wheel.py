@@ -1,23 +1,24 @@
 """Builds the wheel, installs it into an empty environment, with nothing but what it asks for, and tries every task there.
 
-All files that are installed are compared with the hashes of constraints.txt. Takes a minute or two, most of it compiling. The
-exit status is 1 if anything fails.
+All files that are installed are compared with the hashes of constraints.txt. What the presets give there must be, bit for bit,
+what they give here. Takes a minute or two for each Python, most of it compiling. The exit status is 1 if anything fails.
 
     python -m benchmarks.wheel
-    python -m benchmarks.wheel --constraints constraints.txt
+    python -m benchmarks.wheel --python python3.12 python3.13
 """
 
 import argparse
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
-import venv
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 
+from benchmarks.smoke import DIGEST, digest_of_plays
 from turning_env.console import described, exits
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -34,11 +35,15 @@ def installer(constraints: str) -> str:
     return found[0]
 
 
-def tried(folder: Path, constraints: Path) -> bool:
-    """Whether the wheel, built, installed and played in an empty folder, passes all."""
+def digest_in(folder: Path, constraints: Path, python: str) -> str:
+    """Build the wheel, install and play it in an empty folder, with a Python of any version; the digest of what it gave.
+
+    Raises:
+        subprocess.CalledProcessError: it cannot be built or installed, or something fails there.
+    """
     subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder], cwd=ROOT, check=True)
     (wheel,) = folder.glob("*.whl")
-    venv.create(folder / "venv", with_pip=True)
+    subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
     python = str(folder / "venv" / ("Scripts" if os.name == "nt" else "bin") / "python")
     pip = [python, "-m", "pip", "--disable-pip-version-check", "--quiet"]
     (folder / "pip.txt").write_text(installer(constraints.read_text("utf-8")), "utf-8")
@@ -49,10 +54,24 @@ def tried(folder: Path, constraints: Path) -> bool:
         [*pip, "install", "--only-binary", ":all:", "-c", str(constraints.resolve()), "-r", str(folder / "wheel.txt")],
         [python, "-m", "pip", "list"],
         [python, "-m", "pip", "check"],
-        [python, "-I", "-W", "error", "-c", TRY, str(SMOKE)],
         [python, "-I", "-m", "turning_env", "presets"],
     )
-    return all(subprocess.run(command, cwd=folder / "empty").returncode == 0 for command in commands)
+    for command in commands:
+        subprocess.run(command, cwd=folder / "empty", check=True)
+    smoke = [python, "-I", "-W", "error", "-c", TRY, str(SMOKE)]
+    said = subprocess.run(smoke, cwd=folder / "empty", check=True, stdout=subprocess.PIPE, text=True).stdout
+    print(said, end="")
+    return said.rpartition(DIGEST)[2].strip()
+
+
+def fault(constraints: Path, python: str) -> str | None:
+    """What is wrong with the wheel where this Python plays it."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            digest = digest_in(Path(folder), constraints, python)
+        except subprocess.CalledProcessError as error:
+            return f"{error.cmd[0]} ended with status {error.returncode}"
+    return None if digest == digest_of_plays() else "what it gives differs from what the same actions give here"
 
 
 @exits(ValueError, checks=True)
@@ -60,10 +79,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Build, install and try; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.wheel", **described(__doc__))
     parser.add_argument("--constraints", type=Path, default=ROOT / "constraints.txt", help="default: that of the clone")
+    parser.add_argument("--python", nargs="+", default=[sys.executable], help="with which it is played (default: this one)")
     parsed = parser.parse_args(arguments)
     installer(parsed.constraints.read_text("utf-8"))
-    with tempfile.TemporaryDirectory() as folder:
-        return 0 if tried(Path(folder), parsed.constraints) else 1
+    for python in parsed.python:
+        if shutil.which(python) is None:
+            raise ValueError(f"--python {python}: there is no such program")
+    faults = {python: what for python in parsed.python if (what := fault(parsed.constraints, python))}
+    for python, what in faults.items():
+        print(f"{python}: {what}", file=sys.stderr)
+    return 1 if faults else 0
 
 
 if __name__ == "__main__":

@@ -1,12 +1,8 @@
-"""A copy or a pickle goes on as the original does, and so does another Python."""
+"""A copy or a pickle goes on as the original does."""
 
 import copy
-import os
 import pickle
-import subprocess
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -15,19 +11,6 @@ import pytest
 from tests.turning_env.playing import SHORT_LIVED, fixed_actions
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, presets
 
-OTHER_PYTHON = os.environ.get("OTHER_PYTHON")
-"""Another interpreter that has what the environment needs, for example of another minor version."""
-PLAYS = """
-import hashlib
-from tests.turning_env.playing import fixed_actions, play
-from turning_env import RoughTurningEnv, presets
-whole = hashlib.sha256()
-for preset in presets():
-    record = play(RoughTurningEnv(preset), 21, fixed_actions(4 if preset.startswith("batch") else 40, 1, preset)[:, 0])
-    for name in sorted(record):
-        whole.update(record[name].tobytes())
-print(whole.hexdigest())
-"""
 WAYS: dict[str, Callable[[Any], Any]] = {"copy": copy.deepcopy, "pickle": lambda env: pickle.loads(pickle.dumps(env))}
 
 
@@ -75,13 +58,3 @@ def test_a_copy_of_many_lanes_goes_on_alike(autoreset: str, render_mode: str | N
         assert all((ours == theirs).all() for ours, theirs in zip(envs.render(), other.render(), strict=True))
     envs.close()
     other.close()
-
-
-@pytest.mark.skipif(OTHER_PYTHON is None, reason="OTHER_PYTHON names no other interpreter")
-def test_another_python_gives_the_same_bytes() -> None:
-    printed = []
-    for python in (sys.executable, str(OTHER_PYTHON)):
-        run = subprocess.run([python, "-c", PLAYS], cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
-        assert run.returncode == 0, run.stderr
-        printed.append(run.stdout)
-    assert printed[0] == printed[1]
