@@ -99,7 +99,7 @@ constraints: .venv/ready
 	$(PIP) install --only-binary :all: -c constraints.txt --group pin
 	.venv/bin/uv pip compile --quiet --universal --python-version 3.11.5 --generate-hashes --no-annotate \
 		--custom-compile-command "make constraints" $(UPGRADE) -o constraints.txt pyproject.toml \
-		$(addprefix --extra ,$(EXTRAS)) --group setup --group audit --group pin
+		$(addprefix --extra ,$(EXTRAS)) --group setup --group audit --group pin --group fuzz
 
 format: .venv/ready
 	.venv/bin/ruff check --fix .

@@ -5,8 +5,8 @@
     python -m benchmarks.fuzz --reader program --again runs/fuzz/program/found-0123456789ab.mpf
 
 Readers of scenarios (TOML), measurements (CSV), results and trajectories (JSON), agents (ONNX) and NC programs are given damaged
-files. Each must give what the file may hold, or its own error, which names the file. Where atheris is installed (the extra
-"fuzz"), the code that is reached guides the search, and what it has learnt is kept for the next; else the damage is random.
+files. Each must give what the file may hold, or its own error, which names the file. Where atheris is installed (the dependency
+group "fuzz"), the code that is reached guides the search, and what it has learnt is kept for the next; else the damage is random.
 
 Each content that breaks a promise is kept, one for each place in the code, and the exit status is then 1.
 """

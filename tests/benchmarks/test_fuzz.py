@@ -119,7 +119,7 @@ def test_interrupted_it_ends_its_worker(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*/tried.*"))
 
 
-@pytest.mark.skipif(importlib.util.find_spec("atheris") is None, reason="needs the extra fuzz")
+@pytest.mark.skipif(importlib.util.find_spec("atheris") is None, reason="needs atheris")
 def test_with_atheris_the_code_that_is_reached_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--reader", "program", "--inputs", "300", "--seed", "0", "--out", str(tmp_path), "--json"]) == 0
     outcome = json.loads(capsys.readouterr().out)[0]
