@@ -19,7 +19,7 @@ TUTORIALS = ("ten_minutes", "train", "submit_a_policy", "add_a_controller", "add
 ELSEWHERE = {"python -m baselines.reproduce": "tests/baselines/test_reproduce.py"}
 # What makes a command small: options added to it, words replaced in it.
 SMALLER: Smaller = {
-    "make leaderboard": ("INTERVALS=20000 DRAWS=2 RUNS=few-runs RESULTS=few-results", {}),
+    "make leaderboard": ("INTERVALS=20000 DRAWS=1 RUNS=few-runs RESULTS=few-results", {}),
     "make agents": ("INTERVALS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 AGENTS=RoughTurning-Surface-v0/ppo", {}),
     "make rows": ("BOARD_DRAWS=2 SHIPPED=few-agents ROWS=few-rows ENVS=RoughTurning-Surface-v0", {}),
     "make verify": ("VERIFY='--draws 2 --env RoughTurning-Surface-v0'", {}),

@@ -26,14 +26,14 @@ def complaints(
 
 
 def test_the_first_draws_of_rows_come_back(tmp_path: Path) -> None:
-    agents = ("ppo", "recurrent_ppo", "lagrangian_ppo", "sac", "tqc", BEST)
+    agents = ("ppo-seed0", "recurrent_ppo-seed1", "lagrangian_ppo-seed2", "sac-seed3", "tqc-seed4", f"{BEST}-seed0")
     quick = ("fixed_tuned", "grid_search", "rescaled_grid_search", *agents)
     assert complaints(tmp_path, 2, *quick, scenario="rough_turning") == []
     assert complaints(tmp_path, 1, CLAIRVOYANT, "causal", "predictive", scenario="rough_turning") == []
-    assert complaints(tmp_path, 1, "rescaled_grid_search", BEST, scenario="ck45") == []
-    assert complaints(tmp_path, 1, "omative", BEST, env="RoughTurning-Override-v0") == []
-    assert complaints(tmp_path, 1, "constant_force", "ppo", env="RoughTurning-Surface-v0") == []
-    assert complaints(tmp_path, 2, "parts_mt", "ppo", env="RoughTurning-Batch-v0") == []
+    assert complaints(tmp_path, 1, "rescaled_grid_search", f"{BEST}-seed1", scenario="ck45") == []
+    assert complaints(tmp_path, 1, "omative", f"{BEST}-seed2", env="RoughTurning-Override-v0") == []
+    assert complaints(tmp_path, 1, "constant_force", "ppo-seed3", env="RoughTurning-Surface-v0") == []
+    assert complaints(tmp_path, 2, "parts_mt", "ppo-seed4", env="RoughTurning-Batch-v0") == []
 
 
 def test_no_row_is_beyond_the_clairvoyant_bound() -> None:
