@@ -131,7 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return again(options.reader[0], options.again)
     guided = not options.random and importlib.util.find_spec("atheris") is not None
     if not guided and not options.random:
-        print("atheris is not installed (pip install -e '.[fuzz]'): files are damaged at random", file=sys.stderr)
+        print("atheris is not installed (pip install atheris): files are damaged at random", file=sys.stderr)
     seed = random.randrange(2**31) if options.seed is None else options.seed
     outcomes = []
     if not options.json:
