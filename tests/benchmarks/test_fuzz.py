@@ -107,8 +107,17 @@ def test_a_worker_that_does_not_start_is_an_error(monkeypatch: pytest.MonkeyPatc
     assert "no such thing" in capsys.readouterr().err
 
 
+# Where the tests were started in the background of a shell, interruptions are ignored unless a program says otherwise.
+INTERRUPTIBLE = """
+import signal, sys
+from benchmarks.fuzz.__main__ import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.exit(main())
+"""
+
+
 def test_interrupted_it_ends_its_worker(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "benchmarks.fuzz", "--reader", "program", "--random", "--out", str(tmp_path)]
+    command = [sys.executable, "-c", INTERRUPTIBLE, "--reader", "program", "--random", "--out", str(tmp_path)]
     with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, env=os.environ | {"TMPDIR": str(tmp_path)}) as it:
         while not list(tmp_path.glob("*/tried.*")):
             assert it.poll() is None
