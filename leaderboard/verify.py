@@ -243,5 +243,5 @@ def _remembered(memory: Path) -> set[str]:
         return set()
     try:
         return {str(key) for key in json.loads(memory.read_text("utf-8"))}
-    except (OSError, ValueError, TypeError) as error:
+    except (OSError, ValueError, TypeError, RecursionError) as error:
         raise ResultError(f"{memory} cannot be read: {error}; delete it, or verify with --fresh") from error

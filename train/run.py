@@ -61,7 +61,7 @@ class Run:
             values = json.loads(path.read_text("utf-8"))
             values["scenario"] = Scenario.model_validate(values["scenario"])
             return cls(**values, folder=folder)
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"{path} describes no training run: {error}") from error
 
     @property

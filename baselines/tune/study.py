@@ -220,7 +220,7 @@ def _open(path: Path) -> JournalStorage:
         if not all(json.loads(line) for line in lines):
             raise ValueError(f"{path} holds a line that says nothing")
         return _storage(path)
-    except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError):
+    except (ArithmeticError, AssertionError, AttributeError, LookupError, RecursionError, TypeError, ValueError):
         print(f"{path} is damaged, so the search begins anew", file=sys.stderr)
         path.write_bytes(b"")  # and not removed: who works with it holds a lock on it
         return _storage(path)

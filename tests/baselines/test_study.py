@@ -144,7 +144,10 @@ def test_another_task_starts_anew(
     assert len(counted.settings) == 10 + trials
 
 
-@pytest.mark.parametrize("damage", ["garbled", "", "{}\n", "null\n", "[]\n", '{"op_code": 3}\n', "\xff\n"])
+DAMAGES = ["garbled", "", "{}\n", "null\n", "[]\n", '{"op_code": 3}\n', "\xff\n", "[" * 100_000 + "\n"]
+
+
+@pytest.mark.parametrize("damage", DAMAGES, ids=range(len(DAMAGES)))
 def test_a_damaged_journal_is_started_anew(
     damage: str, scored: Callable[[Score], Counted], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -102,9 +102,10 @@ def test_a_damaged_run_says_which_file(tmp_path: Path) -> None:
     run.checkpoint.write_bytes(b"no archive")
     with pytest.raises(ValueError, match=rf"{run.checkpoint} cannot be read: .*; delete it to begin the training anew"):
         train(run, algorithm)
-    (run.folder / "run.json").write_text("{}")
-    with pytest.raises(ValueError, match=rf"{run.folder / 'run.json'} describes no training run"):
-        Run.read(run.folder)
+    for content in ("{}", "[]", "[" * 100_000):
+        (run.folder / "run.json").write_text(content)
+        with pytest.raises(ValueError, match=rf"{run.folder / 'run.json'} describes no training run"):
+            Run.read(run.folder)
 
 
 def test_a_search_of_rules_is_not_made_twice_at_once(

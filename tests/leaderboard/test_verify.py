@@ -164,9 +164,10 @@ def test_command_line(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "fixed_handbook.json.xz: " in capsys.readouterr().out
     assert main([*arguments, "--policies", "nonsense"]) == 2
     assert "holds no such rows" in capsys.readouterr().err
-    (shipped / "memory.json").write_text("{")
-    assert main(arguments) == 2
-    assert "memory.json cannot be read" in capsys.readouterr().err
+    for damage in ("{", "[" * 100_000):
+        (shipped / "memory.json").write_text(damage)
+        assert main(arguments) == 2
+        assert "memory.json cannot be read" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([*arguments, "--jobs", "0"])
 
