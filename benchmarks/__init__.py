@@ -1,4 +1,4 @@
-"""Throughput measurements against peers."""
+"""Measurements: speed, prices, bounds, what holds under long and violent use, what is installed."""
 
 from baselines.extras import tell_plainly
 

@@ -151,7 +151,7 @@ class Scenario(Section):
             base = values.pop("base", None)
             if base is not None:
                 if base not in presets():
-                    raise ScenarioError(f"{source}: base: {base!r} is not a preset; presets: {', '.join(presets())}")
+                    raise ScenarioError(f"{source}: base: {_shown(base)} is not a preset; presets: {', '.join(presets())}")
                 values = _merged(cls._preset(base, below).model_dump(exclude={"name"}), values)
             return cls.model_validate({"name": name} | values)
         except ScenarioError:
@@ -203,5 +203,13 @@ def _complaints(error: ValidationError) -> Iterator[str]:
         field = ".".join(str(part) for part in detail["loc"]) or "scenario"
         message = detail["msg"].removeprefix("Value error, ")
         if detail["type"] not in ("value_error", "missing"):
-            message = f"{detail['input']!r} is not allowed: {message}"
+            message = f"{_shown(detail['input'])} is not allowed: {message}"
         yield f"{field}: {message}"
+
+
+def _shown(value: Any) -> str:
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes no whole number of thousands of digits, though it reads some
+        return "a whole number of thousands of digits"
+    return text if len(text) <= 200 else f"{text[:200]}..."

@@ -26,7 +26,14 @@ def tampered() -> bytes:
     return json.dumps(values).encode()
 
 
-@pytest.mark.parametrize("text", ["x = " + "[" * 5_000, "x = " + "9" * 5_000, "name" + ".a" * 5_000 + " = 1"])
+LONG = "0x" + "9" * 5_000
+BEYOND = ["x = " + "[" * 5_000, "x = " + "9" * 5_000, "name" + ".a" * 5_000 + " = 1"]
+BEYOND += [
+    text + LONG for text in ("x = ", "name = ", "base = ", "[limits]\npower = ", "[workpiece]\nbars = ", "[control]\naction = ")
+]
+
+
+@pytest.mark.parametrize("text", BEYOND, ids=range(len(BEYOND)))
 def test_a_scenario_file_beyond_python_s_limits_is_a_scenario_error(text: str, tmp_path: Path) -> None:
     (tmp_path / "deep.toml").write_text(text)
     with pytest.raises(ScenarioError, match="deep"):
