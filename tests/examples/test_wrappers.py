@@ -1,6 +1,7 @@
 """Gymnasium's own wrappers, single and vector, on every id: each that can apply works."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -67,12 +68,19 @@ VECTOR: dict[str, Callable[[Any], Any]] = {
         envs, single.TransformReward, func=lambda reward: reward / 3
     ),
 }
-PICTURES = {
-    *("AddRenderObservation", "AddWhiteNoise", "AtariPreprocessing", "GrayscaleObservation", "HumanRendering", "ObstructView"),
-    *("RecordVideo", "RenderCollection", "ResizeObservation"),
+PICTURES: dict[str, Callable[[Any, Path], Any]] = {
+    "AddRenderObservation": lambda env, folder: single.AddRenderObservation(env),
+    "AddWhiteNoise": lambda env, folder: single.AddWhiteNoise(single.AddRenderObservation(env), 0.1),
+    "GrayscaleObservation": lambda env, folder: single.GrayscaleObservation(single.AddRenderObservation(env)),
+    "HumanRendering": lambda env, folder: single.HumanRendering(env),
+    "ObstructView": lambda env, folder: single.ObstructView(single.AddRenderObservation(env), 0.1, 8),
+    "RecordVideo": lambda env, folder: single.RecordVideo(env, str(folder), lambda number: True, disable_logger=True),
+    "RenderCollection": lambda env, folder: single.RenderCollection(env),
 }
-NOT_APPLICABLE = PICTURES | {
+NOT_APPLICABLE = {
     "vector",  # the module
+    "AtariPreprocessing",
+    "ResizeObservation",  # needs OpenCV, as does the vector HumanRendering
     "FilterObservation",  # of dictionaries and tuples
     *("ArrayConversion", "JaxToNumpy", "JaxToTorch", "NumpyToTorch"),  # need array-api-compat; the last is tested below
 }
@@ -87,8 +95,31 @@ REFUSED = {
 
 
 def test_no_wrapper_is_forgotten() -> None:
-    assert set(single.__all__) == SINGLE.keys() | NOT_APPLICABLE
-    assert set(vector.__all__) == VECTOR.keys() | (NOT_APPLICABLE & set(vector.__all__))
+    assert set(single.__all__) == SINGLE.keys() | PICTURES.keys() | NOT_APPLICABLE
+    assert set(vector.__all__) == VECTOR.keys() | ((PICTURES.keys() | NOT_APPLICABLE) & set(vector.__all__))
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_pictures(name: str, tmp_path: Path) -> None:
+    env = PICTURES[name](gymnasium.make("RoughTurning-v0", render_mode="rgb_array"), tmp_path / "films")
+    env.action_space.seed(0)
+    seen, _ = env.reset(seed=0)
+    for _ in range(3):
+        assert seen in env.observation_space
+        seen, *_ = env.step(env.action_space.sample())
+    shown = env.render()
+    assert len(shown) == 4 if name == "RenderCollection" else (shown is None) == (name == "HumanRendering")
+    env.close()
+    assert len(list(tmp_path.glob("films/*.mp4"))) == (name == "RecordVideo")
+
+
+def test_films_of_lanes(tmp_path: Path) -> None:
+    envs = gymnasium.make_vec("RoughTurning-v0", 2, vectorization_mode="vector_entry_point", render_mode="rgb_array")
+    films: Any = vector.RecordVideo(envs, str(tmp_path / "films"), episode_trigger=lambda number: True, disable_logger=True)
+    films.reset(seed=0)
+    films.step(films.action_space.sample())
+    films.close()
+    assert len(list(tmp_path.glob("films/*.mp4"))) == 1
 
 
 @pytest.mark.parametrize("env_id", IDS)
