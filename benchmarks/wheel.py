@@ -35,14 +35,23 @@ def installer(constraints: str) -> str:
     return found[0]
 
 
-def digest_in(folder: Path, constraints: Path, python: str) -> str:
-    """Build the wheel, install and play it in an empty folder, with a Python of any version; the digest of what it gave.
+def built(folder: Path) -> Path:
+    """The wheel, built into a folder.
 
     Raises:
-        subprocess.CalledProcessError: it cannot be built or installed, or something fails there.
+        subprocess.CalledProcessError: it cannot be built.
     """
     subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder], cwd=ROOT, check=True)
     (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+def digest_in(folder: Path, wheel: Path, constraints: Path, python: str) -> str:
+    """Install and play the wheel in an empty folder, with a Python of any version; the digest of what it gave.
+
+    Raises:
+        subprocess.CalledProcessError: it cannot be installed, or something fails there.
+    """
     subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
     python = str(folder / "venv" / ("Scripts" if os.name == "nt" else "bin") / "python")
     pip = [python, "-m", "pip", "--disable-pip-version-check", "--quiet"]
@@ -64,14 +73,14 @@ def digest_in(folder: Path, constraints: Path, python: str) -> str:
     return said.rpartition(DIGEST)[2].strip()
 
 
-def fault(constraints: Path, python: str) -> str | None:
-    """What is wrong with the wheel where this Python plays it."""
+def fault(wheel: Path, constraints: Path, python: str, expected: str) -> str | None:
+    """What is wrong with the wheel where this Python plays it, which must come to the expected digest."""
     with tempfile.TemporaryDirectory() as folder:
         try:
-            digest = digest_in(Path(folder), constraints, python)
+            digest = digest_in(Path(folder), wheel, constraints, python)
         except subprocess.CalledProcessError as error:
             return f"{error.cmd[0]} ended with status {error.returncode}"
-    return None if digest == digest_of_plays() else "what it gives differs from what the same actions give here"
+    return None if digest == expected else "what it gives differs from what the same actions give here"
 
 
 @exits(ValueError, checks=True)
@@ -85,7 +94,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for python in parsed.python:
         if shutil.which(python) is None:
             raise ValueError(f"--python {python}: there is no such program")
-    faults = {python: what for python in parsed.python if (what := fault(parsed.constraints, python))}
+    expected = digest_of_plays()
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            wheel = built(Path(folder))
+        except subprocess.CalledProcessError as error:
+            print(f"the wheel cannot be built: status {error.returncode}", file=sys.stderr)
+            return 1
+        found = {python: fault(wheel, parsed.constraints, python, expected) for python in parsed.python}
+    faults = {python: what for python, what in found.items() if what}
     for python, what in faults.items():
         print(f"{python}: {what}", file=sys.stderr)
     return 1 if faults else 0

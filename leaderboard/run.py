@@ -249,12 +249,9 @@ def _record_trajectories(each: Round, fresh: bool, over: Workers | None) -> list
     task, digest, path = each.task, current_digests(each.task).task, each.folder / TRAJECTORIES_FILE
     if fresh or not _is_readable(path):
         path.unlink(missing_ok=True)
-    board = read_board(each.folder, digest)
-    recorded = board.trajectories.episodes if board.trajectories else []
-    courses = {(episode.policy.name, episode.draw): episode for episode in recorded}
+    wanted, courses = _recorded(each, digest)
     # One training seed stands for an agent: the first given.
     able = {player.policy.name: player for player in reversed(each.contestants) if isinstance(player, Contestant)}
-    wanted = [(standing.name, draw) for standing in board.standings for draw in task.draws[:RECORDED_DRAWS]]
     missing = [place for place in wanted if place not in courses and place[0] in able]
     pieces = [((name, draw), (able[name], task.scenario, draw)) for name, draw in missing]
     try:
@@ -267,13 +264,19 @@ def _record_trajectories(each: Round, fresh: bool, over: Workers | None) -> list
                 bar.update()
     finally:  # what is finished is kept, also what another run has played and recorded in the meantime
         with alone(each.folder.parent, wait=True):
-            board = read_board(each.folder, digest)
-            recorded = board.trajectories.episodes if board.trajectories else []
-            courses = {(episode.policy.name, episode.draw): episode for episode in recorded} | courses
-            wanted = [(standing.name, draw) for standing in board.standings for draw in task.draws[:RECORDED_DRAWS]]
+            wanted, recorded = _recorded(each, digest)
+            courses = recorded | courses
             episodes = [courses[place] for place in wanted if place in courses]
             write_part(Trajectories(task=digest, episodes=episodes), path)
     return complaints
+
+
+def _recorded(each: Round, digest: str) -> tuple[list[tuple[str, int]], dict[tuple[str, int], Trajectory]]:
+    """(Policy and draw of each trajectory that a round's folder should hold, in their order; those that it holds.)"""
+    board = read_board(each.folder, digest)
+    episodes = board.trajectories.episodes if board.trajectories else []
+    wanted = [(standing.name, draw) for standing in board.standings for draw in each.task.draws[:RECORDED_DRAWS]]
+    return wanted, {(episode.policy.name, episode.draw): episode for episode in episodes}
 
 
 def _course(piece: tuple[Contestant, Scenario, int]) -> Trajectory | ResultError:

@@ -6,12 +6,19 @@ import sys
 import zipfile
 from pathlib import Path
 
+import pytest
+
+from benchmarks.wheel import built
+
 ROOT = Path(__file__).parents[1]
 
 
-def test_the_wheel_holds_the_environment_and_nothing_else(tmp_path: Path) -> None:
-    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path], cwd=ROOT, check=True)
-    (wheel,) = tmp_path.glob("*.whl")
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built(tmp_path_factory.mktemp("wheel"))
+
+
+def test_the_wheel_holds_the_environment_and_nothing_else(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"turning_env"}
     packaged = {name for name in names if name.startswith("turning_env/")}
@@ -19,10 +26,7 @@ def test_the_wheel_holds_the_environment_and_nothing_else(tmp_path: Path) -> Non
     assert packaged == sources
 
 
-def test_the_wheel_alone_is_the_environment(tmp_path: Path) -> None:
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path]
-    subprocess.run(build, cwd=ROOT, check=True)
-    (wheel,) = tmp_path.glob("*.whl")
+def test_the_wheel_alone_is_the_environment(wheel: Path, tmp_path: Path) -> None:
     installed, empty = tmp_path / "installed", tmp_path / "empty"
     zipfile.ZipFile(wheel).extractall(installed)  # as an installer does with a wheel that has no scripts
     empty.mkdir()

@@ -26,7 +26,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from benchmarks.fuzz.readers import READERS, ROOT, TRIED
-from benchmarks.fuzz.search import kept_path
+from benchmarks.fuzz.search import keep
 from turning_env.console import DONE, FAILED, described, exits, print_json
 
 _PROGRAM = "from benchmarks.fuzz.worker import main; main()"
@@ -96,9 +96,7 @@ def _keep_last(outcome: Outcome, scratch: Path, kept: Path, error: str) -> None:
     last = max(scratch.glob(f"{TRIED}.*"), key=lambda path: path.stat().st_mtime_ns, default=None)
     if last is None:
         raise RuntimeError(f"{outcome.reader}: {error}")
-    path = kept_path(kept, last.read_bytes(), READERS[outcome.reader].suffix)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(last.read_bytes())
+    path = keep(kept, last.read_bytes(), READERS[outcome.reader].suffix)
     outcome.unhandled[str(path)] = error
 
 

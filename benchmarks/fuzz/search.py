@@ -71,9 +71,7 @@ class Search:
         if place in self._places or len(self._places) >= _MOST_KEPT:
             return
         self._places.add(place)
-        path = kept_path(self.kept, content, self.reader.suffix)
-        self.kept.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
+        path = keep(self.kept, content, self.reader.suffix)
         self.found[str(path)] = f"{type(error).__name__}: {error}"[:300]
         self.tell()
 
@@ -83,9 +81,12 @@ class Search:
         self.report(self.tried, self.found, self.seconds)
 
 
-def kept_path(folder: Path, content: bytes, suffix: str) -> Path:
-    """Where a content that breaks a promise is kept."""
-    return folder / f"found-{hashlib.sha256(content).hexdigest()[:12]}{suffix}"
+def keep(folder: Path, content: bytes, suffix: str) -> Path:
+    """Keep a content that breaks a promise, in a folder that is made; where it is."""
+    path = folder / f"found-{hashlib.sha256(content).hexdigest()[:12]}{suffix}"
+    folder.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+    return path
 
 
 def _place(error: Exception) -> tuple[str, ...]:
