@@ -2,7 +2,7 @@
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 SCENARIO ?= rough_turning
-INTERVALS ?=
+STEPS ?=
 DRAWS ?= 256
 BOARD_DRAWS ?= 64
 LONG_DRAWS ?= 32
@@ -10,10 +10,10 @@ OTHER_PYTHON ?=
 RUNS ?= runs
 RESULTS ?= results
 SHIPPED ?= agents
-ROWS ?= leaderboard/rows
+ROWS ?= leaderboard/results
 JOBS ?= 2
 ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurning-Surface-v0 RoughTurning-Shift-v0 RoughTurning-Batch-v0
-TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS) $(if $(INTERVALS),--intervals $(INTERVALS))
+TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS) $(if $(STEPS),--steps $(STEPS))
 RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --draws $(DRAWS) --results $(RESULTS)
 AGENT = $(RUNS)/RoughTurning-v0/$(SCENARIO)/ppo-seed
 
@@ -40,14 +40,14 @@ setup: .venv/ready
 leaderboard: .venv/ready
 	$(TRAIN) --seed 0
 	mkdir -p $(RESULTS)
-	cp -R leaderboard/rows/. $(RESULTS)
+	cp -R leaderboard/results/. $(RESULTS)
 	$(RUN) --agents $(AGENT)0
 
 # Train all agents that come with the project anew, two at a time, and export them.
 agents: .venv/ready
 	printf '%s\n' $(foreach agent,$(AGENTS),$(foreach seed,$(SEEDS),$(agent)/$(seed))) | xargs -P 2 -I{} sh -c '\
 		set -e -- $$(echo {} | tr / " "); \
-		run=$$(.venv/bin/python -m train.$$2 --env $$1 --seed $$3 --runs $(RUNS) $(if $(INTERVALS),--intervals $(INTERVALS))); \
+		run=$$(.venv/bin/python -m train.$$2 --env $$1 --seed $$3 --runs $(RUNS) $(if $(STEPS),--steps $(STEPS))); \
 		folder=$$(dirname $$run); \
 		.venv/bin/python -m train.export $$folder --out $(SHIPPED)/$$1/$$(basename $$(dirname $$folder))'
 

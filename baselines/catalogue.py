@@ -6,10 +6,10 @@ from importlib import import_module
 from types import ModuleType
 
 from baselines import tuned
-from baselines.edge_changes import as_played
-from baselines.policy import PolicyFactory
+from baselines.models.edge_changes import as_played
 from baselines.rule import Parameters, Rule
 from turning_env import Scenario
+from turning_env.score.policy import PolicyFactory
 
 
 def merged(modules: Iterable[ModuleType]) -> dict[str, Rule]:
@@ -89,7 +89,7 @@ def entry(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> En
         ValueError: it cannot play the scenario.
         NotTuned: it has not been tuned on that scenario, or not with the parameters that it has now.
     """
-    told = scenario.as_told()
+    told = scenario.nominal()
     rule = playable(name, told)
-    parameters = rule.fixed | (tuned.setting(name, rule, (tuned_on or scenario).as_told()) if rule.ranges else {})
-    return Entry(name, rule.description, parameters, lambda lanes: rule.build(told, lanes, parameters))
+    parameters = rule.fixed | (tuned.setting(name, rule, (tuned_on or scenario).nominal()) if rule.ranges else {})
+    return Entry(name, rule.description, parameters, lambda num_envs: rule.build(told, num_envs, parameters))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import baselines
 import turning_env
-from turning_env.compilation import source_digest
+from turning_env.numerics.compilation import source_digest
 
 
 @cache  # what has been imported goes on playing, even if its file is changed meanwhile

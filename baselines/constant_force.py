@@ -17,12 +17,12 @@ programmed feed is commanded.
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.commands import towards
-from baselines.part_program import PROGRAM, PartProgram, on_override, on_roughness, on_speed_and_feed
-from baselines.policy import Actions, Observations
+from baselines.models.part_program import PROGRAM, PartProgram, on_override, on_roughness, on_speed_and_feed
 from baselines.rule import Parameters, Range, Rule
 from turning_env import Scenario, read
-from turning_env.sections import Surface
+from turning_env.action import towards
+from turning_env.scenario.sections import Surface
+from turning_env.score.policy import Actions, Observations
 
 THRESHOLD = 100.0
 """Force below which the tool is taken to be out of the metal [N] (roughness control paper)."""
@@ -55,19 +55,19 @@ class ConstantForce:
         ValueError: a roughness is to be held that does not depend on the force.
     """
 
-    def __init__(self, program: PartProgram, lanes: int, force_share: float = 1.0, on_command: bool = False) -> None:
+    def __init__(self, program: PartProgram, num_envs: int, force_share: float = 1.0, on_command: bool = False) -> None:
         scenario = program.scenario
         self._program = program
         self._reference = force_share * scenario.limits.thrust_force
         self._on_command = on_command
         self._intervals_needed = max(1, round(ENGAGED_TIME / scenario.control.interval))
-        self._intervals_engaged = np.zeros(lanes, np.int64)
+        self._intervals_engaged = np.zeros(num_envs, np.int64)
         if scenario.control.aim == "roughness":
             force_of_roughness(scenario.surface, np.ones(1))  # refuses now what it would refuse later
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """The tool is out of the metal."""
-        self._intervals_engaged[lanes] = 0
+        self._intervals_engaged[mask] = 0
 
     def act(self, observations: Observations) -> Actions:
         """Actions, shape (lanes, 1 to 3), for observations, shape (lanes, entries)."""
@@ -101,7 +101,7 @@ class ModelFeed:
         force_of_roughness(scenario.surface, np.ones(1))
         self._scenario = scenario
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Nothing to forget."""
 
     def act(self, observations: Observations) -> Actions:
@@ -117,8 +117,8 @@ class ModelFeed:
         return towards(reading, scenario, speed, np.clip(feed, machine.feed_min, machine.feed_max))
 
 
-def _build(scenario: Scenario, lanes: int, parameters: Parameters) -> ConstantForce:
-    return ConstantForce(PartProgram(scenario, parameters), lanes, parameters.get("force_share", 1.0))
+def _build(scenario: Scenario, num_envs: int, parameters: Parameters) -> ConstantForce:
+    return ConstantForce(PartProgram(scenario, parameters), num_envs, parameters.get("force_share", 1.0))
 
 
 def _holds_roughness(scenario: Scenario) -> bool:
@@ -149,7 +149,7 @@ RULES = {
     ),
     "model_feed": Rule(
         "the feed that the nominal model gives for the reference of roughness, without measuring (rival of constant_force)",
-        lambda scenario, lanes, parameters: ModelFeed(scenario),
+        lambda scenario, num_envs, parameters: ModelFeed(scenario),
         _plays_by_model,
         {},
     ),

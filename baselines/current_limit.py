@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.constant_force import FORCE_SHARE
-from baselines.current_sensing import ForceEstimator
-from baselines.part_program import PROGRAM, PartProgram, on_override, on_speed_and_feed
-from baselines.policy import Actions, Observations
+from baselines.models.current_sensing import ForceEstimator
+from baselines.models.part_program import PROGRAM, PartProgram, on_override, on_speed_and_feed
 from baselines.rule import Parameters, Rule
 from turning_env import Scenario, read
+from turning_env.score.policy import Actions, Observations
 from turning_env.wrappers import FEED_GRADES
 
 HYSTERESIS, CUTOFF, WINDOW = 0.05, 0.8, 3
@@ -44,7 +44,7 @@ class CurrentLimit:
     def __init__(
         self,
         program: PartProgram,
-        lanes: int,
+        num_envs: int,
         force_share: float = 0.9,
         hysteresis: float = HYSTERESIS,
         cutoff: float = CUTOFF,
@@ -59,17 +59,17 @@ class CurrentLimit:
         self._feeds = np.clip(self._overrides * program.feed, machine.feed_min, machine.feed_max)
         self._upper = force_share * scenario.limits.thrust_force
         self._lower = self._upper * (1.0 - hysteresis)
-        self._estimator = ForceEstimator(scenario, lanes, cutoff, window)
+        self._estimator = ForceEstimator(scenario, num_envs, cutoff, window)
         self.settling_intervals = math.ceil(2.0 * self._estimator.delay)
         """For how many intervals of metal the estimate is not heeded."""
-        self._intervals_in_metal = np.zeros(lanes, np.int64)
-        self._grade = np.full(lanes, _PROGRAMMED)
+        self._intervals_in_metal = np.zeros(num_envs, np.int64)
+        self._grade = np.full(num_envs, _PROGRAMMED)
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """The tool is in air, the switch at the programmed feed."""
-        self._estimator.reset(lanes)
-        self._intervals_in_metal[lanes] = 0
-        self._grade[lanes] = _PROGRAMMED
+        self._estimator.reset(mask)
+        self._intervals_in_metal[mask] = 0
+        self._grade[mask] = _PROGRAMMED
 
     def act(self, observations: Observations) -> Actions:
         """Actions, shape (lanes, 1 to 3), for observations, shape (lanes, entries)."""
@@ -87,8 +87,8 @@ class CurrentLimit:
         return self._program.act(reading, self._overrides[self._grade])
 
 
-def _build(scenario: Scenario, lanes: int, parameters: Parameters) -> CurrentLimit:
-    return CurrentLimit(PartProgram(scenario, parameters), lanes, parameters["force_share"])
+def _build(scenario: Scenario, num_envs: int, parameters: Parameters) -> CurrentLimit:
+    return CurrentLimit(PartProgram(scenario, parameters), num_envs, parameters["force_share"])
 
 
 def _force_grows(scenario: Scenario) -> bool:

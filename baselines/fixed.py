@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.commands import sets_speed_and_feed, towards
-from baselines.policy import Actions, Observations
 from baselines.rule import Parameters, Range, Rule
 from turning_env import Scenario, read
+from turning_env.action import sets_speed_and_feed, towards
+from turning_env.score.policy import Actions, Observations
 
 HANDBOOK_CUTTING_SPEED = 145.0
 HANDBOOK_FEED = 0.32
@@ -29,7 +29,7 @@ class FixedParameters:
         self._cutting_speed = np.clip(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)
         self._feed = np.clip(feed, machine.feed_min, machine.feed_max)
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Nothing to forget."""
 
     def act(self, observations: Observations) -> Actions:
@@ -40,7 +40,7 @@ class FixedParameters:
         return towards(reading, self._scenario, speeds, feeds)
 
 
-def _build(scenario: Scenario, lanes: int, parameters: Parameters) -> FixedParameters:
+def _build(scenario: Scenario, num_envs: int, parameters: Parameters) -> FixedParameters:
     return FixedParameters(scenario, parameters["cutting_speed"], parameters["feed"])
 
 

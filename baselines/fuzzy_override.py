@@ -18,12 +18,12 @@ go on raising it.
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed, target_load
-from baselines.policy import Actions, Observations
+from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed, target_load
 from baselines.rule import Parameters, Rule
 from turning_env import Scenario, read
+from turning_env.score.policy import Actions, Observations
 
-LEAST_HEADROOM = 0.05
+MIN_HEADROOM = 0.05
 """What (2) and (6) take for 1 - M_z where it is less [-]: the target may lie at the rated load or above (assumption)."""
 
 FIRST_FORM = {"k": 1.0, "p": 1.0, "d": 0.0}
@@ -36,11 +36,11 @@ def new_override(
 ) -> NDArray[np.float64]:
     """The new override [-] for a present one and a load [-], each of shape (lanes,): equations (1) to (7)."""
     rising = k * np.exp(-5.0 * (load / target) ** 2)
-    headroom = max(1.0 - target, LEAST_HEADROOM)
+    headroom = max(1.0 - target, MIN_HEADROOM)
     falling = p * np.exp(-10.0 / headroom * (load - target) ** 2) + 1.0 - p
-    raised = override + rising * (override_max - override)
+    real_power = override + rising * (override_max - override)
     lowered = falling * (override - d) + d
-    return np.where(load < target, raised, lowered)
+    return np.where(load < target, real_power, lowered)
 
 
 class FuzzyOverride:
@@ -57,7 +57,7 @@ class FuzzyOverride:
         self._target = target_load(program.scenario, target)
         self._coefficients = (k, p, d)
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Nothing to forget: the present override is in the observation."""
 
     def act(self, observations: Observations) -> Actions:
@@ -69,7 +69,7 @@ class FuzzyOverride:
         return program.act(reading, new)
 
 
-def _build(scenario: Scenario, lanes: int, parameters: Parameters) -> FuzzyOverride:
+def _build(scenario: Scenario, num_envs: int, parameters: Parameters) -> FuzzyOverride:
     coefficients = {name: parameters[name] for name in ("target", "k", "p", "d")}
     return FuzzyOverride(PartProgram(scenario, parameters), **coefficients)
 

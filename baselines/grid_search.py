@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.commands import sets_speed_and_feed, towards
-from baselines.policy import Actions, Observations
+from baselines.models.scales import Scales
 from baselines.rule import Range, Rule
-from baselines.scales import Scales
 from turning_env import Scenario, read
-from turning_env.compilation import compiled
-from turning_env.machinability import force_and_power, log_wear_coefficient
-from turning_env.records import parameter_records
-from turning_env.wear import advance_used_life, log_wear
+from turning_env.action import sets_speed_and_feed, towards
+from turning_env.numerics.compilation import compiled
+from turning_env.physics.machinability import force_and_power, log_wear_coefficient
+from turning_env.physics.records import parameter_records
+from turning_env.physics.wear import advance_used_life, log_wear
+from turning_env.score.policy import Actions, Observations
 
 CUTTING_SPEED_STEP = 10.0
 FEED_STEP = 0.005
@@ -101,17 +101,17 @@ class GridSearch:
         ValueError: a response falls with feed, so that its highest feasible feed cannot be bisected.
     """
 
-    def __init__(self, scenario: Scenario, lanes: int) -> None:
+    def __init__(self, scenario: Scenario, num_envs: int) -> None:
         for name, law in scenario.material:
             if law.feed < 0:
                 raise ValueError(f"material.{name}.feed is {law.feed}, but the grid search needs 0 or more")
         self._scenario = scenario
         self._parameters: Any = parameter_records(scenario)
         self._speeds, self._feeds = grid(scenario)
-        self._force_limits = np.full(lanes, scenario.limits.thrust_force)
-        self._power_limits = np.full(lanes, scenario.limits.power)
+        self._force_limits = np.full(num_envs, scenario.limits.thrust_force)
+        self._power_limits = np.full(num_envs, scenario.limits.power)
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Nothing to forget: the nominal wear is in the observation."""
 
     def act(self, observations: Observations) -> Actions:
@@ -142,13 +142,13 @@ class RescaledGridSearch(GridSearch):
         smoothing: share of the distance to the newest ratio by which the scale moves in an interval of cutting [-].
     """
 
-    def __init__(self, scenario: Scenario, lanes: int, margin: float, smoothing: float) -> None:
-        super().__init__(scenario, lanes)
-        self._margin, self._scales = margin, Scales(lanes, smoothing)
+    def __init__(self, scenario: Scenario, num_envs: int, margin: float, smoothing: float) -> None:
+        super().__init__(scenario, num_envs)
+        self._margin, self._scales = margin, Scales(num_envs, smoothing)
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Back to the nominal models."""
-        self._scales.reset(lanes)
+        self._scales.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
         """Actions, shape (lanes, 2), for observations, shape (lanes, 11)."""
@@ -168,13 +168,13 @@ def _plays(scenario: Scenario) -> bool:
 RULES = {
     "grid_search": Rule(
         "the grid search of Alaskari and Oraby (2018) on nominal models",
-        lambda scenario, lanes, parameters: GridSearch(scenario, lanes),
+        lambda scenario, num_envs, parameters: GridSearch(scenario, num_envs),
         _plays,
         {},
     ),
     "rescaled_grid_search": Rule(
         "the grid search on models rescaled by measured force and power, with a margin, both tuned on tuning draws",
-        lambda scenario, lanes, parameters: RescaledGridSearch(scenario, lanes, **parameters),
+        lambda scenario, num_envs, parameters: RescaledGridSearch(scenario, num_envs, **parameters),
         _plays,
         {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
     ),

@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.commands import sets_feed
 from baselines.fixed import FixedParameters
-from baselines.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed, target_load
-from baselines.policy import Actions, Observations
+from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed, target_load
 from baselines.rule import Parameters, Range, Rule
 from turning_env import Scenario, read
-from turning_env.drives import lag_share
+from turning_env.action import sets_feed
+from turning_env.physics.drives import lag_share
+from turning_env.score.policy import Actions, Observations
 
 LOWEST_OVERRIDE = 0.1
 """Lowest override of the commercial controls [-] (assumption): at a standstill of the feed the edge would only rub."""
@@ -43,7 +43,7 @@ class ConstantLoad:
         self._target = target_load(program.scenario, target)
         self._share = lag_share(program.scenario.control.interval, 1.0 / gain)
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Nothing to forget: what is integrated is the override, which is in the observation."""
 
     def act(self, observations: Observations) -> Actions:
@@ -63,7 +63,7 @@ class OneLineLaw:
     def __init__(self, program: PartProgram) -> None:
         self._program = program
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Nothing to forget."""
 
     def act(self, observations: Observations) -> Actions:
@@ -72,15 +72,15 @@ class OneLineLaw:
         return self._program.act(reading, np.clip(1.6 - 2.0 * reading.load, 0.0, 1.2))
 
 
-def _build_constant_load(scenario: Scenario, lanes: int, parameters: Parameters) -> ConstantLoad:
+def _build_constant_load(scenario: Scenario, num_envs: int, parameters: Parameters) -> ConstantLoad:
     return ConstantLoad(PartProgram(scenario, parameters), parameters["target"], parameters["gain"])
 
 
-def _build_one_line_law(scenario: Scenario, lanes: int, parameters: Parameters) -> OneLineLaw:
+def _build_one_line_law(scenario: Scenario, num_envs: int, parameters: Parameters) -> OneLineLaw:
     return OneLineLaw(PartProgram(scenario, parameters))
 
 
-def _build_programmed_feed(scenario: Scenario, lanes: int, parameters: Parameters) -> FixedParameters:
+def _build_programmed_feed(scenario: Scenario, num_envs: int, parameters: Parameters) -> FixedParameters:
     return FixedParameters(scenario, scenario.control.initial_cutting_speed, scenario.control.initial_feed)
 
 

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.load_override import LOWEST_OVERRIDE
-from baselines.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed, target_load
-from baselines.policy import Actions, Observations
+from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed, target_load
 from baselines.rule import Parameters, Range, Rule
 from turning_env import Scenario, read
-from turning_env.drives import lag_share
+from turning_env.physics.drives import lag_share
+from turning_env.score.policy import Actions, Observations
 
 ENTRY_TIME = 0.3
 """Time after the touch in which the override is that of entry [s], one control interval at least: power must show first."""
-MOST_CHANGE = 5.0
+MAX_CHANGE = 5.0
 """Most that the wanted feed differs from the actual one, in logarithms [-]: without load, it would be infinite."""
 
 
@@ -33,17 +33,17 @@ class AirGapControl:
         rise: rate at which the override approaches a higher one that is wanted [1/s].
     """
 
-    def __init__(self, program: PartProgram, lanes: int, target: float, entry: float, rise: float) -> None:
+    def __init__(self, program: PartProgram, num_envs: int, target: float, entry: float, rise: float) -> None:
         self._program = program
         self._target = target_load(program.scenario, target)
         self._entry = entry
         self._interval = program.scenario.control.interval
         self._rise_share = lag_share(self._interval, 1.0 / rise)
-        self._time_in_metal = np.zeros(lanes)  # since the touch [s]
+        self._time_in_metal = np.zeros(num_envs)  # since the touch [s]
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """The tool is in air."""
-        self._time_in_metal[lanes] = 0.0
+        self._time_in_metal[mask] = 0.0
 
     def act(self, observations: Observations) -> Actions:
         """Actions, shape (lanes, 1 to 3), for observations, shape (lanes, entries)."""
@@ -51,7 +51,7 @@ class AirGapControl:
         reading = read(observations, program.scenario)
         present = program.override(reading)
         load = np.maximum(reading.load, 1e-9)
-        change = np.clip(np.log(self._target / load) / exponent, -MOST_CHANGE, MOST_CHANGE)
+        change = np.clip(np.log(self._target / load) / exponent, -MAX_CHANGE, MAX_CHANGE)
         wanted = np.maximum(reading.feed / program.feed * np.exp(change), LOWEST_OVERRIDE)
         wanted = np.minimum(wanted, program.override_max)
         override = np.where(wanted > present, present + self._rise_share * (wanted - present), wanted)
@@ -67,8 +67,10 @@ def _inverts_power(scenario: Scenario) -> bool:
     return scenario.material.power.feed > 0
 
 
-def _build(scenario: Scenario, lanes: int, parameters: Parameters) -> AirGapControl:
-    return AirGapControl(PartProgram(scenario, parameters), lanes, parameters["target"], parameters["entry"], parameters["rise"])
+def _build(scenario: Scenario, num_envs: int, parameters: Parameters) -> AirGapControl:
+    return AirGapControl(
+        PartProgram(scenario, parameters), num_envs, parameters["target"], parameters["entry"], parameters["rise"]
+    )
 
 
 DESCRIPTION = "rapid feed in air, gentle entry, then the feed that the metal allows, in the manner of OMATIVE ACM"

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from scipy.optimize.elementwise import find_minimum
 from scipy.special import ndtr
 
-from baselines.commands import sets_speed_and_feed, towards
-from baselines.edge_value import USED_LIVES, expected_excess, prices_of_life
-from baselines.kalman import Array, LoadFilter, Outlook, decay, feed_velocity
-from baselines.policy import Actions, Observations
+from baselines.models.edge_value import USED_LIVES, expected_excess, prices_of_life
+from baselines.models.kalman import Array, LoadFilter, Outlook, decay, feed_velocity
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Reading, Scenario, read
+from turning_env.action import sets_speed_and_feed, towards
+from turning_env.score.policy import Actions, Observations
 
 POINTS = 3
 """Points of an interval at which loads are predicted."""
@@ -30,9 +30,9 @@ SPEEDS = 7
 """Cutting speeds that are tried, from the lowest that can be reached to the highest."""
 FEED_TOLERANCE = 3e-3
 """To which the logarithm of the best feed is searched."""
-LEAST_SPREAD = 1e-3
+MIN_SPREAD = 1e-3
 """Of the logarithms of force and power [-], so that expectations stay smooth where nothing varies."""
-LEAST_USED_LIFE = 1e-9
+MIN_USED_LIFE = 1e-9
 """Taken for an edge that has not cut [-]: the laws know no unworn edge."""
 _WALL = (0.01, 1e9)  # how far beyond the reach of the feed the search may look, and how fast the gain falls there
 
@@ -92,7 +92,7 @@ class Optimiser:
         caution: factor on the standard deviations of force and power [-].
     """
 
-    def __init__(self, scenario: Scenario, lanes: int, severity: float, caution: float) -> None:
+    def __init__(self, scenario: Scenario, num_envs: int, severity: float, caution: float) -> None:
         self._scenario, self._caution = scenario, caution
         self._overload_price = severity * scenario.economics.overload_price
         material, limits, tool = scenario.material, scenario.limits, scenario.tool
@@ -101,12 +101,12 @@ class Optimiser:
         self._power = LogLaw(material.power, scenario, limits.power)
         self._log_strength = float(np.log(tool.edge_strength / limits.thrust_force))
         self._prices = prices_of_life(scenario, self._overload_price)
-        self._filter = LoadFilter(scenario, lanes)
+        self._filter = LoadFilter(scenario, num_envs)
         self._look_at(scenario.control.interval * (np.arange(POINTS) + 0.5) / POINTS)
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Forget what was estimated."""
-        self._filter.reset(lanes)
+        self._filter.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
         """Actions for observations, both of one row per lane."""
@@ -118,7 +118,7 @@ class Optimiser:
         """Share of the edge's life that is used [-]: as the nominal model thinks, and as the filter does."""
         exponent = self._scenario.material.wear.time
         nominal = (reading.nominal_wear / self._scenario.tool.wear_criterion) ** (1.0 / exponent)
-        nominal = np.maximum(nominal, LEAST_USED_LIFE)
+        nominal = np.maximum(nominal, MIN_USED_LIFE)
         return nominal, nominal * np.exp(self._filter.log_wear_factor / exponent)
 
     def _spent(self, reading: Reading) -> NDArray[np.bool_]:
@@ -157,7 +157,7 @@ class Optimiser:
             log_feed=np.log(reading.feed),
             used_life=used_life,
             breakage_price=60.0 * (left * (economics.edge_cost + economics.edge_change_time) + economics.breakage_downtime),
-            metal_value=depth / economics.reference_productivity,
+            metal_value=depth / economics.reference_removal_rate,
             life_price=price[:, np.newaxis] * np.exp(wear / law.time),
             log_force=outlook.log_force,
             log_power=outlook.log_power,
@@ -180,12 +180,12 @@ class Optimiser:
         excess = self._excess(force, prospect.force_spread) + self._excess(power, prospect.power_spread)
         cost = prospect.life_price * life_rate + self._overload_price * excess
         gain = prospect.metal_value * np.exp(speed + feed) - prospect.cutting * cost
-        doubt = np.maximum(np.hypot(prospect.force_spread, tool.edge_strength_spread), LEAST_SPREAD)
+        doubt = np.maximum(np.hypot(prospect.force_spread, tool.edge_strength_spread), MIN_SPREAD)
         risk = np.max(prospect.unmeasured * ndtr((force - self._log_strength) / doubt), axis=1)
         return np.asarray(gain.mean(axis=1) - prospect.breakage_price * risk / self._scenario.control.interval)
 
     def _excess(self, log_load: Array, spread: Array) -> Array:
-        return expected_excess(log_load, np.maximum(self._caution * spread, LEAST_SPREAD))
+        return expected_excess(log_load, np.maximum(self._caution * spread, MIN_SPREAD))
 
     def _best(self, reading: Reading, prospect: Prospect) -> tuple[Array, Array]:
         """The cutting speed and feed within reach that promise most."""
@@ -246,7 +246,7 @@ PARAMETERS = {"severity": Range(0.5, 4.0, logarithmic=True), "caution": Range(0.
 RULES = {
     "optimiser": Rule(
         "the best expected net gain of each interval, on a Kalman filter's estimates and a price of life by dynamic programming",
-        lambda scenario, lanes, parameters: Optimiser(scenario, lanes, **parameters),
+        lambda scenario, num_envs, parameters: Optimiser(scenario, num_envs, **parameters),
         plays,
         PARAMETERS,
         changes_edges=True,

@@ -9,15 +9,15 @@ known to neither: margins hold the limits. Where blanks are not probed, all are 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.commands import set_point_action
-from baselines.policy import Actions, Observations
-from baselines.process import Process
+from baselines.models.process import Process
 from baselines.rule import Parameters, Range, Rule
-from baselines.two_limits import ECONOMIC_OPTIMUM, LEAST_DEPTH, TWO_LIMITS, set_point
+from baselines.two_limits import ECONOMIC_OPTIMUM, MIN_DEPTH, TWO_LIMITS, set_point
 from turning_env import Scenario, read
+from turning_env.action import set_point_action
+from turning_env.score.policy import Actions, Observations
 
 Array = NDArray[np.float64]
-_LEAST_WEAR = 0.1  # of the criterion: what a fresh edge is taken to have worn, as without any wear nothing would limit the force
+_MIN_WEAR = 0.1  # of the criterion: what a fresh edge is taken to have worn, as without any wear nothing would limit the force
 
 
 def turns_parts(scenario: Scenario) -> bool:
@@ -60,7 +60,7 @@ class FixedParts:
         self._passes = min(max(round(passes), 1), scenario.control.passes_max)
         self._cutting_speed, self._feed = cutting_speed, feed
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Nothing to forget."""
 
     def act(self, observations: Observations) -> Actions:
@@ -92,7 +92,7 @@ class RuledParts:
         self._shares = np.full(scenario.control.passes_max, margin)
         self._shares[0] = first_margin
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Nothing to forget."""
 
     def act(self, observations: Observations) -> Actions:
@@ -103,7 +103,7 @@ class RuledParts:
         measured = reading.probed_depth if scenario.sensors.probe else drawn
         path = measured if self._corrected else drawn
         criterion = scenario.tool.wear_criterion
-        wear = np.clip(reading.nominal_wear, _LEAST_WEAR * criterion, criterion)
+        wear = np.clip(reading.nominal_wear, _MIN_WEAR * criterion, criterion)
         passes = self._cheapest(path, wear)
         speed, feed, _ = self._passes(measured, path, passes, wear)
         return plan(scenario, passes, path, speed, feed)
@@ -121,7 +121,7 @@ class RuledParts:
         depths = pass_depths(allowance, path, passes, self._scenario.control.passes_max)
         speed, feed = set_point(self._rule, process, depths, wear=wear[:, np.newaxis])
         minutes = np.pi * workpiece.diameter * (workpiece.bar_length + workpiece.approach) / (1000.0 * speed * feed)
-        life = np.exp(process.log_life(np.log(speed), np.log(feed), np.maximum(depths, LEAST_DEPTH), 1.0))
+        life = np.exp(process.log_life(np.log(speed), np.log(feed), np.maximum(depths, MIN_DEPTH), 1.0))
         edges = np.where(depths > 0.0, minutes / life, 0.0)
         made = np.arange(depths.shape[1]) < passes[:, np.newaxis]
         cost = np.sum(made * (minutes + self._scenario.machine.return_time + process.edge_price * edges), axis=1)
@@ -137,7 +137,7 @@ def pass_depths(allowance: Array, path: Array, passes: Array, most: int) -> Arra
     return np.maximum(np.minimum(allowance[:, np.newaxis], ceilings) - floors, 0.0)
 
 
-def _build_fixed(scenario: Scenario, lanes: int, p: Parameters) -> FixedParts:
+def _build_fixed(scenario: Scenario, num_envs: int, p: Parameters) -> FixedParts:
     machine = scenario.machine
     speed = machine.cutting_speed_min * (machine.cutting_speed_max / machine.cutting_speed_min) ** p["cutting_speed"]
     feed = machine.feed_min * (machine.feed_max / machine.feed_min) ** p["feed"]
@@ -149,7 +149,7 @@ def _ruled(rule: str, corrected: bool) -> Rule:
     path = "made for the measured size" if corrected else "as drawn"
     kind = "adaptive part programming" if corrected else "fixed rule"
 
-    def build(scenario: Scenario, lanes: int, p: Parameters) -> RuledParts:
+    def build(scenario: Scenario, num_envs: int, p: Parameters) -> RuledParts:
         return RuledParts(scenario, rule, corrected, p["margin"], p["first_margin"])
 
     def plays(scenario: Scenario) -> bool:

@@ -11,7 +11,7 @@ speeds and feeds from which the next interval reaches almost any other.
 
 import numpy as np
 
-from baselines.kalman import Array, Outlook, feed_velocity
+from baselines.models.kalman import Array, Outlook, feed_velocity
 from baselines.optimiser import PARAMETERS, Optimiser, plays
 from baselines.rule import Rule
 from turning_env import Reading, Scenario
@@ -32,8 +32,8 @@ class Predictive(Optimiser):
         caution: factor on the standard deviations of force and power [-].
     """
 
-    def __init__(self, scenario: Scenario, lanes: int, severity: float, caution: float) -> None:
-        super().__init__(scenario, lanes, severity, caution)
+    def __init__(self, scenario: Scenario, num_envs: int, severity: float, caution: float) -> None:
+        super().__init__(scenario, num_envs, severity, caution)
         horizon = scenario.control.interval + SETTLING * scenario.machine.feed_time_constant
         self._look_at(horizon * np.arange(1.0, POINTS + 1.0) / POINTS)
 
@@ -55,7 +55,7 @@ class Predictive(Optimiser):
 RULES = {
     "predictive": Rule(
         "the optimiser, which also slows for the entry into bars that it does not know",
-        lambda scenario, lanes, parameters: Predictive(scenario, lanes, **parameters),
+        lambda scenario, num_envs, parameters: Predictive(scenario, num_envs, **parameters),
         plays,
         PARAMETERS,
         changes_edges=True,

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from baselines.policy import Policy
 from turning_env import Scenario
+from turning_env.score.policy import Policy
 
 Parameters = dict[str, float]
 

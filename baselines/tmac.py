@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.load_override import towards_load
-from baselines.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed
-from baselines.policy import Actions, Observations
+from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed
 from baselines.rule import Parameters, Range, Rule
 from turning_env import Scenario, read
-from turning_env.drives import lag_share
+from turning_env.physics.drives import lag_share
+from turning_env.score.policy import Actions, Observations
 
 SETTLING_TIME = 0.5
 """Cutting time of an edge before it is learned from [s]: the power is still rising."""
@@ -52,24 +52,24 @@ class LearnedPower:
         wear: the wear limit, over the reference [-].
     """
 
-    def __init__(self, program: PartProgram, lanes: int, target: float, gain: float, extreme: float, wear: float) -> None:
+    def __init__(self, program: PartProgram, num_envs: int, target: float, gain: float, extreme: float, wear: float) -> None:
         scenario = program.scenario
         self._program = program
         self._power = target * scenario.limits.power
         self._extreme, self._wear = extreme, wear
         self._share = lag_share(scenario.control.interval, 1.0 / gain)
         self._wear_share = lag_share(scenario.control.interval, WEAR_TIME)
-        self._cutting_time = np.zeros(lanes)  # of the edge, when last seen [min]
-        self._sum = np.zeros(lanes)  # of the powers learned from [kW]
-        self._count = np.zeros(lanes)
-        self._growth = np.ones(lanes)  # smoothed power over the reference [-]
+        self._cutting_time = np.zeros(num_envs)  # of the edge, when last seen [min]
+        self._sum = np.zeros(num_envs)  # of the powers learned from [kW]
+        self._count = np.zeros(num_envs)
+        self._growth = np.ones(num_envs)  # smoothed power over the reference [-]
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Forget the edge."""
-        self._cutting_time[lanes] = 0.0
-        self._sum[lanes] = 0.0
-        self._count[lanes] = 0.0
-        self._growth[lanes] = 1.0
+        self._cutting_time[mask] = 0.0
+        self._sum[mask] = 0.0
+        self._count[mask] = 0.0
+        self._growth[mask] = 1.0
 
     def act(self, observations: Observations) -> Actions:
         """Actions, shape (lanes, 1 to 3), for observations, shape (lanes, entries)."""
@@ -104,9 +104,9 @@ class LearnedPower:
         return program.act(reading, override, self._growth > self._wear)
 
 
-def _build(scenario: Scenario, lanes: int, parameters: Parameters) -> LearnedPower:
+def _build(scenario: Scenario, num_envs: int, parameters: Parameters) -> LearnedPower:
     limits = {name: parameters[name] for name in ("target", "gain", "extreme", "wear")}
-    return LearnedPower(PartProgram(scenario, parameters), lanes, **limits)
+    return LearnedPower(PartProgram(scenario, parameters), num_envs, **limits)
 
 
 DESCRIPTION = "constant spindle power by feed, watched against a learned cut, in the manner of Caron TMAC"

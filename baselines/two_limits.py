@@ -21,13 +21,13 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.commands import sets_speed_and_feed, towards
 from baselines.fixed import FixedParameters
-from baselines.policy import Actions, Observations
-from baselines.process import ALIKE, Array, Limit, Line, Process
+from baselines.models.process import ALIKE, Array, Limit, Line, Process
+from baselines.models.scales import Scales
 from baselines.rule import Range, Rule
-from baselines.scales import Scales
 from turning_env import PowerLaw, Scenario, read
+from turning_env.action import sets_speed_and_feed, towards
+from turning_env.score.policy import Actions, Observations
 
 TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")
 """The paper's rules."""
@@ -38,7 +38,7 @@ Lines = tuple[Line, Line]
 _CUTTING_SPEED = PowerLaw(coefficient=1.0, cutting_speed=1.0)
 _FEED = PowerLaw(coefficient=1.0, feed=1.0)
 
-LEAST_DEPTH = 1e-6
+MIN_DEPTH = 1e-6
 """What no depth of cut is taken for [mm]."""
 
 
@@ -79,7 +79,7 @@ def set_point(
     Raises:
         ValueError: there is no such rule, or with these laws its limits fix no point.
     """
-    cut = (np.maximum(depth_of_cut, LEAST_DEPTH), hardness, process.mean_wear if wear is None else wear)
+    cut = (np.maximum(depth_of_cut, MIN_DEPTH), hardness, process.mean_wear if wear is None else wear)
     held = (process.thrust_force.line(*cut), process.power.line(*cut))
     if rule == ECONOMIC_OPTIMUM:
         log_speed, log_feed = _cheapest(process, held, cut)
@@ -168,13 +168,13 @@ class AdaptiveRule:
         smoothing: share of the distance to the newest ratio by which a scale moves in an interval of cutting [-].
     """
 
-    def __init__(self, scenario: Scenario, lanes: int, rule: str, margin: float, smoothing: float) -> None:
+    def __init__(self, scenario: Scenario, num_envs: int, rule: str, margin: float, smoothing: float) -> None:
         self._scenario, self._process, self._rule = scenario, Process.of(scenario), rule
-        self._margin, self._scales = margin, Scales(lanes, smoothing)
+        self._margin, self._scales = margin, Scales(num_envs, smoothing)
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Back to the nominal models."""
-        self._scales.reset(lanes)
+        self._scales.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
         """Actions for observations, both of one row per lane."""
@@ -207,7 +207,7 @@ def fixes_a_point(rule: str, scenario: Scenario) -> bool:
 def _fixed(rule: str) -> Rule:
     return Rule(
         f"rule [{rule}] of Sharmazanashvili (2008) on nominal models at mean wear",
-        lambda scenario, lanes, parameters: FixedRule(scenario, rule),
+        lambda scenario, num_envs, parameters: FixedRule(scenario, rule),
         lambda scenario: fixes_a_point(rule, scenario),
         {},
     )
@@ -216,7 +216,9 @@ def _fixed(rule: str) -> Rule:
 def _adaptive(rule: str) -> Rule:
     return Rule(
         f"rule [{rule}] of Sharmazanashvili (2008) in real time, on models rescaled by measured force and power, with a margin",
-        lambda scenario, lanes, parameters: AdaptiveRule(scenario, lanes, rule, parameters["margin"], parameters["smoothing"]),
+        lambda scenario, num_envs, parameters: AdaptiveRule(
+            scenario, num_envs, rule, parameters["margin"], parameters["smoothing"]
+        ),
         lambda scenario: fixes_a_point(rule, scenario),
         {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
     )

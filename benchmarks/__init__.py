@@ -1,5 +1,5 @@
 """Measurements: speed, prices, bounds, what holds under long and violent use, what is installed."""
 
-from baselines.extras import tell_plainly
+from turning_env.extras import tell_plainly
 
 tell_plainly()

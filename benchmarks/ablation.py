@@ -1,11 +1,11 @@
 """What each choice in PPO's training is worth: agents trained alike but for one thing, played on the same tuning draws.
 
     python -m benchmarks.ablation
-    python -m benchmarks.ablation --intervals 2000000 --seeds 3 --out docs/ablation.md
+    python -m benchmarks.ablation --steps 2000000 --seeds 3 --out docs/ablation.md
     python -m benchmarks.ablation --variants as_it_is discount_0.99
     python -m benchmarks.ablation --seeds 5 --jobs 8
 
-Each variant is trained as ``train/hyperparameters/ppo.toml`` says but for what its row names, and all for as many intervals.
+Each variant is trained as ``train/hyperparameters/ppo.toml`` says but for what its row names, and all for as many steps.
 Whatever an agent learns from, it is scored by the environment's own return. Trainings are kept in ``RUNS/ablation``, so that the
 same command goes on where it stopped, and one with more seeds adds to them.
 """
@@ -30,11 +30,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env.stacked_observations import StackedObservations
 from tqdm import tqdm
 
-from baselines.edge_value import USED_LIVES, worth
-from baselines.overload import CONFIDENCE, ratio, severe_share
-from baselines.play import Episodes, play
-from baselines.workers import spread, workers
-from leaderboard.statistics import Bootstrap, Estimate
+from baselines.models.edge_value import USED_LIVES, worth
 from train import ppo
 from train.actor import Actor, ActorPolicy
 from train.run import Run
@@ -42,8 +38,12 @@ from train.training import SEEDS, Algorithm, train
 from train.vec_env import RoughTurningVecEnv, of_interval
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
-from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
+from turning_env.score.overload import CONFIDENCE, ratio, severe_share
+from turning_env.score.play import Episodes, play
+from turning_env.score.seeds import tuning_seeds
+from turning_env.score.statistics import Bootstrap, Estimate
+from turning_env.score.workers import spread, workers
 
 ENV_ID = "RoughTurning-v0"
 DRAWS = 128
@@ -211,7 +211,7 @@ class Played:
 
     name: str
     episodes: Episodes
-    """As of ``baselines.play``, each of shape (training seeds, draws)."""
+    """As of ``turning_env.score.play``, each of shape (training seeds, draws)."""
     seconds: float
     """Processor time of a training [s], mean over training seeds."""
 
@@ -233,7 +233,7 @@ def play_agent(
     scenario = variant.scenario(base)
     run = Run.plan("ppo", ENV_ID, scenario, seed, runs / "ablation" / name, command, variant.parameters | overrides)
     path = train(run, algorithm)
-    episodes = play(partial(ActorPolicy, algorithm.actor(path).eval()), scenario, tuning_draws(DRAWS))
+    episodes = play(partial(ActorPolicy, algorithm.actor(path).eval()), scenario, tuning_seeds(DRAWS))
     model: Any = algorithm.model.load(path, device="cpu")
     return episodes, model.processor_time
 
@@ -274,14 +274,14 @@ def _text(estimate: Estimate, decimals: int) -> str:
     return f"{value} ({low} to {high})"
 
 
-def page(command: str, lines: Sequence[str], intervals: int, seeds: int) -> str:
+def page(command: str, lines: Sequence[str], steps: int, seeds: int) -> str:
     """The table as a Markdown page, under the command and what it did."""
     over = "draws and training seeds" if seeds > 1 else "draws: of what another training seed would do they know nothing"
     text = (
         "Each agent is PPO as in `train/hyperparameters/ppo.toml` but for what its row names, trained for "
-        f"{intervals:,} intervals\nwith {seeds} training seed{'s' * (seeds > 1)}, and plays the same {DRAWS} tuning draws of "
+        f"{steps:,} steps\nwith {seeds} training seed{'s' * (seeds > 1)}, and plays the same {DRAWS} tuning draws of "
         f"{ENV_ID}. Returns are the environment's own,\nwhatever was learned from. In brackets: {100 * CONFIDENCE:.0f} % "
-        f"bootstrap intervals over {over}.\nDifferences are paired by draw."
+        f"bootstrap steps over {over}.\nDifferences are paired by draw."
     )
     return "\n".join(["# What each choice in PPO's training is worth", "", "```bash", command, "```", "", text, "", *lines, ""])
 
@@ -291,7 +291,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Train what is not trained yet, play, print the table; return the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
     parser = argparse.ArgumentParser(prog="python -m benchmarks.ablation", **described(__doc__))
-    parser.add_argument("--intervals", type=int, default=2_000_000, help="environment steps per training (default: %(default)s)")
+    parser.add_argument("--steps", type=int, default=2_000_000, help="environment steps per training (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=1, help="trainings per variant (default: %(default)s)")
     parser.add_argument(
         "--variants",
@@ -307,12 +307,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parser.add_argument("--out", type=Path, help="Markdown file for the table")
     parsed = parser.parse_args(arguments)
-    for name, most in (("intervals", 10**12), ("seeds", SEEDS), ("jobs", 1000)):
+    for name, most in (("steps", 10**12), ("seeds", SEEDS), ("jobs", 1000)):
         if not 1 <= (value := getattr(parsed, name)) <= most:
             parser.error(f"--{name} is {value}, but must be 1 to {most}")
     command = f"python -m benchmarks.ablation {shlex.join(arguments)}".strip()
     names = list(dict.fromkeys(parsed.variants))
-    overrides = {"intervals": parsed.intervals}
+    overrides = {"steps": parsed.steps}
     base = Scenario.load(IDS[ENV_ID])
     work = partial(play_agent, base=base, runs=parsed.runs, overrides=overrides, command=command)
     agents = [(name, seed) for name in names for seed in range(parsed.seeds)]
@@ -329,7 +329,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lines = table(rows)
     print("\n".join(lines))
     if parsed.out:
-        content = page(command, lines, parsed.intervals, parsed.seeds)
+        content = page(command, lines, parsed.steps, parsed.seeds)
         replace_file(parsed.out, lambda path: path.write_text(content, "utf-8"))
     return 0
 

@@ -12,10 +12,10 @@ import time
 
 import numpy as np
 
-from baselines.clairvoyant import GRID, TOLERANCE, Grid, bounds, covers
+from baselines.oracles.clairvoyant import GRID, TOLERANCE, Grid, bounds, covers
 from turning_env import Scenario
 from turning_env.console import described, exits, print_json
-from turning_env.draws import tuning_draws
+from turning_env.score.seeds import tuning_seeds
 
 Row = tuple[str, float, float, float, float]
 
@@ -29,7 +29,7 @@ def measure(scenario: Scenario, draws: int) -> list[Row]:
     rows, used = [], np.zeros(draws)
     for name, grid in grids.items():
         start = time.process_time()
-        bound = bounds(scenario, tuning_draws(draws), grid)
+        bound = bounds(scenario, tuning_seeds(draws), grid)
         used = bound if name == "as used" else used
         moves = bound - used
         seconds = (time.process_time() - start) / draws
@@ -46,10 +46,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true", help="print the table as JSON")
     parsed = parser.parse_args(arguments)
     scenario = Scenario.load(parsed.scenario)
-    draws = len(tuning_draws(parsed.draws))
+    draws = len(tuning_seeds(parsed.draws))
     if not covers(scenario):
         raise ValueError(f"the bound does not cover scenario {scenario.name!r}")
-    bounds(scenario, tuning_draws(1), Grid(50.0, 10, 4))  # compiles
+    bounds(scenario, tuning_seeds(1), Grid(50.0, 10, 4))  # compiles
     rows = measure(scenario, draws)
     if parsed.json:
         print_json(

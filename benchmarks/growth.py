@@ -19,19 +19,19 @@ from matplotlib.figure import Figure
 from benchmarks.throughput import MAIN, vector
 from benchmarks.timing import measure
 from turning_env.console import described, exits, print_json
-from turning_env.inquiry.output import OutputError, write
-from turning_env.inquiry.pictures import picture_path
+from turning_env.workshop.inquiry.output import OutputError, write
+from turning_env.workshop.inquiry.pictures import picture_path
 
 LANES = (1, 8, 64, 512, 4096, 32768, 262144, 1048576)
 
 
-def bytes_per_lane(lanes: int) -> float:
+def bytes_per_lane(num_envs: int) -> float:
     """Memory [bytes per lane] of so many lanes."""
     tracemalloc.start()
     try:
-        case = vector(MAIN, lanes, batches=1)
+        case = vector(MAIN, num_envs, batches=1)
         case.step()
-        return tracemalloc.get_traced_memory()[0] / lanes
+        return tracemalloc.get_traced_memory()[0] / num_envs
     finally:
         tracemalloc.stop()
 

@@ -16,10 +16,10 @@ from tqdm import tqdm
 
 from baselines import tuned
 from baselines.grid_search import RescaledGridSearch
-from baselines.play import Episodes, play
 from turning_env import Scenario
 from turning_env.console import described, exits, print_json
-from turning_env.draws import tuning_draws
+from turning_env.score.play import Episodes, play
+from turning_env.score.seeds import tuning_seeds
 
 PRICES = (1.0, 3.0, 5.0, 10.0, 20.0, 40.0)
 MARGINS = (0.85, 0.90, 0.925, 0.95, 0.975, 1.0, 1.05, 1.1)
@@ -37,7 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--draws", type=int, default=128, help="tuning draws (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")
     options = parser.parse_args(arguments)
-    draws = tuning_draws(options.draws)
+    draws = tuning_seeds(options.draws)
     scenario = Scenario.load("rough_turning")
     smoothing = tuned.parameters(scenario)["rescaled_grid_search"]["smoothing"]
     played = [

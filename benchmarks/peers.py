@@ -197,7 +197,7 @@ def plot(rows: Sequence[Row], path: Path) -> None:
     """Steps per second over lanes, one line per peer."""
     from matplotlib.figure import Figure
 
-    from baselines.figures import style
+    from turning_env.workshop import plot_style as style
 
     others = style.VERMILLION, style.ORANGE, style.GREEN, style.PURPLE, style.SKY, style.BLACK
     figure = Figure(figsize=(8.0, 4.8), layout="constrained")

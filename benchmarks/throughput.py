@@ -26,7 +26,7 @@ PEER = "Pendulum-v1"
 MAIN = "RoughTurning-v0"
 RECORDED = {"single": 2.05, "lanes": 32.4}
 """Rates over Pendulum's in the same run, on the machine of docs/peers.md."""
-LEAST_SHARE = 2.0 / 3.0
+MIN_SHARE = 2.0 / 3.0
 """Of these; more is lost to slower code, not to noise."""
 
 
@@ -35,11 +35,11 @@ def single(env_id: str) -> Case:
     return one(f"{env_id}, single", gymnasium.make(env_id).unwrapped)
 
 
-def vector(env_id: str, lanes: int, batches: int = BATCHES, threads: int = 1) -> Case:
+def vector(env_id: str, num_envs: int, batches: int = BATCHES, threads: int = 1) -> Case:
     """Many lanes."""
-    env = RoughTurningVectorEnv(lanes, IDS[env_id], threads=threads)
+    env = RoughTurningVectorEnv(num_envs, IDS[env_id], threads=threads)
     env.reset(seed=0)
-    return many(f"{env_id}, {lanes} lanes", env, lanes, env.single_action_space, batches)
+    return many(f"{env_id}, {num_envs} lanes", env, num_envs, env.single_action_space, batches)
 
 
 @exits(checks=True)
@@ -47,14 +47,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure and print; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.throughput", **described(__doc__))
     parser.add_argument("--repeats", type=int, default=9, help="turns that every case gets (default: %(default)s)")
-    parser.add_argument("--lanes", type=int, default=1024, help="lanes of the vector environments (default: %(default)s)")
+    parser.add_argument("--num-envs", type=int, default=1024, help="lanes of the vector environments (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=0.25, help="length of one turn in s (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print the medians as JSON")
     options = parser.parse_args(arguments)
-    if options.repeats < 1 or options.lanes < 1 or not options.seconds > 0:
-        parser.error("--repeats and --lanes must be at least 1, and --seconds above 0")
+    if options.repeats < 1 or options.num_envs < 1 or not options.seconds > 0:
+        parser.error("--repeats and --num-envs must be at least 1, and --seconds above 0")
 
-    cases = [single(PEER), single(MAIN), *(vector(env_id, options.lanes) for env_id in IDS)]
+    cases = [single(PEER), single(MAIN), *(vector(env_id, options.num_envs) for env_id in IDS)]
     measured = [[turn.cpu_rate for turn in turns] for turns in measure(cases, options.repeats, options.seconds)]
     ratios = [[rate / peer for rate, peer in zip(row, measured[0], strict=True)] for row in measured]
 
@@ -62,11 +62,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _print(cases, measured, ratios, options.repeats)
 
     found = {"single": statistics.median(ratios[1]), "lanes": statistics.median(ratios[2 + list(IDS).index(MAIN)])}
-    names = {"single": f"one {MAIN}", "lanes": f"{options.lanes} lanes of {MAIN}"}
+    names = {"single": f"one {MAIN}", "lanes": f"{options.num_envs} lanes of {MAIN}"}
     verdicts = [
         (
-            f"{names[key]}: {found[key]:.2f} times {PEER}'s steps per second, at least {LEAST_SHARE * recorded:.2f}",
-            found[key] >= LEAST_SHARE * recorded,
+            f"{names[key]}: {found[key]:.2f} times {PEER}'s steps per second, at least {MIN_SHARE * recorded:.2f}",
+            found[key] >= MIN_SHARE * recorded,
         )
         for key, recorded in RECORDED.items()
     ]

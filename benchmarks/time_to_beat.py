@@ -3,7 +3,7 @@
     python -m benchmarks.time_to_beat --seeds 5
     python -m benchmarks.time_to_beat --algorithm ppo --rule rescaled_grid_search --json
 
-Every so many intervals the clock stops while the agent, as it is, plays tuning draws that the rule has played, too. It has beaten
+Every so many steps the clock stops while the agent, as it is, plays tuning draws that the rule has played, too. It has beaten
 the rule once it earns more in the mean, with the paired 95 % bootstrap interval above zero. The clock runs from when lathes and
 network are made, on one core per training; the learning rate falls as in a whole training, which an agent here need not finish.
 
@@ -27,15 +27,15 @@ from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
 from baselines import catalogue
-from baselines.play import play
-from leaderboard.statistics import Bootstrap, Estimate
 from train import analytic_gradient, ppo
 from train.actor import ActorPolicy
 from train.run import Run
 from train.training import SEEDS, Algorithm, new_model
 from turning_env import IDS, Scenario
 from turning_env.console import DONE, FAILED, described, exits, print_json
-from turning_env.draws import tuning_draws
+from turning_env.score.play import play
+from turning_env.score.seeds import tuning_seeds
+from turning_env.score.statistics import Bootstrap, Estimate
 
 ENV_ID = "RoughTurning-v0"
 ALGORITHMS = {module.ALGORITHM.name: module.ALGORITHM for module in (analytic_gradient, ppo)}
@@ -46,7 +46,7 @@ class Beaten(Exception):
 
 
 class Clock(BaseCallback):
-    """Asks ``beats`` of the model every so many intervals, with the time stopped; ends the training when it does."""
+    """Asks ``beats`` of the model every so many steps, with the time stopped; ends the training when it does."""
 
     def __init__(self, every: int, beats: Callable[[Any], bool], total: int, label: str) -> None:
         super().__init__()
@@ -95,12 +95,12 @@ def time_to_beat(algorithm: Algorithm, seed: int, rule: NDArray[np.float64], eve
         def beats(model: Any) -> bool:
             model.save(saved)
             agent = partial(ActorPolicy, algorithm.actor(saved).eval())
-            return difference(play(agent, scenario, tuning_draws(len(rule)))["return"], rule).low > 0.0
+            return difference(play(agent, scenario, tuning_seeds(len(rule)))["return"], rule).low > 0.0
 
-        clock = Clock(every, beats, run.parameters["intervals"], run.label)
+        clock = Clock(every, beats, run.parameters["steps"], run.label)
         try:
             model = new_model(run, algorithm)
-            model.learn(run.parameters["intervals"], callback=[*algorithm.callbacks(run), clock])
+            model.learn(run.parameters["steps"], callback=[*algorithm.callbacks(run), clock])
             clock.ask()
         except Beaten:
             return clock.seconds
@@ -117,8 +117,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--rule", default="predictive", help="to be beaten (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=5, help="trainings (default: %(default)s)")
     parser.add_argument("--draws", type=int, default=64, help="tuning draws played (default: %(default)s)")
-    parser.add_argument("--every", type=int, default=500_000, help="intervals between looks (default: %(default)s)")
-    parser.add_argument("--intervals", type=int, help="of a whole training (default: the hyperparameter file's)")
+    parser.add_argument("--every", type=int, default=500_000, help="steps between looks (default: %(default)s)")
+    parser.add_argument("--steps", type=int, help="of a whole training (default: the hyperparameter file's)")
     parser.add_argument("--json", action="store_true", help="print the times [s] as JSON; null for never")
     options = parser.parse_args(arguments)
     for name, most in (("seeds", SEEDS), ("draws", 10**6), ("every", 10**12)):
@@ -126,10 +126,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error(f"--{name} is {value}, but must be 1 to {most}")
     scenario = Scenario.load(IDS[ENV_ID])
     try:
-        rule = play(catalogue.entry(options.rule, scenario).make, scenario, tuning_draws(options.draws))["return"]
+        rule = play(catalogue.entry(options.rule, scenario).make, scenario, tuning_seeds(options.draws))["return"]
     except (KeyError, ValueError) as error:
         parser.error(str(error.args[0]))
-    overrides = {} if options.intervals is None else {"intervals": options.intervals}
+    overrides = {} if options.steps is None else {"steps": options.steps}
     times = []
     for seed in range(options.seeds):
         times.append(time_to_beat(ALGORITHMS[options.algorithm], seed, rule, options.every, overrides))

@@ -46,10 +46,10 @@ def one(name: str, env: gymnasium.Env[Any, Any]) -> Case:
     return Case(name, 1, 1, step)
 
 
-def many(name: str, env: Any, lanes: int, space: gymnasium.Space[Any], batches: int = BATCHES) -> Case:
+def many(name: str, env: Any, num_envs: int, space: gymnasium.Space[Any], batches: int = BATCHES) -> Case:
     """Environments side by side, which start their next episodes by themselves."""
-    action = actions_of(space, lanes, batches=batches)
-    return Case(name, lanes, lanes, lambda: env.step(action()))
+    action = actions_of(space, num_envs, batches=batches)
+    return Case(name, num_envs, num_envs, lambda: env.step(action()))
 
 
 def actions_of(space: gymnasium.Space[Any], *lanes: int, batches: int = BATCHES) -> Callable[[], Any]:

@@ -41,9 +41,9 @@ LANES = 1024
 MANY_LANES: dict[str, Any] = {"n_steps": 16, "batch_size": 4096, "n_epochs": 2, "device": "cpu", "seed": 0}
 """PPO for many lanes: long batches, few epochs."""
 
-LEAST_STEPPING_RATIO = 20.0
-LEAST_TRAINING_RATIO = 2.0
-MOST_SHARE = 0.10
+MIN_STEPPING_RATIO = 20.0
+MIN_TRAINING_RATIO = 2.0
+MAX_SHARE = 0.10
 
 
 def seconds(work: Callable[[], object]) -> float:
@@ -53,14 +53,14 @@ def seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def singles(lanes: int) -> VecEnv:
+def singles(num_envs: int) -> VecEnv:
     """Single environments, one after the other."""
-    return DummyVecEnv([lambda: gymnasium.make(MAIN)] * lanes)
+    return DummyVecEnv([lambda: gymnasium.make(MAIN)] * num_envs)
 
 
-def together(lanes: int) -> VecEnv:
+def together(num_envs: int) -> VecEnv:
     """Lathes side by side."""
-    return RoughTurningVecEnv(Scenario.load(IDS[MAIN]), lanes)
+    return RoughTurningVecEnv(Scenario.load(IDS[MAIN]), num_envs)
 
 
 def stepping(env: VecEnv, steps: int) -> float:
@@ -116,15 +116,15 @@ def ppo_run(folder: Path) -> Run:
     return Run.plan("ppo", MAIN, Scenario.load(IDS[MAIN]), 0, folder, "", {})
 
 
-def measure(repeats: int, lanes: int, folder: Path) -> dict[str, list[float]]:
+def measure(repeats: int, num_envs: int, folder: Path) -> dict[str, list[float]]:
     """(Ratio of stepping, ratio of training, share) of every turn."""
     torch.set_num_threads(1)
-    separate, joint = singles(lanes), together(lanes)
+    separate, joint = singles(num_envs), together(num_envs)
     for env in (separate, joint):
         env.seed(0)
         env.reset()
         stepping(env, 2)  # not timed: what the first steps load
-    many = [PPO("MlpPolicy", make(lanes), **MANY_LANES) for make in (singles, together)]
+    many = [PPO("MlpPolicy", make(num_envs), **MANY_LANES) for make in (singles, together)]
     usual = new_model(ppo_run(folder), ppo.ALGORITHM)
     measured: dict[str, list[float]] = {"stepping": [], "training": [], "share": []}
     for _ in tqdm(range(repeats), unit="turn", dynamic_ncols=True, disable=None):
@@ -140,31 +140,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure and print; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.training", **described(__doc__))
     parser.add_argument("--repeats", type=int, default=5, help="turns that every case gets (default: %(default)s)")
-    parser.add_argument("--lanes", type=int, default=LANES, help="lathes side by side (default: %(default)s)")
+    parser.add_argument("--num-envs", type=int, default=LANES, help="lathes side by side (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print the medians as JSON")
     options = parser.parse_args(arguments)
-    if options.repeats < 1 or options.lanes < 1:
-        parser.error("--repeats and --lanes must be at least 1")
+    if options.repeats < 1 or options.num_envs < 1:
+        parser.error("--repeats and --num-envs must be at least 1")
     with TemporaryDirectory() as folder:
-        measured = measure(options.repeats, options.lanes, Path(folder))
+        measured = measure(options.repeats, options.num_envs, Path(folder))
     medians = {name: statistics.median(values) for name, values in measured.items()}
     spread = {name: f"({min(values):.3g} to {max(values):.3g})" for name, values in measured.items()}
     batch = MANY_LANES["batch_size"]
     verdicts = [
         (
-            f"{options.lanes} lathes step {medians['stepping']:.3g} times {spread['stepping']} as fast as single environments in "
-            f"DummyVecEnv, at least {LEAST_STEPPING_RATIO:g}",
-            medians["stepping"] >= LEAST_STEPPING_RATIO,
+            f"{options.num_envs} lathes step {medians['stepping']:.3g} times {spread['stepping']} as fast as single environments in "
+            f"DummyVecEnv, at least {MIN_STEPPING_RATIO:g}",
+            medians["stepping"] >= MIN_STEPPING_RATIO,
         ),
         (
             f"PPO with them, batch {batch}, is {medians['training']:.3g} times {spread['training']} as fast, at least "
-            f"{LEAST_TRAINING_RATIO:g}",
-            medians["training"] >= LEAST_TRAINING_RATIO,
+            f"{MIN_TRAINING_RATIO:g}",
+            medians["training"] >= MIN_TRAINING_RATIO,
         ),
         (
             f"PPO as in train.ppo spends {100.0 * medians['share']:.3g} % of its time in the environment (shares "
-            f"{spread['share']}), at most {100.0 * MOST_SHARE:g} %",
-            medians["share"] <= MOST_SHARE,
+            f"{spread['share']}), at most {100.0 * MAX_SHARE:g} %",
+            medians["share"] <= MAX_SHARE,
         ),
     ]
     if options.json:

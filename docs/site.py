@@ -30,7 +30,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def pages() -> dict[str, str]:
     """Text by path of all pages that are made."""
-    boards = read_boards(ROOT / "leaderboard" / "rows", {})
+    boards = read_boards(ROOT / "leaderboard" / "results", {})
     others = [_specification(env_id, 2) for env_id in turning_env.IDS if env_id != "RoughTurning-v0"]
     return {
         "index.md": _from_root("README.md"),
@@ -68,7 +68,7 @@ def _scenario() -> Iterator[str]:
     yield "Every quantity that defines an episode but its seed, as `python -m turning_env schema` has it."
     yield 'A TOML file states what differs from the defaults or, with `base = "PRESET"`, from a preset.'
     yield "Unknown keys are refused.\n"
-    schema, sections = turning_env.Scenario.model_json_schema(), griffe.load("turning_env.sections")
+    schema, sections = turning_env.Scenario.model_json_schema(), griffe.load("turning_env.scenario.sections")
     for key, value in schema["properties"].items():
         if "$ref" not in value:
             continue
@@ -84,7 +84,7 @@ def _scenario() -> Iterator[str]:
         yield ""
     yield "## Presets\n\n| Name | What it is |\n|---|---|"
     for preset in turning_env.presets():
-        text = (Path(turning_env.__path__[0]) / "presets" / f"{preset}.toml").read_text("utf-8")
+        text = (Path(turning_env.__path__[0]) / "scenario" / "presets" / f"{preset}.toml").read_text("utf-8")
         tomllib.loads(text)
         first = " ".join(line.removeprefix("#").strip() for line in re.match(r"(?:#.*\n)*", text)[0].splitlines())  # type: ignore[index]
         yield f"| `{preset}` | {html.escape(first, False)} |"
@@ -109,8 +109,8 @@ def _leaderboard(boards: list[Board]) -> Iterator[str]:
     for board in boards:
         if board.task.scenario.name in turning_env.SPLITS:
             continue
-        yield f"## {board.task.env_id}\n\n| Policy | Return [s], 95 % interval | Admissible |\n|---|---|---|"
+        yield f"## {board.task.env_id}\n\n| Policy | Return [s], 95 % interval | Feasible |\n|---|---|---|"
         for standing in board.standings[:5]:
-            mean, admissible = standing.mean_return, "yes" if standing.admissible else "no"
-            yield f"| `{standing.name}` | {mean.value:.1f} ({mean.low:.1f} to {mean.high:.1f}) | {admissible} |"
+            mean, feasible = standing.mean_return, "yes" if standing.feasible else "no"
+            yield f"| `{standing.name}` | {mean.value:.1f} ({mean.low:.1f} to {mean.high:.1f}) | {feasible} |"
         yield ""

@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines import catalogue
-from baselines.policy import Actions, Observations, PolicyFactory
 from examples.shared import DRAWS, ENV_ID, at_least, extra, run, score
-from train import onnx_policy
+from train.agents import onnx_policy
 from train.training import SEED_STRIDE, SEEDS
 from turning_env import RoughTurningVectorEnv, Scenario
+from turning_env.score.policy import Actions, Observations, PolicyFactory
 
 with extra("ecosystem"):
     import minari  # type: ignore[import-untyped]
@@ -143,12 +143,12 @@ def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -
 
 
 class Clone:
-    """A network that acts as others did, as a policy for ``baselines.play``; it remembers nothing."""
+    """A network that acts as others did, as a policy for ``turning_env.score.play``; it remembers nothing."""
 
     def __init__(self, network: torch.nn.Module) -> None:
         self._network = network
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Nothing is remembered."""
 
     @torch.no_grad()

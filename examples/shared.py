@@ -8,10 +8,10 @@ from contextlib import contextmanager
 
 import torch
 
-from baselines.play import play
-from baselines.policy import PolicyFactory
 from turning_env import Scenario
-from turning_env.draws import tuning_draws
+from turning_env.score.play import play
+from turning_env.score.policy import PolicyFactory
+from turning_env.score.seeds import tuning_seeds
 
 ENV_ID = "RoughTurning-v0"
 DRAWS = 32
@@ -20,7 +20,7 @@ DRAWS = 32
 
 def score(make: PolicyFactory, draws: int = DRAWS) -> str:
     """Mean return per edge [s of machine time] on the first tuning draws, with its standard error, for people."""
-    returns = play(make, Scenario.load("rough_turning"), tuning_draws(draws))["return"]
+    returns = play(make, Scenario.load("rough_turning"), tuning_seeds(draws))["return"]
     error = returns.std(ddof=1) / math.sqrt(draws) if draws > 1 else math.nan
     return f"{returns.mean():.0f} s per edge (standard error {error:.0f}, {draws} tuning draws)"
 

@@ -1,6 +1,6 @@
 """PPO in one file, on the vector environment as Gymnasium makes it, with nothing but PyTorch.
 
-    python examples/single_file_ppo.py --intervals 1000000
+    python examples/single_file_ppo.py --steps 1000000
 
 All that is learned from stays in arrays of shape (rollout, lanes, ...): there is no loop over lanes. (Schulman et al. 2017,
 arXiv 1707.06347; advantages: Schulman et al. 2016, arXiv 1506.02438.)
@@ -22,15 +22,15 @@ from torch import Tensor
 from tqdm import tqdm
 
 import turning_env  # noqa: F401 - registers the ids
-from baselines.policy import Actions, Observations
 from examples.shared import ENV_ID, run, score
+from turning_env.score.policy import Actions, Observations
 
 
 @dataclass(frozen=True)
 class Settings:
     """What can be set on the command line: ``--learning-rate 0.0003``."""
 
-    intervals: int = 1_000_000
+    steps: int = 1_000_000
     """Environment steps of the whole training."""
     seed: int = 0
     lanes: int = 64
@@ -136,14 +136,14 @@ def loss(agent: Agent, batch: dict[str, Tensor], clip: float) -> Any:
 
 
 def train(settings: Settings) -> Agent:
-    """An agent that has learned for so many intervals, rounded up to whole rollouts."""
+    """An agent that has learned for so many steps, rounded up to whole rollouts."""
     torch.manual_seed(settings.seed)
     rollouts = Rollouts(settings)
     (entries,), (actions,) = rollouts.envs.single_observation_space.shape or (0,), rollouts.envs.single_action_space.shape or (0,)
     agent = Agent(entries, actions)
     optimizer = torch.optim.Adam(agent.parameters(), settings.learning_rate, eps=1e-5)
     size = settings.lanes * settings.rollout
-    updates = -(-settings.intervals // size)
+    updates = -(-settings.steps // size)
     falling = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda update: 1 - update / updates)
     for _ in tqdm(range(updates), unit_scale=size, unit="interval", disable=None):
         rollout = {name: values.flatten(0, 1) for name, values in rollouts.next(agent).items()}
@@ -158,12 +158,12 @@ def train(settings: Settings) -> Agent:
 
 
 class Acting:
-    """An agent's most likely actions, as a policy for ``baselines.play``."""
+    """An agent's most likely actions, as a policy for ``turning_env.score.play``."""
 
     def __init__(self, agent: Agent) -> None:
         self._agent = agent
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Nothing is remembered."""
 
     @torch.no_grad()
@@ -187,7 +187,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ValueError as error:
         parser.error(str(error))
     agent = train(settings)
-    print(f"PPO after {settings.intervals} intervals: {score(lambda lanes: Acting(agent), settings.draws)}")
+    print(f"PPO after {settings.steps} steps: {score(lambda lanes: Acting(agent), settings.draws)}")
     return 0
 
 

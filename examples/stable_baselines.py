@@ -1,7 +1,7 @@
 """Stable-Baselines3 and sb3-contrib, on single environments or on the project's own lathes side by side.
 
-    python examples/stable_baselines.py --algorithm ppo --intervals 500000
-    python examples/stable_baselines.py --algorithm sac --lathes single --intervals 20000
+    python examples/stable_baselines.py --algorithm ppo --steps 500000
+    python examples/stable_baselines.py --algorithm sac --lathes single --steps 20000
 
 Single environments are what Stable-Baselines3 makes by itself (``make_vec_env``); they are stepped one after the other. The
 project's adapter (``train/vec_env.py``) steps all lanes in one call, which is some thirty times as fast. ``python -m train.ppo``
@@ -22,19 +22,19 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecEnv
 
 import turning_env
-from baselines.policy import Actions, Observations
 from examples.shared import ENV_ID, at_least, run, score
 from train.vec_env import RoughTurningVecEnv
+from turning_env.score.policy import Actions, Observations
 
 ROLLOUT = 4096
 """Intervals of all lanes between two updates of an on-policy algorithm."""
 
 
-def lathes(kind: str, lanes: int, seed: int) -> VecEnv:
-    """``lanes`` environments behind Stable-Baselines3's interface; lane i plays the episodes of seed + i."""
+def lathes(kind: str, num_envs: int, seed: int) -> VecEnv:
+    """``num_envs`` environments behind Stable-Baselines3's interface; lane i plays the episodes of seed + i."""
     if kind == "single":
-        return make_vec_env(ENV_ID, n_envs=lanes, seed=seed, env_kwargs={"render_mode": None})  # else it asks for pictures
-    env = RoughTurningVecEnv(turning_env.Scenario.load("rough_turning"), lanes, reward_scale=1 / 3)
+        return make_vec_env(ENV_ID, n_envs=num_envs, seed=seed, env_kwargs={"render_mode": None})  # else it asks for pictures
+    env = RoughTurningVecEnv(turning_env.Scenario.load("rough_turning"), num_envs, reward_scale=1 / 3)
     env.seed(seed)
     return env
 
@@ -58,15 +58,15 @@ def new_model(algorithm: str, env: VecEnv, seed: int) -> Any:
 
 
 class Predicting:
-    """A model of Stable-Baselines3, with a memory or without, as a policy for ``baselines.play``."""
+    """A model of Stable-Baselines3, with a memory or without, as a policy for ``turning_env.score.play``."""
 
-    def __init__(self, model: Any, lanes: int) -> None:
+    def __init__(self, model: Any, num_envs: int) -> None:
         self._model, self._memory = model, None
-        self._starting = np.ones(lanes, np.bool_)
+        self._starting = np.ones(num_envs, np.bool_)
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Forget these lanes."""
-        self._starting = self._starting | lanes
+        self._starting = self._starting | mask
 
     def act(self, observations: Observations) -> Actions:
         """The most likely actions."""
@@ -83,17 +83,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--algorithm", choices=("ppo", "recurrent_ppo", "sac", "tqc"), default="ppo", help="default: %(default)s")
     parser.add_argument("--lathes", choices=("adapter", "single"), default="adapter", help="default: %(default)s")
-    parser.add_argument("--lanes", type=at_least(1), help="environments side by side (default: 64 of the adapter's, 8 single)")
-    parser.add_argument("--intervals", type=at_least(1), default=500_000, help="environment steps (default: %(default)s)")
+    parser.add_argument("--num-envs", type=at_least(1), help="environments side by side (default: 64 of the adapter's, 8 single)")
+    parser.add_argument("--steps", type=at_least(1), default=500_000, help="environment steps (default: %(default)s)")
     parser.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
     parser.add_argument("--draws", type=at_least(1), default=32, help="tuning draws to score on (default: %(default)s)")
     options = parser.parse_args(arguments)
-    lanes = options.lanes or (64 if options.lathes == "adapter" else 8)
+    lanes = options.num_envs or (64 if options.lathes == "adapter" else 8)
     if lanes > ROLLOUT // 2:
-        parser.error(f"--lanes is {lanes}, but must be at most {ROLLOUT // 2}")
+        parser.error(f"--num-envs is {lanes}, but must be at most {ROLLOUT // 2}")
     env = lathes(options.lathes, lanes, options.seed)
     model = new_model(options.algorithm, env, options.seed)
-    model.learn(options.intervals, progress_bar=sys.stderr.isatty())
+    model.learn(options.steps, progress_bar=sys.stderr.isatty())
     env.close()
     print(f"{options.algorithm} after {model.num_timesteps} intervals: {score(lambda n: Predicting(model, n), options.draws)}")
     return 0

@@ -1,6 +1,6 @@
 """TorchRL: its checks, one environment, and many at once.
 
-    python examples/torch_rl.py --intervals 100000
+    python examples/torch_rl.py --steps 100000
 
 Many at once are the project's vector environment behind ``GymWrapper``, in the autoreset mode that TorchRL prefers. (``GymEnv``
 with ``num_envs`` starts a process for each instead; there the id must name its package: ``turning_env:RoughTurning-v0``.)
@@ -46,16 +46,16 @@ def one(env_id: str, seed: int) -> GymEnv:
     return env
 
 
-def serial(lanes: int, seed: int) -> SerialEnv:
+def serial(num_envs: int, seed: int) -> SerialEnv:
     """Single environments one after the other. TorchRL derives all seeds but the first by a formula of its own."""
-    envs = SerialEnv(lanes, lambda: GymEnv(ENV_ID))
+    envs = SerialEnv(num_envs, lambda: GymEnv(ENV_ID))
     envs.set_seed(seed)
     return envs
 
 
-def together(lanes: int, seed: int) -> GymWrapper:
+def together(num_envs: int, seed: int) -> GymWrapper:
     """Lathes side by side; lane i plays the episodes of seed + i."""
-    vector = gymnasium.make_vec(ENV_ID, lanes, vectorization_mode="vector_entry_point", autoreset_mode=AutoresetMode.DISABLED)
+    vector = gymnasium.make_vec(ENV_ID, num_envs, vectorization_mode="vector_entry_point", autoreset_mode=AutoresetMode.DISABLED)
     envs = GymWrapper(vector)
     check_env_specs(envs)
     envs.set_seed(seed)
@@ -75,18 +75,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python examples/torch_rl.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--intervals", type=at_least(1), default=100_000, help="of all lanes (default: %(default)s)")
-    parser.add_argument("--lanes", type=at_least(1), default=1024, help="lathes side by side (default: %(default)s)")
+    parser.add_argument("--steps", type=at_least(1), default=100_000, help="of all lanes (default: %(default)s)")
+    parser.add_argument("--num-envs", type=at_least(1), default=1024, help="lathes side by side (default: %(default)s)")
     parser.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
     options = parser.parse_args(arguments)
     for env_id in turning_env.IDS:
         rollout = one(env_id, options.seed).rollout(10)
         force, power, wear = (rollout["next", name][-1].item() for name in SEEN)
         print(f"{env_id}: checked; after {len(rollout)} intervals {force:.0f} N, {power:.2f} kW, {wear:.3f} mm of wear")
-    few = min(options.lanes, 4)
+    few = min(options.num_envs, 4)
     for name, envs, steps in (
-        (f"SerialEnv of {few}", serial(few, options.seed), min(options.intervals, 1000)),
-        (f"GymWrapper of {options.lanes} lanes", together(options.lanes, options.seed), -(-options.intervals // options.lanes)),
+        (f"SerialEnv of {few}", serial(few, options.seed), min(options.steps, 1000)),
+        (
+            f"GymWrapper of {options.num_envs} lanes",
+            together(options.num_envs, options.seed),
+            -(-options.steps // options.num_envs),
+        ),
     ):
         start = time.perf_counter()
         rollout = envs.rollout(steps, break_when_any_done=False)

@@ -1,5 +1,5 @@
 """The leaderboard: plays policies on common draws, computes statistics, writes results and the page."""
 
-from baselines.extras import tell_plainly
+from turning_env.extras import tell_plainly
 
 tell_plainly()

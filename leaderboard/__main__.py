@@ -1,7 +1,7 @@
 """Rank policies on common draws.
 
     python -m leaderboard run --draws 16 --policies fixed_tuned predictive
-    python -m leaderboard show --results leaderboard/rows
+    python -m leaderboard show --results leaderboard/results
 
 Each command has a help of its own, with an example.
 """
@@ -12,14 +12,14 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from baselines.workers import WorkersError, workers
 from leaderboard import generalisation, machine_readable, table
 from leaderboard.board import Board, read_board, read_boards
-from leaderboard.private_draws import PUBLIC, PrivateDraws
-from leaderboard.results import ResultError, Task, current_digests, result_folder
+from leaderboard.private_seeds import PUBLIC, PrivateDraws
+from leaderboard.result import ResultError, Task, current_digests, result_folder
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
-from turning_env.draws import held_out_draws
+from turning_env.score.seeds import held_out_seeds
+from turning_env.score.workers import WorkersError, workers
 
 PAGE = "index.html"
 SPLITS_ENV_ID = "RoughTurning-v0"
@@ -34,12 +34,12 @@ _RUN = """Play policies on held-out draws, then print the ranking and write the 
 """
 _SHOW = """Print the ranking of every environment and scenario that the results' folder holds.
 
-    python -m leaderboard show --results leaderboard/rows
-    python -m leaderboard show --results leaderboard/rows --json
+    python -m leaderboard show --results leaderboard/results
+    python -m leaderboard show --results leaderboard/results --json
 """
 _PAGE = """Write all rankings as one HTML file.
 
-    python -m leaderboard page --results leaderboard/rows --out page.html
+    python -m leaderboard page --results leaderboard/results --out page.html
 """
 _VERIFY = """Play the project's own results again. The exit status is 1 if a number does not come back bit for bit.
 
@@ -48,11 +48,11 @@ _VERIFY = """Play the project's own results again. The exit status is 1 if a num
 """
 _CARDS = """Write the model card of every agent in the agents' folder.
 
-    python -m leaderboard cards --rows leaderboard/rows --agents agents
+    python -m leaderboard cards --rows leaderboard/results --agents agents
 """
 _FIGURE = """Draw the ranking for print.
 
-    python -m leaderboard figure --results leaderboard/rows --out docs/leaderboard.png
+    python -m leaderboard figure --results leaderboard/results --out docs/leaderboard.png
 """
 _GALLERY = """Draw what a few policies do on the same bars.
 
@@ -139,17 +139,17 @@ def _figure(options: argparse.Namespace) -> None:
 
 
 def _gallery(options: argparse.Namespace) -> None:
-    from leaderboard import gallery, habits, run  # needed only here: imports Matplotlib, plays
+    from leaderboard import behaviour, gallery, run  # needed only here: imports Matplotlib, plays
 
     scenario = _scenario(options)
     players = [*run.named(options.policies, scenario), *run.agents(options.agents, scenario)]
     courses = gallery.play(players, scenario, options.draws)
     written = gallery.write(courses, options.out)
     if options.json:
-        told = {"env_id": options.env, "scenario": scenario.name, "draws": options.draws, "policies": habits.as_json(courses)}
+        told = {"env_id": options.env, "scenario": scenario.name, "draws": options.draws, "policies": behaviour.as_json(courses)}
         print_json(told)
         return
-    print(habits.render(courses))
+    print(behaviour.render(courses))
     for path in written:
         print(f"wrote {path}")
     if left_out := [name for name in gallery.PICTURES if options.out / name not in written]:
@@ -202,7 +202,7 @@ def _write_page(boards: Sequence[Board], path: Path) -> None:
 
 def _draws(text: str) -> list[int]:
     try:
-        return held_out_draws(int(text))
+        return held_out_seeds(int(text))
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
 
@@ -229,7 +229,7 @@ def _parser() -> argparse.ArgumentParser:
         "--results",
         type=Path,
         default=Path("results"),
-        help="folder of the results (default: results; leaderboard/rows holds those that come with the project)",
+        help="folder of the results (default: results; leaderboard/results holds those that come with the project)",
     )
     printed = argparse.ArgumentParser(add_help=False)
     printed.add_argument("--json", action="store_true", help="print JSON, with all numbers and their units")
@@ -263,7 +263,7 @@ def _parser() -> argparse.ArgumentParser:
     page.set_defaults(command=_page)
 
     shipped = argparse.ArgumentParser(add_help=False)
-    shipped.add_argument("--rows", type=Path, default=Path("leaderboard/rows"), help="results (default: leaderboard/rows)")
+    shipped.add_argument("--rows", type=Path, default=Path("leaderboard/results"), help="results (default: leaderboard/results)")
     shipped.add_argument("--agents", type=Path, default=Path("agents"), help="agents' ONNX files (default: agents)")
 
     verify = commands.add_parser(

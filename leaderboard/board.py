@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from leaderboard.results import TRAJECTORIES_FILE, Result, ResultError, Task, read_part, read_result, result_files
+from leaderboard.result import TRAJECTORIES_FILE, Result, ResultError, Task, read_part, read_result, result_files
 from leaderboard.standings import Standing, rank
 from leaderboard.trajectories import Trajectories
 from turning_env import IDS

@@ -11,14 +11,14 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from leaderboard import columns, generalisation
 from leaderboard.board import Board, read_board
 from leaderboard.columns import Cell, Column
-from leaderboard.results import ResultError, result_files, result_folder, write_whole
+from leaderboard.result import ResultError, result_files, result_folder, write_whole
 from leaderboard.standings import Standing
-from train import agent_file
-from train.agent_file import AgentFile, Space
-from train.trained_agent import ONNX_SUFFIX
+from train.agents import agent_file
+from train.agents.agent_file import AgentFile, Space
+from train.agents.trained import ONNX_SUFFIX
 from turning_env import SPLITS, Scenario
 
-_ALIKE = ("algorithm", "env_id", "scenario", "parameters", "trained_intervals", "versions")
+_ALIKE = ("algorithm", "env_id", "scenario", "parameters", "trained_steps", "versions")
 """What all files of one card must have in common."""
 
 
@@ -60,7 +60,7 @@ class Card:
     @property
     def intervals(self) -> int:
         """Of each training."""
-        return self.files[0].metadata.trained_intervals
+        return self.files[0].metadata.trained_steps
 
     @property
     def parameters(self) -> Mapping[str, Any]:
@@ -110,12 +110,12 @@ class Card:
 
     @property
     def elsewhere(self) -> list[tuple[str, Cell, bool]]:
-        """Of each other scenario: return, and whether it is admissible there."""
+        """Of each other scenario: return, and whether it is feasible there."""
         across = self.across
         if across is None or across.made_for != self.scenario.name or self.name not in across.rows:
             return []
-        cells = [(name, across.cell(self.name, name), across.admissible(self.name, name)) for name in across.scenarios[1:]]
-        return [(name, cell, admissible) for name, cell, admissible in cells if cell is not None]
+        cells = [(name, across.cell(self.name, name), across.feasible(self.name, name)) for name in across.scenarios[1:]]
+        return [(name, cell, feasible) for name, cell, feasible in cells if cell is not None]
 
 
 def write_all(rows: Path, agents: Path) -> list[Path]:

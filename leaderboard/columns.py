@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from leaderboard.standings import OVERRIDE, PARTS, ROUGHNESS, SPEED_AND_FEED, Standing
-from leaderboard.statistics import Estimate
+from turning_env.score.statistics import Estimate
 
 Value = Estimate | float | None
 
@@ -161,7 +161,7 @@ LIMITS = _of_play(
         Column(
             "severely over, at most",
             "%",
-            "Upper 95 % confidence limit of that share (one-sided). Within the allowance, the policy is admissible.",
+            "Upper 95 % confidence limit of that share (one-sided). Within the allowance, the policy is feasible.",
             lambda s: s.severe_limit,
             2,
             100,

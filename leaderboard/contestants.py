@@ -3,10 +3,10 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from baselines.play import Episodes, play
-from baselines.policy import PolicyFactory
-from leaderboard.results import PolicyRecord, ResultError
+from leaderboard.result import PolicyRecord, ResultError
 from turning_env import Scenario
+from turning_env.score.play import Episodes, play
+from turning_env.score.policy import PolicyFactory
 
 
 @dataclass(frozen=True)
@@ -16,14 +16,14 @@ class Contestant:
     policy: PolicyRecord
     make: PolicyFactory
 
-    def episodes(self, scenario: Scenario, draws: Sequence[int], on_interval: Callable[[int], None]) -> Episodes:
-        """Play one episode per draw: see ``baselines.play.play``.
+    def episodes(self, scenario: Scenario, draws: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
+        """Play one episode per draw: see ``turning_env.score.play.play``.
 
         Raises:
             ResultError: its actions have the wrong shape or are not finite.
         """
         try:
-            return play(self.make, scenario, draws, on_interval)
+            return play(self.make, scenario, draws, on_step)
         except ValueError as error:
             raise ResultError(f"{self.policy.label} cannot play: {error}") from error
 
@@ -36,9 +36,9 @@ class Reference:
     compute: Callable[[Scenario, Sequence[int], Callable[[int], None]], Episodes]
     """The episodes of a scenario and draws; calls the third after each piece of work with the number of episodes done."""
 
-    def episodes(self, scenario: Scenario, draws: Sequence[int], on_interval: Callable[[int], None]) -> Episodes:
+    def episodes(self, scenario: Scenario, draws: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
         """What it comes to on each draw."""
-        return self.compute(scenario, draws, on_interval)
+        return self.compute(scenario, draws, on_step)
 
 
 Player = Contestant | Reference
@@ -52,13 +52,13 @@ class Turn:
     scenario: Scenario
     draws: Sequence[int]
 
-    def play(self, on_interval: Callable[[int], None] = lambda ended: None) -> Episodes:
+    def play(self, on_step: Callable[[int], None] = lambda ended: None) -> Episodes:
         """Play them; see ``Contestant.episodes``."""
-        return self.player.episodes(self.scenario, self.draws, on_interval)
+        return self.player.episodes(self.scenario, self.draws, on_step)
 
-    def attempt(self, on_interval: Callable[[int], None] = lambda ended: None) -> Episodes | ResultError:
+    def attempt(self, on_step: Callable[[int], None] = lambda ended: None) -> Episodes | ResultError:
         """Play them, or say why the player cannot, so that others go on."""
         try:
-            return self.play(on_interval)
+            return self.play(on_step)
         except ResultError as error:
             return error

@@ -8,13 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import SymmetricalLogLocator
 
-from baselines.figures.style import BLUE, GREY, ORANGE, VERMILLION
 from leaderboard.board import Board
-from leaderboard.results import ResultError
+from leaderboard.result import ResultError
 from leaderboard.standings import references
 from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
 from turning_env.files import replace_file
+from turning_env.workshop.plot_style import BLUE, GREY, ORANGE, VERMILLION
 
 
 def write(board: Board, path: Path) -> None:
@@ -46,10 +46,10 @@ def _intervals(axes: Axes, board: Board) -> None:
     # References first: nobody can be better.
     standings = sorted(board.standings, key=lambda standing: standing.kind != "reference")
     for place, standing in enumerate(standings):
-        estimate, colour = standing.mean_return, BLUE if standing.admissible else VERMILLION
+        estimate, colour = standing.mean_return, BLUE if standing.feasible else VERMILLION
         colour = GREY if standing.kind == "reference" else colour
         axes.plot([estimate.low, estimate.high], [place, place], color=colour)
-        axes.plot(estimate.value, place, "o", color=colour, markerfacecolor=colour if standing.admissible else "white")
+        axes.plot(estimate.value, place, "o", color=colour, markerfacecolor=colour if standing.feasible else "white")
         if standing.name == fixed:
             axes.axvline(estimate.value, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
     labels = [f"({standing.name})" if standing.kind == "reference" else standing.name for standing in standings]
@@ -64,7 +64,7 @@ def _intervals(axes: Axes, board: Board) -> None:
     axes.xaxis.set_major_formatter("{x:.0f}")
     axes.set_xlabel("mean return with 95 % interval [s], log scale")
     axes.set_title(
-        f"{len(board.task.draws)} held-out draws\nhollow: not admissible; grey: references", loc="left", fontsize="small"
+        f"{len(board.task.draws)} held-out draws\nhollow: not feasible; grey: references", loc="left", fontsize="small"
     )
     axes.grid(axis="x", linewidth=0.4)
     axes.spines[["top", "right", "left"]].set_visible(False)

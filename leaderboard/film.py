@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from leaderboard.results import ResultError
+from leaderboard.result import ResultError
 from turning_env.files import replace_file
 
 Frame = NDArray[np.uint8]

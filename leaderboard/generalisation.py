@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from leaderboard.board import Board
 from leaderboard.columns import RETURNS, Cell
-from leaderboard.results import MadeFor
+from leaderboard.result import MadeFor
 from leaderboard.standings import Standing
 from turning_env import SPLITS
 
@@ -27,10 +27,10 @@ class Across:
         standing = self.rows[policy].get(scenario)
         return None if standing is None else RETURNS[0].cell(standing)
 
-    def admissible(self, policy: str, scenario: str) -> bool:
+    def feasible(self, policy: str, scenario: str) -> bool:
         """Whether the policy is so there; as well if it has not played."""
         standing = self.rows[policy].get(scenario)
-        return standing is None or standing.admissible
+        return standing is None or standing.feasible
 
 
 def across(boards: Sequence[Board]) -> Across | None:
@@ -59,13 +59,13 @@ def across(boards: Sequence[Board]) -> Across | None:
 
 def render(table: Across) -> str:
     """The table as text."""
-    head = f"return [s] of policies made for {table.made_for} where they were not made for; {NOT_ADMISSIBLE}: not admissible"
+    head = f"return [s] of policies made for {table.made_for} where they were not made for; {NOT_ADMISSIBLE}: not feasible"
     rows = [["policy", *table.scenarios]]
     for policy in table.rows:
         row = [policy]
         for scenario in table.scenarios:
             cell = table.cell(policy, scenario)
-            verdict = "" if table.admissible(policy, scenario) else f" {NOT_ADMISSIBLE}"
+            verdict = "" if table.feasible(policy, scenario) else f" {NOT_ADMISSIBLE}"
             row.append("" if cell is None else cell.text + verdict)
         rows.append(row)
     widths = [max(map(len, texts)) for texts in zip(*rows, strict=True)]

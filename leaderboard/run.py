@@ -9,14 +9,11 @@ from typing import Never
 
 from tqdm import tqdm
 
-from baselines.folders import alone, together
-from baselines.play import Episodes
-from baselines.workers import Workers, spread
 from leaderboard.board import read_board
 from leaderboard.contestants import Contestant, Player, Turn
-from leaderboard.private_draws import PrivateDraws
-from leaderboard.references import references as known_references
-from leaderboard.results import (
+from leaderboard.oracles import references as known_references
+from leaderboard.private_seeds import PrivateDraws
+from leaderboard.result import (
     TRAJECTORIES_FILE,
     MadeFor,
     PolicyRecord,
@@ -34,8 +31,11 @@ from leaderboard.results import (
 )
 from leaderboard.standings import check_alike
 from leaderboard.trajectories import RECORDED_DRAWS, Trajectories, Trajectory, record
-from train.trained_agent import ONNX_SUFFIX
+from train.agents.trained import ONNX_SUFFIX
 from turning_env import Scenario
+from turning_env.locks import exclusive_lock, shared_lock
+from turning_env.score.play import Episodes
+from turning_env.score.workers import Workers, spread
 
 
 def named(names: Sequence[str] | None, scenario: Scenario, tuned_on: Scenario | None = None) -> list[Player]:
@@ -110,11 +110,11 @@ def agent(path: Path, scenario: Scenario) -> Contestant:
     """
     try:
         if path.suffix == ONNX_SUFFIX:
-            from train import onnx_policy
+            from train.agents import onnx_policy
 
             trained = onnx_policy.load(path)
         else:
-            from train import agent  # imports torch, which takes seconds
+            from train.agents import run_folder as agent  # imports torch, which takes seconds
 
             trained = agent.load(path)
         trained.check_fits(scenario)
@@ -123,7 +123,7 @@ def agent(path: Path, scenario: Scenario) -> Contestant:
     policy = PolicyRecord(
         name=trained.name,
         kind="agent",
-        description=f"trained for {trained.trained_intervals} intervals on scenario {trained.scenario.name}",
+        description=f"trained for {trained.trained_steps} intervals on scenario {trained.scenario.name}",
         parameters=trained.parameters,
         digest=trained.digest,
         training_seed=trained.seed,
@@ -173,7 +173,7 @@ def play_all(rounds: Sequence[Round], fresh: bool, over: Workers | None = None) 
     with ExitStack() as held:
         for each in rounds:
             try:
-                held.enter_context(together(each.folder))
+                held.enter_context(shared_lock(each.folder))
             except OSError as error:
                 raise ResultError(f"{each.folder} cannot be written: {error.strerror}") from error
         _play_all(rounds, fresh, over)
@@ -263,7 +263,7 @@ def _record_trajectories(each: Round, fresh: bool, over: Workers | None) -> list
                     courses[place] = course
                 bar.update()
     finally:  # what is finished is kept, also what another run has played and recorded in the meantime
-        with alone(each.folder.parent, wait=True):
+        with exclusive_lock(each.folder.parent, wait=True):
             wanted, recorded = _recorded(each, digest)
             courses = recorded | courses
             episodes = [courses[place] for place in wanted if place in courses]

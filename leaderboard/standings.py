@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.overload import CONFIDENCE, ratio
-from leaderboard.references import CAUSAL, CLAIRVOYANT
-from leaderboard.results import PolicyRecord, Result, ResultError
-from leaderboard.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean
+from leaderboard.oracles import CAUSAL, CLAIRVOYANT
+from leaderboard.result import PolicyRecord, Result, ResultError
 from turning_env import Scenario
+from turning_env.score.overload import CONFIDENCE, ratio
+from turning_env.score.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Standing:
     kind: str
     description: str
     training_seeds: tuple[int, ...]
-    admissible: bool
+    feasible: bool
     mean_return: Estimate  # [s]
     interquartile_return: Estimate  # [s]
     over_fixed: Estimate | None  # [s]
@@ -74,7 +74,7 @@ class Standing:
 
 
 def rank(results: Sequence[Result]) -> list[Standing]:
-    """The policies of one task, admissible ones first, then by mean return; then the references. There must be a result.
+    """The policies of one task, feasible ones first, then by mean return; then the references. There must be a result.
 
     Raises:
         ResultError: agents of one name differ in more than the training seed.
@@ -92,7 +92,7 @@ def rank(results: Sequence[Result]) -> list[Standing]:
 
 def _place(standing: Standing) -> tuple[bool, bool, float, str]:
     """What standings are sorted by."""
-    return standing.kind == "reference", not standing.admissible, -standing.mean_return.value, standing.name
+    return standing.kind == "reference", not standing.feasible, -standing.mean_return.value, standing.name
 
 
 def highest(returns: Mapping[str, float]) -> str | None:
@@ -162,7 +162,7 @@ def _standing(
         kind=policy.kind,
         description=policy.description,
         training_seeds=tuple(sorted(seed for result in group if (seed := result.policy.training_seed) is not None)),
-        admissible=severe_limit <= scenario.limits.overload_allowance,
+        feasible=severe_limit <= scenario.limits.overload_allowance,
         mean_return=Estimate.of(float(np.mean(returns)), mean_returns),
         interquartile_return=Estimate.of(
             float(interquartile_mean(returns.ravel())), bootstrap.interquartile_means(returns, name)
@@ -177,7 +177,7 @@ def _standing(
         over_causal=difference(CAUSAL),
         minutes=float(np.mean(minutes)),
         part_cost=(
-            _share(minutes + scenario.economics.edge_cost * edges, episodes["intervals"])
+            _share(minutes + scenario.economics.edge_cost * edges, episodes["steps"])
             if scenario.control.action == "part"
             else None
         ),

@@ -19,14 +19,14 @@ def render(board: Board) -> str:
 
 def _table(standings: Sequence[Standing], columns: Sequence[Column]) -> list[str]:
     rows = [
-        ["rank", "policy", "seeds", "admissible", *(column.heading for column in columns)],
+        ["rank", "policy", "seeds", "feasible", *(column.heading for column in columns)],
         ["", "", "", "", *(f"[{column.unit}]" for column in columns)],
     ]
     for place, standing in enumerate(standings, 1):
         ranked = standing.kind != "reference"
-        admissible = "yes" if standing.admissible else "NO"
+        feasible = "yes" if standing.feasible else "NO"
         seeds = str(len(standing.training_seeds) or "")
-        row = [str(place) if ranked else "", standing.name, seeds, admissible if ranked else ""]
+        row = [str(place) if ranked else "", standing.name, seeds, feasible if ranked else ""]
         for column in columns:
             cell = column.cell(standing)
             row.append(f"{cell.text} ({cell.interval})" if cell.interval else cell.text)

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from baselines.policy import PolicyFactory
-from leaderboard.results import Part, PolicyRecord
+from leaderboard.result import Part, PolicyRecord
 from turning_env import RoughTurningEnv, Scenario
+from turning_env.score.policy import PolicyFactory
 
 SCHEMA: Literal["rough-turning/trajectories/3"] = "rough-turning/trajectories/3"
 SERIES = (
@@ -24,10 +24,10 @@ SERIES = (
     "roughness",  # [um], 0 where none is held
     "roughness_reference",  # [um], likewise
 )
-"""Recorded from ``info`` at the end of intervals, beside ``minutes``, the machine time elapsed."""
+"""Recorded from ``info`` at the end of steps, beside ``minutes``, the machine time elapsed."""
 RECORDED_DRAWS = 3
 """The first of a task's draws."""
-MOST_ROWS = 300
+MAX_ROWS = 300
 """Of an episode: more could not be told apart on a screen."""
 _DIGITS = {"minutes": 5, "path": 5}  # significant ones, enough to draw; of others 4
 
@@ -37,7 +37,7 @@ class Trajectory(Part):
 
     policy: PolicyRecord
     draw: int
-    intervals: int
+    steps: int
     """That were played; of many, some are kept, as ``kept`` says."""
     series: dict[str, list[float]]
     """``minutes`` and each of ``SERIES``, one value per interval kept."""
@@ -47,8 +47,8 @@ class Trajectory(Part):
         if set(self.series) != {"minutes", *SERIES}:
             raise ValueError(f"series holds {', '.join(self.series)}, but must hold {', '.join(('minutes', *SERIES))}")
         lengths = {len(values) for values in self.series.values()}
-        if len(lengths) != 1 or not 1 <= min(lengths) <= self.intervals:
-            raise ValueError(f"the series must be of one length, of at least one and at most {self.intervals} intervals")
+        if len(lengths) != 1 or not 1 <= min(lengths) <= self.steps:
+            raise ValueError(f"the series must be of one length, of at least one and at most {self.steps} steps")
         return self
 
 
@@ -79,21 +79,21 @@ def record(policy: PolicyRecord, make: PolicyFactory, scenario: Scenario, draw: 
     course = {"minutes": minutes} | dict(zip(SERIES, columns, strict=True))
     rows = kept(course, scenario)
     series = {name: [_rounded(value, _DIGITS.get(name, 4)) for value in values[rows]] for name, values in course.items()}
-    return Trajectory(policy=policy, draw=draw, intervals=len(minutes), series=series)
+    return Trajectory(policy=policy, draw=draw, steps=len(minutes), series=series)
 
 
 def kept(course: dict[str, NDArray[np.float64]], scenario: Scenario) -> NDArray[np.intp]:
-    """The intervals of a course to keep: all if they are no more than ``MOST_ROWS``.
+    """The steps of a course to keep: all if they are no more than ``MAX_ROWS``.
 
     Else, of groups of neighbours, that with the least and that with the greatest load relative to a limit, so that no overload
     is lost however short; in metal, where a group has some. The last is always kept.
     """
     count = len(course["minutes"])
-    if count <= MOST_ROWS:
+    if count <= MAX_ROWS:
         return np.arange(count)
     load = np.maximum(course["thrust_force"] / scenario.limits.thrust_force, course["power"] / scenario.limits.power)
     chosen = {count - 1}
-    for group in np.array_split(np.arange(count), (MOST_ROWS - 1) // 2):
+    for group in np.array_split(np.arange(count), (MAX_ROWS - 1) // 2):
         metal = group[course["depth_of_cut"][group] > 0.0]
         seen = metal if metal.size else group
         chosen |= {int(seen[np.argmin(load[seen])]), int(seen[np.argmax(load[seen])])}

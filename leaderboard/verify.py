@@ -10,12 +10,10 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from baselines import clairvoyant
-from baselines.play import EPISODE_FIELDS, Episodes
-from baselines.workers import Workers, spread
-from leaderboard import contestants, references, run
+from baselines.oracles import clairvoyant
+from leaderboard import contestants, oracles, run
 from leaderboard.contestants import Player, Turn
-from leaderboard.results import (
+from leaderboard.result import (
     SUFFIX,
     MadeFor,
     PolicyRecord,
@@ -30,9 +28,15 @@ from leaderboard.results import (
     result_folder,
     write_whole,
 )
-from train import agent_file, onnx_child, onnx_guard, onnx_policy, onnx_session, plain_graph
-from train.trained_agent import ONNX_SUFFIX
+from train.agents import agent_file, onnx_policy
+from train.agents import graph as plain_graph
+from train.agents import sandbox as onnx_guard
+from train.agents import sandbox_child as onnx_child
+from train.agents import session as onnx_session
+from train.agents.trained import ONNX_SUFFIX
 from turning_env import Scenario, presets
+from turning_env.score.play import EPISODE_FIELDS, Episodes
+from turning_env.score.workers import Workers, spread
 
 
 @dataclass(frozen=True)
@@ -140,7 +144,7 @@ def _complaint(path: Path, what: object) -> str:
     return f"{path}: {str(what).removeprefix(f'{path}: ')}"
 
 
-_PLAY = (agent_file, onnx_child, onnx_guard, onnx_policy, onnx_session, plain_graph, contestants, references)
+_PLAY = (agent_file, onnx_child, onnx_guard, onnx_policy, onnx_session, plain_graph, contestants, oracles)
 
 
 def key_of(path: Path) -> str:
@@ -170,7 +174,7 @@ def player_of(policy: PolicyRecord, task: Task, agents: Path) -> Player:
     if policy.kind == "agent":
         player: Player = run.agent(_agent_path(policy, task, agents), task.scenario)
     elif policy.kind == "reference":
-        known = {reference.policy.name: reference for reference in references.references(task.scenario)}
+        known = {reference.policy.name: reference for reference in oracles.references(task.scenario)}
         if policy.name not in known:
             raise ResultError(f"there is no reference {policy.name!r} for scenario {task.scenario.name!r}")
         player = known[policy.name]
@@ -226,7 +230,7 @@ def _without_row(rows: Path, agents: Path, selection: Selection) -> Iterator[str
 def _beyond_the_bound(paths: Sequence[Path]) -> Iterator[str]:
     """The rows that earned more on a draw than the clairvoyant bound beside them allows, beyond its tolerance."""
     for path in paths:
-        limit = path.with_name(f"{references.CLAIRVOYANT}{SUFFIX}")
+        limit = path.with_name(f"{oracles.CLAIRVOYANT}{SUFFIX}")
         if path == limit or not limit.is_file():
             continue
         bound, row = read_result(limit), read_result(path)

@@ -17,8 +17,8 @@ from tqdm import tqdm
 from leaderboard import film, run
 from leaderboard.contestants import Contestant
 from leaderboard.film import Frame
-from leaderboard.results import ResultError
-from train.trained_agent import ONNX_SUFFIX
+from leaderboard.result import ResultError
+from train.agents.trained import ONNX_SUFFIX
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
 
@@ -95,11 +95,11 @@ def _watch(options: argparse.Namespace) -> None:
     shows = [Show(each, options.env, scenario, options.seed, mode) for each in contestants]
     try:
         if options.human:
-            for _ in intervals(shows, options.intervals, 1):
+            for _ in steps(shows, options.steps, 1):
                 pass
         else:
             pace = options.fps or shows[0].env.metadata["render_fps"]
-            film.write(frames(shows, options.intervals, options.every, options.width), options.out, pace)
+            film.write(frames(shows, options.steps, options.every, options.width), options.out, pace)
             print(f"wrote {options.out}")
     finally:
         for show in shows:
@@ -120,8 +120,8 @@ def contestant(name: str, scenario: Scenario) -> Contestant:
     return player
 
 
-def intervals(shows: Sequence[Show], most: int | None, every: int) -> Iterator[int]:
-    """Play until all have ended, at most so many intervals; yields at the start, after every so many, and at the end."""
+def steps(shows: Sequence[Show], most: int | None, every: int) -> Iterator[int]:
+    """Play until all have ended, at most so many steps; yields at the start, after every so many, and at the end."""
     yield 0
     done = 0
     with tqdm(total=most, unit="interval", dynamic_ncols=True, disable=None) as bar:
@@ -139,7 +139,7 @@ def frames(shows: Sequence[Show], most: int | None, every: int, width: int | Non
     """What is seen, side by side, scaled to a width [pixels] if one is given; who has ended stands still."""
     from PIL import Image
 
-    for _ in intervals(shows, most, every):
+    for _ in steps(shows, most, every):
         pictures = [show.frame() for show in shows]
         gap = np.full((len(pictures[0]), _GAP, 3), 255, np.uint8)
         joined = [pictures[0]]
@@ -176,13 +176,11 @@ def _parser() -> argparse.ArgumentParser:
     who.add_argument("--agent", metavar="AGENT", help="an agent: an ONNX file, or a run folder of your own")
     parser.add_argument("--beside", metavar="NAME_OR_AGENT", help="another policy or agent, on the same bars, beside the first")
     parser.add_argument("--seed", type=int, default=0, help="which edge and bars (default: 0)")
-    parser.add_argument(
-        "--intervals", type=_positive, metavar="N", help="at most so many control intervals (default: the episode)"
-    )
+    parser.add_argument("--steps", type=_positive, metavar="N", help="at most so many control steps (default: the episode)")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--out", type=Path, metavar="FILE", help="an .mp4 or .gif of it all, or a .png of its end")
     where.add_argument("--human", action="store_true", help="show it in a window")
-    parser.add_argument("--every", type=_positive, default=1, metavar="N", help="film every so many intervals (default: 1)")
+    parser.add_argument("--every", type=_positive, default=1, metavar="N", help="film every so many steps (default: 1)")
     parser.add_argument("--width", type=_width, metavar="N", help="pixels across (default: as drawn, 960 for each policy)")
     parser.add_argument("--fps", type=_positive, metavar="N", help="frames in a second (default: as the task has it)")
     return parser

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-MOST = 60.0
+MAX = 60.0
 """A process that takes longer to start [s] fails the test."""
 
 
@@ -27,7 +27,7 @@ class DaskCluster:
         start = time.monotonic()
         while not described.exists() or not described.read_bytes().endswith(b"}"):
             assert self.scheduler.poll() is None
-            assert time.monotonic() - start < MOST
+            assert time.monotonic() - start < MAX
             time.sleep(0.05)
         self.address: str = json.loads(described.read_text())["address"]
 
@@ -48,7 +48,7 @@ class DaskCluster:
         """End every process."""
         for process in (*self.workers, self.scheduler):
             process.kill()
-            process.wait(MOST)
+            process.wait(MAX)
 
 
 @contextmanager

@@ -28,14 +28,14 @@ MISTAKES: dict[str, list[str]] = {
         "forging --cutting-speed x --feed 0.3 --wear 0.2",
     ],
     "turning_env map": ["nothing --wear 0.2 --out made.png", "forging --wear 0.2 --out made.txt"],
-    "baselines.reproduce": ["more"],
+    "papers.reproduce": ["more"],
     "baselines.tune": ["--scenario nothing", "--rules nobody", "--trials 0", "--draws 0", "--jobs 0", "--trials x"],
-    "baselines.figures": ["--only nothing", "--format gif"],
+    "papers.figures": ["--only nothing", "--format gif"],
     **{
-        f"train.{name}": ["--scenario nothing", "--env nothing", "--seed -1", "--intervals 0", "--intervals 1 --runs file"]
+        f"train.{name}": ["--scenario nothing", "--env nothing", "--seed -1", "--steps 0", "--steps 1 --runs file"]
         for name in ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
     },
-    "train.resident": ["--device cpu --scenario nothing", "--env nothing", "--device gpu", "--lanes 0"],
+    "train.resident": ["--device cpu --scenario nothing", "--env nothing", "--device gpu", "--num-envs 0"],
     "train.tune": ["--algorithm ppo --scenario nothing", "--algorithm nobody", "--algorithm ppo --trials 0"],
     "train.curves": ["nothing", ". --out made.png", "nothing --level x"],
     "train.export": ["nothing --out made", ". --out made", "nothing"],
@@ -84,10 +84,10 @@ MISTAKES: dict[str, list[str]] = {
     "benchmarks.overload_price": ["--draws 0", "--draws x"],
     "benchmarks.peers": ["--repeats 0", "--seconds x"],
     "benchmarks.audit": ["--constraints nothing"],
-    "benchmarks.soak": ["--kills 0", "--only nothing", "--intervals 1"],
-    "benchmarks.throughput": ["--repeats 0", "--lanes x"],
+    "benchmarks.soak": ["--kills 0", "--only nothing", "--steps 1"],
+    "benchmarks.throughput": ["--repeats 0", "--num-envs x"],
     "benchmarks.time_to_beat": ["--rule nobody", "--seeds 0"],
-    "benchmarks.training": ["--repeats 0", "--lanes x"],
+    "benchmarks.training": ["--repeats 0", "--num-envs x"],
     "benchmarks.wheel": ["--constraints nothing", "--constraints file"],
 }
 

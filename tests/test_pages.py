@@ -16,28 +16,28 @@ PROGRAMS = [block.text for block in blocks(README) if block.language == "python"
 # In this order: the last changes what is compiled.
 TUTORIALS = ("ten_minutes", "train", "submit_a_policy", "add_a_controller", "add_a_material")
 # What is not done here, and where it is.
-ELSEWHERE = {"python -m baselines.reproduce": "tests/baselines/test_reproduce.py"}
+ELSEWHERE = {"python -m papers.reproduce": "tests/baselines/test_reproduce.py"}
 # What makes a command small: options added to it, words replaced in it.
 SMALLER: Smaller = {
-    "make leaderboard": ("INTERVALS=20000 DRAWS=1 RUNS=few-runs RESULTS=few-results", {}),
-    "make agents": ("INTERVALS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 AGENTS=RoughTurning-Surface-v0/ppo", {}),
+    "make leaderboard": ("STEPS=20000 DRAWS=1 RUNS=few-runs RESULTS=few-results", {}),
+    "make agents": ("STEPS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 AGENTS=RoughTurning-Surface-v0/ppo", {}),
     "make rows": ("BOARD_DRAWS=2 SHIPPED=few-agents ROWS=few-rows ENVS=RoughTurning-Surface-v0", {}),
     "make verify": ("VERIFY='--draws 2 --env RoughTurning-Surface-v0'", {}),
-    "python -m train.ppo": ("--intervals 20000", {}),
+    "python -m train.ppo": ("--steps 20000", {}),
     "python -m baselines.tune": ("--draws 1 --trials 2", {"rough_turning": "short.toml"}),
     "python -m leaderboard run --policies steady_load": ("--scenario short.toml", {}),
     "python -m leaderboard run --agents": ("--policies fixed_tuned grid_search", {}),  # ``make leaderboard`` plays all
     "python -m leaderboard run": ("--draws 2", {}),
-    "python -m leaderboard.watch": ("--intervals 6", {}),
-    "python -m baselines.figures": ("--only grid_search_12 --out few-figures", {}),
+    "python -m leaderboard.watch": ("--steps 6", {}),
+    "python -m papers.figures": ("--only grid_search_12 --out few-figures", {}),
     "python -m benchmarks.throughput": ("--repeats 1", {}),
     "python -m benchmarks.overload_price": ("--draws 1", {}),
-    "python -m benchmarks.ablation": ("--intervals 16384 --runs few-ablations --variants as_it_is", {}),
+    "python -m benchmarks.ablation": ("--steps 16384 --runs few-ablations --variants as_it_is", {}),
     "python -m benchmarks.bound": ("--draws 1", {}),
     "python -m benchmarks.peers": ("--repeats 1 --seconds 0.01", {}),
     "python -m benchmarks.growth": ("--most 8 --repeats 1 --seconds 0.01", {}),
-    "python -m benchmarks.training": ("--repeats 1 --lanes 8", {}),
-    "python -m benchmarks.time_to_beat": ("--seeds 1 --draws 2 --intervals 16384 --rule fixed_handbook", {}),
+    "python -m benchmarks.training": ("--repeats 1 --num-envs 8", {}),
+    "python -m benchmarks.time_to_beat": ("--seeds 1 --draws 2 --steps 16384 --rule fixed_handbook", {}),
 }
 
 

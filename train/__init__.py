@@ -1,5 +1,5 @@
 """Agents: one readable file per algorithm, and the adapter that gives Stable-Baselines3 the batched environment."""
 
-from baselines.extras import tell_plainly
+from turning_env.extras import tell_plainly
 
 tell_plainly()

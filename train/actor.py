@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.policy import Actions, Observations
+from turning_env.score.policy import Actions, Observations
 
 
 class Actor(torch.nn.Module):
@@ -28,13 +28,13 @@ class Actor(torch.nn.Module):
 class ActorPolicy:
     """An actor that controls ``lanes`` lanes."""
 
-    def __init__(self, actor: Actor, lanes: int) -> None:
+    def __init__(self, actor: Actor, num_envs: int) -> None:
         self._actor = actor
-        self._memory = torch.zeros(lanes, actor.memory_size)
+        self._memory = torch.zeros(num_envs, actor.memory_size)
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Forget these lanes."""
-        self._memory[torch.from_numpy(lanes)] = 0.0
+        self._memory[torch.from_numpy(mask)] = 0.0
 
     def act(self, observations: Observations) -> Actions:
         """Actions for observations, both float32 and of one row per lane."""

@@ -47,7 +47,7 @@ class Settings:
     """Of the memory, and of the layers around it."""
     rollout: int
     """Intervals per lane between updates."""
-    batch_lanes: int
+    batch_envs: int
     """Lanes in one step of gradient descent."""
     epochs: int
     """Times that each rollout is learned from."""
@@ -187,7 +187,7 @@ class AnalyticGradient(BaseAlgorithm):
         """Learn from a rollout; returns its mean gain per interval [s]."""
         gains = []
         for _ in range(self.settings.epochs):
-            for lanes in torch.randperm(self.n_envs).split(self.settings.batch_lanes):  # type: ignore[no-untyped-call]
+            for lanes in torch.randperm(self.n_envs).split(self.settings.batch_envs):  # type: ignore[no-untyped-call]
                 gain = self.mean_gain(rollout, lanes)
                 self.policy.optimizer.zero_grad()
                 (-gain).backward()  # type: ignore[no-untyped-call]

@@ -1,4 +1,4 @@
-"""Draws learning curves: what each algorithm has reached after how many intervals, over its training seeds.
+"""Draws learning curves: what each algorithm has reached after how many steps, over its training seeds.
 
     python -m train.curves runs/RoughTurning-v0/rough_turning/*-seed* --out docs/learning_curves.png --level predictive=-75
 
@@ -19,15 +19,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, SymmetricalLogLocator
 from numpy.typing import NDArray
 
-from baselines.figures import style
-from baselines.overload import CONFIDENCE, KEY, RESAMPLES
 from train import learning_curve
 from train.run import Run
 from turning_env.console import described, exits
+from turning_env.score.overload import CONFIDENCE, KEY, RESAMPLES
+from turning_env.workshop import plot_style as style
 
 POINTS = 200
 
-AXES = {"intervals": "control intervals trained for", "wall_time": "time of training [s]"}
+AXES = {"steps": "control steps trained for", "wall_time": "time of training [s]"}
 
 Floats = NDArray[np.float64]
 
@@ -153,7 +153,7 @@ def main(arguments: list[str] | None = None) -> int:
     out_help = "PNG, SVG or PDF by its suffix; default: %(default)s"
     parser.add_argument("--out", type=Path, default=Path("docs/learning_curves.png"), metavar="PICTURE", help=out_help)
     parser.add_argument("--level", action="append", default=[], metavar="NAME=VALUE", help="a return [s] to compare with")
-    parser.add_argument("--against", choices=list(AXES), default="intervals", help="default: %(default)s")
+    parser.add_argument("--against", choices=list(AXES), default="steps", help="default: %(default)s")
     parsed = parser.parse_args(arguments)
     levels = dict(map(_level, parsed.level))
     title, found = curves(parsed.runs, parsed.against)

@@ -28,24 +28,24 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from baselines.policy import Actions, Observations, Policy
-from train import agent_file
 from train.actor import Actor, ActorPolicy
-from train.agent import load_actor
-from train.agent_file import FORMAT, Metadata, Space
-from train.onnx_session import OnnxPolicy, tried
+from train.agents import agent_file
+from train.agents.agent_file import FORMAT, Metadata, Space
+from train.agents.run_folder import load_actor
+from train.agents.session import OnnxPolicy, tried
+from train.agents.trained import ONNX_SUFFIX
 from train.run import Run
-from train.trained_agent import ONNX_SUFFIX
 from turning_env import RoughTurningVectorEnv, Scenario
+from turning_env.batch.driver import action_space, observation_space
 from turning_env.console import described, exits
-from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
-from turning_env.lathes import action_space, observation_space
+from turning_env.score.policy import Actions, Observations, Policy
+from turning_env.score.seeds import tuning_seeds
 
 OPSET = 20
 LANES, STEPS = 50, 100
 """Of each of the two kinds of observations that are compared."""
-MOST_DIFFERENCE = 1e-5
+MAX_DIFFERENCE = 1e-5
 """Between an agent's action and its file's."""
 TIMED_CALLS = 2_000
 _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
@@ -87,11 +87,11 @@ def export(folder: Path, out: Path) -> Exported:
     except ValueError as error:
         raise ValueError(f"the agent in {folder} cannot be exported: {error}") from error
 
-    def from_file(lanes: int) -> OnnxPolicy:
-        return OnnxPolicy(session, file.memory_size, lanes)
+    def from_file(num_envs: int) -> OnnxPolicy:
+        return OnnxPolicy(session, file.memory_size, num_envs)
 
     difference = largest_difference(actor, from_file(LANES), run.scenario)
-    if not difference <= MOST_DIFFERENCE:
+    if not difference <= MAX_DIFFERENCE:
         raise ValueError(f"the agent in {folder} cannot be exported: its file acts otherwise, by up to {difference:g}")
     path = out / f"{file.label}{ONNX_SUFFIX}"
     replace_file(path, lambda partial: partial.write_bytes(content))
@@ -111,7 +111,7 @@ def metadata(run: Run) -> Metadata:
         observation_space=Space.of(observation_space(run.scenario)),
         action_space=Space.of(action_space(run.scenario)),
         parameters=run.parameters,
-        trained_intervals=run.parameters["intervals"],
+        trained_steps=run.parameters["steps"],
         command=run.command,
         versions={name: version(name) for name in _VERSIONS},
     )
@@ -231,7 +231,7 @@ class _Played:
 
     def __init__(self, scenario: Scenario) -> None:
         self._env = RoughTurningVectorEnv(LANES, scenario, AutoresetMode.SAME_STEP)
-        self.observations, _ = self._env.reset(seed=tuning_draws(LANES))
+        self.observations, _ = self._env.reset(seed=tuning_seeds(LANES))
 
     def after(self, actions: Actions) -> tuple[Observations, NDArray[np.bool_]]:
         """The next observations, and of which lanes they are the first."""

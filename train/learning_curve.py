@@ -1,4 +1,4 @@
-"""What a training has reached after how many intervals and seconds: one row now and then, in a CSV in the run's folder."""
+"""What a training has reached after how many steps and seconds: one row now and then, in a CSV in the run's folder."""
 
 import csv
 import time
@@ -15,8 +15,8 @@ from turning_env.files import replace_file
 FILE = "learning_curve.csv"
 ROWS = 200
 """About so many rows per training."""
-COLUMNS = ("intervals", "wall_time", "mean_return")
-"""Of every row: intervals trained for; seconds that took, interruptions left out; mean return [s] of the last 100 episodes that
+COLUMNS = ("steps", "wall_time", "mean_return")
+"""Of every row: steps trained for; seconds that took, interruptions left out; mean return [s] of the last 100 episodes that
 ended, as the agent plays while it explores. An algorithm may add columns of its own."""
 
 Row = dict[str, float]
@@ -55,7 +55,7 @@ class LearningCurve(BaseCallback):
     def _on_training_start(self) -> None:
         known = read(self._run.folder) if (self._run.folder / FILE).exists() else []
         # What lies beyond the checkpoint is trained again.
-        self._rows = [row for row in known if row["intervals"] <= self.num_timesteps]
+        self._rows = [row for row in known if row["steps"] <= self.num_timesteps]
         self._start = time.monotonic() - (self._rows[-1]["wall_time"] if self._rows else 0.0)
         self._write()
 
@@ -63,7 +63,7 @@ class LearningCurve(BaseCallback):
         return True
 
     def _on_rollout_end(self) -> None:
-        if self.num_timesteps - self._last >= self._run.parameters["intervals"] / ROWS:
+        if self.num_timesteps - self._last >= self._run.parameters["steps"] / ROWS:
             self._add()
 
     def _on_training_end(self) -> None:
@@ -72,7 +72,7 @@ class LearningCurve(BaseCallback):
 
     @property
     def _last(self) -> float:
-        return self._rows[-1]["intervals"] if self._rows else 0.0
+        return self._rows[-1]["steps"] if self._rows else 0.0
 
     def _add(self) -> None:
         episodes = self.model.ep_info_buffer

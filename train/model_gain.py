@@ -5,7 +5,7 @@ an agent is taught to travel each stretch at the least
 
     (time + price of overload x excess + p(D) x life used) per distance,
 
-where p(D) is the price of the edge's life by dynamic programming (``baselines/edge_value.py``) in place of the flat one that the
+where p(D) is the price of the edge's life by dynamic programming (``baselines/models/edge_value.py``) in place of the flat one that the
 reward charges: both come to the same over a whole edge. In hindsight the true depth, hardness and wear of every stretch are
 known, and so is the gradient of its cost with respect to speed and feed, by the machinability models and the drives' lags. The
 highest force of an interval is charged the breakage that it makes likely, of an edge that nothing is known of. (Analytic
@@ -22,16 +22,16 @@ import torch
 from numpy.typing import NDArray
 from torch.nn.functional import softplus
 
-from baselines.edge_value import USED_LIVES, worth
+from baselines.models.edge_value import USED_LIVES, worth
 from train.hindsight import FIELDS
 from turning_env import PowerLaw, Scenario
-from turning_env.power_law import log_response
+from turning_env.scenario.power_law import log_response
 
 Tensor = torch.Tensor
 
 POINTS = 5
 """Points in time of an interval at which its costs are taken."""
-LEAST_USED_LIFE = 1e-6
+MIN_USED_LIFE = 1e-6
 """Taken for an edge that has not cut [-]: the laws know no unworn edge."""
 
 
@@ -75,7 +75,7 @@ class Truth:
         last = np.where(changed[..., np.newaxis], first, last)  # of the edge that was in use at the start
         self.log_depth = field("depth_of_cut", work.depth_of_cut)  # [log mm]
         self.log_hardness = field("hardness", 1.0)  # [-]
-        self.used_life = _tensor(np.clip(first + (last - first) * share, LEAST_USED_LIFE, 1.0))  # [-]
+        self.used_life = _tensor(np.clip(first + (last - first) * share, MIN_USED_LIFE, 1.0))  # [-]
         self.cutting = _tensor(cutting)  # 0 or 1
         self.changed = _tensor(changed)  # 0 or 1, shape (intervals, lanes)
         self.failed = _tensor(failed)  # 0 or 1, likewise
@@ -146,7 +146,7 @@ class ModelGain:
         risk = torch.special.ndtr((log_force - self._log_strength) / max(scenario.tool.edge_strength_spread, 1e-3))
         lost = self._downtime + self._edge_price * (1.0 - truth.used_life)
         gain = gain - (truth.cutting * risk * lost).amax(dim=-1)
-        metal = speeds * feeds * truth.log_depth.exp() / scenario.economics.reference_productivity
+        metal = speeds * feeds * truth.log_depth.exp() / scenario.economics.reference_removal_rate
         # While life has a price, metal earns just that beyond what time and overload cost, in the mean over bars.
         earned = torch.where(price > 0.0, price * life_rate, metal - overload - self._time_price)
         going_on = interval * (torch.maximum(truth.cutting, truth.changed.unsqueeze(-1)) * earned).mean(dim=-1)

@@ -1,7 +1,7 @@
 """Where along a bar the tool is: what the observation does not tell, but follows from what it has told so far.
 
 The tool's path is the sum over sub-steps of cutting speed times feed, and both follow their commands behind known lags. So two
-observations and the drawing's geometry give the position exactly, as ``baselines/kalman.py`` has it too; where the control says
+observations and the drawing's geometry give the position exactly, as ``baselines/models/kalman.py`` has it too; where the control says
 otherwise, whether the tool is in metal, the control is right.
 """
 
@@ -16,7 +16,7 @@ Tensor = torch.Tensor
 
 CUTTING = 10
 """Place in an observation."""
-MOST_TIME = 4.0
+MAX_TIME = 4.0
 """Time to the end of the bar [s] above which it is all the same."""
 
 
@@ -50,7 +50,7 @@ class Odometer(torch.nn.Module):
         """(Readings of order one, shape (lanes, READINGS); next state).
 
         Readings: place between the start of the approach, -1, and the end of the bar, 1; time to that end at the present speed
-        and feed, -1 at none, 1 at ``MOST_TIME`` or more.
+        and feed, -1 at none, 1 at ``MAX_TIME`` or more.
         """
         (commands,) = self._commands
         along, last_speed, last_feed = state.unbind(dim=-1)
@@ -67,5 +67,5 @@ class Odometer(torch.nn.Module):
         along = torch.where(cutting & (along < self._approach), nearest, along)
         along = torch.where(~cutting & (along > self._approach), 0.5 * self._approach, along)
         left = (self._pitch - along) / (speed * feed * self._per_second)
-        readings = torch.stack([2.0 * along / self._pitch - 1.0, 2.0 * left.clamp(max=MOST_TIME) / MOST_TIME - 1.0], dim=-1)
+        readings = torch.stack([2.0 * along / self._pitch - 1.0, 2.0 * left.clamp(max=MAX_TIME) / MAX_TIME - 1.0], dim=-1)
         return readings, torch.stack([along, speed, feed], dim=-1)

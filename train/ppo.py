@@ -1,7 +1,7 @@
 """PPO: train one agent for one training seed.
 
     python -m train.ppo --seed 0
-    python -m train.ppo --env RoughTurning-v0 --scenario forging --seed 1 --intervals 8000000
+    python -m train.ppo --env RoughTurning-v0 --scenario forging --seed 1 --steps 8000000
 
 Running the same command again resumes an interrupted training, and does nothing if it is finished. What a run's folder holds:
 ``train/training.py``. (Schulman et al. 2017, arXiv 1707.06347.)

@@ -30,7 +30,7 @@ def settings(run: Run, lathes: RoughTurningVecEnv) -> dict[str, Any]:
     return {
         "learning_rate": LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),
         "buffer_size": p["memory"],
-        "learning_starts": p["random_intervals"],
+        "learning_starts": p["random_steps"],
         "batch_size": p["batch_size"],
         "tau": p["target_rate"],
         "gamma": p["discount"],

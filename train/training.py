@@ -17,14 +17,14 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
-from baselines.folders import alone
 from train.actor import Actor
 from train.learning_curve import LearningCurve
 from train.run import Run, warn_of_pickle
 from train.vec_env import RoughTurningVecEnv
 from turning_env import Scenario
-from turning_env.draws import TUNING_START
 from turning_env.files import replace_file
+from turning_env.locks import exclusive_lock
+from turning_env.score.seeds import TUNING_START
 
 SEED_STRIDE = 1_000_000
 """Lane i of training seed s plays the episodes of seed s * SEED_STRIDE + i, so that no two trainings share bars."""
@@ -74,7 +74,7 @@ class Progress(BaseCallback):
 
     def _on_training_start(self) -> None:
         self.last_checkpoint = self.num_timesteps
-        total = self.run.parameters["intervals"]
+        total = self.run.parameters["steps"]
         self.bar = tqdm(
             total=total, initial=self.num_timesteps, unit="interval", unit_scale=True, desc=self.run.label, disable=None
         )
@@ -132,7 +132,7 @@ def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
 
 def new_model(run: Run, algorithm: Algorithm) -> Any:
     """An untrained model on freshly seeded lathes."""
-    lathes = algorithm.lathes(run.scenario, run.parameters["lanes"], run.parameters["reward_scale"])
+    lathes = algorithm.lathes(run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"])
     model = algorithm.new_model(run, lathes)
     lathes.seed(run.seed * SEED_STRIDE)
     return model
@@ -156,7 +156,7 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
         raise ValueError(
             f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}, whose actions or aim it does not know"
         )
-    with alone(run.folder, wait):
+    with exclusive_lock(run.folder, wait):
         run.begin()
         return run.policy if run.policy.exists() else _train(run, algorithm, checkpoint_every)
 
@@ -167,7 +167,7 @@ def _train(run: Run, algorithm: Algorithm, checkpoint_every: int) -> Path:
     model = load_checkpoint(run, algorithm) if resumed else new_model(run, algorithm)
     callbacks = [*algorithm.callbacks(run), LearningCurve(run, algorithm.columns), Progress(run, algorithm, checkpoint_every)]
     model.learn(
-        run.parameters["intervals"] - model.num_timesteps,
+        run.parameters["steps"] - model.num_timesteps,
         callback=callbacks,
         log_interval=algorithm.log_interval,
         tb_log_name=algorithm.name,

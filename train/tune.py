@@ -1,9 +1,9 @@
 """Tunes an algorithm's hyperparameters on tuning draws, and prints the winner as a table for its hyperparameter file.
 
-    python -m train.tune --algorithm sac --trials 20 --intervals 500000
+    python -m train.tune --algorithm sac --trials 20 --steps 500000
 
 A trial trains an agent for each of some training seeds, and plays them all on the same tuning draws. The best mean return wins
-among the settings that are admissible at the leaderboard's confidence limit; where none is, among all. The first trial is what
+among the settings that are feasible at the leaderboard's confidence limit; where none is, among all. The first trial is what
 the hyperparameter file says; a tree-structured Parzen estimator chooses the others, within ``SEARCH`` in the algorithm's file.
 
 The trials are kept in ``RUNS/tuning``, so that the same command goes on where it stopped, and one with more trials adds to them.
@@ -34,18 +34,18 @@ from optuna.trial import FrozenTrial, TrialState
 from sqlalchemy.exc import SQLAlchemyError
 from tqdm import tqdm
 
-from baselines.folders import alone, holding
-from baselines.overload import severe_limit
-from baselines.play import play
 from baselines.tune.journal import cut_off_half_line
-from baselines.workers import cluster, processes
 from train.actor import ActorPolicy
 from train.run import Run, hyperparameters
 from train.storage import opened, shown
 from train.training import SEEDS, Algorithm, train
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
-from turning_env.draws import tuning_draws
+from turning_env.locks import exclusive_lock, file_lock
+from turning_env.score.overload import severe_limit
+from turning_env.score.play import play
+from turning_env.score.seeds import tuning_seeds
+from turning_env.score.workers import cluster, processes
 
 ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
 """Those that can be tuned."""
@@ -63,7 +63,7 @@ class Task:
     algorithm: str
     env_id: str
     scenario: Scenario
-    intervals: int
+    steps: int
     """Of each training."""
     seeds: int
     """Trainings per trial: those of the training seeds 0, 1, ..."""
@@ -72,7 +72,7 @@ class Task:
     @property
     def known(self) -> dict[str, Any]:
         """The hyperparameter file's values."""
-        return hyperparameters(self.algorithm, self.env_id) | {"intervals": self.intervals}
+        return hyperparameters(self.algorithm, self.env_id) | {"steps": self.steps}
 
     @property
     def name(self) -> str:
@@ -94,7 +94,7 @@ class Played:
     mean_return: float
     """[s], over draws and training seeds."""
     severe_limit: float
-    """Upper confidence limit of the severely overloaded share of cutting time: see ``baselines/overload.py``."""
+    """Upper confidence limit of the severely overloaded share of cutting time: see ``turning_env/score/overload.py``."""
 
 
 def algorithm_of(name: str) -> Algorithm:
@@ -111,11 +111,11 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Played | str:
     for seed in range(task.seeds):
         command = f"a trial of python -m train.tune --algorithm {task.algorithm}"
         run = Run.plan(task.algorithm, task.env_id, task.scenario, seed, runs, command, task.known | setting)
-        with alone(run.folder, wait=True):
+        with exclusive_lock(run.folder, wait=True):
             run.begin()  # a folder of other settings is no matter of the setting
         try:
             make = partial(ActorPolicy, algorithm.actor(train(run, algorithm, wait=True)).eval())
-            episodes.append(play(make, task.scenario, tuning_draws(DRAWS)))
+            episodes.append(play(make, task.scenario, tuning_seeds(DRAWS)))
         except ValueError as error:
             return str(error)
     returns, severe, engaged = (
@@ -142,7 +142,7 @@ def search(task: Task, trials: int, side_by_side: int, scheduler: str | None = N
     if storage:
         return _search(task, trials, side_by_side, scheduler, opened(storage), shared=True)
     journal = task.folder / "journal.log"
-    with holding(task.folder / f".{task.name}.lock"):
+    with file_lock(task.folder / f".{task.name}.lock"):
         cut_off_half_line(journal)
         return _search(task, trials, side_by_side, scheduler, opened(str(journal)), shared=False)
 
@@ -195,14 +195,14 @@ def _tell(study: optuna.Study, trial: optuna.Trial, played: Played | str, task: 
     tqdm.write(f"trial {trial.number}: mean return {played.mean_return:.1f} s, {share}, with {trial.params}", sys.stderr)
 
 
-def admissible(trial: FrozenTrial) -> bool:
+def feasible(trial: FrozenTrial) -> bool:
     """Whether a trial's setting holds the allowance of overload."""
     return trial.constraints[_OVERLOAD] <= 0.0
 
 
 def _merit(trial: FrozenTrial) -> tuple[bool, float]:
     assert trial.value is not None  # it has finished
-    return admissible(trial), trial.value
+    return feasible(trial), trial.value
 
 
 def _ended(study: optuna.Study) -> int:
@@ -222,14 +222,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
     parser.add_argument("--trials", type=int, default=20, help="settings tried in all (default: 20)")
     parser.add_argument("--seeds", type=int, default=1, help="trainings per trial (default: 1)")
-    parser.add_argument("--intervals", type=int, help="environment steps per training (default: the hyperparameter file's)")
+    parser.add_argument("--steps", type=int, help="environment steps per training (default: the hyperparameter file's)")
     parser.add_argument("--workers", type=int, default=1, help="trials side by side (default: 1)")
     parser.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster train, such as tcp://host:8786")
     kept = "journal file or database URL that several searches share (default: a journal in RUNS/tuning, not shared)"
     parser.add_argument("--storage", metavar="FILE_OR_URL", help=kept)
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parsed = parser.parse_args(arguments)
-    for name, most in (("trials", 100_000), ("seeds", SEEDS), ("intervals", 10**12), ("workers", 1000)):
+    for name, most in (("trials", 100_000), ("seeds", SEEDS), ("steps", 10**12), ("workers", 1000)):
         value = getattr(parsed, name)
         if value is not None and not 1 <= value <= most:
             parser.error(f"--{name} is {value}, but must be 1 to {most}")
@@ -237,11 +237,11 @@ def main(arguments: list[str] | None = None) -> int:
     if parsed.storage:
         command = command.replace(shlex.quote(parsed.storage), shlex.quote(shown(parsed.storage)))
     scenario = Scenario.load(parsed.scenario or IDS[parsed.env])
-    intervals = parsed.intervals or hyperparameters(parsed.algorithm, parsed.env)["intervals"]
-    task = Task(parsed.algorithm, parsed.env, scenario, intervals, parsed.seeds, parsed.runs)
+    steps = parsed.steps or hyperparameters(parsed.algorithm, parsed.env)["steps"]
+    task = Task(parsed.algorithm, parsed.env, scenario, steps, parsed.seeds, parsed.runs)
     best = search(task, parsed.trials, parsed.workers, parsed.scheduler, parsed.storage)
     print(f"# {command}")
-    print(f"# trial {best.number}: mean return {best.value:.1f} s, {'' if admissible(best) else 'not '}admissible")
+    print(f"# trial {best.number}: mean return {best.value:.1f} s, {'' if feasible(best) else 'not '}feasible")
     print(tomli_w.dumps({parsed.env: best.params}), end="")
     return 0
 

@@ -7,9 +7,9 @@ import gymnasium
 
 from turning_env.env import RoughTurningEnv
 from turning_env.observation import Reading, read
-from turning_env.power_law import PowerLaw
 from turning_env.scenario import Scenario, ScenarioError, presets
-from turning_env.splits import SPLITS
+from turning_env.scenario.power_law import PowerLaw
+from turning_env.scenario.splits import SPLITS
 from turning_env.vector_env import RoughTurningVectorEnv
 from turning_env.wrappers import FeedSwitch, VectorFeedSwitch
 

@@ -31,11 +31,11 @@ _SCHEMA = """The JSON schema of a scenario file: every field with unit, default 
 
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    from turning_env.calibration import command as calibration
-    from turning_env.calibration.columns import CalibrationError
     from turning_env.console import described, exits
-    from turning_env.inquiry import command as inquiry
-    from turning_env.inquiry.output import OutputError
+    from turning_env.workshop.calibration import command as calibration
+    from turning_env.workshop.calibration.columns import CalibrationError
+    from turning_env.workshop.inquiry import command as inquiry
+    from turning_env.workshop.inquiry.output import OutputError
 
     parser = argparse.ArgumentParser(prog="python -m turning_env", **described(__doc__))
     commands = parser.add_subparsers(metavar="COMMAND", required=True)

@@ -9,9 +9,9 @@ from gymnasium import logger
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from turning_env.batch.driver import action_space, checked_seed, observation_space
+from turning_env.batch.single import TERMINATED, TRUNCATED, LoneLathe
 from turning_env.info import EVERY_FIELD, Info, with_values
-from turning_env.lathes import action_space, checked_seed, observation_space
-from turning_env.lone_lathe import TERMINATED, TRUNCATED, LoneLathe
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:

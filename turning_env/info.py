@@ -8,7 +8,7 @@ fields. It is a plain dict: one that looked its values up when asked would be em
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
+from turning_env.physics.records import REPORT_FIELDS, REPORT_FLAGS
 
 Info = dict[str, Any]
 

@@ -37,21 +37,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.compilation import compiled
-from turning_env.drives import force_from_current, steady_current
-from turning_env.elementary import exponential, logarithm
-from turning_env.machinability import force_and_power
-from turning_env.records import parameter_records
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.functions import exp, log
+from turning_env.physics.drives import force_from_current, steady_current
+from turning_env.physics.machinability import force_and_power
+from turning_env.physics.records import parameter_records
+from turning_env.physics.wear import log_wear
 from turning_env.scenario import Scenario
-from turning_env.wear import log_wear
 
-MOST_RATIO = 4.0
-MOST_LOG_TIME = 12.0
+MAX_RATIO = 4.0
+MAX_LOG_TIME = 12.0
 FIFTHS = 5.0
 
-_LEAST, _MOST = -FIFTHS, FIFTHS * (MOST_RATIO - 1.0)
-_LOW = (_LEAST, _LEAST, -1, -1, -1, -1, 0, 0, _LEAST, _LEAST, 0)
-_HIGH = (_MOST, _MOST, 1, 1, 1, 1, MOST_LOG_TIME, MOST_RATIO, _MOST, _MOST, 1)
+_MIN, _MAX = -FIFTHS, FIFTHS * (MAX_RATIO - 1.0)
+_LOW = (_MIN, _MIN, -1, -1, -1, -1, 0, 0, _MIN, _MIN, 0)
+_HIGH = (_MAX, _MAX, 1, 1, 1, 1, MAX_LOG_TIME, MAX_RATIO, _MAX, _MAX, 1)
 
 
 def bounds(scenario: Scenario) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -60,7 +60,7 @@ def bounds(scenario: Scenario) -> tuple[NDArray[np.float32], NDArray[np.float32]
     if scenario.control.aim == "roughness":
         low, high = [*low, -1], [*high, 1]
     elif scenario.sensors.probe:
-        low, high = [*low, _LEAST], [*high, _MOST]
+        low, high = [*low, _MIN], [*high, _MAX]
     return np.array(low, np.float32), np.array(high, np.float32)
 
 
@@ -73,11 +73,11 @@ def range_position(log_value, log_low, scale):
 @compiled
 def deviation(ratio):
     """How far a ratio is from 1, in fifths."""
-    return FIFTHS * (min(ratio, MOST_RATIO) - 1.0)
+    return FIFTHS * (min(ratio, MAX_RATIO) - 1.0)
 
 
 @compiled
-def observe(lanes, work, first, last, parameters):
+def observe(state, work, first, last, parameters):
     """Put what some lanes of a block tell into ``work.observation``, shape (entries, lanes), in the order of the table above.
 
     ``work`` must hold the logarithms of speed and feed.
@@ -88,45 +88,45 @@ def observe(lanes, work, first, last, parameters):
     speed_low, speed_scale = p.log_cutting_speed_min, 2.0 / p.log_cutting_speed_span
     feed_low, feed_scale = p.log_feed_min, 2.0 / p.log_feed_span
     for i in range(first, last):
-        commanded_speed, commanded_feed = logarithm(lanes.commanded_cutting_speed[i]), logarithm(lanes.commanded_feed[i])
-        entries[0, i] = deviation(lanes.measured_power[i] * power_scale)
-        entries[1, i] = deviation(lanes.measured_thrust_force[i] * force_scale)
+        commanded_speed, commanded_feed = log(state.commanded_cutting_speed[i]), log(state.commanded_feed[i])
+        entries[0, i] = deviation(state.measured_power[i] * power_scale)
+        entries[1, i] = deviation(state.measured_thrust_force[i] * force_scale)
         entries[2, i] = range_position(work.log_cutting_speed[i], speed_low, speed_scale)
         entries[3, i] = range_position(work.log_feed[i], feed_low, feed_scale)
         entries[4, i] = range_position(commanded_speed, speed_low, speed_scale)
         entries[5, i] = range_position(commanded_feed, feed_low, feed_scale)
     for i in range(first, last):
-        entries[6, i] = min(logarithm(1.0 + lanes.cutting_time[i]), MOST_LOG_TIME)
-        entries[10, i] = 1.0 if lanes.cutting[i] > 0 else 0.0
+        entries[6, i] = min(log(1.0 + state.cutting_time[i]), MAX_LOG_TIME)
+        entries[10, i] = 1.0 if state.cutting[i] > 0 else 0.0
     for i in range(first, last):
-        work.log_wear[i] = log_wear(p, lanes.nominal_used_life[i])
+        work.log_wear[i] = log_wear(p, state.nominal_used_life[i])
     for i in range(first, last):
         wear = work.log_wear[i]
-        force, power = force_and_power(p, work.log_cutting_speed[i], work.log_feed[i], lanes.log_nominal_depth[i], wear, 0.0)
+        force, power = force_and_power(p, work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i], wear, 0.0)
         work.predicted_force[i] = force
-        has_cut = lanes.nominal_used_life[i] > 0.0
-        entries[8, i] = deviation(lanes.measured_power[i] / power if has_cut else 0.0)
-        entries[9, i] = deviation(lanes.measured_thrust_force[i] / force if has_cut else 0.0)
+        has_cut = state.nominal_used_life[i] > 0.0
+        entries[8, i] = deviation(state.measured_power[i] / power if has_cut else 0.0)
+        entries[9, i] = deviation(state.measured_thrust_force[i] / force if has_cut else 0.0)
     for i in range(first, last):
-        ratio = min(exponential(work.log_wear[i] - p.log_wear_criterion), MOST_RATIO)
-        entries[7, i] = ratio if lanes.nominal_used_life[i] > 0.0 else 0.0
+        ratio = min(exp(work.log_wear[i] - p.log_wear_criterion), MAX_RATIO)
+        entries[7, i] = ratio if state.nominal_used_life[i] > 0.0 else 0.0
     if p.senses_current:
         at_limit = steady_current(p, p.thrust_force_limit, 0.0)
         for i in range(first, last):
-            feed_velocity = lanes.cutting_speed[i] * p.revolutions_per_metre * lanes.feed[i]
+            feed_velocity = state.cutting_speed[i] * p.revolutions_per_metre * state.feed[i]
             predicted = steady_current(p, work.predicted_force[i], feed_velocity)
-            has_cut = lanes.nominal_used_life[i] > 0.0
-            entries[1, i] = deviation(lanes.measured_servo_current[i] / at_limit)
-            entries[9, i] = deviation(lanes.measured_servo_current[i] / predicted if has_cut else 0.0)
+            has_cut = state.nominal_used_life[i] > 0.0
+            entries[1, i] = deviation(state.measured_servo_current[i] / at_limit)
+            entries[9, i] = deviation(state.measured_servo_current[i] / predicted if has_cut else 0.0)
     if p.holds_roughness:
         one_only = p.log_reference_span == 0.0
         scale = 0.0 if one_only else 2.0 / p.log_reference_span
         for i in range(first, last):
-            position = range_position(logarithm(lanes.roughness_reference[i]), p.log_reference_min, scale)
+            position = range_position(log(state.roughness_reference[i]), p.log_reference_min, scale)
             entries[11, i] = 0.0 if one_only else position
     elif p.probe:
         for i in range(first, last):
-            entries[11, i] = deviation(lanes.probed_depth[i] / p.depth_of_cut)
+            entries[11, i] = deviation(state.probed_depth[i] / p.depth_of_cut)
 
 
 class Reading(NamedTuple):

@@ -11,10 +11,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from turning_env.answers import AnswerPool, Answers
+from turning_env.batch.driver import MAX_SEED, Lathes, action_space, checked_seed, observation_space
+from turning_env.batch.outputs import AnswerPool, Answers
 from turning_env.info import EVERY_FIELD, with_values
-from turning_env.lathes import MOST_SEED, Lathes, action_space, checked_seed, observation_space
-from turning_env.records import REPORT_FIELDS
+from turning_env.physics.records import REPORT_FIELDS
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
                     seeds[lane] = checked_seed(number, lane)
         else:
             first = checked_seed(seed, 0)
-            fitting = min(count, MOST_SEED - first + 1)
+            fitting = min(count, MAX_SEED - first + 1)
             if fitting < count:
                 checked_seed(first + fitting, fitting)
             seeds[:] = np.uint64(first) + np.arange(count, dtype=np.uint64)
@@ -187,9 +187,9 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
             raise ResetNeeded("the first reset() must start every lane")
         return mask
 
-    def _infos(self, answers: Answers, lanes: NDArray[np.bool_]) -> Infos:
+    def _infos(self, answers: Answers, mask: NDArray[np.bool_]) -> Infos:
         """One array per field of the report, with the mask of the lanes that it holds for."""
-        entries = self._entries if lanes is self._every_lane else EVERY_FIELD | dict.fromkeys(_MASKS, lanes)
+        entries = self._entries if mask is self._every_lane else EVERY_FIELD | dict.fromkeys(_MASKS, mask)
         return with_values(entries, answers.table)
 
     def _final_infos(self, ended: NDArray[np.bool_]) -> Infos:

@@ -1,5 +1,5 @@
 """Tuning of the rules: ``python -m baselines.tune``."""
 
-from baselines.extras import tell_plainly
+from turning_env.extras import tell_plainly
 
 tell_plainly()

@@ -20,14 +20,14 @@ from typing import Any
 
 from baselines import tuned
 from baselines.catalogue import RULES, names, playable
-from baselines.folders import alone, holding
 from baselines.rule import Rule
 from baselines.tune import study
-from baselines.workers import workers
 from turning_env import Scenario
 from turning_env.console import described, exits
-from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
+from turning_env.locks import exclusive_lock, file_lock
+from turning_env.score.seeds import tuning_seeds
+from turning_env.score.workers import workers
 
 Budget = dict[str, int]
 
@@ -81,16 +81,16 @@ def main(arguments: list[str] | None = None) -> int:
         raise ValueError(f"{parsed.trials} trials asked for, but there must be 1 or more")
     if parsed.jobs < 1:
         raise ValueError(f"{parsed.jobs} jobs asked for, but there must be 1 or more")
-    tuning_draws(parsed.draws)
+    tuning_seeds(parsed.draws)
     scenario = Scenario.load(parsed.scenario)
-    if scenario != scenario.as_told():
+    if scenario != scenario.nominal():
         raise ValueError(f"scenario {scenario.name!r} has a lot of which rules are not told: they are tuned without one")
     chosen = chosen_rules(parsed.rules, scenario)
     if parsed.rules is not None:
         kept_rules(chosen, scenario, budget)  # refused before hours of playing, not after
     with workers(parsed.jobs, parsed.scheduler) as over, ExitStack() as held:
         for name in chosen:
-            held.enter_context(holding(study.journal(name, scenario)))
+            held.enter_context(file_lock(study.journal(name, scenario)))
             study.journal(name, scenario).with_suffix(".log.lock").unlink(missing_ok=True)  # of who was killed while writing
         searches = [study.Search(name, rule, scenario, **budget) for name, rule in chosen.items()]
         study.run_all(searches, over)
@@ -106,7 +106,7 @@ def _write(
 ) -> Path:
     """Write what was found; where only some rules were tuned, beside what the file says of the others."""
     found = {search.name: _told(search, budget) for search in searches}
-    with alone(tuned.FOLDER, wait=True):  # read again, as another rule may have been tuned meanwhile
+    with exclusive_lock(tuned.FOLDER, wait=True):  # read again, as another rule may have been tuned meanwhile
         rules = found | (kept_rules(chosen, scenario, budget) if some else {})
         values = {
             "command": f"python -m baselines.tune --scenario {preset} --trials {budget['trials']} --draws {budget['draws']}",
@@ -121,8 +121,8 @@ def _write(
 
 def _told(search: study.Search, budget: Budget) -> dict[str, Any]:
     found = search.found()
-    admissible = "admissible" if found.feasible else "not admissible"
-    print(f"{search.name}: {found.parameters}, mean return {found.mean_return:.1f} s over {budget['draws']} draws, {admissible}")
+    feasible = "feasible" if found.feasible else "not feasible"
+    print(f"{search.name}: {found.parameters}, mean return {found.mean_return:.1f} s over {budget['draws']} draws, {feasible}")
     return asdict(found)
 
 

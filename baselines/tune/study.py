@@ -1,7 +1,7 @@
 """Searches the parameters of rules with Optuna, and keeps on disk what it has found until the search is used.
 
 The first trial is the middle of every range; a tree-structured Parzen estimator chooses the others. All play the same draws. The
-best mean return wins among the admissible settings; where none is admissible, among all.
+best mean return wins among the feasible settings; where none is feasible, among all.
 
 What a trial tries follows from its number and the trials finished before it, and from nothing else. So the same search finds the
 same setting, interrupted or not.
@@ -25,18 +25,18 @@ from tqdm import tqdm
 
 from baselines import tuned
 from baselines.code import code_digest
-from baselines.overload import severe_limit, severe_share
-from baselines.play import play
 from baselines.rule import Parameters, Range, Rule
 from baselines.tune.journal import cut_off_half_line
-from baselines.workers import Workers
 from turning_env import Scenario
-from turning_env.draws import tuning_draws
+from turning_env.score.overload import severe_limit, severe_share
+from turning_env.score.play import play
+from turning_env.score.seeds import tuning_seeds
+from turning_env.score.workers import Workers
 
 _CANDIDATES = 128
-"""Settings from which the estimator picks a trial's. With Optuna's 24 it comes less near to the edge of the admissible."""
+"""Settings from which the estimator picks a trial's. With Optuna's 24 it comes less near to the edge of the feasible."""
 
-_OVERLOAD, _SEVERE_SHARE, _INTERVALS = "overload", "severe_share", "intervals"  # names in the journal
+_OVERLOAD, _SEVERE_SHARE, _INTERVALS = "overload", "severe_share", "steps"  # names in the journal
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,9 @@ class Played:
     severe_share: float
     """Share of cutting time more than the tolerance over a limit."""
     severe_limit: float
-    """Its one-sided upper confidence limit, which decides whether the setting is admissible."""
-    intervals: int
-    """Control intervals played."""
+    """Its one-sided upper confidence limit, which decides whether the setting is feasible."""
+    steps: int
+    """Control steps played."""
 
 
 @dataclass(frozen=True)
@@ -61,20 +61,20 @@ class Found:
     mean_return: float
     severe_share: float
     feasible: bool
-    """Whether the setting is admissible."""
+    """Whether the setting is feasible."""
     episodes_played: int
-    intervals_played: int
+    steps_played: int
 
 
 def play_setting(rule: Rule, scenario: Scenario, setting: Parameters, seeds: Sequence[int]) -> Played:
     """Play a rule with a setting on given draws."""
-    episodes = play(lambda lanes: rule.build(scenario, lanes, setting), scenario, seeds)
+    episodes = play(lambda num_envs: rule.build(scenario, num_envs, setting), scenario, seeds)
     severe, engaged = episodes["severe_overload_time"], episodes["engaged_time"]
     return Played(
         mean_return=float(episodes["return"].mean()),
         severe_share=severe_share(severe, engaged),
         severe_limit=severe_limit(severe, engaged),
-        intervals=int(episodes["intervals"].sum()),
+        steps=int(episodes["steps"].sum()),
     )
 
 
@@ -95,7 +95,7 @@ class Search:
     def __init__(self, name: str, rule: Rule, scenario: Scenario, trials: int, draws: int) -> None:
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self.name, self._rule, self._scenario, self._trials = name, rule, scenario, trials
-        self._seeds = tuning_draws(draws)
+        self._seeds = tuning_seeds(draws)
         self._ranges: dict[str, BaseDistribution] = {
             key: FloatDistribution(value.low, value.high, log=value.logarithmic) for key, value in rule.ranges.items()
         }
@@ -134,7 +134,7 @@ class Search:
         assert self._trial is not None
         self._trial.set_constraint(_OVERLOAD, played.severe_limit - self._scenario.limits.overload_allowance)
         self._trial.set_user_attr(_SEVERE_SHARE, played.severe_share)
-        self._trial.set_user_attr(_INTERVALS, played.intervals)
+        self._trial.set_user_attr(_INTERVALS, played.steps)
         self._study.tell(self._trial, played.mean_return)
         self._finished = _finished(self._study)
 
@@ -142,7 +142,7 @@ class Search:
     def best_so_far(self) -> str:
         """The best of what has been played, for people."""
         best = max(self._finished, key=_merit)
-        return f"best {best.value:.1f} s{'' if _feasible(best) else ', not admissible'}"
+        return f"best {best.value:.1f} s{'' if _feasible(best) else ', not feasible'}"
 
     def found(self) -> Found:
         """What came of all trials."""
@@ -153,7 +153,7 @@ class Search:
             severe_share=best.user_attrs[_SEVERE_SHARE],
             feasible=_feasible(best),
             episodes_played=len(self._finished) * len(self._seeds),
-            intervals_played=sum(trial.user_attrs[_INTERVALS] for trial in self._finished),
+            steps_played=sum(trial.user_attrs[_INTERVALS] for trial in self._finished),
         )
 
 
@@ -239,7 +239,7 @@ def _feasible(trial: FrozenTrial) -> bool:
 
 
 def _merit(trial: FrozenTrial) -> tuple[bool, float]:
-    """Sorts trials by mean return, admissible ones above the others."""
+    """Sorts trials by mean return, feasible ones above the others."""
     value = trial.value
     assert value is not None  # it has finished
     return _feasible(trial), value

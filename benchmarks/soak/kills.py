@@ -16,7 +16,7 @@ from benchmarks.soak.victims import Victim
 
 LOG = ".log"
 """What a victim says, in its folder."""
-_MOST = 600.0
+_MAX = 600.0
 """A victim that takes longer [s] hangs."""
 _GRACE = 30.0
 """So long [s] may the processes of a killed program outlive it."""
@@ -124,7 +124,7 @@ def _killed(process: BaseProcess) -> bool:
 
 
 def _finish(process: BaseProcess, folder: Path) -> None:
-    process.join(_MOST)
+    process.join(_MAX)
     if process.exitcode != 0:
         process.kill()
         said = (folder / LOG).read_text("utf-8").strip().splitlines()[-5:]

@@ -19,7 +19,7 @@ class Endured:
     """What long use came to."""
 
     steps: int
-    """Control intervals, or resets."""
+    """Control steps, or resets."""
     episodes: int
     """That began."""
     growth: int
@@ -37,27 +37,27 @@ def resident() -> int:
     return used
 
 
-def intervals(count: int, lanes: int = 1024, checked: int = 1) -> Endured:
-    """Step lanes for so many control intervals in all, with random actions.
+def steps(count: int, num_envs: int = 1024, checked: int = 1) -> Endured:
+    """Step lanes for so many control steps in all, with random actions.
 
     The first ``checked`` lanes are accompanied by single environments of their seeds with the same actions from the beginning to
     the end, which must come to the same observations and ends, bit for bit, at every step.
 
     Args:
-        count: control intervals in all; whole steps of all lanes are made.
+        count: control steps in all; whole steps of all lanes are made.
         lanes: side by side.
         checked: lanes that are compared.
     """
-    env = RoughTurningVectorEnv(lanes)
+    env = RoughTurningVectorEnv(num_envs)
     env.reset(seed=0)
     singles = [RoughTurningEnv() for _ in range(checked)]
     due = [False] * checked
     seen = [single.reset(seed=lane)[0] for lane, single in enumerate(singles)]
     random = np.random.default_rng(0)
     apart: set[int] = set()
-    episodes = lanes
-    steps = max(1, count // lanes)
-    actions = np.zeros((lanes, 2), np.float32)
+    episodes = num_envs
+    steps = max(1, count // num_envs)
+    actions = np.zeros((num_envs, 2), np.float32)
 
     def step() -> None:
         nonlocal episodes
@@ -73,9 +73,9 @@ def intervals(count: int, lanes: int = 1024, checked: int = 1) -> Endured:
             if seen[lane].tobytes() != observations[lane].tobytes() or due[lane] != (terminated | truncated)[lane]:
                 apart.add(lane)
 
-    growth, seconds = _repeated(step, steps, f"{lanes} lanes", lanes)
+    growth, seconds = _repeated(step, steps, f"{num_envs} lanes", num_envs)
     env.close()
-    return Endured(steps * lanes, episodes, growth, seconds, len(apart))
+    return Endured(steps * num_envs, episodes, growth, seconds, len(apart))
 
 
 def resets(count: int) -> Endured:

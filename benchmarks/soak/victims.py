@@ -16,7 +16,7 @@ from turning_env.files import replace_file
 
 SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}, "control": {"time_limit": 2.0}})
 RULES = ("constant_force_limit", "programmed_feed", "fuzzy_override", "omative", "tmac")
-_SMALL = {"lanes": 8, "rollout": 64, "batch_size": 256, "epochs": 2}
+_SMALL = {"num_envs": 8, "rollout": 64, "batch_size": 256, "epochs": 2}
 
 
 class Victim(NamedTuple):
@@ -29,7 +29,7 @@ class Victim(NamedTuple):
 
 def training(folder: Path) -> int:
     """A training of PPO of a few seconds, with eight checkpoints."""
-    run = Run.plan("ppo", "RoughTurning-v0", SCENARIO, 0, folder, "soak", _SMALL | {"intervals": 4096})
+    run = Run.plan("ppo", "RoughTurning-v0", SCENARIO, 0, folder, "soak", _SMALL | {"steps": 4096})
     train(run, ppo.ALGORITHM, checkpoint_every=512)
     return 0
 
@@ -45,7 +45,7 @@ def tuning_of_rules(folder: Path) -> int:
 
 def tuning_of_an_agent(folder: Path) -> int:
     """A search for PPO's hyperparameters, which trains an agent for each setting."""
-    words = ["--algorithm", "ppo", "--scenario", str(_scenario(folder)), "--intervals", "4096", "--trials", "3"]
+    words = ["--algorithm", "ppo", "--scenario", str(_scenario(folder)), "--steps", "4096", "--trials", "3"]
     with redirect_stdout(StringIO()) as said:
         status = tune.main([*words, "--runs", str(folder / "runs")])
     best = said.getvalue().partition(": ")[2]  # without the command, which names the folder, and the trial's number

@@ -7,11 +7,11 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from leaderboard.behaviour import Course
 from leaderboard.contestants import Contestant, Player
 from leaderboard.gallery import bar_entry, bars, limits, operating_point, used_life
-from leaderboard.gallery.drawing import MOST_POLICIES, Courses
-from leaderboard.habits import Course
-from leaderboard.results import ResultError
+from leaderboard.gallery.drawing import MAX_POLICIES, Courses
+from leaderboard.result import ResultError
 from turning_env import Scenario
 from turning_env.files import replace_file
 
@@ -37,8 +37,8 @@ def play(players: Sequence[Player], scenario: Scenario, draws: Sequence[int]) ->
         raise ResultError(f"{', '.join(others)} cannot be drawn: only what acts on observations can")
     if not contestants:
         raise ResultError("there is nothing to draw: name a policy or give an agent")
-    if len(contestants) > MOST_POLICIES:
-        raise ResultError(f"{len(contestants)} policies cannot be told apart in a picture: at most {MOST_POLICIES}")
+    if len(contestants) > MAX_POLICIES:
+        raise ResultError(f"{len(contestants)} policies cannot be told apart in a picture: at most {MAX_POLICIES}")
     courses: dict[str, list[Course]] = {contestant.policy.label: [] for contestant in contestants}
     with tqdm(total=len(contestants) * len(draws), unit="episode", disable=None) as bar:
         for contestant in contestants:

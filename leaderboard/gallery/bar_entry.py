@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from baselines.figures.style import GREY
+from leaderboard.behaviour import AFTER, BEFORE, habits
 from leaderboard.gallery.drawing import LIMIT, PANEL, WIDTH, Courses, headline, scenario_of, with_looks
-from leaderboard.habits import AFTER, BEFORE, habits
+from turning_env.workshop.plot_style import GREY
 
 _THIN: dict[str, Any] = {"linewidth": 0.6, "alpha": 0.4}
 

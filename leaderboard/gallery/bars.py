@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from baselines.figures.style import GREY
+from leaderboard.behaviour import Array, Course
 from leaderboard.gallery.drawing import LIMIT, WIDTH, Courses, cuts, headline, scenario_of, with_looks
-from leaderboard.habits import Array, Course
+from turning_env.workshop.plot_style import GREY
 
 _BARS = 3  # drawn one after another
 

@@ -6,9 +6,9 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 
-from baselines.figures.style import BLUE, GREY, ORANGE, VERMILLION
-from leaderboard.habits import Course
+from leaderboard.behaviour import Course
 from turning_env import Scenario
+from turning_env.workshop.plot_style import BLUE, GREY, ORANGE, VERMILLION
 
 Courses = Mapping[str, Sequence[Course]]
 """The episodes of each policy, by its label: of all policies on the same draws."""
@@ -20,7 +20,7 @@ LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 0.9}
 # Okabe and Ito's colours, and line styles for those who see none. Vermillion is for limits.
 _COLOURS = (BLUE, ORANGE, "#009E73", "#CC79A7", "#56B4E9", "#000000")
 _STYLES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)))
-MOST_POLICIES = len(_COLOURS)
+MAX_POLICIES = len(_COLOURS)
 """More cannot be told apart."""
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from leaderboard.behaviour import Array, Course
 from leaderboard.gallery.drawing import LIMIT, WIDTH, Courses, cuts, headline, of_draws, scenario_of, with_looks
-from leaderboard.habits import Array, Course
 
 _LEVEL = 0.02  # width of a histogram's bar, in limits
 

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from baselines.figures.style import BLUE
-from baselines.process import Process
+from baselines.models.process import Process
+from leaderboard.behaviour import fifths
 from leaderboard.gallery.drawing import PANEL, WIDTH, Courses, cuts, headline, of_draws, scenario_of
-from leaderboard.habits import fifths
 from turning_env import Scenario
+from turning_env.workshop.plot_style import BLUE
 
 # Of use, from fresh to worn: rises evenly in darkness, so that it survives grey print.
 _LIFE = LinearSegmentedColormap.from_list("life", ["#9FD0F0", BLUE, "#12233F"])

@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from leaderboard.behaviour import habits
 from leaderboard.gallery.drawing import LIMIT, WIDTH, Courses, headline, of_draws, scenario_of, with_looks
-from leaderboard.habits import habits
 
 
 def draw(courses: Courses) -> Figure:

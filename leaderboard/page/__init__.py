@@ -12,14 +12,14 @@ from urllib.parse import quote
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from baselines.overload import CONFIDENCE, RESAMPLES
 from leaderboard import columns, generalisation
 from leaderboard.board import Board
 from leaderboard.page.courses import chart_data
-from leaderboard.results import write_whole
+from leaderboard.result import write_whole
 from leaderboard.standings import highest
-from train.trained_agent import ONNX_SUFFIX
+from train.agents.trained import ONNX_SUFFIX
 from turning_env import IDS, Scenario, presets
+from turning_env.score.overload import CONFIDENCE, RESAMPLES
 
 COLUMN_GROUPS = {
     "Return": columns.RETURNS,

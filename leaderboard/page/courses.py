@@ -108,7 +108,7 @@ def _course(episode: Trajectory, ranges: dict[str, tuple[float, float]], gaps: s
         name: pack(np.where(air, math.nan, episode.series[name]) if name in gaps else episode.series[name], *ends)
         for name, ends in ranges.items()
     }
-    return {"intervals": episode.intervals, "series": series}
+    return {"steps": episode.steps, "series": series}
 
 
 def pack(values: Sequence[float] | np.ndarray[Any, np.dtype[np.float64]], low: float, high: float) -> str:

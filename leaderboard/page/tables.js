@@ -26,7 +26,7 @@ function filterBoard(board, form) {
   let shown = 0;
   for (const row of rows) {
     const named = row.cells[1].textContent.toLocaleLowerCase().includes(text);
-    row.hidden = !named || !kinds.has(row.dataset.kind) || (form.elements.admissible.checked && row.classList.contains("refused"));
+    row.hidden = !named || !kinds.has(row.dataset.kind) || (form.elements.feasible.checked && row.classList.contains("refused"));
     const detail = detailOf(row);
     if (detail) detail.hidden = row.hidden || row.querySelector(".open").getAttribute("aria-expanded") !== "true";
     shown += !row.hidden;
@@ -39,8 +39,8 @@ function filterBoard(board, form) {
   scaleIntervals(rows.filter(row => !row.hidden));
 }
 
-// Each column's bars share a scale: that of the better half of the admissible rows and references that are shown, for the
-// poorest lie many times farther off than the best lie apart. Where few are admissible, all count.
+// Each column's bars share a scale: that of the better half of the feasible rows and references that are shown, for the
+// poorest lie many times farther off than the best lie apart. Where few are feasible, all count.
 function scaleIntervals(rows) {
   const columns = new Map();
   for (const row of rows) {
@@ -52,8 +52,8 @@ function scaleIntervals(rows) {
     }
   }
   for (const intervals of columns.values()) {
-    const admissible = intervals.filter(each => each.counts);
-    const counted = 3 * admissible.length < intervals.length ? intervals : admissible;
+    const feasible = intervals.filter(each => each.counts);
+    const counted = 3 * feasible.length < intervals.length ? intervals : feasible;
     const least = counted.map(each => each.low).sort((a, b) => b - a)[Math.floor(counted.length / 2)];
     const most = counted.reduce((high, each) => Math.max(high, each.high), -Infinity);
     const room = 0.05 * (most - least) || 1;

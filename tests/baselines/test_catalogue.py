@@ -8,8 +8,8 @@ import pytest
 
 from baselines import catalogue, tuned
 from baselines.catalogue import RULES, entry, merged, names, playable
-from baselines.edge_changes import CHANGE_AT, TimelyChanges
 from baselines.fixed import FixedParameters
+from baselines.models.edge_changes import CHANGE_AT, TimelyChanges
 from baselines.rule import Range, Rule
 from baselines.tune import __main__ as tune
 from turning_env import Scenario
@@ -17,7 +17,7 @@ from turning_env.observation import bounds
 
 TUNABLE = Rule(
     "made up",
-    lambda scenario, lanes, parameters: FixedParameters(scenario, **parameters),
+    lambda scenario, num_envs, parameters: FixedParameters(scenario, **parameters),
     lambda scenario: scenario.control.action == "incremental",
     {"cutting_speed": 100.0, "feed": Range(0.1, 0.4)},
 )
@@ -156,14 +156,14 @@ def test_a_rule_plays_one_scenario_with_what_was_found_on_another(tunable: str) 
 def test_a_rule_is_built_with_what_is_told(tunable: str, monkeypatch: pytest.MonkeyPatch) -> None:
     built: list[Scenario] = []
 
-    def build(scenario: Scenario, lanes: int, parameters: dict[str, float]) -> FixedParameters:
+    def build(scenario: Scenario, num_envs: int, parameters: dict[str, float]) -> FixedParameters:
         built.append(scenario)
         return FixedParameters(scenario, **parameters)
 
     monkeypatch.setitem(RULES, tunable, replace(TUNABLE, build=build, parameters={"cutting_speed": 100.0, "feed": 0.3}))
-    lot = Scenario.model_validate({"lot": {"hardness_factor": 2.0}, "limits": {"power": 6.5}})
-    entry(tunable, lot).make(1)
-    assert built == [lot.as_told()]
+    mismatch = Scenario.model_validate({"mismatch": {"hardness_factor": 2.0}, "limits": {"power": 6.5}})
+    entry(tunable, mismatch).make(1)
+    assert built == [mismatch.nominal()]
 
 
 def test_a_rule_that_is_tuned_on_one_preset_plays_others_with_what_was_found_there(

@@ -5,13 +5,13 @@ import pytest
 from numpy.typing import NDArray
 
 from baselines.constant_force import ENGAGED_TIME, RULES, THRESHOLD, ConstantForce, ModelFeed, force_of_roughness
-from baselines.part_program import PartProgram
-from baselines.play import play
-from baselines.reproduce import constant_force as reproduced
+from baselines.models.part_program import PartProgram
+from papers.reproduce import constant_force as reproduced
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario, read
-from turning_env.draws import tuning_draws
 from turning_env.observation import bounds
+from turning_env.score.play import play
+from turning_env.score.seeds import tuning_seeds
 
 SURFACE = Scenario.load("surface")
 HELD = changed(SURFACE, surface={"reference_min": 1.6, "reference_max": 1.6})
@@ -19,11 +19,11 @@ NEEDED = round(ENGAGED_TIME / HELD.control.interval)
 
 
 def observations(
-    scenario: Scenario, force: float, lanes: int = 1, feed: float = 0.2, commanded: float = 0.2
+    scenario: Scenario, force: float, num_envs: int = 1, feed: float = 0.2, commanded: float = 0.2
 ) -> NDArray[np.float32]:
     """Observations of lanes in metal at a measured force [N], an actual and a commanded feed [mm/rev]."""
     machine = scenario.machine
-    seen = np.zeros((lanes, len(bounds(scenario)[0])), np.float32)
+    seen = np.zeros((num_envs, len(bounds(scenario)[0])), np.float32)
     seen[:, 1] = 5.0 * (force / scenario.limits.thrust_force - 1.0)
     span = np.log(machine.feed_max / machine.feed_min)
     seen[:, 3], seen[:, 5] = (2.0 * np.log(value / machine.feed_min) / span - 1.0 for value in (feed, commanded))
@@ -38,8 +38,8 @@ def override(policy: ConstantForce, seen: NDArray[np.float32], times: int = 1) -
     return 0.5 * (actions[:, 0].astype(np.float64) + 1.0) * HELD.control.override_max
 
 
-def law(scenario: Scenario = HELD, lanes: int = 1, **arguments: bool | float) -> ConstantForce:
-    return ConstantForce(PartProgram(scenario, {}), lanes, **arguments)  # type: ignore[arg-type]
+def law(scenario: Scenario = HELD, num_envs: int = 1, **arguments: bool | float) -> ConstantForce:
+    return ConstantForce(PartProgram(scenario, {}), num_envs, **arguments)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("roughness", [0.5, 1.0, 1.6, 3.1])
@@ -109,7 +109,7 @@ def test_it_plays_wherever_feed_is_set(preset: str) -> None:
     program = {"cutting_speed": 150.0, "feed": 0.3} if "cutting_speed" in rule.parameters else {}
     policy = rule.build(scenario, 3, {"force_share": 0.5} | program)
     env = RoughTurningVectorEnv(3, scenario)
-    seen, _ = env.reset(seed=tuning_draws(3))
+    seen, _ = env.reset(seed=tuning_seeds(3))
     for _ in range(30):
         actions = policy.act(seen)
         assert actions.dtype == np.float32
@@ -172,11 +172,11 @@ def test_the_models_feed_plays_where_roughness_is_asked_for_and_grows_with_feed(
 
 def test_control_deviates_less_than_the_models_feed_and_the_law_on_the_command_more() -> None:
     players = {
-        "constant force": lambda lanes: law(SURFACE, lanes),
-        "model": lambda lanes: ModelFeed(SURFACE),
-        "on command": lambda lanes: law(SURFACE, lanes, on_command=True),
+        "constant force": lambda num_envs: law(SURFACE, num_envs),
+        "model": lambda num_envs: ModelFeed(SURFACE),
+        "on command": lambda num_envs: law(SURFACE, num_envs, on_command=True),
     }
-    returns = {name: play(make, SURFACE, tuning_draws(8))["return"] for name, make in players.items()}
+    returns = {name: play(make, SURFACE, tuning_seeds(8))["return"] for name, make in players.items()}
     assert returns["constant force"].mean() > returns["model"].mean() + 5.0
     assert returns["constant force"].mean() > returns["on command"].mean() + 10.0
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from baselines.fuzzy_override import FIRST_FORM, MODIFIED_FORM, RULES, new_override
-from baselines.reproduce import fuzzy_override as paper
+from papers.reproduce import fuzzy_override as paper
 from tests.baselines.observing import observe, override_of
 from turning_env import Scenario
 

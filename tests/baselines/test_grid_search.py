@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from baselines.grid_search import GridSearch, RescaledGridSearch, best_pair, grid
-from baselines.reproduce.alaskari_oraby import PaperRun
+from papers.reproduce.alaskari_oraby import PaperRun
 from turning_env import PowerLaw, RoughTurningVectorEnv, Scenario
-from turning_env.observation import MOST_RATIO
+from turning_env.observation import MAX_RATIO
 
 
 def test_the_grid_is_the_papers() -> None:
@@ -80,7 +80,7 @@ def test_a_nominally_worn_out_edge_is_still_driven() -> None:
 
 def test_without_any_feasible_pair_the_thrust_force_is_least() -> None:
     scenario = Scenario.load("paper")
-    action = RescaledGridSearch(scenario, 1, 0.01, 1.0).act(observation(wear=MOST_RATIO))
+    action = RescaledGridSearch(scenario, 1, 0.01, 1.0).act(observation(wear=MAX_RATIO))
     np.testing.assert_array_equal(action, [[1.0, -1.0]])
 
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from baselines.load_override import LOWEST_OVERRIDE, RULES, ConstantLoad, towards_load
-from baselines.part_program import PartProgram
-from baselines.stepped_bar import course, stepped_bar
+from baselines.models.part_program import PartProgram
+from papers.stepped_bar import course, stepped_bar
 from tests.baselines.observing import observe, override_of
 from turning_env import RoughTurningVectorEnv, Scenario
 
@@ -28,7 +28,7 @@ def test_a_higher_gain_moves_faster_and_a_huge_one_by_the_whole_distance() -> No
 @pytest.mark.parametrize("target", [1.0, 0.8])
 def test_the_load_is_held_at_the_target_at_2_and_at_3_mm(target: float) -> None:
     scenario = stepped_bar()
-    run = course(lambda lanes: ConstantLoad(PartProgram(scenario, {}), target, 5.0), scenario)
+    run = course(lambda num_envs: ConstantLoad(PartProgram(scenario, {}), target, 5.0), scenario)
     for depth in (2.0, 3.0):
         np.testing.assert_allclose(run.at_depth(depth, 2.0).load, 0.6 * target, rtol=0.01)
     assert run.at_depth(1.0, 1.0).override.min() > 1.99

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from baselines.optimiser import RULES, Optimiser
-from baselines.play import play
-from tests.baselines.test_kalman import QUIET
+from tests.baselines.models.test_kalman import QUIET
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.draws import tuning_draws
 from turning_env.observation import bounds
+from turning_env.score.play import play
+from turning_env.score.seeds import tuning_seeds
 
 TIGHT = changed(QUIET, limits={"power": 4.5})
 EXACT = changed(TIGHT, sensors={"force_noise": 0.0, "power_noise": 0.0})
@@ -90,14 +90,16 @@ def test_it_earns_more_than_the_limits_of_its_knowledge_would_suggest() -> None:
     """On a few draws: more than fixed parameters, and with little overload."""
     scenario = changed(Scenario(), control={"time_limit": 4.0})
     middle = {name: 0.5 * (found.low + found.high) for name, found in RULES["optimiser"].ranges.items()}
-    ours = play(lambda lanes: RULES["optimiser"].build(scenario, lanes, middle), scenario, tuning_draws(4))
+    ours = play(lambda num_envs: RULES["optimiser"].build(scenario, num_envs, middle), scenario, tuning_seeds(4))
     assert ours["return"].mean() > 0
     assert ours["severe_overload_time"].sum() < 0.02 * ours["engaged_time"].sum()
 
 
 def test_edges_are_changed_before_they_are_found_worn() -> None:
     scenario = changed(Scenario.load("shift"), control={"time_limit": 25.0})
-    episodes = play(lambda lanes: RULES["optimiser"].build(scenario, lanes, {"severity": 1.5, "caution": 1.0}), scenario, [0])
+    episodes = play(
+        lambda num_envs: RULES["optimiser"].build(scenario, num_envs, {"severity": 1.5, "caution": 1.0}), scenario, [0]
+    )
     changes = np.floor(episodes["edges_used"])
     assert (changes >= 1).all()
     assert episodes["stopped_time"] == pytest.approx(120.0 * changes, abs=121.0)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from baselines.part_planning import RULES, FixedParts, RuledParts, pass_depths, plan
-from baselines.play import play
 from baselines.rule import Range
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.draws import tuning_draws
+from turning_env.score.play import play
+from turning_env.score.seeds import tuning_seeds
 
 BATCH = Scenario.load("batch_casting")
 BLIND = changed(BATCH, sensors={"probe": False})
@@ -16,9 +16,9 @@ SPREADS = {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for 
 MIDDLE = {"margin": 0.85, "first_margin": 0.8, "passes": 2.0, "cutting_speed": 0.5, "feed": 0.5}
 
 
-def build(name, scenario, lanes=1):
+def build(name, scenario, state=1):
     rule = RULES[name]
-    return rule.build(scenario, lanes, {parameter: MIDDLE[parameter] for parameter in rule.ranges})
+    return rule.build(scenario, state, {parameter: MIDDLE[parameter] for parameter in rule.ranges})
 
 
 def infos(policy, scenario, seed=0):
@@ -112,7 +112,7 @@ def test_a_corrected_path_has_passes_of_equal_depth_and_wastes_none():
 
 def test_returns_are_those_of_sensible_plans():
     """A rule that holds force and power beats the same passes for all, blind to size."""
-    ruled = play(lambda lanes: build("parts_app_pt", BATCH, lanes), BATCH, tuning_draws(4))
-    alike = play(lambda lanes: FixedParts(BATCH, 2, 230.0, 0.5), BATCH, tuning_draws(4))
+    ruled = play(lambda num_envs: build("parts_app_pt", BATCH, num_envs), BATCH, tuning_seeds(4))
+    alike = play(lambda num_envs: FixedParts(BATCH, 2, 230.0, 0.5), BATCH, tuning_seeds(4))
     assert ruled["return"].mean() > alike["return"].mean()
     assert (ruled["finished"] == 1).all()

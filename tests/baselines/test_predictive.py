@@ -6,7 +6,7 @@ from baselines.optimiser import Optimiser
 from baselines.predictive import RULES, Predictive
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.draws import tuning_draws
+from turning_env.score.seeds import tuning_seeds
 
 LENGTH = 100.0
 ROW = changed(Scenario(), workpiece={"bar_length": LENGTH}, tool={"edge_strength": 1e6})
@@ -16,7 +16,7 @@ LANES = 16
 def course(policy: Optimiser) -> dict[str, np.ndarray]:
     """Of several lanes over some bars, after the first: place on the bar [mm], feed [mm/rev], relative excess."""
     env = RoughTurningVectorEnv(LANES, ROW)
-    seen, _ = env.reset(seed=tuning_draws(LANES))
+    seen, _ = env.reset(seed=tuning_seeds(LANES))
     policy.reset(np.ones(LANES, np.bool_))
     rows = []
     for _ in range(250):

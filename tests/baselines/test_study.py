@@ -6,12 +6,12 @@ import pytest
 
 from baselines import tuned
 from baselines.catalogue import RULES
-from baselines.play import play
 from baselines.rule import Parameters, Range, Rule
 from baselines.tune import study
 from baselines.tune.study import Found, Played, Search, middle, play_setting, run_all
 from turning_env import Scenario
-from turning_env.draws import tuning_draws
+from turning_env.score.play import play
+from turning_env.score.seeds import tuning_seeds
 
 SHORT = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.1}})
 RULE = Rule(
@@ -57,7 +57,7 @@ def scored(monkeypatch: pytest.MonkeyPatch) -> Callable[[Score], Counted]:
 
 
 def hill(setting: Parameters) -> tuple[float, float]:
-    """Highest at a share of 0.7, and admissible up to 0.6."""
+    """Highest at a share of 0.7, and feasible up to 0.6."""
     return -((setting["share"] - 0.7) ** 2), ALLOWANCE * setting["share"] / 0.6
 
 
@@ -84,7 +84,7 @@ def test_the_middle_comes_first_and_all_settings_lie_in_range(scored: Callable[[
     assert middle(Range(2.0, 8.0, logarithmic=True)) == 4.0
 
 
-def test_the_best_admissible_setting_wins(scored: Callable[[Score], Counted]) -> None:
+def test_the_best_feasible_setting_wins(scored: Callable[[Score], Counted]) -> None:
     counted = scored(hill)
     found = run(trials=30, draws=4)
     assert found.feasible
@@ -93,10 +93,10 @@ def test_the_best_admissible_setting_wins(scored: Callable[[Score], Counted]) ->
     assert found.mean_return == max(hill(setting)[0] for setting in counted.settings if setting["share"] <= 0.6)
     assert found.severe_share == pytest.approx(0.8 * hill(found.parameters)[1])
     assert found.episodes_played == 30 * 4
-    assert found.intervals_played == 30 * 100
+    assert found.steps_played == 30 * 100
 
 
-def test_where_none_is_admissible_the_best_of_all_wins(scored: Callable[[Score], Counted]) -> None:
+def test_where_none_is_feasible_the_best_of_all_wins(scored: Callable[[Score], Counted]) -> None:
     counted = scored(lambda setting: (setting["share"], ALLOWANCE * (1.1 + setting["share"])))
     found = run()
     assert not found.feasible
@@ -104,7 +104,7 @@ def test_where_none_is_admissible_the_best_of_all_wins(scored: Callable[[Score],
     assert found.mean_return == found.parameters["share"]
 
 
-def test_the_allowance_itself_is_admissible(scored: Callable[[Score], Counted]) -> None:
+def test_the_allowance_itself_is_feasible(scored: Callable[[Score], Counted]) -> None:
     scored(lambda setting: (0.0, ALLOWANCE))
     assert run(trials=1).feasible
 
@@ -187,13 +187,13 @@ def test_a_failure_names_the_rule_and_the_setting(scored: Callable[[Score], Coun
 
 
 def test_settings_are_really_played() -> None:
-    rule, seeds = RULES["fixed_tuned"], tuning_draws(3)
+    rule, seeds = RULES["fixed_tuned"], tuning_seeds(3)
     scenario = Scenario.model_validate({"control": {"time_limit": 0.5}})
     setting = {"cutting_speed": 200.0, "feed": 0.6}
-    episodes = play(lambda lanes: rule.build(scenario, lanes, setting), scenario, seeds)
+    episodes = play(lambda num_envs: rule.build(scenario, num_envs, setting), scenario, seeds)
     played = play_setting(rule, scenario, setting, seeds)
     assert played.mean_return == episodes["return"].mean()
-    assert played.intervals == episodes["intervals"].sum()
+    assert played.steps == episodes["steps"].sum()
     assert played.severe_share == episodes["severe_overload_time"].sum() / episodes["engaged_time"].sum()
     assert 0 < played.severe_share <= played.severe_limit
 

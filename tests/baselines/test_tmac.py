@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from baselines.part_program import PartProgram
+from baselines.models.part_program import PartProgram
 from baselines.tmac import LEARNING_TIME, RULES, SETTLING_TIME, STOP, UNDERCUT, WEAR_TIME, LearnedPower
 from tests.baselines.observing import observe, override_of
 from tests.turning_env.playing import changed
@@ -13,12 +13,12 @@ REFERENCE = 0.3
 """Load of the learned cut [-]."""
 
 
-def learned(scenario: Scenario = OVERRIDE, lanes: int = 1, **parameters: float) -> LearnedPower:
+def learned(scenario: Scenario = OVERRIDE, num_envs: int = 1, **parameters: float) -> LearnedPower:
     """A control that has learned a cut at the programmed feed."""
     settings = {"target": 1.0, "gain": 5.0, "extreme": 2.5, "wear": 1.4} | parameters
-    policy = LearnedPower(PartProgram(scenario, {}), lanes, **settings)
+    policy = LearnedPower(PartProgram(scenario, {}), num_envs, **settings)
     for second in np.arange(0.0, LEARNING_TIME + 0.05, 0.1):
-        load = np.full(lanes, REFERENCE if second >= SETTLING_TIME - 1e-6 else 0.1)  # rising at first
+        load = np.full(num_envs, REFERENCE if second >= SETTLING_TIME - 1e-6 else 0.1)  # rising at first
         policy.act(observe(scenario, load=load, cutting_time=second / 60.0))
     return policy
 

@@ -48,7 +48,7 @@ def test_the_same_command_writes_the_same_file(folder: Path) -> None:
             "severe_share": played.severe_share,
             "feasible": played.severe_limit <= SHORT.limits.overload_allowance,
             "episodes_played": 6,
-            "intervals_played": 36,
+            "steps_played": 36,
         }
     assert run(folder) == 0
     assert path.read_text() == text

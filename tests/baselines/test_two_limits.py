@@ -4,10 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baselines.commands import sets_speed_and_feed
-from baselines.process import Limit, Process
-from baselines.reproduce.part_programming import handbook_process
-from baselines.scales import LEAST_SCALE
+from baselines.models.process import Limit, Process
+from baselines.models.scales import MIN_SCALE
 from baselines.two_limits import (
     ECONOMIC_OPTIMUM,
     RULES,
@@ -18,7 +16,9 @@ from baselines.two_limits import (
     limits,
     set_point,
 )
+from papers.reproduce.part_programming import handbook_process
 from turning_env import PowerLaw, RoughTurningVectorEnv, Scenario, presets, read
+from turning_env.action import sets_speed_and_feed
 
 SCENARIO = Scenario()
 STEEL = Process.of(SCENARIO)
@@ -279,7 +279,7 @@ def test_the_ends_of_what_is_measured_give_commands_within_the_ranges(rule: str,
 def test_no_measured_force_and_power_are_not_believed() -> None:
     policy = AdaptiveRule(SET_POINTS, 1, "PN", margin=1.0, smoothing=1.0)
     found = commands(policy, observed(wear=4.0, power=-4.999, force=-5.0))
-    believed = STEEL.rescaled(LEAST_SCALE, LEAST_SCALE)
+    believed = STEEL.rescaled(MIN_SCALE, MIN_SCALE)
     assert found == pytest.approx([float(value) for value in set_point("PN", believed, 2.5, wear=1.2)], rel=1e-4)
 
 

@@ -117,7 +117,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("small")
 def test_every_variant_is_trained_played_and_tabled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "docs" / "ablation.md"
-    arguments = ["--intervals", "300", "--runs", str(tmp_path / "runs"), "--out", str(out)]
+    arguments = ["--steps", "300", "--runs", str(tmp_path / "runs"), "--out", str(out)]
     assert ablation.main(arguments) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(" | ")[0][2:] for line in lines[2:]] == [variant.title for variant in VARIANTS.values()]
@@ -140,7 +140,7 @@ def test_the_same_command_goes_on_and_repeats_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Interrupted in the middle of an agent with history, it ends where it would have ended."""
-    arguments = ["--intervals", "700", "--variants", "as_it_is", "four_frames", "--runs"]
+    arguments = ["--steps", "700", "--variants", "as_it_is", "four_frames", "--runs"]
     whole, halves = ([*arguments, str(tmp_path / name / "runs")] for name in ("whole", "halves"))
     out = tmp_path / "table.md"
     monkeypatch.setattr(ablation, "train", partial(train, checkpoint_every=1))
@@ -177,7 +177,7 @@ def returns(capsys: pytest.CaptureFixture[str]) -> list[str]:
 
 @pytest.mark.usefixtures("small")
 def test_trainings_of_other_settings_are_not_mixed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["--variants", "as_it_is", "--runs", str(tmp_path), "--intervals"]
+    arguments = ["--variants", "as_it_is", "--runs", str(tmp_path), "--steps"]
     assert ablation.main([*arguments, "200"]) == 0
     assert ablation.main([*arguments, "300"]) == 2
     assert "other settings" in capsys.readouterr().err
@@ -199,7 +199,7 @@ def test_differences_are_paired_by_draw() -> None:
 COUNTS = ("severe_overload_time", "engaged_time", "edges_broken", "edges_used")
 
 
-@pytest.mark.parametrize("arguments", [["--intervals", "0"], ["--seeds", "0"], ["--variants", "none"], ["--variants"]])
+@pytest.mark.parametrize("arguments", [["--steps", "0"], ["--seeds", "0"], ["--variants", "none"], ["--variants"]])
 def test_bad_arguments_are_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         ablation.main(arguments)

@@ -1,6 +1,6 @@
 import pytest
 
-from baselines.clairvoyant import Grid
+from baselines.oracles.clairvoyant import Grid
 from benchmarks import bound
 from turning_env import Scenario
 

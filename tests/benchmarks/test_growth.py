@@ -16,7 +16,7 @@ def test_it_prints_and_draws(tmp_path, capsys):
 
 def test_machines_are_told_the_table_alone(tmp_path, capsys):
     assert growth.main([str(tmp_path / "a.svg"), "--most", "8", "--repeats", "1", "--seconds", "0.001", "--json"]) == 0
-    assert [row["lanes"] for row in json.loads(capsys.readouterr().out)] == [1, 8]
+    assert [row["num_envs"] for row in json.loads(capsys.readouterr().out)] == [1, 8]
 
 
 def test_a_lane_of_many_takes_less_than_a_kilobyte():

@@ -7,7 +7,7 @@ import pytest
 from benchmarks import throughput
 from turning_env import IDS
 
-TINY = ["--repeats", "2", "--lanes", "3", "--seconds", "0.002"]
+TINY = ["--repeats", "2", "--num-envs", "3", "--seconds", "0.002"]
 
 
 def test_it_prints_every_case_and_meets_criteria_that_are_easy(capsys, monkeypatch):
@@ -35,7 +35,7 @@ def test_it_has_not_become_slow(capsys):
     assert any(throughput.main(["--repeats", "5", "--seconds", "0.1"]) == 0 for _ in range(3)), capsys.readouterr().out
 
 
-@pytest.mark.parametrize("arguments", [["--repeats", "0"], ["--lanes", "0"], ["--seconds", "0"], ["--lane", "x"]])
+@pytest.mark.parametrize("arguments", [["--repeats", "0"], ["--num-envs", "0"], ["--seconds", "0"], ["--lane", "x"]])
 def test_bad_arguments_are_refused(arguments, capsys):
     with pytest.raises(SystemExit, match="2"):
         throughput.main(arguments)

@@ -23,8 +23,8 @@ def test_the_stopwatch_counts_the_environment_alone_and_leaves_it_as_it_was() ->
 def test_every_question_gets_an_answer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(training, "MANY_LANES", training.MANY_LANES | {"batch_size": 32})
     parameters = training.ppo_run(tmp_path).parameters
-    assert parameters["lanes"] * parameters["rollout"] > 1000
-    small = {"lanes": 8, "rollout": 16, "batch_size": 32}
+    assert parameters["num_envs"] * parameters["rollout"] > 1000
+    small = {"num_envs": 8, "rollout": 16, "batch_size": 32}
     monkeypatch.setattr(training, "ppo_run", lambda folder: _small(folder, small))
     measured = training.measure(2, 4, tmp_path)
     assert all(len(turns) == 2 for turns in measured.values())
@@ -48,7 +48,7 @@ def test_the_exit_status_is_the_verdict(
     assert "40 times (30 to 50)" in printed
 
 
-@pytest.mark.parametrize("wrong", ["--repeats", "--lanes"])
+@pytest.mark.parametrize("wrong", ["--repeats", "--num-envs"])
 def test_nonsense_is_refused(wrong: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         training.main([wrong, "0"])

@@ -12,7 +12,7 @@ import minari
 from examples import offline
 from examples.offline import clone, load, main
 from turning_env import RoughTurningEnv
-from turning_env.draws import TUNING_START
+from turning_env.score.seeds import TUNING_START
 
 
 @pytest.fixture(scope="module")

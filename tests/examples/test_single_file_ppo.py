@@ -3,10 +3,10 @@
 import pytest
 import torch
 
-from baselines.play import play
 from examples.single_file_ppo import Acting, Agent, Rollouts, Settings, main, train
 from turning_env import Scenario
-from turning_env.draws import tuning_draws
+from turning_env.score.play import play
+from turning_env.score.seeds import tuning_seeds
 
 
 def test_without_ends_returns_are_discounted_sums() -> None:
@@ -31,23 +31,23 @@ def test_the_next_rollout_begins_where_the_last_one_ended() -> None:
 
 def test_it_learns() -> None:
     torch.manual_seed(0)
-    untrained, trained = Agent(11, 2), train(Settings(intervals=60_000))
+    untrained, trained = Agent(11, 2), train(Settings(steps=60_000))
     before, after = (
-        play(lambda lanes, agent=agent: Acting(agent), Scenario(), tuning_draws(8))["return"].mean()
+        play(lambda num_envs, agent=agent: Acting(agent), Scenario(), tuning_seeds(8))["return"].mean()
         for agent in (untrained, trained)
     )
     assert after > before + 500
 
 
 def test_the_command_says_what_it_reaches(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--intervals", "1", "--lanes", "2", "--rollout", "8", "--draws", "1"]) == 0
+    assert main(["--steps", "1", "--num-envs", "2", "--rollout", "8", "--draws", "1"]) == 0
     assert capsys.readouterr().out.startswith("PPO after 1 intervals: -")
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--intervals", "0"], "--intervals is 0, but must be above 0"),
+        (["--steps", "0"], "--steps is 0, but must be above 0"),
         (["--learning-rate", "nan"], "--learning-rate is nan"),
         (["--discount", "1.5"], "--discount and --gae-lambda must be at most 1"),
     ],

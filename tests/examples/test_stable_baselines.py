@@ -8,12 +8,12 @@ from examples.stable_baselines import lathes, main
 
 
 @pytest.mark.parametrize("kind", ["adapter", "single"])
-@pytest.mark.parametrize(("algorithm", "intervals"), [("ppo", 1), ("recurrent_ppo", 1), ("sac", 2010), ("tqc", 2010)])
+@pytest.mark.parametrize(("algorithm", "steps"), [("ppo", 1), ("recurrent_ppo", 1), ("sac", 2010), ("tqc", 2010)])
 def test_every_algorithm_learns_on_both_kinds_of_lathes(
     algorithm: str, intervals: int, kind: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stable_baselines, "ROLLOUT", 512)
-    assert main(["--algorithm", algorithm, "--lathes", kind, "--lanes", "8", "--intervals", str(intervals), "--draws", "1"]) == 0
+    assert main(["--algorithm", algorithm, "--lathes", kind, "--num-envs", "8", "--steps", str(intervals), "--draws", "1"]) == 0
     done = {1: 512, 2010: 2016}[intervals]
     assert capsys.readouterr().out.startswith(f"{algorithm} after {done} intervals: -")
 
@@ -32,9 +32,9 @@ def test_both_kinds_of_lathes_play_the_same() -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--intervals", "0"], "--intervals: is 0, but must be a whole number of at least 1"),
+        (["--steps", "0"], "--steps: is 0, but must be a whole number of at least 1"),
         (["--seed", "x"], "--seed: is x, but must be a whole number of at least 0"),
-        (["--lanes", "3000"], "--lanes is 3000, but must be at most 2048"),
+        (["--num-envs", "3000"], "--num-envs is 3000, but must be at most 2048"),
     ],
 )
 def test_bad_arguments_are_refused(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,7 +13,7 @@ from examples.torch_rl import main, one, together
 
 
 def test_every_id_passes_its_check(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--intervals", "40", "--lanes", "8"]) == 0
+    assert main(["--steps", "40", "--num-envs", "8"]) == 0
     said = capsys.readouterr().out
     assert all(f"{env_id}: checked; after " in said for env_id in IDS)
     assert "SerialEnv of 4: (4, 40)" in said

@@ -18,7 +18,7 @@ ENV_ID = "RoughTurning-v0"
 
 # The zoo's name for each of the project's, where the values are the same.
 SHARED = {
-    "intervals": "n_timesteps",
+    "steps": "n_timesteps",
     "lanes": "n_envs",
     "rollout": "n_steps",
     "batch_size": "batch_size",
@@ -30,7 +30,7 @@ SHARED = {
     "value_coefficient": "vf_coef",
     "max_gradient_norm": "max_grad_norm",
     "memory": "buffer_size",
-    "random_intervals": "learning_starts",
+    "random_steps": "learning_starts",
     "batches_per_step": "gradient_steps",
     "target_rate": "tau",
     "dropped_quantiles": "top_quantiles_to_drop_per_net",

@@ -10,12 +10,11 @@ from pathlib import Path
 import pytest
 
 from baselines import tuned
-from baselines.folders import FolderTaken, alone, holding, together
 from baselines.tune import __main__ as rule_tuning
 from baselines.tune import study
 from leaderboard import run
 from leaderboard.contestants import Contestant
-from leaderboard.results import Task, read_part, result_folder
+from leaderboard.result import Task, read_part, result_folder
 from leaderboard.trajectories import RECORDED_DRAWS, Trajectories
 from tests.leaderboard.conftest import ENV_ID, Steady, contestant
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
@@ -23,6 +22,7 @@ from train import tune
 from train.run import Run
 from train.training import train
 from turning_env import Scenario
+from turning_env.locks import FolderTaken, exclusive_lock, file_lock, shared_lock
 
 ROOT = Path(__file__).parents[2]
 HOLD = """
@@ -52,12 +52,12 @@ def test_a_folder_is_held_until_the_process_ends_however_it_ends(tmp_path: Path)
     folder = tmp_path / "new" / "folder"
     with held("alone", folder) as other:
         (folder / ".partial-7-file.txt").touch()
-        with pytest.raises(FolderTaken, match=f"another process works in {folder}"), alone(folder):
+        with pytest.raises(FolderTaken, match=f"another process works in {folder}"), exclusive_lock(folder):
             pass
         assert list(folder.iterdir())  # what another may be filling is let be
         other.kill()
         other.wait()
-        with alone(folder):
+        with exclusive_lock(folder):
             assert not list(folder.iterdir())
 
 
@@ -66,14 +66,14 @@ def test_several_share_a_folder_and_the_first_clears_it(tmp_path: Path) -> None:
     with held("together", tmp_path) as other:
         assert not list(tmp_path.iterdir())
         (tmp_path / ".partial-8-file.txt").touch()
-        with together(tmp_path):
+        with shared_lock(tmp_path):
             assert list(tmp_path.iterdir())
-        with pytest.raises(FolderTaken), alone(tmp_path):
+        with pytest.raises(FolderTaken), exclusive_lock(tmp_path):
             pass
         entered = threading.Event()
 
         def wait() -> None:
-            with alone(tmp_path, wait=True):
+            with exclusive_lock(tmp_path, wait=True):
                 entered.set()
 
         thread = threading.Thread(target=wait)
@@ -86,7 +86,7 @@ def test_several_share_a_folder_and_the_first_clears_it(tmp_path: Path) -> None:
 
 def test_a_training_is_not_trained_twice_at_once(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["ppo"]
-    run = small_run(algorithm, tmp_path, intervals=512)
+    run = small_run(algorithm, tmp_path, steps=512)
     with held("alone", run.folder) as other:
         with pytest.raises(ValueError, match=f"another process works in {run.folder}: wait until it has done"):
             train(run, algorithm)
@@ -124,8 +124,8 @@ def test_a_search_of_rules_is_not_made_twice_at_once(
 
 def test_a_search_of_hyperparameters_is_not_made_twice_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     task = tune.Task("ppo", "RoughTurning-v0", Scenario.load("rough_turning"), 1, 1, tmp_path)
-    with holding(task.folder / f".{task.name}.lock"):
-        assert tune.main(["--algorithm", "ppo", "--intervals", "1", "--trials", "1", "--runs", str(tmp_path)]) == 2
+    with file_lock(task.folder / f".{task.name}.lock"):
+        assert tune.main(["--algorithm", "ppo", "--steps", "1", "--trials", "1", "--runs", str(tmp_path)]) == 2
     assert "error: another process works with" in capsys.readouterr().err
     assert not list(tmp_path.rglob("run.json"))
 
@@ -142,13 +142,13 @@ def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path
     third = contestant("third", (0.1, 0.2))
     recording = 0
 
-    def make(lanes: int) -> Steady:
+    def make(num_envs: int) -> Steady:
         nonlocal recording
-        recording += lanes == 1
+        recording += num_envs == 1
         if recording == 1:  # while the first run records what its policy does
             recording += 1
             play(here, [second, third])
-        return contestant("first").make(lanes)  # type: ignore[return-value]
+        return contestant("first").make(num_envs)  # type: ignore[return-value]
 
     play(here, [Contestant(contestant("first").policy, make), third])
     expected = result_folder(tmp_path / "one", ENV_ID, scenario.name)

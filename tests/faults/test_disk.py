@@ -67,7 +67,7 @@ def commands(folder: Path, scenario: Path, results: Path = Path()) -> dict[str, 
     env = ["--env", "RoughTurning-Override-v0"]
     rules = ["--policies", "programmed_feed", "tmac", *env]
     return {
-        "train.ppo": (ppo.main, ["--intervals", "1", "--runs", str(folder / "runs")], 2),
+        "train.ppo": (ppo.main, ["--steps", "1", "--runs", str(folder / "runs")], 2),
         "train.tune": (tune.main, ["--algorithm", "ppo", "--trials", "1", "--runs", str(folder / "runs")], 2),
         "baselines.tune": (
             rule_tuning.main,
@@ -79,7 +79,7 @@ def commands(folder: Path, scenario: Path, results: Path = Path()) -> dict[str, 
         "leaderboard figure": (board.main, ["figure", *env, "--results", str(results), "--out", str(folder / "f.png")], 2),
         "leaderboard.watch": (
             watch.main,
-            ["--policy", "programmed_feed", *env, "--intervals", "1", "--out", str(folder / "w.gif")],
+            ["--policy", "programmed_feed", *env, "--steps", "1", "--out", str(folder / "w.gif")],
             2,
         ),
     }
@@ -135,7 +135,7 @@ def test_a_training_that_finds_the_disk_full_goes_on_later(tmp_path: Path) -> No
 
 def test_the_training_s_command_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with full_disk(200):
-        assert ppo.main(["--intervals", "1", "--runs", str(tmp_path)]) == 2
+        assert ppo.main(["--steps", "1", "--runs", str(tmp_path)]) == 2
     said = capsys.readouterr().err
     assert "error: " in said
     assert "File too large" in said

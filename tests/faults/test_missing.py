@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from baselines.extras import HOW, missing
+from turning_env.extras import HOW, missing
 
 ROOT = Path(__file__).parents[2]
 WITHOUT = """
@@ -32,14 +32,14 @@ def without(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("package", "command"),
     [
-        ("torch", "train.ppo --intervals 1"),
+        ("torch", "train.ppo --steps 1"),
         ("optuna", "baselines.tune --trials 1"),
-        ("matplotlib", "leaderboard figure --results leaderboard/rows --env RoughTurning-Batch-v0"),
-        ("matplotlib", "baselines.figures"),
+        ("matplotlib", "leaderboard figure --results leaderboard/results --env RoughTurning-Batch-v0"),
+        ("matplotlib", "papers.figures"),
         ("onnxruntime", "leaderboard gallery --draws 1 --out FILE --agents agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx"),
-        ("PIL", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --intervals 1 --out FILE.gif"),
-        ("moviepy", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --intervals 1 --out FILE.mp4"),
-        ("pygame", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --intervals 1 --human"),
+        ("PIL", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --out FILE.gif"),
+        ("moviepy", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --out FILE.mp4"),
+        ("pygame", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --human"),
     ],
 )
 def test_what_is_missing_is_said_in_one_line(package: str, command: str, without: Path) -> None:

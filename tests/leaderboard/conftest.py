@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from baselines.play import EPISODE_FIELDS
-from baselines.policy import Actions, Observations
 from leaderboard import run
 from leaderboard.contestants import Contestant, Player
-from leaderboard.results import PolicyRecord, Result, Task, digest_of
+from leaderboard.result import PolicyRecord, Result, Task, digest_of
 from turning_env import Scenario
+from turning_env.score.play import EPISODE_FIELDS
+from turning_env.score.policy import Actions, Observations
 
 ENV_ID = "RoughTurning-v0"
 MakeResult = Callable[..., Result]
@@ -21,10 +21,10 @@ MakeResult = Callable[..., Result]
 class Steady:
     """Takes the same action always."""
 
-    def __init__(self, lanes: int, action: tuple[float, float]) -> None:
-        self._actions = np.tile(np.array(action, np.float32), (lanes, 1))
+    def __init__(self, num_envs: int, action: tuple[float, float]) -> None:
+        self._actions = np.tile(np.array(action, np.float32), (num_envs, 1))
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """Nothing to forget."""
 
     def act(self, observations: Observations) -> Actions:
@@ -50,7 +50,7 @@ def record_of(
 
 def contestant(name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None = None) -> Contestant:
     """A policy that always acts alike."""
-    return Contestant(record_of(name, seed, {"speed": action[0], "feed": action[1]}), lambda lanes: Steady(lanes, action))
+    return Contestant(record_of(name, seed, {"speed": action[0], "feed": action[1]}), lambda num_envs: Steady(num_envs, action))
 
 
 def play_all(task: Task, contestants: Sequence[Player], folder: Path, fresh: bool) -> None:

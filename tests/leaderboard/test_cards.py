@@ -8,7 +8,7 @@ import pytest
 
 from leaderboard import run
 from leaderboard.__main__ import main
-from leaderboard.results import MadeFor, Result, Task, result_folder, result_path, write_part
+from leaderboard.result import MadeFor, Result, Task, result_folder, result_path, write_part
 from tests.leaderboard.conftest import ENV_ID
 from tests.train import onnx_agents
 from turning_env import Scenario
@@ -81,7 +81,7 @@ def test_cards_without_results_are_refused(shipped: Path, capsys: pytest.Capture
 def test_agents_of_one_name_must_be_alike(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = shipped / "agents" / ENV_ID / "short" / "ppo-seed1.onnx"
     model = onnx.load_model_from_string(path.read_bytes())
-    next(entry for entry in model.metadata_props if entry.key == "trained_intervals").value = "2000"
+    next(entry for entry in model.metadata_props if entry.key == "trained_steps").value = "2000"
     path.write_bytes(model.SerializeToString())
     assert main(command(shipped)) == 2
     assert "the files of ppo cannot share a card, as they differ in trained_intervals" in capsys.readouterr().err

@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from baselines.play import play
-from baselines.policy import Actions, Observations
-from leaderboard.references import references
-from leaderboard.results import MadeFor, PolicyRecord
+from leaderboard.oracles import references
+from leaderboard.result import MadeFor, PolicyRecord
 from leaderboard.trajectories import play_course
 from tests.leaderboard.conftest import Steady, record_of
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario
-from turning_env.draws import HELD_OUT_START, TUNING_START, held_out_draws, tuning_draws
+from turning_env.score.play import play
+from turning_env.score.policy import Actions, Observations
+from turning_env.score.seeds import HELD_OUT_START, TUNING_START, held_out_seeds, tuning_seeds
 
 
 class Spy(Steady):
     """Keeps what it is given, under whatever name, and would gladly be told more."""
 
-    def __init__(self, lanes: int) -> None:
-        super().__init__(lanes, (0.05, 0.1))
-        self.given: list[object] = [lanes]
+    def __init__(self, num_envs: int) -> None:
+        super().__init__(num_envs, (0.05, 0.1))
+        self.given: list[object] = [num_envs]
 
     def reset(self, *given: object) -> None:  # type: ignore[override]
         """Which lanes."""
@@ -47,8 +47,8 @@ class Scribbler(Steady):
 def test_policies_are_given_observations_and_nothing_else(scenario: Scenario) -> None:
     spies: list[Spy] = []
 
-    def make(lanes: int) -> Spy:
-        spies.append(Spy(lanes))
+    def make(num_envs: int) -> Spy:
+        spies.append(Spy(num_envs))
         return spies[-1]
 
     play(make, scenario, [7, 8, 9])
@@ -74,12 +74,12 @@ def test_observations_lead_nowhere(scenario: Scenario) -> None:
 
 def test_writing_into_observations_changes_nothing(scenario: Scenario) -> None:
     honest, scribbled = (
-        play(lambda lanes, kind=kind: kind(lanes, (0.05, 0.1)), scenario, [7, 8, 9]) for kind in (Steady, Scribbler)
+        play(lambda num_envs, kind=kind: kind(num_envs, (0.05, 0.1)), scenario, [7, 8, 9]) for kind in (Steady, Scribbler)
     )
     for name, values in honest.items():
         np.testing.assert_array_equal(scribbled[name], values)
     courses = [
-        play_course(lambda lanes, kind=kind: kind(lanes, (0.0, 0.1)), scenario, 7, ["wear"]) for kind in (Steady, Scribbler)
+        play_course(lambda num_envs, kind=kind: kind(num_envs, (0.0, 0.1)), scenario, 7, ["wear"]) for kind in (Steady, Scribbler)
     ]
     assert courses[0] == courses[1]
 
@@ -87,7 +87,7 @@ def test_writing_into_observations_changes_nothing(scenario: Scenario) -> None:
 @pytest.mark.parametrize("preset", ["rough_turning", "paper", "shift"])
 def test_first_observations_do_not_tell_draws_apart(preset: str) -> None:
     """Before the first cut; on the other tasks the control is told of the bar or of a reference, and so is the policy."""
-    for seeds in (held_out_draws(64), tuning_draws(64)):
+    for seeds in (held_out_seeds(64), tuning_seeds(64)):
         observations, _ = RoughTurningVectorEnv(64, Scenario.load(preset)).reset(seed=seeds)
         assert (observations == observations[0]).all()
 

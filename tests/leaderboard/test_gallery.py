@@ -11,11 +11,11 @@ import pytest
 
 from leaderboard import gallery, habits
 from leaderboard.__main__ import main
+from leaderboard.behaviour import HABITS, Course
 from leaderboard.contestants import Contestant
 from leaderboard.gallery import limits, operating_point
-from leaderboard.habits import HABITS, Course
-from leaderboard.references import references
-from leaderboard.results import ResultError
+from leaderboard.oracles import references
+from leaderboard.result import ResultError
 from leaderboard.trajectories import record
 from tests.leaderboard.conftest import Steady, contestant, record_of
 from turning_env import Scenario
@@ -166,7 +166,7 @@ def test_pictures_that_do_not_apply_are_left_out(
         values["workpiece"]["approach"] = 50.0
     scenario = Scenario.model_validate(values)
     size = actions or 2 + 2 * scenario.control.passes_max
-    steady = Contestant(record_of("steady"), lambda lanes: Steady(lanes, (0.0,) * size))  # type: ignore[arg-type]
+    steady = Contestant(record_of("steady"), lambda num_envs: Steady(num_envs, (0.0,) * size))  # type: ignore[arg-type]
     courses = gallery.play([steady], scenario, [7])
     assert {path.name for path in gallery.write(courses, tmp_path)} == drawn
 
@@ -179,7 +179,7 @@ def test_what_cannot_be_drawn_is_refused(scenario: Scenario) -> None:
     with pytest.raises(ResultError, match="causal cannot be drawn"):
         gallery.play([reference for reference in references(scenario) if reference.policy.name == "causal"], scenario, [7])
     with pytest.raises(ResultError, match="wrong cannot play"):
-        gallery.play([Contestant(record_of("wrong"), lambda lanes: Steady(lanes, (math.nan, 0.0)))], scenario, [7])
+        gallery.play([Contestant(record_of("wrong"), lambda num_envs: Steady(num_envs, (math.nan, 0.0)))], scenario, [7])
 
 
 def test_a_picture_that_cannot_be_written_is_an_error(make_course: MakeCourse, tmp_path: Path) -> None:

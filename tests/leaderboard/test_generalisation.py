@@ -4,7 +4,7 @@ import numpy as np
 
 from leaderboard import generalisation, page
 from leaderboard.board import Board
-from leaderboard.results import MadeFor, PolicyRecord, Result, Task
+from leaderboard.result import MadeFor, PolicyRecord, Result, Task
 from leaderboard.standings import rank
 from tests.leaderboard.conftest import ENV_ID, MakeResult, record_of
 from tests.leaderboard.test_page import Outline
@@ -51,7 +51,7 @@ def test_policies_over_the_splits_for_which_they_were_not_made(make_result: Make
         "ppo": ["rough_turning", second],
         "oracle": ["rough_turning", second],
     }
-    assert not table.admissible("greedy", first)
+    assert not table.feasible("greedy", first)
     lines = {line.split()[0]: line.split()[1:] for line in generalisation.render(table).splitlines()[3:]}
     html = page.render([base, *splits])
     outline = Outline()

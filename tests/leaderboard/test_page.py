@@ -13,7 +13,7 @@ import pytest
 from leaderboard import page, table
 from leaderboard.board import Board, read_board
 from leaderboard.page.courses import ALPHABET, GAP, LEVELS, chart_data, pack
-from leaderboard.results import Task, result_path, write_part
+from leaderboard.result import Task, result_path, write_part
 from tests.leaderboard.conftest import MakeResult, contestant, play_all
 
 HOSTILE = "<script>alert(1)"
@@ -21,7 +21,7 @@ HOSTILE = "<script>alert(1)"
 
 @pytest.fixture
 def board(task: Task, folder: Path, make_result: MakeResult) -> Board:
-    """A rule with a hostile name, the two to compare with, and an inadmissible agent of two training seeds."""
+    """A rule with a hostile name, the two to compare with, and an infeasible agent of two training seeds."""
     rules = [contestant(name, (0.0, 0.1 * place)) for place, name in enumerate((HOSTILE, "fixed_tuned", "grid_search"))]
     play_all(task, rules, folder, fresh=False)
     for seed in (0, 1):
@@ -77,7 +77,7 @@ def test_hostile_names_are_text(board: Board) -> None:
     assert html.count("<script>") == 1
 
 
-def test_tables_are_accessible_and_say_who_is_not_admissible(board: Board) -> None:
+def test_tables_are_accessible_and_say_who_is_not_feasible(board: Board) -> None:
     outline = Outline()
     html = page.render([board])
     outline.feed(html)
@@ -116,7 +116,7 @@ def test_courses_are_those_of_the_standings_on_the_recorded_draws(board: Board) 
     assert labels == [None if standing.name == "ppo" else standing.name for standing in board.standings]
     assert labels[data["second"]] == "grid_search"
     course = data["policies"][0]["courses"][0]
-    assert course["intervals"] == 12
+    assert course["steps"] == 12
     assert {len(packed) for packed in course["series"].values()} == {24}
     assert {subject["series"]: subject["limit"] for subject in data["subjects"]} == {
         "cutting_speed": None,

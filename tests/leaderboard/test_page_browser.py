@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
 from leaderboard import page
 from leaderboard.board import Board
-from leaderboard.results import PolicyRecord, Task
+from leaderboard.result import PolicyRecord, Task
 from leaderboard.standings import rank
 from leaderboard.trajectories import Trajectories, record
 from tests.leaderboard.conftest import ENV_ID, MakeResult, Steady, record_of
@@ -32,7 +32,7 @@ def renamed(policy: PolicyRecord, name: str) -> PolicyRecord:
 
 @pytest.fixture(scope="module")
 def board(task: Task, make_result: MakeResult) -> Board:
-    """Hostile rules, an inadmissible agent, a reference, and the published controller, some of them recorded."""
+    """Hostile rules, an infeasible agent, a reference, and the published controller, some of them recorded."""
     results = [
         make_result("grid_search", **{"return": [1.0, 2.0, 3.0, 5.0]}),
         make_result("fixed_tuned", **{"return": [0.0, 1.0, 2.0, 3.0]}),
@@ -44,7 +44,7 @@ def board(task: Task, make_result: MakeResult) -> Board:
         results.append(plain.model_copy(update={"policy": renamed(plain.policy, name)}))
     recorded = {HOSTILE: (7, 8), "grid_search": (7, 8), BACKWARDS: (8,)}
     episodes = [
-        record(record_of("plain"), lambda lanes: Steady(lanes, (0.1, 0.1)), task.scenario, draw).model_copy(
+        record(record_of("plain"), lambda num_envs: Steady(num_envs, (0.1, 0.1)), task.scenario, draw).model_copy(
             update={"policy": result.policy}
         )
         for result in results
@@ -139,7 +139,7 @@ def test_headings_sort(opened: Open, board: Board) -> None:
 
 def test_filters_leave_what_is_asked_for(opened: Open) -> None:
     shown = opened()
-    shown.get_by_label("admissible only").check()
+    shown.get_by_label("feasible only").check()
     assert "ppo" not in names(shown)
     shown.get_by_label("rules").uncheck()
     assert names(shown) == ["oracle"]

@@ -12,23 +12,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from baselines import workers
-from baselines.policy import Actions, Observations
 from leaderboard import run
 from leaderboard.__main__ import main
 from leaderboard.contestants import Contestant
-from leaderboard.results import ResultError, Task, read_result, result_folder, write_part
+from leaderboard.result import ResultError, Task, read_result, result_folder, write_part
 from tests.dask_cluster import dask_cluster
 from tests.leaderboard.conftest import ENV_ID, Steady, contestant, record_of
 from tests.train import onnx_agents
 from turning_env import IDS, Scenario
+from turning_env.score import workers
+from turning_env.score.policy import Actions, Observations
 
 
 class Deadly(Steady):
     """Kills its process while it plays, the first time."""
 
-    def __init__(self, lanes: int, mark: Path) -> None:
-        super().__init__(lanes, (0.1, 0.1))
+    def __init__(self, num_envs: int, mark: Path) -> None:
+        super().__init__(num_envs, (0.1, 0.1))
         self._mark = mark
         self._acts = 0
 
@@ -64,7 +64,7 @@ def rounds(tmp_path: Path) -> Callable[[str], list[run.Round]]:
     mark = tmp_path / "killed"
 
     def make(folder: str) -> list[run.Round]:
-        deadly = Contestant(record_of("deadly"), lambda lanes: Deadly(lanes, mark))
+        deadly = Contestant(record_of("deadly"), lambda num_envs: Deadly(num_envs, mark))
         playing = [
             (task, [run.rule("fixed_handbook", scenario), *run.agents(agents, scenario)]),
             (other, [deadly, contestant("quick", (0.0, 1.0)), contestant("slow")]),
@@ -113,7 +113,7 @@ def test_a_cluster_writes_the_same_though_a_worker_is_killed(
         assert files(tmp_path / "cluster") == expected
         assert sorted(worker.poll() is None for worker in cluster.workers) == [False, True, True]
         # A policy that cannot play is an error of its own, and the cluster remains.
-        useless = Contestant(record_of("useless"), lambda lanes: Useless(lanes, (0.0, 0.0)))
+        useless = Contestant(record_of("useless"), lambda num_envs: Useless(num_envs, (0.0, 0.0)))
         with workers.workers(1, cluster.address) as over, pytest.raises(ResultError, match="useless cannot play"):
             run.play_all(
                 [run.Round(rounds("cluster")[1].task, [useless], result_folder(tmp_path / "useless", ENV_ID, "other"))],

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from leaderboard.board import read_board, read_boards
-from leaderboard.results import (
+from leaderboard.result import (
     Result,
     ResultError,
     Task,

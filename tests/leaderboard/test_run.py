@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from baselines.play import EPISODE_FIELDS, Episodes, play
 from leaderboard import contestants, run
 from leaderboard.__main__ import main
 from leaderboard.board import read_board
 from leaderboard.contestants import Contestant, Reference
-from leaderboard.results import MadeFor, ResultError, Task, read_part, read_result
+from leaderboard.result import MadeFor, ResultError, Task, read_part, read_result
 from leaderboard.run import PlayersFailed
 from leaderboard.trajectories import RECORDED_DRAWS, Trajectories, record
 from tests.leaderboard.conftest import Steady, contestant, play_all, record_of
 from tests.train import onnx_agents
-from train import agent
+from train.agents import run_folder as agent
 from turning_env import Scenario
+from turning_env.score.play import EPISODE_FIELDS, Episodes, play
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def test_results_are_what_the_policies_do(task: Task, folder: Path) -> None:
     play_all(task, [contestant("slow"), contestant("quick", (0.0, 1.0))], folder, fresh=False)
     for name, action in (("slow", (0.0, 0.0)), ("quick", (0.0, 1.0))):
         result = read_result(folder / f"{name}.json.xz")
-        for field, values in play(lambda lanes, action=action: Steady(lanes, action), task.scenario, task.draws).items():
+        for field, values in play(lambda num_envs, action=action: Steady(num_envs, action), task.scenario, task.draws).items():
             np.testing.assert_array_equal(result.episodes[field], values)
 
 
@@ -70,7 +70,7 @@ def test_what_other_code_has_made_is_played_again(
 
 
 def test_an_interrupted_run_goes_on(task: Task, folder: Path, played: list[float]) -> None:
-    def interrupted(lanes: int) -> Steady:
+    def interrupted(num_envs: int) -> Steady:
         raise KeyboardInterrupt
 
     second = contestant("two", (0, 0.2))
@@ -100,7 +100,7 @@ def test_agents_that_cannot_be_ranked_are_refused_before_play(task: Task, folder
 
 
 def test_a_policy_whose_actions_are_no_numbers_is_named_and_others_go_on(task: Task, folder: Path) -> None:
-    lost = Contestant(record_of("lost"), lambda lanes: Steady(lanes, (math.nan, 0.0)))
+    lost = Contestant(record_of("lost"), lambda num_envs: Steady(num_envs, (math.nan, 0.0)))
     with pytest.raises(PlayersFailed, match=r"lost cannot play: .*finite"):
         play_all(task, [lost, contestant("one")], folder, fresh=False)
     assert sorted(path.name for path in folder.iterdir()) == ["one.json.xz", "trajectories.json.xz"]
@@ -126,7 +126,7 @@ def test_trajectories_are_of_every_policy_on_the_first_draws(task: Task, folder:
         (labels[standing.name], draw) for standing in standings for draw in task.draws[:RECORDED_DRAWS]
     ]
     assert recorded.episodes[0].series["minutes"] == pytest.approx(np.arange(1, 13) / 60, rel=1e-4)
-    assert recorded.episodes[0].intervals == 12
+    assert recorded.episodes[0].steps == 12
     # A later run that lacks a policy keeps its trajectory.
     play_all(task, contestants[:1], folder, fresh=False)
     assert read_part(Trajectories, folder / "trajectories.json.xz") == recorded
@@ -170,9 +170,9 @@ def test_rules_come_from_the_catalogue() -> None:
     assert elsewhere.policy.parameters == run.named(["fixed_tuned"], scenario)[0].policy.parameters
 
 
-def bound(scenario: Scenario, draws: Sequence[int], on_interval: Callable[[int], None]) -> Episodes:
+def bound(scenario: Scenario, draws: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
     """No policy earns more."""
-    on_interval(len(draws))
+    on_step(len(draws))
     return {name: np.full(len(draws), 1000.0 if name == "return" else 0.0) for name in EPISODE_FIELDS}
 
 
@@ -274,7 +274,7 @@ def test_machines_are_told_all_numbers_and_nothing_else(
     first = board["standings"][0]
     assert first["mean_return"]["value"] == ranked[0].mean_return.value
     assert first.keys() - told["units"].keys() == {
-        "name", "kind", "description", "training_seeds", "admissible", "best_rule"
+        "name", "kind", "description", "training_seeds", "feasible", "best_rule"
     }  # fmt: skip
     assert told["units"].keys() < first.keys()
     assert main(["show", *results]) == 0

@@ -7,14 +7,14 @@ import pytest
 from baselines.catalogue import names
 from leaderboard import verify
 from leaderboard.board import read_board
-from leaderboard.references import CLAIRVOYANT, references
-from leaderboard.results import SUFFIX, result_files
+from leaderboard.oracles import CLAIRVOYANT, references
+from leaderboard.result import SUFFIX, result_files
 from leaderboard.verify import Selection
-from train import onnx_policy
+from train.agents import onnx_policy
 from turning_env import IDS, SPLITS, Scenario
 
 ROOT = Path(__file__).parents[2]
-ROWS, AGENTS = ROOT / "leaderboard" / "rows", ROOT / "agents"
+ROWS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"
 FILES = sorted(AGENTS.glob("*/*/*.onnx"))
 BEST = "analytic_gradient"
 
@@ -49,7 +49,7 @@ def test_the_best_agent_is_what_is_claimed() -> None:
     assert board.standings[0] is best
     assert len(board.task.draws) == 256
     assert len(best.training_seeds) == 5
-    assert best.admissible
+    assert best.feasible
     assert best.way_gone is not None
     assert best.way_gone.value >= 2.0 / 3.0
     assert best.over_best_rule is not None
@@ -72,7 +72,7 @@ def test_agents_that_are_said_to_beat_every_rule_do() -> None:
         env_id = f"RoughTurning-{task}-v0"
         best = read_board(ROWS / env_id / IDS[env_id]).standings[0]
         assert best.name == name
-        assert best.admissible
+        assert best.feasible
         assert best.over_best_rule is not None
         assert best.over_best_rule.low > 0.0
 

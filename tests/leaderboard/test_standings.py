@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from leaderboard.columns import LIMITS, WORKSHOP
-from leaderboard.results import ResultError
+from leaderboard.result import ResultError
 from leaderboard.standings import rank
 from tests.leaderboard.conftest import MakeResult
 
@@ -95,7 +95,7 @@ def test_a_lone_rule_and_agents_without_rules_have_no_best_rule(make_result: Mak
     assert (agent.best_rule, agent.over_best_rule) == (None, None)
 
 
-def test_admissible_policies_rank_first(make_result: MakeResult) -> None:
+def test_feasible_policies_rank_first(make_result: MakeResult) -> None:
     results = [
         make_result("greedy", severe_overload_time=6.0, **{"return": 100}),
         make_result("good", severe_overload_time=2.9, **{"return": 1}),
@@ -103,14 +103,14 @@ def test_admissible_policies_rank_first(make_result: MakeResult) -> None:
     ]
     standings = rank(results)
     assert [standing.name for standing in standings] == ["good", "poor", "greedy"]
-    assert [standing.admissible for standing in standings] == [True, True, False]
+    assert [standing.feasible for standing in standings] == [True, True, False]
 
 
 def test_a_share_within_the_allowance_by_chance_does_not_admit(make_result: MakeResult) -> None:
     (standing,) = rank([make_result("lucky", severe_overload_time=[10, 0, 0, 0])])
     assert standing.severe_share == pytest.approx(10 / 240)
     assert standing.severe_limit > 0.05
-    assert not standing.admissible
+    assert not standing.feasible
 
 
 def test_a_policy_that_never_cuts_has_numbers(make_result: MakeResult) -> None:

@@ -7,21 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from baselines.play import EPISODE_FIELDS, Episodes
 from leaderboard import references, run, verify
 from leaderboard.__main__ import main
 from leaderboard.contestants import Reference
-from leaderboard.results import Result, Task, read_result, result_folder, result_path, write_part
+from leaderboard.result import Result, Task, read_result, result_folder, result_path, write_part
 from leaderboard.verify import Selection
 from tests.leaderboard.conftest import ENV_ID, record_of
 from tests.train import onnx_agents
 from turning_env import Scenario
+from turning_env.score.play import EPISODE_FIELDS, Episodes
 
 EVERYTHING = Selection()
 RULE = "fixed_handbook"
 
 
-def bound(scenario: Scenario, draws: Sequence[int], on_interval: Callable[[int], None]) -> Episodes:
+def bound(scenario: Scenario, draws: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
     return {name: np.array(draws, np.float64) for name in EPISODE_FIELDS}
 
 

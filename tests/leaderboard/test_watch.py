@@ -25,12 +25,12 @@ def short(scenario: Scenario, tmp_path: Path) -> list[str]:
 def test_videos_gifs_and_stills(short: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("cut.mp4", "cut.gif", "frame.png"):
         path = tmp_path / "new" / name
-        assert main([*short, "--policy", "fixed_handbook", "--intervals", "5", "--out", str(path)]) == 0
+        assert main([*short, "--policy", "fixed_handbook", "--steps", "5", "--out", str(path)]) == 0
         assert f"wrote {path}" in capsys.readouterr().out
         assert path.stat().st_size > 5_000
     assert b"ftyp" in (tmp_path / "new" / "cut.mp4").read_bytes()[:16]
     small = ["--width", "480", "--every", "3", "--fps", "5", "--out", str(tmp_path / "new" / "small.gif")]
-    assert main([*short, "--policy", "fixed_handbook", "--intervals", "5", *small]) == 0
+    assert main([*short, "--policy", "fixed_handbook", "--steps", "5", *small]) == 0
     with Image.open(tmp_path / "new" / "small.gif") as gif:
         assert gif.n_frames == 3  # type: ignore[attr-defined]
         assert (gif.size, gif.info["duration"]) == ((480, 336), 200)
@@ -52,7 +52,7 @@ def test_two_stand_side_by_side_and_the_still_is_the_end(short: list[str], tmp_p
 
 def test_intervals_are_left_out_and_who_has_ended_waits(scenario: Scenario) -> None:
     shows = [Show(contestant("one"), "RoughTurning-v0", scenario, 3, "rgb_array") for _ in range(2)]
-    assert list(watch.intervals(shows, None, 5)) == [0, 5, 10, 12]
+    assert list(watch.steps(shows, None, 5)) == [0, 5, 10, 12]
     assert all(show.ended for show in shows)
     shows = [Show(contestant("one"), "RoughTurning-v0", scenario, 3, "rgb_array") for _ in range(2)]
     shows[0].ended = True
@@ -64,7 +64,7 @@ def test_intervals_are_left_out_and_who_has_ended_waits(scenario: Scenario) -> N
 
 def test_a_window_shows_it(short: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    assert main([*short, "--policy", "fixed_handbook", "--intervals", "2", "--human"]) == 0
+    assert main([*short, "--policy", "fixed_handbook", "--steps", "2", "--human"]) == 0
     monkeypatch.setenv("SDL_VIDEODRIVER", "nonsense")
     assert main([*short, "--policy", "fixed_handbook", "--human"]) == 2
     assert "error: no window can be opened" in capsys.readouterr().err
@@ -109,6 +109,6 @@ def test_what_is_interrupted_leaves_nothing(
 
 def test_what_cannot_be_written_is_an_error(short: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("")
-    arguments = [*short, "--policy", "fixed_handbook", "--intervals", "1"]
+    arguments = [*short, "--policy", "fixed_handbook", "--steps", "1"]
     assert main([*arguments, "--out", str(tmp_path / "file" / "cut.gif")]) == 2
     assert "cut.gif cannot be written" in capsys.readouterr().err

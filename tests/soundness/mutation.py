@@ -2,8 +2,8 @@
 
 from hypothesis import strategies as st
 
-from benchmarks.fuzz.damage import damaged
-from benchmarks.fuzz.readers import READERS
+from tests.soundness.damage import damaged
+from tests.soundness.readers import READERS
 
 
 def damages_of(valid: bytes) -> st.SearchStrategy[bytes]:

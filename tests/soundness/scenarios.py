@@ -9,7 +9,7 @@ from turning_env import Scenario, presets
 
 Path = tuple[str, ...]
 _SCHEMA = Scenario.model_json_schema()
-_MOST_CHANGES = 40
+_MAX_CHANGES = 40
 BASES = {preset: Scenario.load(preset).model_dump() for preset in presets()}
 
 
@@ -56,7 +56,7 @@ def values(draw: st.DrawFn, laws: bool = False) -> dict[str, Any]:
     changed = {name: _copied(entry) for name, entry in base.items()} | {"name": "drawn"}
     allowed = sorted(path for path in FIELDS if laws or path not in LAWS)
     most = draw(st.sampled_from((3, 12, len(allowed))))
-    for path in draw(st.lists(st.sampled_from(allowed), unique=True, max_size=min(most, _MOST_CHANGES))):
+    for path in draw(st.lists(st.sampled_from(allowed), unique=True, max_size=min(most, _MAX_CHANGES))):
         _put(changed, path, draw(value_of(path)))
     return changed
 
@@ -78,8 +78,8 @@ def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
         start = control[f"initial_{name}"]
         control[f"initial_{name}"] = min(max(start, machine[f"{name}_min"]), machine[f"{name}_max"])
     surface["reference_min"], surface["reference_max"] = sorted((surface["reference_min"], surface["reference_max"]))
-    if changed["lot"]["initial_wear"] >= changed["tool"]["wear_criterion"]:
-        changed["lot"]["initial_wear"] = 0.0
+    if changed["mismatch"]["initial_wear"] >= changed["tool"]["wear_criterion"]:
+        changed["mismatch"]["initial_wear"] = 0.0
     if control["time_limit"] * 60.0 < control["interval"]:
         control["interval"] = control["time_limit"] * 60.0
     if control["action"] == "override":

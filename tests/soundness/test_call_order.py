@@ -21,9 +21,9 @@ SEEDS_OF_LANES = st.integers(0, 2**64 - 8)
 class Singles:
     """As many single environments, driven as a vector environment with ``DISABLED`` autoreset should be."""
 
-    def __init__(self, lanes: int) -> None:
-        self.envs = [RoughTurningEnv(MORTAL) for _ in range(lanes)]
-        self.ended = np.zeros(lanes, np.bool_)
+    def __init__(self, num_envs: int) -> None:
+        self.envs = [RoughTurningEnv(MORTAL) for _ in range(num_envs)]
+        self.ended = np.zeros(num_envs, np.bool_)
 
     def reset(self, mask: Any, seed: int | None) -> list[Any]:
         """The observations of the lanes of the mask."""
@@ -39,18 +39,18 @@ class Singles:
 
 @tried(short=60, soak=5_000)
 @given(st.data(), st.integers(1, 6), SEEDS_OF_LANES)
-def test_resets_and_steps_in_any_order_are_those_of_single_environments(data: st.DataObject, lanes: int, seed: int) -> None:
-    envs, singles = RoughTurningVectorEnv(lanes, MORTAL, "Disabled"), Singles(lanes)
-    every = np.ones(lanes, np.bool_)
+def test_resets_and_steps_in_any_order_are_those_of_single_environments(data: st.DataObject, num_envs: int, seed: int) -> None:
+    envs, singles = RoughTurningVectorEnv(num_envs, MORTAL, "Disabled"), Singles(num_envs)
+    every = np.ones(num_envs, np.bool_)
     observations, _ = envs.reset(seed=seed)
     assert observations.tobytes() == b"".join(row.tobytes() for row in singles.reset(every, seed))
     for _ in range(data.draw(st.integers(1, 12))):
         if data.draw(st.booleans()) or singles.ended.any():
-            mask = np.array(data.draw(st.lists(st.booleans(), min_size=lanes, max_size=lanes)))
+            mask = np.array(data.draw(st.lists(st.booleans(), min_size=num_envs, max_size=num_envs)))
             anew = data.draw(st.none() | SEEDS_OF_LANES)
             observations, _ = envs.reset(seed=anew, options={"reset_mask": mask})
             assert observations[mask].tobytes() == b"".join(row.tobytes() for row in singles.reset(mask, anew))
-        actions = np.array(data.draw(st.lists(st.tuples(*[st.floats(-1, 1)] * 2), min_size=lanes, max_size=lanes)))
+        actions = np.array(data.draw(st.lists(st.tuples(*[st.floats(-1, 1)] * 2), min_size=num_envs, max_size=num_envs)))
         if singles.ended.any():
             with pytest.raises(ResetNeeded):
                 envs.step(actions)

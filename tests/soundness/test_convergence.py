@@ -12,7 +12,7 @@ SUB_STEPS = (5, 10, 20, 40)
 SMOOTH = {
     "workpiece": {"depth_ripple": 0.0, "approach": 0.0, "depth_profile": ()},
     "tool": {"edge_strength": 1e6},
-    "lot": {"initial_wear": 0.0},
+    "mismatch": {"initial_wear": 0.0},
 }
 """No steps and no breakage, whose places would hide the order; all fields, lags and wear stay."""
 

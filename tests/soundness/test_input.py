@@ -52,12 +52,12 @@ def test_any_values_are_played_or_refused_by_name(data: st.DataObject, drawn: di
 @tried(short=50, soak=5_000)
 @given(st.integers(1, 70), st.data(), st.sampled_from((np.nan, np.inf, -np.inf)))
 def test_an_action_that_is_not_finite_is_refused_with_its_lane_and_nothing_moves(
-    lanes: int, data: st.DataObject, unfit: float
+    num_envs: int, data: st.DataObject, unfit: float
 ) -> None:
-    envs = RoughTurningVectorEnv(lanes)
+    envs = RoughTurningVectorEnv(num_envs)
     envs.reset(seed=1)
-    good = np.zeros((lanes, 2))
-    bad, place = good.copy(), data.draw(st.tuples(st.integers(0, lanes - 1), st.integers(0, 1)))
+    good = np.zeros((num_envs, 2))
+    bad, place = good.copy(), data.draw(st.tuples(st.integers(0, num_envs - 1), st.integers(0, 1)))
     bad[place] = unfit
     other = copy.deepcopy(envs)
     with pytest.raises(ValueError, match=f"lane {place[0]} must be finite"):

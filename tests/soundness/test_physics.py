@@ -64,7 +64,7 @@ def test_what_is_told_of_an_interval_adds_up(data: st.DataObject, scenario: Scen
         assert info["engaged_time"] <= (info["time"] - info["stopped_time"]) * (1 + 1e-9) + 1e-12 * info["time"]
         assert info["removed"] >= 0.0
         if number > 0:
-            paid = scenario.economics.reference_productivity * info["reward_metal"] / 60.0
+            paid = scenario.economics.reference_removal_rate * info["reward_metal"] / 60.0
             assert paid == pytest.approx(info["removed"], rel=1e-12)
             assert info["reward_time"] == -info["time"]
 
@@ -124,7 +124,7 @@ def test_more_feed_never_removes_less_metal_per_minute(speed: float, one: float,
 @tried(short=100, soak=10_000)
 @given(FACTORS, FACTORS, st.sampled_from(("initial_wear", "hardness_factor")), st.floats(0.1, 4.9), st.floats(0.1, 4.9))
 def test_force_and_power_rise_with_wear_and_hardness(speed: float, feed: float, what: str, one: float, other: float) -> None:
-    told = [first_interval(changed(STEADY, lot={what: value}), speed, feed) for value in sorted((one, other))]
+    told = [first_interval(changed(STEADY, mismatch={what: value}), speed, feed) for value in sorted((one, other))]
     less, more = told
     for name in ("thrust_force", "power", "mean_thrust_force", "mean_power", "torque"):
         assert 0.0 < less[name] <= more[name] * (1 + 1e-12), name

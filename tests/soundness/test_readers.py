@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.fuzz.readers import READERS, attempt, rows, small_result
-from leaderboard.results import ResultError, read_result
+from leaderboard.result import ResultError, read_result
 from tests.soundness.effort import tried
 from tests.soundness.mutation import damages, damages_of
-from train import onnx_policy
+from tests.soundness.readers import READERS, attempt, rows, small_result
+from train.agents import onnx_policy
 from turning_env import Scenario, ScenarioError
 
 ROW = rows()[0]

@@ -43,7 +43,7 @@ def remembering(seed: int = 0) -> Actor:
 
 def run(folder: Path, seed: int = 0, algorithm: str = "ppo") -> Run:
     """A run that was never trained."""
-    return Run(algorithm, "RoughTurning-v0", SCENARIO, seed, {"intervals": 1000, "discount": 0.8}, "train it", folder)
+    return Run(algorithm, "RoughTurning-v0", SCENARIO, seed, {"steps": 1000, "discount": 0.8}, "train it", folder)
 
 
 @functools.cache

@@ -2,14 +2,15 @@ from pathlib import Path
 
 import pytest
 
-from train import agent, ppo
+from train import ppo
+from train.agents import run_folder as agent
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--seed", "-1"], "--seed is -1, but must be 0 to 999"),
-        (["--intervals", "0"], "--intervals is 0"),
+        (["--steps", "0"], "--steps is 0"),
         (["--env", "Pendulum-v1"], "RoughTurning-v0"),
     ],
 )
@@ -25,7 +26,7 @@ def test_an_unknown_scenario_is_an_error(tmp_path: Path, capsys: pytest.CaptureF
 
 
 def test_any_id_can_be_trained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["--env", "RoughTurning-Paper-v0", "--intervals", "100", "--runs", str(tmp_path)]
+    arguments = ["--env", "RoughTurning-Paper-v0", "--steps", "100", "--runs", str(tmp_path)]
     assert ppo.main(arguments) == 0
     path = Path(capsys.readouterr().out.strip())
     assert path == tmp_path / "RoughTurning-Paper-v0" / "paper" / "ppo-seed0" / "policy.zip"

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 import torch
 
-from baselines.commands import towards
 from train.commands import Commands
 from turning_env import RoughTurningVectorEnv, Scenario, read
+from turning_env.action import towards
 
 
 def wanted_places(scenario: Scenario, speed: np.ndarray, feed: np.ndarray) -> torch.Tensor:

@@ -28,12 +28,12 @@ def a_run(
 
 def line(slope: float, start: float = 0.0, end: float = 100.0) -> list[dict[str, float]]:
     """A return that grows evenly with the intervals."""
-    return [{"intervals": x, "wall_time": x / 10.0, "mean_return": slope * x} for x in (start, end)]
+    return [{"steps": x, "wall_time": x / 10.0, "mean_return": slope * x} for x in (start, end)]
 
 
 def test_seeds_are_averaged_where_all_have_been(tmp_path: Path) -> None:
     folders = [a_run(tmp_path, 0, line(-1.0)), a_run(tmp_path, 1, line(-3.0, 10.0, 60.0)), a_run(tmp_path, 2, line(5.0), "sac")]
-    title, found = curves.curves(folders, "intervals")
+    title, found = curves.curves(folders, "steps")
     assert title == "RoughTurning-v0, scenario short"
     assert [(name, curve.seeds) for name, curve in found.items()] == [("ppo", 2), ("sac", 1)]
     curve = found["ppo"]
@@ -70,7 +70,7 @@ def test_real_trainings_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 def test_what_cannot_be_compared_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first = a_run(tmp_path, 0, line(1.0))
-    longer = a_run(tmp_path / "longer", 1, line(1.0), intervals=4096)
+    longer = a_run(tmp_path / "longer", 1, line(1.0), steps=4096)
     elsewhere = a_run(tmp_path / "elsewhere", 1, line(1.0), scenario=Scenario.load("casting"))
     later = a_run(tmp_path / "later", 1, line(1.0, 200.0, 300.0))
     unbegun = a_run(tmp_path / "unbegun", 1, [])

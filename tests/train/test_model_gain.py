@@ -131,7 +131,7 @@ def test_going_on_earns_what_life_is_worth_or_else_what_the_metal_leaves_and_a_f
     assert gain.price(torch.tensor(0.95)) == 0.0
     assert going_on[0] == pytest.approx(float(gain.price(torch.tensor(0.5005))) * life_rate, rel=1e-3)
     assert going_on[1] == pytest.approx(
-        160.0 * 0.12 * depth / shift.economics.reference_productivity - gain._time_price, rel=1e-3
+        160.0 * 0.12 * depth / shift.economics.reference_removal_rate - gain._time_price, rel=1e-3
     )
     assert going_on[1] < 0.0
     assert going_on[2] == pytest.approx(float(going_on[1]), rel=1e-3)

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from train import export
-from train.nc import command, simulate
-from train.nc.read import read_file
-from train.nc.schedule import Sums
-from train.nc.write import WARNING
+from train.nc import command
+from turning_env.programs import simulate
+from turning_env.programs.read import read_file
+from turning_env.programs.schedule import Sums
+from turning_env.programs.write import WARNING
 
 AGENTS = Path(__file__).parents[2] / "agents"
 

@@ -11,14 +11,15 @@ from hypothesis import strategies as st
 from baselines import catalogue
 from baselines.fuzzy_override import new_override
 from baselines.load_override import towards_load
-from train.nc import interval_table, laws, schedule, simulate, simulate_law
-from train.nc.course import Piece, bars_of
-from train.nc.program import Block, NcError, Program
-from train.nc.read import read
-from train.nc.synchronous import LOAD, OVERRIDE, Law
-from train.nc.write import write
+from train.nc import interval_table, laws, simulate_law
 from turning_env import Scenario
-from turning_env.drives import lag_share
+from turning_env.physics.drives import lag_share
+from turning_env.programs import schedule, simulate
+from turning_env.programs.course import Piece, bars_of
+from turning_env.programs.program import Block, NcError, Program
+from turning_env.programs.read import read
+from turning_env.programs.synchronous import LOAD, OVERRIDE, Law
+from turning_env.programs.write import write
 
 SCENARIO, OVERRIDES = Scenario.load("rough_turning"), Scenario.load("override")
 
@@ -139,7 +140,7 @@ def test_a_law_does_what_the_rule_does(rule: str) -> None:
     compared = simulate_law.compare(program, catalogue.entry(rule, OVERRIDES).make, OVERRIDES, 11)
     assert compared.largest_difference < 0.5
     assert compared.mean_difference < 0.05
-    assert compared.intervals > 1000
+    assert compared.steps > 1000
     assert compared.simulated.difference(compared.original) < 0.005
     assert simulate_law.simulate_law(program, OVERRIDES, 11) == compared.simulated
 
@@ -172,7 +173,7 @@ def test_a_constant_load_law_is_the_rules_up_to_the_tabulated_load() -> None:
     parameters = catalogue.entry("iadapts", OVERRIDES).parameters
     share, law = lag_share(0.012, 1.0 / parameters["gain"]), law_of("iadapts")
     for override, load in GRID:
-        if load <= laws.MOST_LOAD:
+        if load <= laws.MAX_LOAD:
             of_load = np.array([0.01 * load])
             expected = 100.0 * towards_load(np.array([0.01 * override]), of_load, 0.6 * parameters["target"], share)[0]
             assert next_override(law, override, load) == pytest.approx(min(expected, 200.0), abs=1e-5)

@@ -6,12 +6,23 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from train.nc.expression import Expression, Number, Operation, Variable, parse
-from train.nc.numbers import as_written, number_text
-from train.nc.program import Block, NcError, Program, rounded_within
-from train.nc.read import read
-from train.nc.synchronous import LOAD, OVERRIDE, READABLE, WRITABLE, Action, Assign, Condition, Evaluate, Law, Polynomial
-from train.nc.write import WARNING, write
+from turning_env.programs.expression import Expression, Number, Operation, Variable, parse
+from turning_env.programs.numbers import as_written, number_text
+from turning_env.programs.program import Block, NcError, Program, rounded_within
+from turning_env.programs.read import read
+from turning_env.programs.synchronous import (
+    LOAD,
+    OVERRIDE,
+    READABLE,
+    WRITABLE,
+    Action,
+    Assign,
+    Condition,
+    Evaluate,
+    Law,
+    Polynomial,
+)
+from turning_env.programs.write import WARNING, write
 
 SPEEDS = st.integers(1, 20_000).map(lambda tenths: tenths / 10)
 FEEDS = st.integers(1, 10_000).map(lambda thousandths: thousandths / 1000)

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from onnx import helper, numpy_helper
 
 from tests.train import onnx_agents, small
-from train import agent, agent_file, export, onnx_policy
+from train import export
 from train.actor import Actor, ActorPolicy
+from train.agents import agent_file, onnx_policy
+from train.agents import run_folder as agent
+from train.agents.session import OnnxPolicy, session_of, tried
 from train.feedforward import Feedforward
-from train.onnx_session import OnnxPolicy, session_of, tried
 from train.training import Algorithm, new_model
 from turning_env import Scenario
 
@@ -26,14 +28,14 @@ ALL = np.ones(5, np.bool_)
 ACTORS = {False: onnx_agents.memoryless, True: onnx_agents.remembering}
 
 
-def observations(steps: int, lanes: int = 5) -> NDArray[np.float32]:
-    return np.random.default_rng(1).uniform(-1, 3, (steps, lanes, 11)).astype(np.float32)
+def observations(steps: int, num_envs: int = 5) -> NDArray[np.float32]:
+    return np.random.default_rng(1).uniform(-1, 3, (steps, num_envs, 11)).astype(np.float32)
 
 
-def policy(lanes: int, memory: bool) -> OnnxPolicy:
+def policy(num_envs: int, memory: bool) -> OnnxPolicy:
     file = agent_file.checked(onnx_agents.content(memory))
-    made = OnnxPolicy(session_of(file.content), file.memory_size, lanes)
-    made.reset(np.ones(lanes, np.bool_))
+    made = OnnxPolicy(session_of(file.content), file.memory_size, num_envs)
+    made.reset(np.ones(num_envs, np.bool_))
     return made
 
 
@@ -68,7 +70,7 @@ def test_a_file_says_what_it_is_and_nothing_of_where_it_was_made(tmp_path: Path)
     agent = onnx_policy.load(onnx_agents.write(tmp_path, seed=3))
     run = onnx_agents.run(tmp_path, seed=3)
     assert (agent.name, agent.seed, agent.env_id, agent.scenario) == ("ppo", 3, "RoughTurning-v0", run.scenario)
-    assert (agent.command, agent.parameters, agent.trained_intervals) == (run.command, run.parameters, 1000)
+    assert (agent.command, agent.parameters, agent.trained_steps) == (run.command, run.parameters, 1000)
     assert sys.prefix.encode() not in onnx_agents.content()
     assert b".py" not in onnx_agents.content()
 
@@ -301,6 +303,6 @@ def test_wrong_observations_are_refused() -> None:
 
 
 def test_playing_a_file_needs_no_torch() -> None:
-    code = "import sys, train.onnx_policy; print(*{'torch', 'stable_baselines3', 'sb3_contrib'} & sys.modules.keys())"
+    code = "import sys, train.agents.onnx_policy; print(*{'torch', 'stable_baselines3', 'sb3_contrib'} & sys.modules.keys())"
     finished = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert finished.stdout.strip() == ""

@@ -12,20 +12,21 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.train import networks, onnx_agents
-from train import agent_file, onnx_guard, onnx_policy
-from train.onnx_guard import GuardedPolicy, Limits
-from train.onnx_session import OnnxPolicy, session_of, tried
+from train.agents import agent_file, onnx_policy
+from train.agents import sandbox as onnx_guard
+from train.agents.sandbox import GuardedPolicy, Limits
+from train.agents.session import OnnxPolicy, session_of, tried
 
 LANES = 6
 linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
 
-def observations(steps: int, lanes: int = LANES) -> NDArray[np.float32]:
-    return np.random.default_rng(1).uniform(-1, 1, (steps, lanes, 11)).astype(np.float32)
+def observations(steps: int, num_envs: int = LANES) -> NDArray[np.float32]:
+    return np.random.default_rng(1).uniform(-1, 1, (steps, num_envs, 11)).astype(np.float32)
 
 
-def guarded(content: bytes, lanes: int = LANES, limits: Limits = onnx_guard.LIMITS) -> GuardedPolicy:
-    return GuardedPolicy(agent_file.checked(content), lanes, limits)
+def guarded(content: bytes, num_envs: int = LANES, limits: Limits = onnx_guard.LIMITS) -> GuardedPolicy:
+    return GuardedPolicy(agent_file.checked(content), num_envs, limits)
 
 
 def child_of(policy: GuardedPolicy) -> "subprocess.Popen[bytes]":
@@ -52,7 +53,7 @@ def test_a_file_is_looked_at_and_tried_elsewhere(tmp_path: Path, monkeypatch: py
 
     path = onnx_agents.write(tmp_path, memory=True)
     expected = agent_file.read(path)
-    for name in ("onnx.load_model_from_string", "onnx.checker.check_model", "train.onnx_session.runtime"):
+    for name in ("onnx.load_model_from_string", "onnx.checker.check_model", "train.agents.session.runtime"):
         monkeypatch.setattr(name, never)
     agent = onnx_policy.load(path)
     assert (agent.digest, agent.scenario) == (expected.digest, expected.metadata.scenario)
@@ -89,8 +90,8 @@ def test_its_process_holds_no_variables_and_no_files_of_this_one(monkeypatch: py
     ids=["read", "connect", "write", "swell", "unlimit"],
 )
 def test_what_is_limited_can_open_and_ask_for_nothing(attempt: str, error: str, tmp_path: Path) -> None:
-    program = f"import os, socket, resource; from train.onnx_child import limit; limit(512, 10)\n{attempt}"
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(Path(onnx_guard.__file__).parents[1])}
+    program = f"import os, socket, resource; from train.agents.sandbox_child import limit; limit(512, 10)\n{attempt}"
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(Path(onnx_guard.__file__).parents[2])}
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, cwd=tmp_path)
     assert ended.returncode == 1
     assert error in ended.stderr
@@ -130,12 +131,12 @@ def test_who_asks_for_too_much_memory_is_refused() -> None:
         (networks.few, LANES, "gives 1 actions and . memories for . lanes"),
     ],
 )
-def test_what_looks_at_other_lanes_is_refused(content: Callable[[], bytes], lanes: int, message: str, tmp_path: Path) -> None:
+def test_what_looks_at_other_lanes_is_refused(content: Callable[[], bytes], num_envs: int, message: str, tmp_path: Path) -> None:
     (tmp_path / "agent.onnx").write_bytes(content())
     with pytest.raises(ValueError, match=message):
         onnx_policy.load(tmp_path / "agent.onnx")
     with pytest.raises(ValueError, match=message):
-        guarded(content(), lanes).act(observations(1, lanes)[0])
+        guarded(content(), num_envs).act(observations(1, num_envs)[0])
 
 
 def test_actions_out_of_bounds_are_refused_while_playing(tmp_path: Path) -> None:

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from tests.train import onnx_agents, small
-from train import agent, training
+from train import training
+from train.agents import run_folder as agent
 from train.training import new_model, save_checkpoint
 
 ROOT = Path(__file__).parents[2]

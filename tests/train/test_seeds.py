@@ -7,8 +7,8 @@ import pytest
 
 from tests.train import small
 from train.training import SEED_STRIDE, SEEDS, Algorithm, train
-from turning_env.draws import TUNING_START
-from turning_env.lathes import Lathes
+from turning_env.batch.driver import Lathes
+from turning_env.score.seeds import TUNING_START
 
 
 @pytest.mark.parametrize("algorithm", small.ALGORITHMS.values(), ids=small.ALGORITHMS)
@@ -21,7 +21,7 @@ def test_trainings_play_their_own_seeds_alone(algorithm: Algorithm, tmp_path: Pa
         seed(self, lanes, seeds)
 
     monkeypatch.setattr(Lathes, "seed", watched)
-    run = small.small_run(algorithm, tmp_path, intervals=1024)
+    run = small.small_run(algorithm, tmp_path, steps=1024)
     train(run, algorithm)
     own = range(run.seed * SEED_STRIDE, (run.seed + 1) * SEED_STRIDE)
     assert given

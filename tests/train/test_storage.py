@@ -13,10 +13,10 @@ import optuna
 import pytest
 from optuna.trial import TrialState
 
-from baselines.workers import Workers
 from tests.train.small import SCENARIO
 from train import tune
 from train.storage import opened
+from turning_env.score.workers import Workers
 
 TRIALS = 12
 

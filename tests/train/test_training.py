@@ -7,11 +7,12 @@ import pytest
 import torch
 
 from tests.train.small import ALGORITHMS, small_run
-from train import agent, learning_curve, training
+from train import learning_curve, training
+from train.agents import run_folder as agent
 from train.run import Run
 from train.training import Algorithm, train
 from turning_env import IDS, Scenario
-from turning_env.lathes import action_space, observation_space
+from turning_env.batch.driver import action_space, observation_space
 
 every_algorithm = pytest.mark.parametrize("algorithm", ALGORITHMS.values(), ids=ALGORITHMS)
 
@@ -47,7 +48,7 @@ def test_a_killed_training_resumes_to_the_very_same_agent(
     expected, found = (algorithm.model.load(each.policy, device="cpu").get_parameters() for each in (undisturbed, run))
     assert _bytes(expected) == _bytes(found)
     rows, resumed_rows = (learning_curve.read(each.folder) for each in (undisturbed, run))
-    assert rows[-1]["intervals"] == 2048
+    assert rows[-1]["steps"] == 2048
     for row, resumed_row in zip(rows, resumed_rows, strict=True):
         assert row | {"wall_time": 0.0} == resumed_row | {"wall_time": 0.0}
     assert all(np.diff([row["wall_time"] for row in resumed_rows]) > 0.0)
@@ -62,7 +63,7 @@ def _bytes(parameters: Any) -> bytes:
 
 @every_algorithm
 def test_a_loaded_agent_does_what_its_model_predicts(algorithm: Algorithm, tmp_path: Path) -> None:
-    run = small_run(algorithm, tmp_path, intervals=1024)
+    run = small_run(algorithm, tmp_path, steps=1024)
     path = train(run, algorithm)
     model: Any = algorithm.model.load(path, device="cpu")
     loaded = agent.load(run.folder)
@@ -90,7 +91,7 @@ def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_
             with pytest.raises(ValueError, match=f"{algorithm.name} cannot learn on scenario"):
                 train(run, algorithm)
             continue
-        model = algorithm.new_model(run, algorithm.lathes(scenario, run.parameters["lanes"]))
+        model = algorithm.new_model(run, algorithm.lathes(scenario, run.parameters["num_envs"]))
         model.save(tmp_path / "policy.zip")
         actor = algorithm.actor(tmp_path / "policy.zip")
         observation = torch.from_numpy(observation_space(scenario).sample()[None])
@@ -101,7 +102,7 @@ def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_
 
 def test_a_finished_training_is_not_repeated(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["ppo"]
-    run = small_run(algorithm, tmp_path, intervals=512)
+    run = small_run(algorithm, tmp_path, steps=512)
     path = train(run, algorithm)
     before = path.stat().st_mtime_ns
     assert train(run, algorithm) == path
@@ -120,14 +121,14 @@ def test_there_is_no_agent_before_a_training_is_finished(tmp_path: Path) -> None
 
 def test_a_folder_of_other_settings_is_left_alone(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["ppo"]
-    train(small_run(algorithm, tmp_path, intervals=512), algorithm)
+    train(small_run(algorithm, tmp_path, steps=512), algorithm)
     with pytest.raises(ValueError, match="holds a training with other settings"):
-        train(small_run(algorithm, tmp_path, intervals=512, discount=0.9), algorithm)
+        train(small_run(algorithm, tmp_path, steps=512, discount=0.9), algorithm)
 
 
 def test_an_agent_is_small_and_holds_no_lathes(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["sac"]
-    run = small_run(algorithm, tmp_path, memory=1_000_000, intervals=64)
+    run = small_run(algorithm, tmp_path, memory=1_000_000, steps=64)
     path = train(run, algorithm)
     assert path.stat().st_size < 1_000_000
     assert not hasattr(algorithm.model.load(path, device="cpu"), "beside")

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from baselines.workers import Workers
 from tests.train.small import ALGORITHMS, PARAMETERS, SCENARIO
 from train import tune
 from train.run import hyperparameters
+from turning_env.score.workers import Workers
 
 
 class AtOnce(Executor):
@@ -41,9 +41,9 @@ def task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tune.Task:
     return tune.Task("sac", "RoughTurning-v0", SCENARIO, 100, 1, tmp_path)
 
 
-def test_the_best_admissible_setting_wins(task: tune.Task, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_best_feasible_setting_wins(task: tune.Task, capsys: pytest.CaptureFixture[str]) -> None:
     best = tune.search(task, 12, 2)
-    assert tune.admissible(best)
+    assert tune.feasible(best)
     assert 1e-3 <= best.params["learning_rate"] <= 1.5e-3  # the first trial is what is known: 1e-3
     assert best.value == pytest.approx(1e5 * best.params["learning_rate"])
     told = capsys.readouterr().err
@@ -105,7 +105,7 @@ def test_every_algorithm_can_be_tuned() -> None:
 
 
 def test_the_command_prints_a_table(task: tune.Task, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["--algorithm", "sac", "--trials", "2", "--intervals", "100", "--runs", str(tmp_path / "runs")]
+    arguments = ["--algorithm", "sac", "--trials", "2", "--steps", "100", "--runs", str(tmp_path / "runs")]
     assert tune.main(arguments) == 0
     command, result, *table = capsys.readouterr().out.splitlines()
     assert command == "# python -m train.tune " + " ".join(arguments)

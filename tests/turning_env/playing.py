@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from pydantic.fields import FieldInfo
 
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.quantity import Section
-from turning_env.records import action_size
+from turning_env.physics.records import action_size
+from turning_env.scenario.section import Section
 
 Record = dict[str, NDArray[Any]]
 
@@ -59,10 +59,10 @@ def slightly_different(value: Any, field: FieldInfo) -> list[Any]:
     return [value + 1 if value == int(value) else value * 1.01]
 
 
-def fixed_actions(count: int, lanes: int, scenario: Any = "rough_turning") -> NDArray[np.float32]:
+def fixed_actions(count: int, num_envs: int, scenario: Any = "rough_turning") -> NDArray[np.float32]:
     """Actions of shape (count, lanes, action size) by formula: slow waves that sweep the ranges, and reach beyond -1..1."""
     scenario = Scenario.load(scenario)
-    phase = np.arange(count)[:, None] + 17.0 * np.arange(lanes)
+    phase = np.arange(count)[:, None] + 17.0 * np.arange(num_envs)
     numbers = range(action_size(scenario))
     waves = [1.2 * np.sin((0.05 + 0.06 * number) * phase + 0.3 + 0.5 * number) for number in numbers]
     if scenario.control.edge_changes == "commanded":

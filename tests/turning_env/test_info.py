@@ -9,7 +9,7 @@ import numpy as np
 from tests.turning_env.playing import fixed_actions
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv
 from turning_env.info import EVERY_FIELD, with_values
-from turning_env.records import REPORT_FIELDS, REPORT_FLAGS
+from turning_env.physics.records import REPORT_FIELDS, REPORT_FLAGS
 
 VALUES = [0.5 * number for number in range(len(REPORT_FIELDS))]
 

@@ -17,7 +17,7 @@ def test_observations_stay_in_their_space(preset):
 def test_ratios_and_loads_are_capped():
     fierce = changed(UNDISTURBED, limits={"power": 0.1, "thrust_force": 10}, sensors={"power_noise": 1, "force_noise": 1})
     rows = play(RoughTurningEnv(fierce), 0, fixed_actions(60, 1)[:, 0])["observation"]
-    assert rows[:, :2].max() == observation.FIFTHS * (observation.MOST_RATIO - 1)
+    assert rows[:, :2].max() == observation.FIFTHS * (observation.MAX_RATIO - 1)
     assert (rows <= observation.bounds(fierce)[1]).all()
 
 

@@ -13,8 +13,8 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, fixed_actions, play
 from tests.turning_env.test_env import BAD_ACTIONS
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
-from turning_env.crew import BLOCKS_CLAIMED, LEAST_BLOCKS, Crew
-from turning_env.records import WIDTH
+from turning_env.batch.threads import BLOCKS_CLAIMED, MIN_BLOCKS, Crew
+from turning_env.physics.records import WIDTH
 
 INTERVALS = 80
 
@@ -42,13 +42,13 @@ def assert_same_answers(ours, theirs):
 
 @pytest.mark.parametrize("lanes", [1, 3, 64])
 @pytest.mark.parametrize("mode", AutoresetMode)
-def test_lanes_are_single_environments_side_by_side(mode, lanes):
+def test_lanes_are_single_environments_side_by_side(mode, state):
     """Bit for bit what Gymnasium makes of single environments, through several episodes per lane."""
-    ours = RoughTurningVectorEnv(lanes, SHORT_LIVED, mode)
-    theirs = SyncVectorEnv([lambda: RoughTurningEnv(SHORT_LIVED)] * lanes, autoreset_mode=mode)
+    ours = RoughTurningVectorEnv(state, SHORT_LIVED, mode)
+    theirs = SyncVectorEnv([lambda: RoughTurningEnv(SHORT_LIVED)] * state, autoreset_mode=mode)
     assert_same_answers(ours.reset(seed=40), theirs.reset(seed=40))
-    ended_count = np.zeros(lanes, int)
-    for actions in fixed_actions(INTERVALS, lanes):
+    ended_count = np.zeros(state, int)
+    for actions in fixed_actions(INTERVALS, state):
         answers = ours.step(actions)
         assert_same_answers(answers, theirs.step(actions))
         ended = answers[2] | answers[3]
@@ -235,7 +235,7 @@ def test_a_copy_goes_on_alike():
 
 
 def test_threads_share_the_lanes_and_change_nothing():
-    lanes = (LEAST_BLOCKS + BLOCKS_CLAIMED) * WIDTH + 5
+    lanes = (MIN_BLOCKS + BLOCKS_CLAIMED) * WIDTH + 5
     alone, shared = (RoughTurningVectorEnv(lanes, SHORT_LIVED, "SameStep", threads=threads) for threads in (1, 3))
     assert_same_answers(shared.reset(seed=3), alone.reset(seed=3))
     for actions in fixed_actions(35, lanes):
@@ -249,7 +249,7 @@ def test_an_error_in_a_thread_comes_out():
 
     crew = Crew(["own", "helper"])
     with pytest.raises(RuntimeError, match=r"own|helper"):
-        crew.run(step, LEAST_BLOCKS)
+        crew.run(step, MIN_BLOCKS)
     crew.dismiss()
 
 

@@ -12,22 +12,23 @@ from typing import Any
 from tqdm import tqdm
 
 from baselines import catalogue
-from baselines.policy import PolicyFactory
-from train import onnx_policy
-from train.nc import interval_table, laws, schedule, simulate, simulate_law
-from train.nc.program import NcError, Program
-from train.nc.read import read, read_file
-from train.nc.schedule import Sums
-from train.nc.write import write
+from train.agents import onnx_policy
+from train.nc import interval_table, laws, simulate_law
 from turning_env import Scenario
 from turning_env.console import described, exits
-from turning_env.draws import tuning_draws
 from turning_env.files import replace_file
+from turning_env.programs import schedule, simulate
+from turning_env.programs.program import NcError, Program
+from turning_env.programs.read import read, read_file
+from turning_env.programs.schedule import Sums
+from turning_env.programs.write import write
+from turning_env.score.policy import PolicyFactory
+from turning_env.score.seeds import tuning_seeds
 
 PROGRAM = "python -m train.export --nc"
-MOST_DIFFERENCE = 0.02
+MAX_DIFFERENCE = 0.02
 """Between what a program read back and what it was made from come to: removed metal, time and wear, as a share."""
-MOST_OVERRIDE_DIFFERENCE = 0.5
+MAX_OVERRIDE_DIFFERENCE = 0.5
 """Between a law read back and the rule that it was made from [percentage points of override]."""
 REVIEW = (
     "Tool, zero offset, clamping, retraction, coolant, limits and every value must be checked by whoever is responsible for the "
@@ -113,7 +114,7 @@ def _seed(parsed: argparse.Namespace) -> int:
         return int(parsed.seed)
     if parsed.draw < 0:
         raise NcError(f"--draw is {parsed.draw}, but must be 0 or more")
-    return tuning_draws(parsed.draw + 1)[-1]
+    return tuning_seeds(parsed.draw + 1)[-1]
 
 
 def _schedule(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
@@ -171,16 +172,16 @@ def _law(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
     ]
     text, program = _text_of(program, comments, command)
     compared = simulate_law.compare(program, catalogue.entry(parsed.rule, scenario).make, scenario, _seed(parsed))
-    if not compared.largest_difference <= MOST_OVERRIDE_DIFFERENCE:
+    if not compared.largest_difference <= MAX_OVERRIDE_DIFFERENCE:
         raise NcError(
             f"the law read back differs from {parsed.rule} by {compared.largest_difference:.2f} percentage points of override; "
-            f"{MOST_OVERRIDE_DIFFERENCE} are allowed, and nothing was written"
+            f"{MAX_OVERRIDE_DIFFERENCE} are allowed, and nothing was written"
         )
     assert program.law is not None
     told = {
         "polynomials": len(program.law.polynomials),
         "actions": len(program.law.actions),
-        "intervals": compared.intervals,
+        "steps": compared.steps,
         "mean_override_difference": compared.mean_difference,
         "largest_override_difference": compared.largest_difference,
     }
@@ -207,10 +208,10 @@ def _text_of(program: Program, comments: list[str], command: str) -> tuple[str, 
 
 def _agreeing(original: Sums, simulated: Sums) -> dict[str, Any]:
     difference = simulated.difference(original)
-    if not difference <= MOST_DIFFERENCE:
+    if not difference <= MAX_DIFFERENCE:
         raise NcError(
             f"the program read back comes to {simulated}, but what it was made from to {original}: {100.0 * difference:.1f} % "
-            f"apart, where {100.0 * MOST_DIFFERENCE:g} % are allowed, and nothing was written; a smaller tolerance may help"
+            f"apart, where {100.0 * MAX_DIFFERENCE:g} % are allowed, and nothing was written; a smaller tolerance may help"
         )
     return {"original": asdict(original), "simulated": asdict(simulated), "largest_difference": difference}
 
@@ -224,10 +225,10 @@ def _lines(done: dict[str, Any]) -> str:
     countable = [name for name in ("bars", "sections", "blocks", "polynomials", "actions") if name in done]
     counts = ", ".join(f"{done[name]} {name if done[name] != 1 else name.removesuffix('s')}" for name in countable)
     lines = [f"{done['path']}: {counts}"]
-    if "intervals" in done:
+    if "steps" in done:
         largest, mean = done["largest_override_difference"], done["mean_override_difference"]
         lines.append(
-            f"override: {largest:.3f} percentage points off the rule at most, {mean:.3f} in the mean of {done['intervals']}"
+            f"override: {largest:.3f} percentage points off the rule at most, {mean:.3f} in the mean of {done['steps']}"
         )
     for name, of in (("original", "original"), ("simulated", "read back and played")):
         if name in done:

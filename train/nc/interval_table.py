@@ -8,18 +8,18 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from baselines.commands import sets_speed_and_feed
 from baselines.grid_search import best_pair, grid, predict
-from train.nc.course import Piece, bars_of
-from train.nc.program import NcError, Program
-from train.nc.schedule import Sums, job
 from turning_env import Scenario
-from turning_env.elementary import exponential
-from turning_env.records import parameter_records
-from turning_env.sections import Lot
-from turning_env.wear import log_wear
+from turning_env.action import sets_speed_and_feed
+from turning_env.numerics.functions import exp
+from turning_env.physics.records import parameter_records
+from turning_env.physics.wear import log_wear
+from turning_env.programs.course import Piece, bars_of
+from turning_env.programs.program import NcError, Program
+from turning_env.programs.schedule import Sums, job
+from turning_env.scenario.sections import Mismatch
 
-MOST_INTERVALS = 1_000_000
+MAX_INTERVALS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def interval_table(scenario: Scenario, interval: float | None = None) -> list[Ro
 
     Raises:
         NcError: the scenario's actions do not set speed and feed, a load falls with feed, the interval is not above 0 or so short
-            that a table has more than ``MOST_INTERVALS``, or no pair keeps the limits.
+            that a table has more than ``MAX_INTERVALS``, or no pair keeps the limits.
     """
     job(scenario, 1)
     if not sets_speed_and_feed(scenario) or any(law.feed < 0 for _, law in scenario.material):
@@ -51,7 +51,7 @@ def interval_table(scenario: Scenario, interval: float | None = None) -> list[Ro
     if not 0.0 < step < math.inf:
         raise NcError(f"the interval is {step} min, but must be above 0")
     rows: list[Row] = []
-    for row in _intervals(scenario.as_told(), step):
+    for row in _intervals(scenario.nominal(), step):
         last = rows[-1] if rows else None
         if last and (last.cutting_speed, last.feed) == (row.cutting_speed, row.feed):
             rows[-1] = replace(row, start=last.start)
@@ -66,15 +66,15 @@ def _intervals(scenario: Scenario, step: float) -> Iterator[Row]:
     parameters, limits = parameter_records(scenario)[0], scenario.limits
     speeds, feeds = grid(scenario)
     used_life = 0.0
-    for count in range(MOST_INTERVALS):
+    for count in range(MAX_INTERVALS):
         start, end = count * step, (count + 1) * step
         speed, feed = best_pair(parameters, speeds, feeds, used_life, start, end, limits.thrust_force, limits.power, 1.0)
         if speed < 0:
             return
         used_life, _, _ = predict(parameters, speeds[speed], feeds[feed], used_life, start, end)
-        wear = float(exponential(log_wear(parameters, used_life)))
+        wear = float(exp(log_wear(parameters, used_life)))
         yield Row(start, end, wear, float(speeds[speed]), float(feeds[feed]))
-    raise NcError(f"an interval of {step} min is too short: the table would have more than {MOST_INTERVALS} intervals")
+    raise NcError(f"an interval of {step} min is too short: the table would have more than {MAX_INTERVALS} intervals")
 
 
 def program_of(scenario: Scenario, rows: list[Row]) -> tuple[Program, Sums]:
@@ -118,6 +118,6 @@ def as_drawn(scenario: Scenario) -> Scenario:
         update={
             "workpiece": scenario.workpiece.model_copy(update={**workpiece, "depth_ripple": 0.0, "depth_profile": ()}),
             "tool": scenario.tool.model_copy(update=tool),
-            "lot": Lot(),
+            "mismatch": Mismatch(),
         }
     )

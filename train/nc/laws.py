@@ -16,18 +16,20 @@ import numpy as np
 from numpy.polynomial import Polynomial as Fitted
 
 from baselines import catalogue
-from baselines.fuzzy_override import LEAST_HEADROOM
+from baselines.fuzzy_override import MIN_HEADROOM
 from baselines.load_override import LOWEST_OVERRIDE
+from baselines.models.part_program import PartProgram, on_override, target_load
 from baselines.omative import ENTRY_TIME
-from baselines.part_program import PartProgram, on_override, target_load
 from baselines.rule import Parameters
-from train.nc.expression import parse
-from train.nc.numbers import as_written, number_text
-from train.nc.program import FEED_DECIMALS, SPEED_DECIMALS, Block, NcError, Program, rounded_within
-from train.nc.schedule import job
-from train.nc.synchronous import (
+from turning_env import Scenario
+from turning_env.physics.drives import lag_share
+from turning_env.programs.expression import parse
+from turning_env.programs.numbers import as_written, number_text
+from turning_env.programs.program import FEED_DECIMALS, SPEED_DECIMALS, Block, NcError, Program, rounded_within
+from turning_env.programs.schedule import job
+from turning_env.programs.synchronous import (
     LOAD,
-    MOST_OVERRIDE,
+    MAX_OVERRIDE,
     OVERRIDE,
     PATH_VELOCITY,
     READABLE,
@@ -39,13 +41,11 @@ from train.nc.synchronous import (
     Law,
     Polynomial,
 )
-from turning_env import Scenario
-from turning_env.drives import lag_share
 
 STATE, GAIN, WANTED, TIME_IN_METAL = (f"$AC_PARAM[{index}]" for index in range(4))
 AIR_LOAD = 1.0
 """Load below which the tool is taken to be in air [%] (assumption): a control sees no more of that."""
-MOST_LOAD = 200.0
+MAX_LOAD = 200.0
 """Up to which a law is tabulated [%]; beyond, it stays what it is there."""
 GAIN_TOLERANCE = 0.002
 """Most that a tabulated gain is off: of what it is, or of 1 where it is less."""
@@ -124,8 +124,8 @@ class _Range:
         machine = part.scenario.machine
         feed = rounded_within(part.feed, machine.feed_min, machine.feed_max, FEED_DECIMALS)
         high = 100.0 * min(part.override_max, machine.feed_max / feed)
-        if high > MOST_OVERRIDE + 1e-9:
-            raise NcError(f"control.override_max is {part.override_max}, but a control's override goes to {MOST_OVERRIDE} %")
+        if high > MAX_OVERRIDE + 1e-9:
+            raise NcError(f"control.override_max is {part.override_max}, but a control's override goes to {MAX_OVERRIDE} %")
         # To the inside: a feed below the lowest by the last decimal would be one too low.
         return cls(math.ceil(1e8 * machine.feed_min / feed - 1e-6) / 1e6, math.floor(high * 1e6 + 1e-6) / 1e6)
 
@@ -144,10 +144,10 @@ def _towards_end(writer: _Writer, end: float, *conditions: str) -> None:
 def _fuzzy(part: PartProgram, parameters: Parameters) -> Law:
     target = target_load(part.scenario, parameters["target"])
     k, p, d = (parameters[name] for name in ("k", "p", "d"))
-    sharpness = 10.0 / max(1.0 - target, LEAST_HEADROOM)
+    sharpness = 10.0 / max(1.0 - target, MIN_HEADROOM)
     limits, writer, middle = _Range.of(part), _Writer(), as_written(100.0 * target)
     writer.table(lambda load: k * math.exp(-5.0 * (0.01 * load / target) ** 2), 0.0, middle, beyond=False)
-    writer.table(lambda load: p - p * math.exp(-sharpness * (0.01 * load - target) ** 2), middle, MOST_LOAD, beyond=True)
+    writer.table(lambda load: p - p * math.exp(-sharpness * (0.01 * load - target) ** 2), middle, MAX_LOAD, beyond=True)
     _towards_end(writer, 100.0 * part.override_max, f"{LOAD}<{number_text(middle)}")
     _towards_end(writer, 100.0 * d, f"{LOAD}>={number_text(middle)}")
     return writer.law(limits.low, limits.high)
@@ -157,7 +157,7 @@ def _constant_load(part: PartProgram, parameters: Parameters) -> Law:
     target = 100.0 * target_load(part.scenario, parameters["target"])
     share = lag_share(part.scenario.control.interval, 1.0 / parameters["gain"])
     limits, writer = _Range.of(part), _Writer()
-    writer.polynomial((-share, share / target, 0.0, 0.0), -share, share * (MOST_LOAD / target - 1.0), GAIN)
+    writer.polynomial((-share, share / target, 0.0, 0.0), -share, share * (MAX_LOAD / target - 1.0), GAIN)
     _towards_end(writer, 0.0)
     return writer.law(max(100.0 * LOWEST_OVERRIDE, limits.low), limits.high)
 
@@ -172,7 +172,7 @@ def _air_gap(part: PartProgram, parameters: Parameters) -> Law:
     least, most = (number_text(value) for value in (max(100.0 * LOWEST_OVERRIDE, limits.low), limits.high))
     feed = rounded_within(part.feed, scenario.machine.feed_min, scenario.machine.feed_max, FEED_DECIMALS)
     writer.act(f"{TIME_IN_METAL}=0.0", in_air)
-    writer.table(lambda load: (target / load) ** (1.0 / exponent), AIR_LOAD, MOST_LOAD, beyond=True)
+    writer.table(lambda load: (target / load) ** (1.0 / exponent), AIR_LOAD, MAX_LOAD, beyond=True)
     writer.act(f"{WANTED}={GAIN}*100.0*{PATH_VELOCITY}/({SPINDLE_SPEED}*{number_text(feed)})", in_metal)
     writer.act(f"{WANTED}={least}", f"{WANTED}<{least}")
     writer.act(f"{WANTED}={most}", f"{WANTED}>{most}")
@@ -209,7 +209,7 @@ def law_program(name: str, scenario: Scenario) -> Program:
     job(scenario, 1)
     if not on_override(scenario):
         raise NcError(f"scenario {scenario.name!r} does not set the override of a programmed feed")
-    machine, told = scenario.machine, scenario.as_told()
+    machine, told = scenario.machine, scenario.nominal()
     part = PartProgram(told, entry.parameters)
     block = Block(
         -scenario.workpiece.bar_length,

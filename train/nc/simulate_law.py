@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.commands import towards
-from baselines.policy import Actions, Observations, PolicyFactory
 from train.nc.laws import STATE
-from train.nc.program import NcError, Program
-from train.nc.schedule import Sums, job
-from train.nc.synchronous import LOAD, PATH_VELOCITY, SPINDLE_SPEED
 from turning_env import Reading, RoughTurningEnv, Scenario, read
+from turning_env.action import towards
+from turning_env.programs.program import NcError, Program
+from turning_env.programs.schedule import Sums, job
+from turning_env.programs.synchronous import LOAD, PATH_VELOCITY, SPINDLE_SPEED
+from turning_env.score.policy import Actions, Observations, PolicyFactory
 
 
 class LawPolicy:
@@ -27,7 +27,7 @@ class LawPolicy:
         self._diameter = program.diameter
         self._variables = self._law.variables()
 
-    def reset(self, lanes: NDArray[np.bool_]) -> None:
+    def reset(self, mask: NDArray[np.bool_]) -> None:
         """The program begins anew."""
         self._variables = self._law.variables()
 
@@ -64,7 +64,7 @@ class LawPolicy:
 class Comparison:
     """A law beside the rule that it was made from."""
 
-    intervals: int
+    steps: int
     """On how many the rule's and the law's next overrides were compared, from the same measurements and present override."""
     mean_difference: float
     """Between these [percentage points]."""

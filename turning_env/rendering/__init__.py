@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from gymnasium.error import DependencyNotInstalled
 
 if TYPE_CHECKING:
+    from turning_env.batch.driver import Lathes
     from turning_env.env import RoughTurningEnv
-    from turning_env.lathes import Lathes
     from turning_env.rendering.viewer import Viewer
     from turning_env.scenario import Scenario
     from turning_env.vector_env import RoughTurningVectorEnv
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 _LIBRARIES = ("PIL", "pygame")
 
 
-def make_viewer(env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Lathes", lanes: int = 1) -> "Viewer":
-    """What draws the first ``lanes`` of an environment's lathes, by its render mode; sets the pace in its metadata.
+def make_viewer(env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Lathes", num_envs: int = 1) -> "Viewer":
+    """What draws the first ``num_envs`` of an environment's lathes, by its render mode; sets the pace in its metadata.
 
     Raises:
         ValueError: the environment has no such mode.
@@ -34,10 +34,10 @@ def make_viewer(env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Lathes"
         from turning_env.rendering.viewer import Viewer
 
         if mode != "human":
-            return Viewer(env, lathes, lanes, None)
+            return Viewer(env, lathes, num_envs, None)
         from turning_env.rendering.window import Window
 
-        return Viewer(env, lathes, lanes, Window(pace))
+        return Viewer(env, lathes, num_envs, Window(pace))
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] not in _LIBRARIES:
             raise

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.compilation import compiled_entry, handed_over, source_digest
-from turning_env.parts import start_part, start_pass
-from turning_env.records import LANES, REPORT, WIDTH, WORK, new_records, parameter_records
+from turning_env.numerics.compilation import compiled_entry, handed_over, source_digest
+from turning_env.physics.parts import start_part, start_pass
+from turning_env.physics.records import LANES, REPORT, WIDTH, WORK, new_records, parameter_records
+from turning_env.physics.workpiece import look_up_fields
 from turning_env.scenario import Scenario
-from turning_env.sections import MOST_PASSES
-from turning_env.workpiece import look_up_fields
+from turning_env.scenario.sections import MAX_PASSES
 
 Array = NDArray[np.float64]
 
@@ -80,6 +80,6 @@ class Fields:
 
     def passes(self, action: Array) -> list[tuple[float, float, float]]:
         """Cutting speed [m/min], feed [mm/rev] and depth [mm] of each pass that an action on a whole part names."""
-        passes = np.zeros((MOST_PASSES, 3))
+        passes = np.zeros((MAX_PASSES, 3))
         count = _read_passes(*self._records, action, passes)
         return [tuple(row) for row in passes[:count].tolist()]

@@ -4,16 +4,16 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
-from turning_env.records import REPORT_FIELDS
+from turning_env.physics.records import REPORT_FIELDS
 from turning_env.rendering.fields import Fields, Key
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
-    from turning_env.lathes import Lathes
+    from turning_env.batch.driver import Lathes
 
 TRAIL = 90
 """Intervals of which the operating map shows where they were."""
-_LEAST_WEAR = 1e-4  # [mm]: an edge that has not cut has none, of which there is no logarithm
+_MIN_WEAR = 1e-4  # [mm]: an edge that has not cut has none, of which there is no logarithm
 
 
 class Lane:
@@ -47,7 +47,7 @@ class Lane:
         """Take down what the last interval gave, or that an episode has begun."""
         answers = self._lathes.answers
         self.now: dict[str, float] = dict(zip(REPORT_FIELDS, answers.padded_table[:, self._lane].tolist(), strict=True))
-        begins = int(self._state("interval_count")) == 0
+        begins = int(self._state("step_count")) == 0
         if begins or not self.started:
             self._start(Key(int(self._state("seed")), int(self._state("episode"))))
         self.edge = int(self._state("edge"))
@@ -144,10 +144,10 @@ class Lane:
     @property
     def wear(self) -> float:
         """Flank wear of the edge [mm], above 0."""
-        return max(self.now["wear"], _LEAST_WEAR)
+        return max(self.now["wear"], _MIN_WEAR)
 
     @property
     def nominal_wear(self) -> float:
         """The same as the nominal model has it."""
         tool, exponent = self._scenario.tool, self._scenario.material.wear.time
-        return max(tool.wear_criterion * math.pow(self.nominal_used_life, exponent), _LEAST_WEAR)
+        return max(tool.wear_criterion * math.pow(self.nominal_used_life, exponent), _MIN_WEAR)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.power_law import PowerLaw
 from turning_env.scenario import Scenario
+from turning_env.scenario.power_law import PowerLaw
 
 Point = tuple[float, float]
 """Natural logarithms of cutting speed [m/min] and feed [mm/rev]."""
@@ -43,7 +43,7 @@ def bound(law: PowerLaw, most: float, cut: Cut) -> HalfPlane:
 
 
 def wear_bound(scenario: Scenario, cut: Cut, wear_factor: float, used_life: float, cutting_time: float) -> HalfPlane:
-    """Where the edge outlasts the next interval: see ``turning_env.wear``; ``cutting_time`` of the edge [min]."""
+    """Where the edge outlasts the next interval: see ``turning_env.physics.wear``; ``cutting_time`` of the edge [min]."""
     law, criterion, interval = scenario.material.wear, scenario.tool.wear_criterion, scenario.control.interval / 60.0
     if scenario.tool.wear_rule == "equivalent_time":
         left = max(1.0 - used_life, 1e-9)

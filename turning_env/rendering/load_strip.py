@@ -30,7 +30,7 @@ from turning_env.rendering.theme import (
 from turning_env.scenario import Scenario
 
 _TOP, _BOTTOM = 216, 273
-_MOST_LOAD = 1.5
+_MAX_LOAD = 1.5
 """Beyond which nothing is shown [limits]."""
 
 
@@ -41,7 +41,7 @@ class LoadStrip:
         self._scenario = scenario
         self._parts = scenario.control.action == "part"
         self._holds_roughness = scenario.control.aim == "roughness"
-        most = 1.5 * scenario.surface.reference_max if self._holds_roughness else _MOST_LOAD
+        most = 1.5 * scenario.surface.reference_max if self._holds_roughness else _MAX_LOAD
         self._height = Ruler(0.0, most, SCALE * (_BOTTOM - _TOP), 0.0)
         self._lines: list[tuple[int, str, Colour]] = [(2, "power", POWER), (1, "force", FORCE)]
         if self._holds_roughness:

@@ -9,7 +9,7 @@ import math
 
 from PIL import Image, ImageDraw
 
-from turning_env.parts import LEAST_DEPTH
+from turning_env.physics.parts import MIN_DEPTH
 from turning_env.rendering.lane import Lane
 from turning_env.rendering.limits import Cut, HalfPlane, Point, border, bound, region, wear_bound
 from turning_env.rendering.ruler import Ruler
@@ -126,7 +126,7 @@ class OperatingMap:
         now = lane.now
         image = self._sheet.copy()
         draw = ImageDraw.Draw(image)
-        cut = Cut(max(lane.passes[-1][2], LEAST_DEPTH) if lane.passes else lane.depth, lane.hardness, lane.wear)
+        cut = Cut(max(lane.passes[-1][2], MIN_DEPTH) if lane.passes else lane.depth, lane.hardness, lane.wear)
         limits = self._limits(cut, now["wear_factor"], now["used_life"], now["cutting_time"])
         allowed = region(self._corners, limits)
         if len(allowed) > 2:

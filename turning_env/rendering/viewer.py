@@ -10,8 +10,8 @@ from turning_env.rendering.lane import Lane
 from turning_env.rendering.theme import Pixels
 
 if TYPE_CHECKING:
+    from turning_env.batch.driver import Lathes
     from turning_env.env import RoughTurningEnv
-    from turning_env.lathes import Lathes
     from turning_env.rendering.window import Window
     from turning_env.vector_env import RoughTurningVectorEnv
 
@@ -27,12 +27,12 @@ class Viewer:
     """
 
     def __init__(
-        self, env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Lathes", lanes: int, window: "Window | None"
+        self, env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Lathes", num_envs: int, window: "Window | None"
     ) -> None:
         self._env, self._window = env, window
         scenario = env.scenario
         fields = Fields(scenario)
-        self._lanes = [Lane(scenario, lathes, lane, fields) for lane in range(lanes)]
+        self._lanes = [Lane(scenario, lathes, lane, fields) for lane in range(num_envs)]
         self._frames: list[Frame] = []
 
     @property

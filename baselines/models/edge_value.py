@@ -1,0 +1,112 @@
+"""What an edge's life is worth: the price of used life that makes the most of a whole edge.
+
+An edge is charged as its life is used, at a price that is the same for all its life. But a fresh edge removes metal faster than
+time costs, and a worn one does not: its life is worth saving at first, and no more towards the end. The return of a whole edge is
+greatest if at every used share D of its life the set point maximises
+
+    value of metal - time - overload - p(D) dD/dt
+
+where p(D) is the price at which the best set points, averaged over bars, gain nothing: dynamic programming over D, with one
+equation per D, as the edge's life runs down whatever is done (Bellman 1957). The price that is charged does not enter: a whole
+edge costs the same whatever is done with it. A slower or faster insert needs no other price if dD is counted at the nominal rate.
+
+Where edges are changed and time is limited, a second costs what could be earned in it elsewhere, which is found so that a whole
+edge, its price and its change pay for all the time they take. Where they are changed on command, life that is worth nothing need
+not be used: the price is never below 0, and the edge is best changed where it reaches 0.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import ndtr
+
+from turning_env import Scenario
+
+Array = NDArray[np.float64]
+
+USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]
+"""Shares of the life [-] at which the price is computed."""
+SPREAD = 0.03
+"""Log standard deviation of force and power that a controller does not know (assumption: about what a filter reaches)."""
+_SETTINGS = (40, 60)  # cutting speeds and feeds that are tried
+_ITERATIONS = 30  # of Dinkelbach's, which converges faster than linearly
+_MAX_TIME_PRICE = 100.0
+
+
+def expected_excess(log_mean: Array, spread: Array | float) -> Array:
+    """Expectation of max(X - 1, 0) where X is log-normal with this mean and this standard deviation, above 0, of log X."""
+    ratio = log_mean / spread
+    return np.asarray(np.exp(log_mean + 0.5 * np.square(spread)) * ndtr(ratio + spread) - ndtr(ratio))
+
+
+class Worth(NamedTuple):
+    """What time and life are worth."""
+
+    time: float
+    """Price of a second [s]: 1, or where time is limited what could be earned in it."""
+    life: Array
+    """Price p(D) of a whole life [s] at each of ``USED_LIVES``."""
+
+
+def prices_of_life(scenario: Scenario, overload_price: float) -> Array:
+    """Price p(D) of a whole life [s] at each of ``USED_LIVES``, if overload has this price [s per s and relative excess of 1]."""
+    return worth(scenario, overload_price).life
+
+
+def worth(scenario: Scenario, overload_price: float) -> Worth:
+    """The prices of time and life, if overload has this price [s per s and relative excess of 1]."""
+    value, rate, weight = _outcomes(scenario, overload_price)
+    if scenario.control.edge_changes == "end":
+        return Worth(1.0, _prices(value - 1.0, rate, weight))
+    economics = scenario.economics
+    least = 0.0 if scenario.control.edge_changes == "commanded" else -np.inf
+
+    def prices(time_price: float) -> Array:
+        return np.maximum(_prices(value - time_price, rate, weight), least)
+
+    def gain_of_an_edge(time_price: float) -> float:
+        change = time_price * economics.edge_change_time
+        return float(prices(time_price).mean()) - 60.0 * (economics.edge_cost + change)
+
+    most = min(_MAX_TIME_PRICE, float(value.max()) + 1.0)
+    time_price = brentq(gain_of_an_edge, 0.0, most, xtol=1e-3)
+    return Worth(time_price, prices(time_price))
+
+
+def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, Array]:
+    """Value of metal less overload [-], and life used [1/s], for used lives, bars and set points; weights of the bars.
+
+    Bars are the nodes of a Gauss-Hermite rule of three points for the deviations of depth and of hardness.
+    """
+    machine, material, work, limits = scenario.machine, scenario.material, scenario.workpiece, scenario.limits
+    normals, weights = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6.0
+    deviation = np.hypot(work.depth_bar_spread, work.depth_along_spread) * normals
+    depth = np.maximum(work.depth_of_cut + deviation, 0.05 * work.depth_of_cut)[:, np.newaxis, np.newaxis, np.newaxis]
+    hardness = np.exp(np.hypot(work.hardness_bar_spread, work.hardness_along_spread) * normals)[:, np.newaxis, np.newaxis]
+    speed = np.geomspace(machine.cutting_speed_min, machine.cutting_speed_max, _SETTINGS[0])[:, np.newaxis]
+    feed = np.geomspace(machine.feed_min, machine.feed_max, _SETTINGS[1])
+    metal = speed * feed * depth / scenario.economics.reference_removal_rate
+    life_rate = (material.wear(speed, feed, depth, hardness=hardness) / scenario.tool.wear_criterion) ** (
+        1.0 / material.wear.time
+    )
+    values = []
+    for used_life in USED_LIVES:
+        wear = scenario.tool.wear_criterion * used_life**material.wear.time
+        force = material.thrust_force(speed, feed, depth, wear=wear, hardness=hardness) / limits.thrust_force
+        power = material.power(speed, feed, depth, wear=wear, hardness=hardness) / limits.power
+        excess = expected_excess(np.log(force), SPREAD) + expected_excess(np.log(power), SPREAD)
+        values.append((metal - overload_price * excess).reshape(9, -1))
+    return np.array(values), life_rate.reshape(9, -1) / 60.0, np.outer(weights, weights).ravel()
+
+
+def _prices(gain: Array, rate: Array, weight: Array) -> Array:
+    """The price at which the best gains, averaged over bars, are nothing, for each used life (Dinkelbach 1967)."""
+    price = np.zeros(len(gain))
+    for _ in range(_ITERATIONS):
+        best = np.argmax(gain - price[:, np.newaxis, np.newaxis] * rate, axis=2)[..., np.newaxis]
+        gained = np.take_along_axis(gain, best, axis=2)[..., 0] @ weight
+        used = np.take_along_axis(np.broadcast_to(rate, gain.shape), best, axis=2)[..., 0] @ weight
+        price = gained / used
+    return price

@@ -1,0 +1,266 @@
+"""An extended Kalman filter of what loads the tool: depth of cut, hardness and the wear of the insert.
+
+Measured thrust force and power are power laws of all three, so their logarithms over the nominal model's are nearly linear:
+
+    log ratio = c log(depth / nominal) + h log(hardness) + e log(wear factor) + noise
+
+Force and power weigh the three differently, and what separates them further is how they change: depth and hardness vary along
+the bar and are drawn anew with every bar, while the wear factor stays with the insert. Each field is taken for a stationary
+process whose slope exists (Matern 3/2: value and slope, correlation (1 + a) exp(-a), a = rate times distance). Its variance is
+that of the scenario's spreads together, its rate that at which the slope has the mean square of the field along a bar.
+
+The filter keeps its own odometer, from which it knows when the next bar begins: the observation does not tell the position.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env import Reading, Scenario
+
+Array = NDArray[np.float64]
+
+DEPTH, DEPTH_SLOPE, HARDNESS, HARDNESS_SLOPE, WEAR = range(5)
+"""States: relative deviation of depth [-], its slope [1/mm], log hardness [-], its slope [1/mm], log wear factor [-]."""
+SLOPE = 1.603
+"""Root mean square slope of noise along a bar, times correlation length over spread: sqrt(pi/2 + 1) for the fields' nodes."""
+MIN_DEPTH = 0.05
+"""Share of the nominal depth below which none is expected [-]: the logarithm has no linear approximation near 0."""
+MAX_SPREAD = 1.0
+"""Standard deviation of the logarithm of a load above which none is told [-]: the linear approximation says no more then."""
+MIN_READING = 0.01
+"""Share of the expected reading below which none is believed [-]: it tells of no cut, whatever the control says."""
+READING_DOUBT = 1e-3
+"""Log standard deviation of a reading beside its noise [-] (assumption): what happens within an interval is not known exactly."""
+
+
+class Outlook(NamedTuple):
+    """What the filter expects at points ahead of the tool; every field has shape (lanes, points)."""
+
+    depth_of_cut: Array
+    """[mm]"""
+    log_hardness: Array
+    """[-]"""
+    log_force: Array
+    """Logarithm of thrust force over the nominal model's at nominal wear [-]."""
+    log_power: Array
+    """Likewise of power [-]."""
+    force_spread: Array
+    """Standard deviation of ``log_force`` [-]."""
+    power_spread: Array
+    """Likewise of ``log_power`` [-]."""
+
+
+class LoadFilter:
+    """Estimates the states of many lanes from their readings.
+
+    Args:
+        scenario: what is played; its models, spreads, lags and geometry are what a control is told.
+        lanes: how many lanes it follows.
+    """
+
+    def __init__(self, scenario: Scenario, num_envs: int) -> None:
+        self._scenario = scenario
+        control, machine, sensors, work = scenario.control, scenario.machine, scenario.sensors, scenario.workpiece
+        wear, force, power = scenario.material.wear, scenario.material.thrust_force, scenario.material.power
+        self._exponents = np.array([[law.depth_of_cut, law.hardness, law.wear] for law in (force, power)])
+        along = np.array([work.depth_along_spread / work.depth_of_cut, work.hardness_along_spread])
+        bar = np.array([work.depth_bar_spread / work.depth_of_cut, work.hardness_bar_spread])
+        spread = np.hypot(along, bar)
+        slope = SLOPE * along / np.array([work.depth_correlation_length, work.hardness_correlation_length])
+        self._rates = np.divide(slope, spread, out=np.zeros(2), where=spread > 0)
+        # Depth and hardness of the bars that an edge has cut have worn it otherwise than the nominal model thinks.
+        self._history = (wear.depth_of_cut * spread[0]) ** 2 + (wear.hardness * spread[1]) ** 2
+        insert = scenario.tool.wear_factor_spread**2
+        self._prior = np.array([spread[0], slope[0], spread[1], slope[1], 0.0]) ** 2
+        self._prior[WEAR] = insert + self._history
+        self._lags = np.array([sensors.force_time_constant, sensors.power_time_constant])
+        self._noise = np.array([sensors.force_noise, sensors.power_noise]) ** 2 + READING_DOUBT**2
+        self._sub_step = control.interval / control.sub_steps
+        times = self._sub_step * np.arange(1.0, control.sub_steps + 1.0)
+        self._spindle_left = decay(times, machine.spindle_time_constant)
+        self._feed_left = decay(times, machine.feed_time_constant)
+        self._pitch = work.bar_length + work.approach
+        self._mean = np.zeros((num_envs, 5))
+        self._covariance = np.zeros((num_envs, 5, 5))
+        self._expected = np.zeros((num_envs, 2))  # force [N] and power [kW] of the nominal model behind the sensors' lags
+        self._path = np.zeros(num_envs)  # air and metal [mm]
+        self._speed = np.zeros(num_envs)  # at the last reading [m/min]; 0 before the first
+        self._feed = np.zeros(num_envs)  # likewise [mm/rev]
+        self._cutting_time = np.zeros(num_envs)  # likewise [min]
+        self.measured = np.zeros(num_envs, np.bool_)
+        """Whether the present bar has been measured."""
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Before the first bar again, with an insert that nothing is known of."""
+        self._mean[mask] = 0.0
+        self._covariance[mask] = np.diag(self._prior)
+        self._path[mask] = 0.0
+        self._speed[mask] = 0.0
+        self._cutting_time[mask] = 0.0
+        self._forget_loads(mask)
+
+    @property
+    def along(self) -> Array:
+        """Position from the start of the present bar's approach [mm], shape (lanes,)."""
+        return self._path - self._pitch * np.floor(self._path / self._pitch)
+
+    @property
+    def log_wear_factor(self) -> Array:
+        """Expected logarithm of the wear over the nominal model's [-], shape (lanes,)."""
+        return self._mean[:, WEAR]
+
+    @property
+    def wear_doubt(self) -> Array:
+        """Standard deviation of that logarithm [-], shape (lanes,)."""
+        return np.sqrt(np.maximum(self._covariance[:, WEAR, WEAR], 0.0))
+
+    def observe(self, reading: Reading) -> None:
+        """Move on to a reading, and learn from it."""
+        first = self._speed == 0.0
+        fresh_edge = reading.cutting_time < self._cutting_time
+        self._change_edges(fresh_edge)
+        moved = np.where(first, 0.0, self._moved(reading))
+        # An edge that is found worn or broken ends its interval, somewhere.
+        moved *= np.where(fresh_edge & (reading.cutting_time == 0.0), 0.5, 1.0)
+        bar = np.floor(self._path / self._pitch)
+        self._path = self._on_track(self._path + moved, reading.cutting)
+        self._enter_bars(np.floor(self._path / self._pitch) > bar)
+        metal = np.maximum(self.along - self._scenario.workpiece.approach, 0.0)  # of this bar, behind the tool [mm]
+        cut = np.clip(moved, 0.0, metal)
+        transition, growth = self._transition(cut)
+        growth[:, WEAR, WEAR] = self._history * cut / self._scenario.workpiece.bar_length
+        self._mean = np.einsum("nij,nj->ni", transition, self._mean)
+        self._covariance = transition @ self._covariance @ transition.swapaxes(1, 2) + growth
+        velocity = feed_velocity(self._scenario, reading.cutting_speed, reading.feed)
+        self._learn(reading, np.where(first, 0.0, np.minimum(metal / velocity, self._scenario.control.interval)))
+        self._speed, self._feed, self._cutting_time = reading.cutting_speed, reading.feed, reading.cutting_time
+
+    def ahead(self, distance: Array) -> Outlook:
+        """What to expect so far ahead [mm], shape (lanes, points), of the present bar."""
+        transition, growth = self._transition(distance)
+        mean = np.einsum("nkij,nj->nki", transition, self._mean)
+        covariance = transition @ self._covariance[:, np.newaxis] @ transition.swapaxes(-1, -2) + growth
+        return self._outlook(mean, covariance)
+
+    def next_bar(self) -> Outlook:
+        """What to expect of a bar that has not been measured, at one point."""
+        mean = np.zeros_like(self._mean)
+        mean[:, WEAR] = self._mean[:, WEAR]
+        covariance = np.zeros_like(self._covariance) + np.diag(self._prior)
+        covariance[:, WEAR, WEAR] = self._covariance[:, WEAR, WEAR]
+        return self._outlook(mean[:, np.newaxis], covariance[:, np.newaxis])
+
+    def _moved(self, reading: Reading) -> Array:
+        """Path since the last reading [mm], from what the drives did to follow their commands."""
+        speed = reading.commanded_cutting_speed[:, np.newaxis]
+        feed = reading.commanded_feed[:, np.newaxis]
+        speed = speed + (self._speed[:, np.newaxis] - speed) * self._spindle_left
+        feed = feed + (self._feed[:, np.newaxis] - feed) * self._feed_left
+        return np.asarray(self._sub_step * feed_velocity(self._scenario, speed, feed).sum(axis=1))
+
+    def _on_track(self, path: Array, cutting: NDArray[np.bool_]) -> Array:
+        """The path [mm], put right where the tool is said to cut in the air before a bar, or to be in the air within one."""
+        approach = self._scenario.workpiece.approach
+        start = self._pitch * np.floor(path / self._pitch)
+        along = path - start
+        in_air = along < approach
+        behind = np.where(in_air, along > 0.5 * approach, along > 0.5 * self._pitch)
+        leaves = np.where(behind, start + approach, np.maximum(start - 1e-6, 0.0))
+        enters = np.where(behind, start + self._pitch + 1e-6, start)
+        return np.where(cutting & in_air, leaves, np.where(~cutting & ~in_air, enters, path))
+
+    def _enter_bars(self, mask: NDArray[np.bool_]) -> None:
+        """Forget depth and hardness, but not the wear."""
+        doubt = self._covariance[mask, WEAR, WEAR]
+        self._covariance[mask] = np.diag(self._prior)
+        self._covariance[mask, WEAR, WEAR] = doubt
+        self._mean[mask, :WEAR] = 0.0
+        self.measured[mask] = False
+
+    def _change_edges(self, mask: NDArray[np.bool_]) -> None:
+        """Forget the wear, but not depth and hardness."""
+        self._mean[mask, WEAR] = 0.0
+        self._covariance[mask, WEAR, :] = 0.0
+        self._covariance[mask, :, WEAR] = 0.0
+        self._covariance[mask, WEAR, WEAR] = self._prior[WEAR]
+        self._expected[mask] = 0.0
+
+    def _forget_loads(self, mask: NDArray[np.bool_]) -> None:
+        self._expected[mask] = 0.0
+        self.measured[mask] = False
+
+    def _transition(self, distance: Array) -> tuple[Array, Array]:
+        """Transition matrices and the covariances that they add, over distances [mm]; shape distance.shape + (5, 5)."""
+        transition = np.zeros((*distance.shape, 5, 5))
+        growth = np.zeros((*distance.shape, 5, 5))
+        for rate, first in zip(self._rates, (DEPTH, HARDNESS), strict=True):
+            step, pair = rate * distance, slice(first, first + 2)
+            stay = np.array([[1.0 + step, distance], [-rate * step, 1.0 - step]]) * np.exp(-step)
+            stay = np.moveaxis(stay, (0, 1), (-2, -1))
+            prior = np.diag(self._prior[pair])
+            transition[..., pair, pair] = stay
+            growth[..., pair, pair] = prior - stay @ prior @ stay.swapaxes(-1, -2)
+        transition[..., WEAR, WEAR] = 1.0
+        return transition, growth
+
+    def _loads(self, mean: Array) -> tuple[Array, Array]:
+        """Log force and power over the nominal model's, shape (..., 2), and their derivatives, shape (..., 2, 5)."""
+        depth = np.maximum(1.0 + mean[..., DEPTH], MIN_DEPTH)
+        factors = np.stack([np.log(depth), mean[..., HARDNESS], mean[..., WEAR]], axis=-1)
+        derivatives = np.zeros((*depth.shape, 2, 5))
+        derivatives[..., DEPTH] = self._exponents[:, 0] / depth[..., np.newaxis]
+        derivatives[..., [HARDNESS, WEAR]] = self._exponents[:, 1:]
+        return factors @ self._exponents.T, derivatives
+
+    def _outlook(self, mean: Array, covariance: Array) -> Outlook:
+        loads, derivatives = self._loads(mean)
+        variances = np.einsum("...ai,...ij,...aj->...a", derivatives, covariance, derivatives)
+        spreads = np.sqrt(np.clip(variances, 0.0, MAX_SPREAD**2))
+        depth = self._scenario.workpiece.depth_of_cut * np.maximum(1.0 + mean[..., DEPTH], MIN_DEPTH)
+        return Outlook(depth, mean[..., HARDNESS], loads[..., 0], loads[..., 1], spreads[..., 0], spreads[..., 1])
+
+    def _learn(self, reading: Reading, time_in_metal: Array) -> None:
+        """Correct mean and covariance by measured force and power."""
+        material, depth = self._scenario.material, self._scenario.workpiece.depth_of_cut
+        cutting = reading.cutting & (reading.nominal_wear > 0.0)
+        wear = np.where(cutting, reading.nominal_wear, self._scenario.tool.wear_criterion)
+        laws = (material.thrust_force, material.power)
+        nominal = np.stack([law(reading.cutting_speed, reading.feed, depth, wear=wear) for law in laws], axis=1)
+        nominal *= cutting[:, np.newaxis]
+        interval = np.full((len(wear), 1), self._scenario.control.interval)
+        reached = 1.0 - decay(time_in_metal[:, np.newaxis], self._lags)
+        self._expected = self._expected * decay(interval, self._lags) + nominal * reached
+        measured = np.stack([reading.thrust_force, reading.power], axis=1)
+        good = (self._expected > 0.5 * nominal) & (measured > MIN_READING * nominal) & cutting[:, np.newaxis]
+        # Behind its lag a reading depends on when the tool entered, which is known to a sub-step.
+        expected = np.where(good, self._expected, 1.0)
+        drift = np.where(good, nominal / expected - 1.0, 0.0)
+        timing = np.divide(0.5 * self._sub_step * drift, self._lags, out=np.zeros_like(drift), where=self._lags > 0)
+        loads, derivatives = self._loads(self._mean)
+        surprise = np.where(good, np.log(np.where(good, measured, 1.0) / expected) - loads, 0.0)
+        self._correct(derivatives * good[..., np.newaxis], surprise, self._noise + timing**2)
+        self.measured |= good.any(axis=1)
+
+    def _correct(self, derivatives: Array, surprise: Array, variance: Array) -> None:
+        """Correct mean and covariance by what measurements of these derivatives, (lanes, k, 5), were beyond what was expected of
+        them, (lanes, k); variance of their noise: (lanes, k)."""
+        spread = derivatives @ self._covariance @ derivatives.swapaxes(1, 2)
+        measurements = np.arange(surprise.shape[1])
+        spread[:, measurements, measurements] += variance
+        gain = np.linalg.solve(spread, derivatives @ self._covariance).swapaxes(1, 2)
+        self._mean += np.einsum("nij,nj->ni", gain, surprise)
+        covariance = self._covariance - gain @ derivatives @ self._covariance
+        self._covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
+
+
+def feed_velocity(scenario: Scenario, cutting_speed: Array, feed: Array) -> Array:
+    """Velocity along the bar [mm/s] at a cutting speed [m/min] and a feed [mm/rev]."""
+    return cutting_speed * feed * (1000.0 / (60.0 * np.pi * scenario.workpiece.diameter))
+
+
+def decay(time: Array, time_constant: float | Array) -> Array:
+    """What is left of a deviation after a time [s] behind a first-order lag [s], 0 for none; arrays broadcast."""
+    lag = np.asarray(time_constant, np.float64)
+    return np.where(lag > 0, np.exp(-time / np.where(lag > 0, lag, 1.0)), np.where(time > 0, 0.0, 1.0))

@@ -1,1 +1,0 @@
-"""Sets the figures and claims of the papers beside the project's. Run: ``python -m baselines.reproduce``."""

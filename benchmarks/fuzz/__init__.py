@@ -1,1 +1,0 @@
-"""Fuzzing of all that reads files from elsewhere: ``python -m benchmarks.fuzz``."""

@@ -1,0 +1,82 @@
+"""Seeds that only those know who score: what has learned the public draws by heart cannot know these.
+
+A file holds them, as text with one number per line (``#`` begins a remark) or as a JSON list. The rows that are played on them
+hold their digest and not the seeds. So that these cannot be found by trying, they should be drawn from all that there are:
+
+    python -c "import secrets; print(*(secrets.randbits(64) for _ in range(256)), sep='\\n')" > private_draws.txt
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from leaderboard.result import ResultError, Task, digest_of
+from turning_env.batch.driver import MAX_SEED
+from turning_env.score.seeds import HELD_OUT_START
+
+MAX_DRAWS = 1_000_000
+MAX_BYTES = 32_000_000
+PUBLIC = HELD_OUT_START + MAX_DRAWS
+"""Of lower seeds all may have been trained on, tuned on or looked at."""
+
+
+@dataclass(frozen=True)
+class PrivateDraws:
+    """The seeds of a file."""
+
+    seeds: Sequence[int]
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a file of seeds.
+
+        Raises:
+            ResultError: it cannot be read, or holds something other than different whole numbers of 0 to 2**64 - 1, at least one;
+                names the first that is wrong.
+        """
+        try:
+            with path.open("rb") as stream:
+                content = stream.read(MAX_BYTES + 1)
+            if len(content) > MAX_BYTES:
+                raise ValueError(f"it is larger than {MAX_BYTES} bytes")
+            seeds = [_seed(entry) for entry in _entries(content.decode("utf-8"))]
+        except OSError as error:
+            raise ResultError(f"the draws of {path} cannot be read: {error.strerror}") from error
+        except (ValueError, RecursionError) as error:
+            raise ResultError(f"the draws of {path} cannot be used: {error}") from error
+        if not 1 <= len(seeds) <= MAX_DRAWS:
+            raise ResultError(f"{path} holds {len(seeds)} draws, but must hold 1 to {MAX_DRAWS}")
+        if len(set(seeds)) != len(seeds):
+            seen: set[int] = set()
+            twice = next(seed for seed in seeds if seed in seen or seen.add(seed))  # type: ignore[func-returns-value]
+            raise ResultError(f"{path} holds the draw {twice} twice")
+        return cls(tuple(seeds))
+
+    @property
+    def public(self) -> int:
+        """How many of them are no secret: see ``PUBLIC``."""
+        return sum(seed < PUBLIC for seed in self.seeds)
+
+    def task_of(self, task: Task) -> Task:
+        """A task on these draws, which names their places in the file and their digest."""
+        return task.model_copy(update={"draws": list(range(len(self.seeds))), "private": digest_of(list(self.seeds))})
+
+
+def _entries(text: str) -> Sequence[Any]:
+    """The numbers of a file, not yet checked."""
+    if not text.lstrip().startswith(("[", "{")):
+        return " ".join(line.partition("#")[0] for line in text.splitlines()).split()
+    entries = json.loads(text)
+    if not isinstance(entries, list):
+        raise ValueError("JSON must be a list of seeds")
+    return entries
+
+
+def _seed(entry: Any) -> int:
+    number = int(entry) if isinstance(entry, str) and entry.isascii() and entry.isdecimal() and len(entry) <= 20 else entry
+    if type(number) is not int or not 0 <= number <= MAX_SEED:
+        told = repr(entry)
+        raise ValueError(f"{told if len(told) <= 60 else told[:60] + '...'} is not a whole number of 0 to {MAX_SEED}")
+    return number

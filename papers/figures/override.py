@@ -1,0 +1,131 @@
+"""Figures 5 and 7 of the fuzzy override paper: step responses of the laws of feed override.
+
+The bar is undisturbed (``papers/stepped_bar.py``): 1, 2, 3, 1 and 3 mm deep. All controls that have a target have the same,
+60 % of the spindle's rated power; what else they have is set by hand.
+"""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from baselines import fuzzy_override, load_override, omative, tmac
+from baselines.rule import Parameters
+from papers.figures.plate import Plate
+from papers.reproduce.fuzzy_override import checks
+from papers.stepped_bar import Course, course, stepped_bar
+from turning_env import Scenario
+from turning_env.workshop import plot_style as style
+
+DEPTHS = (1.0, 2.0, 3.0, 1.0, 3.0)
+"""[mm], those of the preset `override`: steps up by 1 and by 2 mm, and down by 2."""
+
+SHOWN: dict[str, tuple[str, Parameters]] = {
+    "programmed_feed": ("programmed feed", {}),
+    "one_line_law": ("override = 160 - 2 load", {}),
+    "fuzzy_override": ("fuzzy override, first form", {}),
+    "modified_fuzzy_override": ("fuzzy override, modified", {}),
+    "iadapts": ("constant load (iAdaptS)", {"target": 1.0, "gain": 8.0}),
+    "tmac": ("learned power (TMAC)", {"target": 1.0, "gain": 8.0, "extreme": 3.0}),
+    "omative": ("air-gap control (ACM)", {"target": 1.0, "entry": 1.0, "rise": 10.0}),
+}
+"""Title and parameters of each rule."""
+_RULES = fuzzy_override.RULES | load_override.RULES | tmac.RULES | omative.RULES
+
+
+_OVERRIDE: dict[str, Any] = {"color": style.BLUE, "linewidth": 1.3}
+_LOAD: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.3, "linestyle": (0, (4, 1))}
+_TARGET: dict[str, Any] = {"color": style.GREY, "linewidth": 0.9, "linestyle": ":"}
+
+
+def responses(scenario: Scenario) -> dict[str, Course]:
+    """What each rule of ``SHOWN`` does on a bar, by name."""
+    courses = {}
+    for name, (_, parameters) in SHOWN.items():
+        rule = _RULES[name]
+        policy = rule.build(scenario, 1, rule.fixed | parameters)
+        courses[name] = course(lambda num_envs, policy=policy: policy, scenario)  # type: ignore[misc]
+    return courses
+
+
+def drawn(courses: dict[str, Course], scenario: Scenario) -> Figure:
+    """One field per rule, by name: depth of cut above, override and load below, over time."""
+    figure = Figure(figsize=(style.DOUBLE, 6.0), layout="constrained")
+    panels = figure.subplots(4, 4, sharex=True, sharey="row", height_ratios=(1, 3, 1, 3))
+    panels[0, 0].set_xlim(0.0, max(run.time[-1] for run in courses.values()))
+    fields = [(panels[row, column], panels[row + 1, column]) for row in (0, 2) for column in range(4)]
+    for (above, below), (name, run) in zip(fields, courses.items(), strict=False):
+        _draw_depth(above, run)
+        _draw_response(below, run, scenario)
+        above.set_title(SHOWN[name][0], fontsize="medium", loc="left")
+        below.tick_params(labelbottom=True)
+        below.set_xlabel("time [s]")
+    for above, below in fields[::4]:
+        above.set_ylabel("depth\n[mm]")
+        below.set_ylabel("override, load [%]")
+    for axes in fields[-1]:
+        axes.set_axis_off()
+    _explain(fields[-1][1])
+    figure.align_ylabels()
+    return figure
+
+
+def _draw_depth(axes: Axes, run: Course) -> None:
+    axes.fill_between(run.time, run.depth, color=style.LIGHT, step="pre")
+    axes.plot(run.time, run.depth, color=style.GREY, linewidth=0.9, drawstyle="steps-pre")
+    axes.set_ylim(0.0, 3.6)
+    axes.set_yticks((1, 2, 3))
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _draw_response(axes: Axes, run: Course, scenario: Scenario) -> None:
+    axes.axhline(100.0 * scenario.limits.power / scenario.machine.rated_power, **_TARGET)
+    axes.plot(run.time, 100.0 * run.override, **_OVERRIDE)
+    axes.plot(run.time, 100.0 * run.load, **_LOAD)
+    highest = int(np.argmax(run.load))
+    axes.annotate(
+        f"{100.0 * run.load[highest]:.0f} %",
+        (run.time[highest], 100.0 * run.load[highest]),
+        xytext=(4, 3),
+        textcoords="offset points",
+        color=style.VERMILLION,
+        fontsize="small",
+    )
+    axes.set_ylim(0.0, 215.0)
+    axes.set_yticks(range(0, 201, 50))
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _explain(axes: Axes) -> None:
+    lines = (
+        (_OVERRIDE, "feed override, commanded"),
+        (_LOAD, "spindle load; highest value"),
+        (_TARGET, "target load"),
+    )
+    handles = [Line2D([], [], label=label, **look) for look, label in lines]
+    axes.legend(handles=handles, loc="center", frameon=False)
+
+
+def draw() -> Figure:
+    """What every law of override does on the bar."""
+    scenario = stepped_bar(DEPTHS)
+    figure = drawn(responses(scenario), scenario)
+    legend = next(legend for axes in figure.axes if (legend := axes.get_legend()))
+    legend.set_in_layout(False)  # else its column would be wider than the others
+    legend.set_loc("upper right")
+    return style.readable(figure)
+
+
+PLATES = (
+    Plate(
+        "override_steps",
+        "Fuzzy feed override, Figures 5 and 7; FANUC iAdaptS, Caron TMAC and OMATIVE ACM as patents and manuals describe them",
+        "What every law of feed override does on the same stepped bar, undisturbed: depth of cut above, commanded override and "
+        "spindle load below, with the load's highest value.",
+        draw,
+        checks,
+        "The curves of the paper's own bar are lost; what its text says is compared. Nothing is printed of the other laws.",
+    ),
+)

@@ -1,0 +1,113 @@
+"""Figures 7 and 10 to 12 of the servo current paper: the current of the feed's motor and the force that it tells."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from papers.figures.plate import Plate
+from papers.reproduce.servo_current import (
+    FEED_VELOCITIES,
+    SETTINGS,
+    currents_of_depths,
+    estimation_checks,
+    motor_checks,
+    no_load_currents,
+    stepped,
+)
+from turning_env import Scenario
+from turning_env.workshop import plot_style as style
+
+PAPER = "Wang, Ai, Ze and He, servo current"
+_TRUE: dict[str, Any] = {"color": style.BLACK, "linewidth": 1.0}
+_PLAIN: dict[str, Any] = {"color": style.SKY, "linewidth": 0.6}
+_FILTERED: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.2, "linestyle": (0, (5, 1))}
+
+
+@cache
+def lines() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Forces [N] and currents [A] at five depths of cut; idle currents [A] at the paper's feed velocities."""
+    return (*currents_of_depths(), no_load_currents())
+
+
+def draw_current() -> Figure:
+    """Current over force, and idle current over feed velocity."""
+    forces, currents, idle = lines()
+    figure = Figure(figsize=(style.DOUBLE, 2.5), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    style.letter(left, "a")
+    left.plot(forces, currents, **style.OURS | {"linestyle": "none", "markersize": 4.0}, label="mean measured current")
+    ends = np.array([0.0, forces[-1]])
+    left.plot(
+        ends,
+        np.polyval(np.polyfit(forces, currents, 1), ends),
+        color=style.GREY,
+        linewidth=0.9,
+        linestyle="--",
+        zorder=0,
+        label="straight line",
+    )
+    left.set_xlabel("thrust force [N]")
+    left.set_ylabel("current [A]")
+    left.legend(loc="upper left")
+    style.letter(right, "b")
+    right.plot(FEED_VELOCITIES, idle, **style.OURS | {"markersize": 4.0})
+    right.set_xlabel("feed velocity [mm/min]")
+    right.set_ylabel("current at no load [A]")
+    for axes in (left, right):
+        axes.set_xlim(left=0.0)
+        axes.set_ylim(0.0, 1.1 * axes.dataLim.y1)
+    return figure
+
+
+def draw_estimate() -> Figure:
+    """The measured current on the stepped bar, and the force calculated from it, beside the true one."""
+    kept, interval = stepped(), Scenario.load("override_current").control.interval
+    time = interval * np.arange(1, len(kept.force) + 1)
+    cutoff, window = SETTINGS[0]
+    figure = Figure(figsize=(style.DOUBLE, 4.0), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.5))
+    style.letter(upper, "a")
+    upper.plot(time, kept.current[:, 0], **_PLAIN)
+    upper.set_ylabel("current [A]")
+    upper.set_ylim(bottom=0.0)
+    style.letter(lower, "b")
+    lower.plot(time, kept.plain[:, 0], **_PLAIN)
+    lower.plot(time, kept.force[:, 0], **_TRUE)
+    lower.plot(time, kept.estimates[0, :, 0], **_FILTERED)
+    lower.set_ylabel("thrust force [N]")
+    lower.set_xlabel("time [s]")
+    lower.set_xlim(0.0, time[-1])
+    lower.set_ylim(bottom=0.0)
+    figure.align_ylabels()
+    handles = [
+        Line2D([], [], **_PLAIN, label="every sample"),
+        Line2D([], [], **_FILTERED, label=f"filtered, cut-off {cutoff}, {window} samples"),
+        Line2D([], [], **_TRUE, label="true force"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    return figure
+
+
+PLATES = (
+    Plate(
+        "servo_current",
+        f"{PAPER}, Figures 11 and 12",
+        "Current of the feed's motor: a) over the thrust force at five depths of cut, b) in air over the feed velocity.",
+        draw_current,
+        motor_checks,
+        "The paper's curves carry no numbers that could be read: the brake's torque stands there for the force.",
+    ),
+    Plate(
+        "servo_estimate",
+        f"{PAPER}, Figures 7 and 10",
+        "Cutting a stepped bar at the programmed feed: a) measured current, b) the thrust force calculated from it, of every "
+        "sample and after a Butterworth filter of tenth order and root mean square, beside the true one.",
+        draw_estimate,
+        estimation_checks,
+        "The paper shows one phase current of an idle motor under a brake; here it is the amplitude in cutting.",
+    ),
+)

@@ -1,0 +1,211 @@
+"""The roughness control paper: constant force by feed, its eight simulations (Table 1) and what its text says of the control.
+
+Each simulation is played on a copy of the preset `surface` with one reference of Ra for the whole 15 s, on several draws of the
+bar: at the table's feed without control, under control, and, for the two that the text shows, under the same law on the feed
+commanded before. Figures are means over draws and over time from when the control has settled. "Saturated" is where the law asks
+for the highest override.
+"""
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.constant_force import ConstantForce, force_of_roughness
+from baselines.fixed import FixedParameters
+from baselines.models.part_program import PartProgram
+from papers.reproduce.checks import Check, at_least, at_most, claim
+from turning_env import RoughTurningVectorEnv, Scenario
+from turning_env.score.policy import Policy
+from turning_env.score.seeds import tuning_seeds
+
+TABLE = Path(__file__).parents[1] / "data" / "surface_table1.csv"
+DRAWS = 8
+SHOWN = (1, 3)
+"""The simulations that the text shows."""
+SETTLED = 2.0
+"""Time after which the control has settled [s]: half a second of air, then some servo time constants."""
+
+FORCE_TOLERANCE, FEED_TOLERANCE = 0.08, 0.015
+"""Relative, and in mm/rev: force over feed falls from 3080 to 2680 N per mm/rev in the table, and is 2850 here."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A row of Table 1."""
+
+    number: int
+    reference: float
+    """Desired Ra [um]."""
+    uncontrolled_force: float
+    """[N]"""
+    uncontrolled_feed: float
+    """[mm/rev]"""
+    force: float
+    """Under control [N]."""
+    feed: float
+    """Under control [mm/rev]."""
+    roughness: float
+    """Ra reached under control [um]."""
+
+
+def rows() -> list[Simulation]:
+    """Table 1 as printed (its Ra are in um, though it says mm)."""
+    with TABLE.open(newline="") as file:
+        return [Simulation(int(number), *map(float, values)) for number, *values in list(csv.reader(file))[1:]]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a play came to, from when it had settled; arrays over draws."""
+
+    force: float
+    """[N]"""
+    feed: float
+    """[mm/rev]"""
+    roughness: NDArray[np.float64]
+    """Mean Ra [um]."""
+    spread: float
+    """Standard deviation of Ra over time, over its mean [-]."""
+    deviation: float
+    """Mean relative deviation of Ra from the reference [-]."""
+    saturated: NDArray[np.float64]
+    """Share of time [-]."""
+
+
+def held_at(reference: float, **sections: dict[str, Any]) -> Scenario:
+    """The preset `surface` with one reference of Ra [um], and other values replaced."""
+    values = Scenario.load("surface").model_dump()
+    for section, replaced in sections.items():
+        values[section] |= replaced
+    values["surface"] |= {"reference_min": reference, "reference_max": reference}
+    return Scenario.model_validate(values)
+
+
+def record(policy: Policy, scenario: Scenario, draws: int) -> dict[str, NDArray[np.float64]]:
+    """What ``info`` says of every interval of one episode, shape (intervals, draws)."""
+    env = RoughTurningVectorEnv(draws, scenario)
+    observations, _ = env.reset(seed=tuning_seeds(draws))
+    policy.reset(np.ones(draws, np.bool_))
+    names = ("roughness", "thrust_force", "feed", "commanded_feed", "roughness_reference")
+    intervals = round(60.0 * scenario.control.time_limit / scenario.control.interval)
+    kept = {name: np.empty((intervals, draws)) for name in names}
+    for interval in range(intervals):
+        observations, _, _, _, infos = env.step(policy.act(observations))
+        for name in names:
+            kept[name][interval] = infos[name]
+    return kept
+
+
+def play(policy: Policy, scenario: Scenario) -> Outcome:
+    """Play one episode of every draw."""
+    settled = round(SETTLED / scenario.control.interval)
+    kept = {name: values[settled:] for name, values in record(policy, scenario, DRAWS).items()}
+    roughness = kept["roughness"]
+    return Outcome(
+        float(kept["thrust_force"].mean()),
+        float(kept["feed"].mean()),
+        roughness.mean(axis=0),
+        float((roughness.std(axis=0) / roughness.mean(axis=0)).mean()),
+        float(np.abs(roughness / kept["roughness_reference"] - 1.0).mean()),
+        (kept["commanded_feed"] > 0.9999 * scenario.machine.feed_max).mean(axis=0),
+    )
+
+
+@cache
+def outcomes() -> tuple[tuple[Simulation, Outcome, Outcome, Outcome | None], ...]:
+    """Every simulation: without control, under control, and maybe under the law on the feed commanded before."""
+    results = []
+    for row in rows():
+        scenario = held_at(row.reference)
+        uncontrolled = FixedParameters(scenario, scenario.control.initial_cutting_speed, row.uncontrolled_feed)
+        program = PartProgram(scenario, {})
+        swinging = play(ConstantForce(program, DRAWS, on_command=True), scenario) if row.number in SHOWN else None
+        results.append((row, play(uncontrolled, scenario), play(ConstantForce(program, DRAWS), scenario), swinging))
+    return tuple(results)
+
+
+def simulation_checks() -> Iterator[Check]:
+    """The table's rows."""
+    for row, uncontrolled, controlled, on_command in outcomes():
+        name = f"simulation {row.number}, Ra {row.reference} um: "
+        free = controlled.saturated < 0.05
+        worst = np.abs(controlled.roughness[free] / row.reference - 1.0).max()
+        yield Check(f"{name}Ra reached [um]", row.reference, float(controlled.roughness.mean()), 0.05 * row.reference)
+        yield at_most(f"{name}deviation of mean Ra, worst unsaturated draw", 0.05, float(worst))
+        yield Check(f"{name}force [N]", row.force, controlled.force, FORCE_TOLERANCE * row.force)
+        yield Check(f"{name}feed [mm/rev]", row.feed, controlled.feed, FEED_TOLERANCE)
+        yield claim(f"{name}control brings Ra nearer the reference", controlled.deviation < 0.5 * uncontrolled.deviation)
+        if on_command is not None:
+            yield at_least(f"{name}on the command before, Ra swings: times as far", 3.0, on_command.spread / controlled.spread)
+        printed = 0.2401 * float(np.exp(0.0034 * row.force))
+        off = abs(printed / row.roughness - 1.0) > 0.05
+        reason = "the table's force and Ra do not satisfy the paper's equation (5)" if off else ""
+        yield Check(
+            f"{name}Ra of the printed force by (5) [um]", row.roughness, printed, 0.05 * row.roughness, not_reproduced=reason
+        )
+
+
+def text_checks() -> Iterator[Check]:
+    """What the text says."""
+    surface = Scenario.load("surface").surface
+    force = float(force_of_roughness(surface, np.array([1.6]))[0])
+    yield Check("force for Ra 1.6 um by the inverse of (5) [N]; the text: about 570", 570.0, force, 15.0)
+    undisturbed = held_at(
+        1.6,
+        workpiece={"depth_bar_spread": 0.0, "hardness_bar_spread": 0.0, "hardness_along_spread": 0.0},
+        sensors={"force_noise": 0.0},
+    )
+    ideal = play(ConstantForce(PartProgram(undisturbed, {}), DRAWS), undisturbed)
+    yield at_most("without noise, deviation of Ra (ideal)", 0.001, ideal.deviation)
+    yield claim("when the reference falls, the feed is reduced at once", bool(np.all(reductions() > 0.0)))
+    yield claim(
+        "without force, the programmed feed is commanded", without_force() == Scenario.load("surface").control.initial_feed
+    )
+
+
+def reductions() -> NDArray[np.float64]:
+    """By how much the commanded feed is reduced in the interval after each fall of the reference by a fifth or more [mm/rev]."""
+    scenario = Scenario.load("surface")
+    kept = record(ConstantForce(PartProgram(scenario, {}), DRAWS), scenario, DRAWS)
+    reference, feed = kept["roughness_reference"], kept["commanded_feed"]
+    # An interval's report tells the reference for the interval to come.
+    falls = (reference[2:-1] < 0.8 * reference[1:-2]) & (kept["feed"][2:-1] > scenario.machine.feed_min)
+    return np.asarray((feed[2:-1] - feed[3:])[falls])
+
+
+def without_force() -> float:
+    """Feed commanded in air, where the force is 0 [mm/rev]."""
+    scenario = Scenario.load("surface")
+    env = RoughTurningVectorEnv(1, scenario)
+    observations, _ = env.reset(seed=0)
+    infos = env.step(ConstantForce(PartProgram(scenario, {}), 1).act(observations))[4]
+    return round(float(infos["commanded_feed"][0]), 6)
+
+
+def tables() -> Iterator[str]:
+    """The eight simulations beside the paper's."""
+    yield f"Means over {DRAWS} draws, after {SETTLED:.0f} s; in brackets the paper's. Spread: of Ra over time, over its mean."
+    yield (
+        f"{'':>2} {'ref.':>4} | {'without control: N':>20} {'mm/rev':>7} {'Ra um':>6} {'spread':>7} | "
+        f"{'with control: N':>17} {'mm/rev':>14} {'Ra um':>13} {'spread':>7} {'saturated':>10} | {'on command: spread':>18}"
+    )
+    for row, free, held, swinging in outcomes():
+        spread = f"{swinging.spread:.1%}" if swinging is not None else "-"
+        yield (
+            f"{row.number:2d} {row.reference:4.1f} | {free.force:13.0f} ({row.uncontrolled_force:4.0f}) {free.feed:7.3f} "
+            f"{free.roughness.mean():6.2f} {free.spread:7.1%} | {held.force:10.0f} ({row.force:4.0f}) {held.feed:7.3f} "
+            f"({row.feed:.2f}) {held.roughness.mean():6.2f} ({row.roughness:.2f}) {held.spread:7.1%} "
+            f"{held.saturated.mean():10.1%} | {spread:>18}"
+        )
+
+
+def checks() -> Iterator[Check]:
+    """Everything that is reproduced of the paper."""
+    yield from simulation_checks()
+    yield from text_checks()

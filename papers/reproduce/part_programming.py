@@ -1,0 +1,180 @@
+"""Sharmazanashvili (2008): what correcting the path of the tool to the measured blank is worth, by rule and kind of blank.
+
+The paper's claim: for roughing, the correction improves the rules [PV] [SN] [PN] [MV] [MN], and is not necessary with [PT] [MT].
+Its figures are lost. They are made here from exponents of engineering handbooks and the paper's dispersions of the allowance:
+
+* Force goes with S^0.75 t, power with V times that, torque as force; life goes with V^-5 S^-1.75 t^-0.75 (V cutting speed, S
+  feed, t depth of cut).
+* All limits meet in one cut, 145 m/min and 0.32 mm/rev at 2.5 mm, where the edge has its economic life. So rules differ by their
+  exponents alone. A limit that a rule does not name does not bind, but speed and feed stay in the lathe's ranges (assumptions).
+* The allowance is normal, its dispersion being six standard deviations, above the least that roughness, defect layer and
+  spatial deviation ask for (assumption; where a source lacks these, the handbooks').
+* Uncorrected, the path is made for the largest blank of its kind: passes of the same depth, counted from the finished part
+  outwards, as many as are cheapest in the mean. A smaller blank leaves less for the first passes, or only air. Corrected, every
+  blank is measured and divided anew into the cheapest number of equal passes. Either way the control is adaptive: speed and feed
+  of each pass are the rule's at the depth that it meets. Every pass also costs the time to return (0.1 min, assumption).
+
+The gain is the paper's psi = (Q_0/Q_a - 1) 100 %, uncorrected over corrected cost of the mean part.
+"""
+
+import csv
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from baselines.fixed import HANDBOOK_CUTTING_SPEED, HANDBOOK_FEED
+from baselines.models.process import Array, Limit, Process
+from baselines.two_limits import MIN_DEPTH, TWO_LIMITS, depth_exponents, set_point
+from papers.reproduce.alaskari_oraby import PAPER
+from papers.reproduce.checks import Check, at_least, at_most
+from turning_env import PowerLaw, Scenario
+
+IMPROVED = ("PV", "SN", "PN", "MV", "MN")
+NOT_NECESSARY = ("PT", "MT")
+"""What the paper says of the rules; of [SV] and [ST] it says nothing."""
+WORTH_HAVING = 1.0
+"""From what psi on a correction is taken for an improvement [%] (assumption)."""
+
+RETURN_TIME = 0.1
+"""[min] per pass."""
+MAX_PASSES = 8
+_DEVIATIONS = np.linspace(-3.0, 3.0, 241)
+
+
+def _law(cutting_speed: float, feed: float, depth_of_cut: float, time: float = 0.0, at_time: float = 1.0) -> PowerLaw:
+    """A law that is 1 in the reference cut, wear at a cutting time [min]."""
+    at_reference = HANDBOOK_CUTTING_SPEED**cutting_speed * HANDBOOK_FEED**feed * at_time**time
+    exponents = {"cutting_speed": cutting_speed, "feed": feed, "depth_of_cut": depth_of_cut, "time": time}
+    return PowerLaw(coefficient=1.0 / at_reference, **exponents)
+
+
+def handbook_process(rule: str) -> Process:
+    """The handbooks' process, in which nothing binds but a rule's two limits and the lathe's ranges."""
+    scenario = Scenario()
+    price = Process.of(scenario).edge_price
+    speeds = (scenario.machine.cutting_speed_min, scenario.machine.cutting_speed_max)
+    feeds = (scenario.machine.feed_min, scenario.machine.feed_max)
+    return Process(
+        wear=_law(1.0, 0.35, 0.15, time=0.2, at_time=4.0 * price),  # mu = 5, nu = 1.75, rho = 0.75; T_0 = (mu - 1) gamma
+        wear_criterion=1.0,
+        thrust_force=Limit(_law(0.0, 0.75, 1.0), 1.0 if "P" in rule else math.inf),
+        power=Limit(_law(1.0, 0.75, 1.0), 1.0 if "N" in rule else math.inf),
+        torque=Limit(_law(0.0, 0.75, 1.0), 1.0 if "M" in rule else math.inf),
+        cutting_speed_range=(speeds[0], HANDBOOK_CUTTING_SPEED if "V" in rule else speeds[1]),
+        feed_range=(feeds[0], HANDBOOK_FEED if "S" in rule else feeds[1]),
+        edge_price=price,
+    )
+
+
+@dataclass(frozen=True)
+class Blank:
+    """A kind of blank."""
+
+    name: str
+    source: str
+    least: float
+    """Least allowance [mm]."""
+    dispersion: float
+    """By how much the largest exceeds it [mm]."""
+
+    @property
+    def largest(self) -> float:
+        """[mm]"""
+        return self.least + self.dispersion
+
+    @property
+    def allowances(self) -> Array:
+        """Allowances [mm] at evenly spaced deviations."""
+        return self.least + self.dispersion * (0.5 + _DEVIATIONS / 6.0)
+
+
+@cache
+def blanks() -> tuple[Blank, ...]:
+    """Blanks of the handbooks and of manufacturing experience, where these give a dispersion."""
+    with (PAPER / "allowance_dispersion.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    parts = ("rz_mm", "defect_layer_mm", "spatial_deviation_mm")
+    least = {row["stock"]: sum(float(row[part] or 0.0) for part in parts) for row in rows if row["source"] == "handbook"}
+    return tuple(
+        Blank(row["stock"], row["source"], least[row["stock"]], float(row["allowance_dispersion_mm"]))
+        for row in rows
+        if row["source"] in ("handbook", "experience") and row["allowance_dispersion_mm"]
+    )
+
+
+def pass_cost(rule: str, depth_of_cut: Array) -> Array:
+    """Cost of one pass over the nominal bar [min] at a depth of cut [mm]; infinite where it is too deep for the lowest feed.
+
+    A pass in air is run at the ends of the ranges.
+    """
+    process, workpiece = handbook_process(rule), Scenario().workpiece
+    speed, feed = set_point(rule, process, depth_of_cut)
+    depth = np.maximum(depth_of_cut, MIN_DEPTH)
+    time = math.pi * workpiece.diameter * workpiece.bar_length / (1000.0 * speed * feed)
+    cost = time * (1.0 + process.edge_price * np.exp(-process.log_life(np.log(speed), np.log(feed), depth, 1.0))) + RETURN_TIME
+    for limit in (process.thrust_force, process.power, process.torque):
+        cost[limit.law(speed, feed, depth) > np.multiply(limit.most, 1.0 + 1e-9)] = np.inf
+    return cost
+
+
+def divided_cost(rule: str, allowance: Array) -> Array:
+    """Cost of parts [min] in 1, 2, ... equal passes, shape (passes, parts), for allowances [mm]."""
+    counts = np.arange(1, MAX_PASSES + 1)[:, np.newaxis]
+    return counts * pass_cost(rule, allowance / counts)
+
+
+def uncorrected_cost(rule: str, blank: Blank, passes: int) -> Array:
+    """Cost of parts [min] of a path made for the largest blank, for the blank's allowances."""
+    depth = blank.largest / passes
+    inside = np.arange(passes)[:, np.newaxis] * depth  # allowance that lies inside each pass, from the last pass to the first
+    return np.asarray(pass_cost(rule, np.clip(blank.allowances - inside, 0.0, depth)).sum(axis=0))
+
+
+@cache
+def gain(rule: str, blank: Blank) -> tuple[int, float]:
+    """(passes of the uncorrected path, psi [%]) of correcting the path."""
+    weights = np.exp(-0.5 * _DEVIATIONS**2)
+    uncorrected = [float(weights @ uncorrected_cost(rule, blank, passes)) for passes in range(1, MAX_PASSES + 1)]
+    corrected = float(weights @ divided_cost(rule, blank.allowances).min(axis=0))
+    return 1 + int(np.argmin(uncorrected)), 100.0 * (min(uncorrected) / corrected - 1.0)
+
+
+NOT_REPRODUCED = {
+    ("SN", "handbook"): "its removal rate does not depend on depth: one pass is cheapest, and leaves nothing to correct",
+    ("SN", "experience"): "its removal rate does not depend on depth: one pass is cheapest, and leaves nothing to correct",
+    ("PT", "experience"): "the largest welded blank takes two passes: one would exceed the limit at the lathe's lowest feed",
+    ("MT", "experience"): "the largest welded blank takes two passes: one would exceed the limit at the lathe's lowest feed",
+}
+
+
+def checks() -> Iterator[Check]:
+    """The paper's claim, for every rule that it speaks of, with the kind of blank that gains most."""
+    for source in ("handbook", "experience"):
+        for rule in (*IMPROVED, *NOT_NECESSARY):
+            most = max(gain(rule, blank)[1] for blank in blanks() if blank.source == source)
+            compare = at_least if rule in IMPROVED else at_most
+            what = f"[{rule}]: largest psi with dispersions of {source} [%]"
+            yield compare(what, WORTH_HAVING, most, NOT_REPRODUCED.get((rule, source), ""))
+
+
+def tables() -> Iterator[str]:
+    """How depth of cut enters each rule, and what correcting the path gains."""
+    yield "Exponent of the depth of cut along each rule, in cutting speed, feed, removal rate and life of the edge."
+    yield "Handbook exponents; last: removal rate with the laws of 709M40."
+    yield f"{'':>6} {'speed':>8} {'feed':>8} {'rate':>8} {'life':>8} {'709M40':>8}"
+    for rule in TWO_LIMITS:
+        process = handbook_process(rule)
+        speed, feed = depth_exponents(rule, process)
+        mu, nu, rho = process.life_exponents
+        values = (speed, feed, 1.0 + speed + feed, -(mu * speed + nu * feed + rho))
+        steel = 1.0 + sum(depth_exponents(rule, Process.of(Scenario())))
+        yield f"{f'[{rule}]':>6} " + " ".join(f"{value + 0.0:8.3f}" for value in (*values, steel))
+    yield ""
+    yield "psi: what correcting the path to the measured blank gains [%]; in brackets the passes of the uncorrected path."
+    yield f"{'':<22} {'mm':>12} " + " ".join(f"{f'[{rule}]':>9}" for rule in TWO_LIMITS)
+    for blank in blanks():
+        gains = " ".join(f"{psi:5.1f} ({passes})" for passes, psi in (gain(rule, blank) for rule in TWO_LIMITS))
+        yield f"{f'{blank.name} ({blank.source})':<22} {blank.least:5.2f}-{blank.largest:5.2f}  {gains}"

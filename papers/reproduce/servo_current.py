@@ -1,0 +1,279 @@
+"""The servo current paper: cutting force from the current of the feed's motor, and feed adapted within a limit of it.
+
+Its figures show an experiment with a brake, without numbers that could be compared; so what is checked is what the text says of
+them. Everything is played on the preset `override_current` (12 ms) and, at intervals of 1 s, on `rough_turning_current`.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.constant_force import ConstantForce
+from baselines.current_limit import CUTOFF, WINDOW, CurrentLimit
+from baselines.fixed import FixedParameters
+from baselines.models.current_sensing import ForceEstimator
+from baselines.models.part_program import PartProgram
+from papers.reproduce.checks import Check, at_least, at_most, claim
+from turning_env import RoughTurningVectorEnv, Scenario, read
+from turning_env.physics.drives import force_from_current, steady_current
+from turning_env.physics.records import parameter_records
+from turning_env.score.play import play
+from turning_env.score.policy import PolicyFactory
+from turning_env.score.seeds import tuning_seeds
+
+DRAWS = 8
+SETTLED = 3.0
+"""Time after which the programmed feed has entered the bar and the estimates have settled [s]."""
+SETTINGS = ((0.2, 5), (0.5, 5), (CUTOFF, WINDOW))
+"""Of the estimator: cut-off frequency over Nyquist's, samples of the root mean square. The last is the controller's."""
+FEED_VELOCITIES = (50.0, 100.0, 150.0, 200.0)
+"""At which the paper measures the idle current [mm/min]."""
+
+UNDISTURBED: dict[str, Any] = {
+    "depth_ripple": 0.0,
+    "depth_bar_spread": 0.0,
+    "depth_along_spread": 0.0,
+    "hardness_bar_spread": 0.0,
+    "hardness_along_spread": 0.0,
+}
+
+
+def changed(preset: str, **sections: dict[str, Any]) -> Scenario:
+    """A preset with some values replaced."""
+    values = Scenario.load(preset).model_dump()
+    for section, replaced in sections.items():
+        values[section] |= replaced
+    return Scenario.model_validate(values)
+
+
+@dataclass(frozen=True)
+class Record:
+    """A play at a fixed speed and feed; arrays of shape (intervals, draws)."""
+
+    force: NDArray[np.float64]
+    """True thrust force [N]."""
+    current: NDArray[np.float64]
+    """Measured [A]."""
+    plain: NDArray[np.float64]
+    """Force by the static inversion of each sample [N]."""
+    estimates: NDArray[np.float64]
+    """Force by filter and root mean square [N], shape (settings, intervals, draws)."""
+    in_metal: NDArray[np.bool_]
+    """Whether the tool is in metal, and was for the last fifteen samples."""
+
+
+def record(scenario: Scenario, seconds: float, feed: float | None = None) -> Record:
+    """Play episodes from their start at the programmed speed, and the programmed feed or another [mm/rev]."""
+    control = scenario.control
+    policy = FixedParameters(scenario, control.initial_cutting_speed, control.initial_feed if feed is None else feed)
+    estimators = [ForceEstimator(scenario, DRAWS, cutoff, window) for cutoff, window in SETTINGS]
+    env = RoughTurningVectorEnv(DRAWS, scenario)
+    observations, _ = env.reset(seed=tuning_seeds(DRAWS))
+    kept: dict[str, list[Any]] = {"force": [], "current": [], "plain": [], "estimates": [], "cutting": []}
+    for _ in range(round(seconds / control.interval)):
+        observations, _, _, _, infos = env.step(policy.act(observations))
+        reading = read(observations, scenario)
+        kept["force"].append(infos["thrust_force"])
+        kept["current"].append(reading.servo_current)
+        kept["plain"].append(reading.thrust_force)
+        kept["estimates"].append([estimator.update(reading).thrust_force for estimator in estimators])
+        kept["cutting"].append(infos["cutting"])
+    arrays = {name: np.array(values) for name, values in kept.items()}
+    cutting = arrays["cutting"].astype(np.bool_)
+    in_metal = cutting.copy()
+    for ago in range(1, 16):
+        in_metal[ago:] &= cutting[:-ago]
+        in_metal[:ago] = False
+    estimates = np.moveaxis(arrays["estimates"], 1, 0)
+    return Record(arrays["force"], arrays["current"], arrays["plain"], estimates, in_metal)
+
+
+@cache
+def steady() -> Record:
+    """One depth, one hardness, no run-out: only the sensor's noise and the motor's ripple."""
+    return record(changed("override_current", workpiece=UNDISTURBED | {"depth_profile": []}), 15.0)
+
+
+@cache
+def stepped() -> Record:
+    """The stepped bar."""
+    return record(Scenario.load("override_current"), 19.0)
+
+
+@cache
+def slow() -> Record:
+    """At intervals of 1 s."""
+    return record(Scenario.load("rough_turning_current"), 300.0)
+
+
+def errors(kept: Record, start: float, lags: tuple[int, ...] | None = None) -> list[float]:
+    """Root mean square errors, over the mean force, of the plain inversion and of every setting, from an interval on.
+
+    Args:
+        kept: the play.
+        start: interval from which on errors count.
+        lags: by how many intervals each is compared with the force before; by default with the force at the time.
+    """
+    estimates = (kept.plain, *kept.estimates)
+    result = []
+    for estimate, lag in zip(estimates, lags or (0,) * len(estimates), strict=True):
+        force = np.roll(kept.force, lag, axis=0)
+        counted = kept.in_metal & (np.arange(len(force)) >= start + lag)[:, np.newaxis]
+        result.append(float(np.sqrt(np.mean((estimate - force)[counted] ** 2)) / force[counted].mean()))
+    return result
+
+
+@cache
+def all_errors() -> dict[str, list[float]]:
+    """Of each play: errors of the plain inversion and of every setting."""
+    start = SETTLED / Scenario.load("override_current").control.interval
+    sensor = sensor_lag()
+    lags = (sensor, *(sensor + round(ForceEstimator(Scenario(), 1, *setting).delay) for setting in SETTINGS))
+    return {
+        "12 ms, steady cutting": errors(steady(), start),
+        "12 ms, stepped bar": errors(stepped(), start),
+        "12 ms, stepped bar, lag allowed for": errors(stepped(), start, lags),
+        "1 s": errors(slow(), 15),
+    }
+
+
+def best_lag(kept: Record, most: int = 40) -> int:
+    """By how many samples the current's force lags the true force: where they differ least [samples]."""
+    start = round(SETTLED / 0.012)
+    force, plain = kept.force[start - most :], kept.plain[start:]
+    differences = [np.mean((plain - force[most - lag :][: len(plain)]) ** 2) for lag in range(most)]
+    return int(np.argmin(differences))
+
+
+@cache
+def sensor_lag() -> int:
+    """Lag of the static inversion of every sample [samples]."""
+    return best_lag(stepped())
+
+
+def no_load_currents() -> NDArray[np.float64]:
+    """Mean measured current in air at the paper's feed velocities [A]."""
+    scenario = changed("override_current", workpiece={"approach": 1000.0}, machine={"feed_min": 0.01})
+    revolutions = 1000.0 / (math.pi * scenario.workpiece.diameter) * scenario.control.initial_cutting_speed
+    means = []
+    for feed_velocity in FEED_VELOCITIES:
+        feed = feed_velocity / revolutions
+        means.append(record(scenario, 1.2, feed).current[-20:].mean())
+    return np.array(means)
+
+
+def currents_of_depths() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean true force [N] and measured current [A] at five depths of cut."""
+    rows = []
+    for depth in (0.5, 1.0, 1.5, 2.0, 3.0):
+        kept = record(changed("override_current", workpiece=UNDISTURBED | {"depth_profile": [depth]}), 2.4)
+        rows.append((kept.force[-50:].mean(), kept.current[-50:].mean()))
+    forces, currents = np.array(rows).T
+    return forces, currents
+
+
+def printed_equation(scenario: Scenario, current: float) -> float:
+    """The paper's equation (9) as printed."""
+    drive = scenario.feed_drive
+    screw = drive.screw_lead / 1000.0 / (2.0 * math.pi * drive.efficiency)  # [m]
+    resistance = drive.guide_friction + drive.preload * (1.0 - drive.screw_efficiency**2)  # [N]
+    return 1.5 * drive.pole_pairs * drive.flux_linkage * current - screw * resistance
+
+
+def motor_checks() -> Iterator[Check]:
+    """The current at no load, at various feeds and forces, and its equations."""
+    scenario = Scenario.load("override_current")
+    parameters: Any = parameter_records(scenario)[0]
+    current = float(steady_current(parameters, 1000.0, 0.0))
+    solved = float(force_from_current(parameters, current, 0.0))  # type: ignore[no-untyped-call]
+    yield Check("force at the current of 1000 N: equations (3) and (8), solved [N]", 1000.0, solved, 1e-9)
+    yield Check(
+        "force at the current of 1000 N: equation (9) as printed [N]",
+        1000.0,
+        printed_equation(scenario, current),
+        10.0,
+        not_reproduced="its right-hand side is the torque [N m] of the force: 2 pi eta over the lead is missing",
+    )
+    idle = no_load_currents()
+    yield claim("the current is not 0 at no load", bool(idle.min() > 0.1))
+    yield claim("the idle current changes with the feed rate, 50 to 200 mm/min", bool(np.all(np.diff(idle) > 0.0)))
+    forces, currents = currents_of_depths()
+    line = np.polyval(np.polyfit(forces, currents, 1), forces)
+    yield at_most("the current is linear in the force: largest deviation", 0.01, float(np.abs(currents / line - 1.0).max()))
+    yield at_most("idle current's change over the current of 1000 N: little", 0.1, float(np.ptp(idle)) / current)
+    yield at_least("the current lags the force [samples of 12 ms]", 1, sensor_lag())
+
+
+def estimation_checks() -> Iterator[Check]:
+    """Butterworth filter and root mean square against the inversion of every sample."""
+    found = all_errors()
+    plain, *filtered = found["12 ms, steady cutting"]
+    for (cutoff, window), error in zip(SETTINGS, filtered, strict=True):
+        name = f"steady cutting, cut-off {cutoff}, {window} samples: error over that of one sample"
+        yield at_most(name, 0.7, error / plain)
+    plain, *filtered = found["12 ms, stepped bar"]
+    yield claim("stepped bar: the lowest cut-off lags so far that it does worse than one sample", filtered[0] > plain)
+    plain, *filtered = found["12 ms, stepped bar, lag allowed for"]
+    for (cutoff, window), error in zip(SETTINGS, filtered, strict=True):
+        name = f"stepped bar, cut-off {cutoff}, {window} samples: error but for the lag, over that of one sample"
+        yield at_most(name, 0.8, error / plain)
+
+
+def control_checks() -> Iterator[Check]:
+    """The adaptive feed, with the current sensed and with a dynamometer."""
+    results = controlled()
+    sensed, measured, cautious = (results[name] for name in ("current", "dynamometer", "cautious feed"))
+    yield at_most("adaptive feed: return lost by sensing the current, over the dynamometer's", 0.1, sensed[0] / measured[0] - 1.0)
+    yield at_most("adaptive feed: time over that of a feed that suits the deepest cut", 0.9, sensed[1] / cautious[1])
+    yield at_most("adaptive feed: share of cutting time over the limit by more than 5 %", 0.05, sensed[2])
+
+
+@cache
+def controlled() -> dict[str, tuple[float, float, float]]:
+    """(mean return [s], mean time [s], share of cutting time severely over a limit) of the stepped bar, by who plays it."""
+    current, dynamometer = Scenario.load("override_current"), Scenario.load("override")
+    limit = dynamometer.limits.power / dynamometer.machine.rated_power
+    share = 0.37  # of the thrust force limit: that at which the spindle has nearly the target load
+    deepest = float(dynamometer.material.power(dynamometer.control.initial_cutting_speed, dynamometer.control.initial_feed, 3.0))
+    override = (limit * dynamometer.machine.rated_power / deepest) ** (1.0 / dynamometer.material.power.feed)
+    feed = override * dynamometer.control.initial_feed
+    players: dict[str, tuple[Scenario, PolicyFactory]] = {
+        "current": (current, lambda num_envs: CurrentLimit(PartProgram(current, {}), num_envs, share)),
+        "dynamometer": (dynamometer, lambda num_envs: CurrentLimit(PartProgram(dynamometer, {}), num_envs, share)),
+        "constant force": (current, lambda num_envs: ConstantForce(PartProgram(current, {}), num_envs, share)),
+        "cautious feed": (current, lambda num_envs: FixedParameters(current, current.control.initial_cutting_speed, feed)),
+        "programmed feed": (current, lambda num_envs: FixedParameters(current, current.control.initial_cutting_speed, 0.4)),
+    }
+    results = {}
+    for name, (scenario, make) in players.items():
+        episodes = play(make, scenario, tuning_seeds(DRAWS))
+        severe = episodes["severe_overload_time"].sum() / episodes["engaged_time"].sum()
+        results[name] = (float(episodes["return"].mean()), float(episodes["time"].mean()), float(severe))
+    return results
+
+
+def tables() -> Iterator[str]:
+    """Errors of the estimates, and what the adaptive feed does with them."""
+    delays = [ForceEstimator(Scenario(), 1, *setting).delay for setting in SETTINGS]
+    yield "Estimated against true thrust force, root mean square error over mean force, at the programmed feed."
+    heads = [f"cut-off {cutoff}, {window} samples" for cutoff, window in SETTINGS]
+    yield f"{'':<36} {'every sample inverted':>22} " + " ".join(f"{head:>24}" for head in heads)
+    for name, found in all_errors().items():
+        yield f"{name:<36} {found[0]:22.1%} " + " ".join(f"{error:24.1%}" for error in found[1:])
+    yield f"{'lag of the estimate [samples]':<36} {'':>22} " + " ".join(f"{delay:24.1f}" for delay in delays)
+    yield ""
+    yield f"{'stepped bar, ' + str(DRAWS) + ' draws':<36} {'return [s]':>10} {'time [s]':>9} {'over a limit by > 5 %':>22}"
+    for name, (mean_return, time, severe) in controlled().items():
+        yield f"{name:<36} {mean_return:10.1f} {time:9.1f} {severe:22.1%}"
+
+
+def checks() -> Iterator[Check]:
+    """Everything that is reproduced of the paper."""
+    yield from motor_checks()
+    yield from estimation_checks()
+    yield from control_checks()

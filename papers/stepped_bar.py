@@ -1,0 +1,86 @@
+"""The stepped bar of the fuzzy override paper without chance: what laws of feed override are compared on.
+
+Steel E295 on a 9 kW lathe, programmed feed 0.4 mm/rev, target load 60 % (preset `override`). Without spreads and noise, and with
+an edge that does not break. Force and power follow depth and feed at once: with a first-order lag of one turn, the first form of
+the fuzzy law would swing from one end of its range to the other even on a smooth bar, and the paper's did not.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env import RoughTurningEnv, Scenario
+from turning_env.score.policy import PolicyFactory
+
+RIPPLE = 0.02
+"""Amplitude of the ripple of load in the paper's test, over the load [-]."""
+STEPS = (1.0, 2.0, 3.0)
+"""Depths of cut of the paper's test [mm]."""
+
+
+def stepped_bar(
+    depths: tuple[float, ...] = STEPS, bar_length: float = 100.0, ripple_period: float | None = None, chip_lag: float = 0.0
+) -> Scenario:
+    """A bar in sections of equal length.
+
+    Args:
+        depths: depth of cut of each section [mm].
+        bar_length: of all sections [mm].
+        ripple_period: of a ripple of depth, and so of load [s]; none: the bar is smooth.
+        chip_lag: of force and power behind feed and depth [rev].
+    """
+    values = Scenario.load("override").model_dump()
+    values["name"] = "stepped_bar"
+    values["tool"] |= {"wear_factor_spread": 0.0, "edge_strength": 1e6, "edge_strength_spread": 0.0}
+    values["machine"]["chip_lag"] = chip_lag
+    values["workpiece"] |= dict.fromkeys(("depth_bar_spread", "depth_along_spread"), 0.0)
+    values["workpiece"] |= dict.fromkeys(("hardness_bar_spread", "hardness_along_spread"), 0.0)
+    values["workpiece"] |= {"depth_profile": depths, "bar_length": bar_length}
+    values["workpiece"]["depth_ripple"] = 0.0 if ripple_period is None else RIPPLE
+    if ripple_period is not None:
+        diameter, speed = values["workpiece"]["diameter"], values["control"]["initial_cutting_speed"]
+        values["workpiece"]["depth_ripple_period"] = ripple_period / 60.0 * 1000.0 * speed / (np.pi * diameter)
+    values["sensors"] |= {"power_noise": 0.0, "force_noise": 0.0}
+    return Scenario.model_validate(values)
+
+
+@dataclass(frozen=True)
+class Course:
+    """What happened on a bar; arrays over control intervals, at their ends."""
+
+    time: NDArray[np.float64]
+    """Since the start [s]."""
+    depth: NDArray[np.float64]
+    """Depth of cut [mm], 0 in air."""
+    override: NDArray[np.float64]
+    """Commanded feed over the programmed one [-]."""
+    load: NDArray[np.float64]
+    """True spindle load [-]."""
+
+    def after(self, time: float) -> "Course":
+        """The course from a time [s] on, in metal."""
+        kept = (self.time >= time) & (self.depth > 0.0)
+        return Course(self.time[kept], self.depth[kept], self.override[kept], self.load[kept])
+
+    def at_depth(self, depth: float, settled: float) -> "Course":
+        """What of it was at a depth of cut [mm], without the first seconds ``settled`` at each stay there."""
+        there = np.isclose(self.depth, depth)
+        arrivals = np.where(there & ~np.append(False, there[:-1]), self.time, -np.inf)
+        kept = there & (self.time >= np.maximum.accumulate(arrivals) + settled)
+        return Course(self.time[kept], self.depth[kept], self.override[kept], self.load[kept])
+
+
+def course(make_policy: PolicyFactory, scenario: Scenario) -> Course:
+    """Let a policy turn a bar."""
+    env, policy = RoughTurningEnv(scenario), make_policy(1)
+    observation, _ = env.reset(seed=0)
+    policy.reset(np.ones(1, np.bool_))
+    rows, ended, time = [], False, 0.0
+    while not ended:
+        observation, _, terminated, truncated, info = env.step(policy.act(observation[np.newaxis])[0])
+        time += info["time"]
+        override = info["commanded_feed"] / scenario.control.initial_feed
+        rows.append((time, info["depth_of_cut"], override, info["power"] / scenario.machine.rated_power))
+        ended = terminated or truncated
+    return Course(*np.array(rows).T)

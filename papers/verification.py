@@ -1,0 +1,115 @@
+"""The fixed-parameter tests that Alaskari and Oraby (2018) set against their grid search: T1 to T9.
+
+The figures that gave their parameters are lost. The text (section "Experimental verification of the proposed strategy") gives
+the cutting speeds, how many times the grid search's removal rate is a test's, and of some tests how long the edge lasted, or how
+many times the grid search's metal per edge is a test's. From these:
+
+* The removal rate of a test is V f d, so its ratio gives the product of feed and depth of cut, but neither apart. All tests have
+  here the nominal depth of 2.5 mm (assumption; theirs lay between 1.5 and 3 mm), and the feed that then follows, rounded.
+* Every stated ratio of metal per edge is the ratio of rates times 15 min over a whole number of minutes. So the edge of the grid
+  search was given 15 min, and T4, T8 and T9 lasted 11 (as the text says), 7 and 5 min. Yet no pair is feasible in the fifteenth
+  minute of the grid search: its edge lasts 14.
+* Of T6 and T7 nothing is said but their cutting speed, 145 m/min. They are left out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from baselines.fixed import FixedParameters
+from turning_env import Scenario
+from turning_env.score.play import play
+
+STATED_LIFE = 15.0
+"""Life of the grid search's edge in the paper's ratios of metal per edge [min]."""
+COLLAPSE_TIME, COLLAPSE_FORCE = 6.25, 2690.0
+"""Cutting time at which the edge of T9 collapsed [min], and the thrust force then [N]."""
+
+
+@dataclass(frozen=True)
+class VerificationTest:
+    """One speed and feed for the edge's whole life, and what the paper says of it."""
+
+    name: str
+    cutting_speed: float
+    """[m/min], stated."""
+    feed: float
+    """[mm/rev], from the ratio of rates, at 2.5 mm depth of cut."""
+    rate_ratio: float
+    """Removal rate of the grid search over that of the test, stated."""
+    life: float | None = None
+    """Cutting time until 0.3 mm of wear [min]: stated, or from the ratio of metal per edge."""
+    total_ratio: float | None = None
+    """Metal per edge of the grid search over that of the test, stated."""
+
+
+TESTS = (
+    VerificationTest("T1", 100.0, 0.06, 10.6),
+    VerificationTest("T2", 100.0, 0.132, 4.79),
+    VerificationTest("T3", 100.0, 0.20, 3.19),
+    VerificationTest("T4", 100.0, 0.60, 1.06, 11.0, 1.45),
+    VerificationTest("T5", 145.0, 0.25, 1 / 0.58, 15.0),
+    VerificationTest("T8", 145.0, 0.32, 1 / 0.73, 7.0, 2.94),
+    VerificationTest("T9", 206.0, 0.19, 1.61, 5.0, 4.83),
+)
+
+
+def undisturbed(wear_factor: float = 1.0) -> Scenario:
+    """The published simulation made fit for the tests.
+
+    The spindle reaches the speed of T9, the edge does not break before it is worn (that of T4 would, just before 0.3 mm),
+    episodes are long enough for T1, and an edge wears ``wear_factor`` times as much as the models say.
+    """
+    values = Scenario.load("paper").model_dump()
+    values["name"] = "verification"
+    values["machine"]["cutting_speed_max"] = max(test.cutting_speed for test in TESTS)
+    values["tool"]["edge_strength"] = 1e6
+    values["control"] |= {"interval": 6.0, "time_limit": 1000.0}
+    values["material"]["wear"]["coefficient"] *= wear_factor
+    return Scenario.model_validate(values)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What an edge did at fixed parameters."""
+
+    rate: float
+    """Removal rate [cm3/min]."""
+    life: float
+    """Cutting time until it was worn out [min]."""
+
+    @property
+    def total(self) -> float:
+        """Metal removed with the edge [cm3]."""
+        return self.rate * self.life
+
+
+def played(tests: Sequence[VerificationTest], wear_factor: float = 1.0) -> list[Outcome]:
+    """Play tests to the end of their edges, all with the same wear factor."""
+    scenario = undisturbed(wear_factor)
+    speeds = np.array([test.cutting_speed for test in tests])
+    feeds = np.array([test.feed for test in tests])
+    episodes = play(lambda num_envs: FixedParameters(scenario, speeds, feeds), scenario, range(len(tests)))
+    minutes = episodes["engaged_time"] / 60.0
+    return [Outcome(float(removed / life), float(life)) for removed, life in zip(episodes["removed"], minutes, strict=True)]
+
+
+def wear(test: VerificationTest, minutes: float) -> float:
+    """Wear of the nominal model after some cutting time [mm]."""
+    scenario = undisturbed()
+    return float(scenario.material.wear(test.cutting_speed, test.feed, scenario.workpiece.depth_of_cut, time=minutes))
+
+
+def implied_wear_factor(test: VerificationTest, life: float) -> float:
+    """How many times as much as the nominal model an edge must wear to last ``life`` minutes [-]."""
+    return undisturbed().tool.wear_criterion / wear(test, life)
+
+
+def force_and_power(test: VerificationTest, flank_wear: float) -> tuple[float, float]:
+    """Thrust force [N] and power [kW] of the nominal model at a wear [mm]."""
+    scenario = undisturbed()
+    laws, depth = scenario.material, scenario.workpiece.depth_of_cut
+    force = laws.thrust_force(test.cutting_speed, test.feed, depth, wear=flank_wear)
+    power = laws.power(test.cutting_speed, test.feed, depth, wear=flank_wear)
+    return float(force), float(power)

@@ -1,0 +1,45 @@
+"""What life is worth."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
+
+from baselines.models.edge_value import USED_LIVES, expected_excess, prices_of_life
+from tests.turning_env.playing import changed
+from turning_env import Scenario
+
+PRICE = 10.0
+
+
+@pytest.mark.parametrize(("log_mean", "spread"), [(-0.5, 0.1), (-0.02, 0.05), (0.0, 0.2), (0.3, 0.1)])
+def test_the_expected_excess_is_the_integral(log_mean: float, spread: float) -> None:
+    def integrand(z: float) -> float:
+        return float(max(np.exp(log_mean + spread * z) - 1.0, 0.0) * norm.pdf(z))
+
+    assert expected_excess(np.array(log_mean), spread) == pytest.approx(quad(integrand, -8, 8, points=[-log_mean / spread])[0])
+
+
+def test_without_spread_the_excess_is_what_it_is() -> None:
+    assert expected_excess(np.log(np.array([0.5, 1.0, 1.3])), 1e-6) == pytest.approx([0.0, 0.0, 0.3], abs=1e-6)
+
+
+def test_a_fresh_edge_is_worth_more_than_a_worn_one() -> None:
+    prices = prices_of_life(Scenario(), PRICE)
+    assert prices.shape == USED_LIVES.shape
+    assert (np.diff(prices) < 0).all()
+
+
+def test_what_the_edge_is_charged_does_not_change_what_its_life_is_worth() -> None:
+    dear = changed(Scenario(), economics={"edge_cost": 30.0})
+    assert prices_of_life(dear, PRICE) == pytest.approx(prices_of_life(Scenario(), PRICE))
+
+
+def test_where_edges_are_changed_a_whole_edge_pays_for_its_time() -> None:
+    """Time that is dear makes a worn edge not worth keeping, the more so the cheaper its successor."""
+    shift = Scenario.load("shift")
+    worthless = [
+        int((prices_of_life(changed(shift, economics={"edge_cost": cost}), PRICE) <= 0).sum()) for cost in (0.0, 3.0, 30.0)
+    ]
+    assert worthless[0] >= worthless[1] >= worthless[2]
+    assert worthless[0] > worthless[2]

@@ -1,0 +1,107 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from baselines.models.process import Limit, Process
+from papers.reproduce.part_programming import handbook_process
+from turning_env import PowerLaw, Scenario
+
+STEEL = Process.of(Scenario())
+HANDBOOK = handbook_process("PN")
+
+
+def log_cost(process: Process, cutting_speed: float, feed: float, depth: float, hardness: float = 1.0) -> float:
+    return float(process.log_cost(np.log(cutting_speed), np.log(feed), depth, hardness))
+
+
+def test_at_the_life_the_wear_is_the_criterion() -> None:
+    life = float(np.exp(STEEL.log_life(np.log(150.0), np.log(0.4), 3.0, 1.1)))
+    assert float(STEEL.wear(150.0, 0.4, 3.0, time=life, hardness=1.1)) == pytest.approx(STEEL.wear_criterion)
+
+
+def test_the_cost_is_time_and_edges_per_metal() -> None:
+    life = float(np.exp(STEEL.log_life(np.log(150.0), np.log(0.4), 3.0, 1.1)))
+    assert math.exp(log_cost(STEEL, 150.0, 0.4, 3.0, 1.1)) == pytest.approx((1.0 + 5.0 / life) / (150.0 * 0.4 * 3.0))
+
+
+def test_edges_that_cost_nothing_leave_the_time() -> None:
+    assert math.exp(log_cost(replace(STEEL, edge_price=0.0), 150.0, 0.4, 3.0)) == pytest.approx(1.0 / 180.0)
+
+
+def test_torque_is_power_over_angular_speed() -> None:
+    power = float(STEEL.power.law(120.0, 0.3, 2.0, wear=0.2))
+    spindle_speed = 1000.0 * 120.0 / (math.pi * Scenario().workpiece.diameter)
+    torque = float(STEEL.torque.law(120.0, 0.3, 2.0, wear=0.2))
+    assert torque == pytest.approx(30000.0 * power / (math.pi * spindle_speed))
+    assert STEEL.torque.most == pytest.approx(210.0)
+
+
+@pytest.mark.parametrize("process", [STEEL, HANDBOOK])
+@pytest.mark.parametrize(("feed", "depth", "hardness"), [(0.1, 1.0, 0.8), (0.4, 2.5, 1.0), (0.6, 6.0, 1.3)])
+def test_the_best_cutting_speed_is_the_cheapest(process: Process, feed: float, depth: float, hardness: float) -> None:
+    found = minimize_scalar(lambda log_speed: log_cost(process, math.exp(log_speed), feed, depth, hardness), bracket=(4.0, 6.0))
+    assert float(process.best_cutting_speed(feed, depth, hardness)) == pytest.approx(math.exp(found.x), rel=1e-5)
+
+
+@pytest.mark.parametrize(("cutting_speed", "depth"), [(80.0, 1.0), (145.0, 2.5), (200.0, 6.0)])
+def test_the_best_feed_is_the_cheapest(cutting_speed: float, depth: float) -> None:
+    found = minimize_scalar(lambda log_feed: log_cost(HANDBOOK, cutting_speed, math.exp(log_feed), depth), bracket=(-2.0, 1.0))
+    assert float(HANDBOOK.best_feed(cutting_speed, depth)) == pytest.approx(math.exp(found.x), rel=1e-5)
+
+
+def test_where_cost_falls_without_end_the_optimum_is_infinite() -> None:
+    np.testing.assert_array_equal(STEEL.best_feed(np.array([100.0, 200.0]), 2.5), np.full(2, np.inf))  # nu = 0.69
+    assert log_cost(STEEL, 150.0, 20.0, 2.5) < log_cost(STEEL, 150.0, 10.0, 2.5)
+    slow = replace(STEEL, wear=STEEL.wear.model_copy(update={"cutting_speed": 0.2}))  # mu = 0.82
+    assert slow.best_cutting_speed(0.3, 2.5) == np.inf
+    assert replace(STEEL, edge_price=0.0).best_cutting_speed(0.3, 2.5) == np.inf
+
+
+@pytest.mark.parametrize(
+    ("process", "limit"),
+    [(STEEL, STEEL.thrust_force), (STEEL, STEEL.torque), (HANDBOOK, HANDBOOK.thrust_force)],
+)
+def test_the_economic_life_is_the_cheapest_along_its_limit(process: Process, limit: Limit) -> None:
+    line = limit.line(2.5, 1.0, 0.2)
+
+    def log_speed(log_feed: float) -> float:
+        return float((line.room - line.feed * log_feed) / line.cutting_speed)
+
+    if limit.law.cutting_speed == 0.0:  # the feed is fixed: the cutting speed varies
+        log_feed = float(line.room / line.feed)
+        best = minimize_scalar(lambda x: log_cost(process, math.exp(x), math.exp(log_feed), 2.5), bracket=(4.0, 6.0)).x
+    else:
+        log_feed = minimize_scalar(
+            lambda x: log_cost(process, math.exp(log_speed(x)), math.exp(x), 2.5), bracket=(-2.0, 1.0), tol=1e-12
+        ).x
+        best = log_speed(log_feed)
+    life = math.exp(float(process.log_life(np.asarray(best), np.asarray(log_feed), 2.5, 1.0)))
+    assert process.economic_life(limit) == pytest.approx(life, rel=1e-4)
+
+
+def test_without_an_economic_life_the_cost_falls_all_along_a_limit() -> None:
+    line = STEEL.power.line(2.5, 1.0, 0.2)
+    feeds = np.geomspace(0.01, 10.0, 50)  # along the limit of power more feed is more removal and more life
+    costs = STEEL.log_cost(line.highest_cutting_speed(np.log(feeds)), np.log(feeds), 2.5, 1.0)
+    assert np.all(np.diff(costs) < 0)
+    assert STEEL.economic_life(STEEL.power) == math.inf
+    same_rate = Limit(PowerLaw(coefficient=1.0, cutting_speed=0.7, feed=0.7), 1.0)
+    assert STEEL.economic_life(same_rate) == math.inf
+    assert STEEL.economic_life(Limit(PowerLaw(coefficient=1.0, cutting_speed=1.0), 200.0)) == 0.0  # nu below 1
+    for limit in (STEEL.power, same_rate):
+        assert np.all(np.isfinite(STEEL.life_limit(limit).line(2.5, 1.0, 0.2).room))
+
+
+def test_a_rescaled_limit_is_reached_where_the_response_is_so_many_times_the_laws() -> None:
+    scales = np.array([0.5, 1.0, 2.0])
+    rescaled = STEEL.rescaled(2.0 * scales, scales)
+    for limit, nominal, scale in (
+        (rescaled.thrust_force, STEEL.thrust_force, 2.0 * scales),
+        (rescaled.power, STEEL.power, scales),
+        (rescaled.torque, STEEL.torque, scales),
+    ):
+        feeds = np.exp(limit.line(2.5, 1.0, 0.2).highest_feed(np.log(150.0)))
+        np.testing.assert_allclose(scale * nominal.law(150.0, feeds, 2.5, wear=0.2), np.full(3, nominal.most))

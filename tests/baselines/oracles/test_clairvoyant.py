@@ -1,0 +1,149 @@
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from baselines import catalogue
+from baselines.oracles import clairvoyant
+from baselines.oracles.clairvoyant import TOLERANCE, Grid, bounds, covers
+from baselines.oracles.perfect_state import PerfectState
+from turning_env import IDS, RoughTurningVectorEnv, Scenario, read
+from turning_env.action import towards
+from turning_env.score.play import play
+from turning_env.score.seeds import tuning_seeds
+
+BASE = Scenario.load("rough_turning")
+DRAWS = tuning_seeds(3)
+COARSE = Grid(10.0, 60, 8)
+
+
+@pytest.fixture(scope="module")
+def bound() -> NDArray[np.float64]:
+    return bounds(BASE, DRAWS)
+
+
+def allowed(bound: Any, machine_time: Any) -> Any:
+    """What may be earned [s] in view of the steps of the bound's grids."""
+    return bound + TOLERANCE * machine_time
+
+
+@pytest.mark.parametrize("name", ["fixed_tuned", "grid_search", "rescaled_grid_search"])
+def test_no_rule_earns_more(name: str, bound: NDArray[np.float64]) -> None:
+    episodes = play(catalogue.entry(name, BASE).make, BASE, DRAWS)
+    assert (episodes["return"] <= allowed(bound, episodes["time"])).all()
+
+
+def test_knowing_the_present_earns_less_than_knowing_all_but_not_much_less(bound: NDArray[np.float64]) -> None:
+    episodes = play(lambda num_envs: PerfectState(BASE, num_envs), BASE, DRAWS, tell=True)
+    assert (episodes["return"] <= bound).all()
+    assert (bound - episodes["return"] < 0.15 * episodes["time"]).all()
+
+
+def told_actions(draw: int) -> tuple[NDArray[np.float64], float]:
+    """The actions, shape (intervals, 2), of the controller that knows the present, and what they earn [s]."""
+    env, guide = RoughTurningVectorEnv(1, BASE, AutoresetMode.NEXT_STEP), PerfectState(BASE, 1)
+    observations, infos = env.reset(seed=[draw])
+    guide.reset(np.ones(1, np.bool_))
+    actions, earned, ended = [], 0.0, False
+    while not ended:
+        guide.tell(infos)
+        actions.append(guide.act(observations)[0].astype(np.float64))
+        observations, rewards, terminated, truncated, infos = env.step(actions[-1][np.newaxis])
+        earned += float(rewards[0])
+        ended = bool(terminated[0] | truncated[0])
+    return np.array(actions), earned
+
+
+def best_replay(draw: int, actions: NDArray[np.float64], rounds: int) -> tuple[float, float]:
+    """(return, machine time) [s] of the best that a search finds by changing a sequence of actions on one and the same draw."""
+    lanes, most = 128, len(actions) + 200
+    random = np.random.default_rng(draw)
+    env = RoughTurningVectorEnv(lanes, BASE, AutoresetMode.NEXT_STEP)
+    actions = np.concatenate([actions, np.zeros((200, 2))])
+    found = (-np.inf, 0.0)
+    for _ in range(rounds):
+        env.reset(seed=[draw] * lanes)
+        # One change a lane, of a few intervals, taken back after them: what follows is commanded as before.
+        changed = np.tile(actions, (lanes, 1, 1))
+        for lane, start in enumerate(random.integers(0, most - 12, lanes)):
+            change, axis = random.normal(0.0, 0.15), random.integers(2)
+            changed[lane, start, axis] += change
+            changed[lane, start + random.integers(1, 12), axis] -= change
+        changed[0] = actions
+        changed = np.clip(changed, -1.0, 1.0)
+        returns, times, running = np.zeros(lanes), np.zeros(lanes), np.ones(lanes, np.bool_)
+        for step in range(most):
+            _, rewards, terminated, truncated, infos = env.step(changed[:, step])
+            returns += running * rewards
+            times += running * infos["time"]
+            running &= ~(terminated | truncated)
+        assert not running.any()
+        top = int(np.argmax(returns))
+        found = max(found, (float(returns[top]), float(times[top])))
+        actions = changed[top]
+    return found
+
+
+def test_no_replayed_sequence_of_actions_that_a_search_finds_earns_more(bound: NDArray[np.float64]) -> None:
+    actions, told = told_actions(DRAWS[0])
+    returned, time = best_replay(DRAWS[0], actions, 8)
+    assert returned > told  # the search does find something
+    assert returned <= allowed(bound[0], time)
+
+
+def test_no_random_search_earns_more(bound: NDArray[np.float64]) -> None:
+    lanes = 256
+    random = np.random.default_rng(0)
+    targets = random.uniform([100.0, 0.15], [200.0, 0.6], (lanes, 2))
+
+    class Fixed:
+        def reset(self, lanes: Any) -> None: ...
+
+        def act(self, observations: Any) -> Any:
+
+            return towards(read(observations, BASE), BASE, targets[:, 0], targets[:, 1])
+
+    episodes = play(lambda num_envs: Fixed(), BASE, DRAWS[:1] * num_envs)
+    assert (episodes["return"] <= allowed(bound[0], episodes["time"])).all()
+
+
+def test_finer_grids_move_it_by_less_than_its_tolerance(bound: NDArray[np.float64]) -> None:
+    finer = bounds(BASE, DRAWS[:1], clairvoyant.GRID.halved())
+    machine_time = 600.0  # [s], less than an edge lasts
+    assert abs(finer[0] - bound[0]) <= TOLERANCE * machine_time
+
+
+def test_it_does_not_depend_on_threads_or_on_what_is_computed_beside_it() -> None:
+    together = bounds(BASE, DRAWS, COARSE, threads=2)
+    assert together.tolist() == [bounds(BASE, [draw], COARSE, threads=1)[0] for draw in DRAWS]
+
+
+def test_every_draw_is_reported() -> None:
+    done: list[int] = []
+    bounds(BASE, DRAWS, COARSE, on_draw=lambda: done.append(1))
+    assert len(done) == len(DRAWS)
+
+
+def test_an_override_of_the_feed_is_bounded_too() -> None:
+    override = Scenario.load("override")
+    limit = bounds(override, DRAWS)
+    episodes = play(catalogue.entry("omative", override).make, override, DRAWS)
+    assert (episodes["return"] <= allowed(limit, episodes["time"])).all()
+    assert (limit - episodes["return"] < 10.0).all()
+
+
+def test_worn_edges_and_hard_skins_lower_it() -> None:
+    worn, skin = (bounds(Scenario.load(name), DRAWS[:1], COARSE)[0] for name in ("worn_lot", "forging_skin"))
+    plain = bounds(BASE, DRAWS[:1], COARSE)[0]
+    assert worn < plain
+    assert skin < plain
+
+
+def test_it_says_what_it_covers() -> None:
+    covered = {env_id for env_id, preset in IDS.items() if covers(Scenario.load(preset))}
+    assert covered == {"RoughTurning-v0", "RoughTurning-Override-v0"}
+    assert not covers(Scenario.model_validate({"control": {"time_limit": 5.0}}))
+    with pytest.raises(ValueError, match="does not cover scenario 'shift'"):
+        bounds(Scenario.load("shift"), DRAWS)

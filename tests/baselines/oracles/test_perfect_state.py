@@ -1,0 +1,43 @@
+import numpy as np
+
+from baselines import catalogue
+from baselines.models.kalman import DEPTH, HARDNESS, WEAR
+from baselines.oracles.perfect_state import PerfectState, covers
+from turning_env import IDS, RoughTurningVectorEnv, Scenario
+from turning_env.score.play import play
+from turning_env.score.seeds import tuning_seeds
+
+BASE = Scenario.load("rough_turning")
+
+
+def test_it_knows_depth_hardness_and_wear() -> None:
+    env, policy = RoughTurningVectorEnv(4, BASE), PerfectState(BASE, 4)
+    observations, infos = env.reset(seed=tuning_seeds(4))
+    policy.reset(np.ones(4, np.bool_))
+    for _ in range(40):
+        policy.tell(infos)
+        actions = policy.act(observations)
+        if infos["cutting"].all():
+            mean = policy._filter._mean
+            np.testing.assert_allclose(1.0 + mean[:, DEPTH], infos["depth_of_cut"] / BASE.workpiece.depth_of_cut, atol=0.01)
+            np.testing.assert_allclose(mean[:, HARDNESS], np.log(infos["hardness"]), atol=0.01)
+            nominal = observations[:, 7] * BASE.tool.wear_criterion
+            np.testing.assert_allclose(mean[:, WEAR], np.log(infos["wear"] / nominal), atol=0.01)
+        observations, _, _, _, infos = env.step(actions)
+    assert infos["cutting"].any()
+
+
+def test_who_knows_more_earns_more() -> None:
+    draws = tuning_seeds(6)
+    told = play(lambda num_envs: PerfectState(BASE, num_envs), BASE, draws, tell=True)
+    rule = play(catalogue.entry("predictive", BASE).make, BASE, draws)
+    assert (told["return"] > rule["return"]).mean() > 0.8
+    assert told["return"].mean() > rule["return"].mean() + 15.0
+
+
+def test_it_plays_where_speed_and_feed_are_set() -> None:
+    assert {env_id for env_id, preset in IDS.items() if covers(Scenario.load(preset))} == {
+        "RoughTurning-v0",
+        "RoughTurning-Paper-v0",
+        "RoughTurning-Shift-v0",
+    }

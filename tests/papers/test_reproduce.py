@@ -1,0 +1,124 @@
+import json
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from baselines.two_limits import TWO_LIMITS
+from papers.reproduce import alaskari_oraby, part_programming
+from papers.reproduce.__main__ import PAPERS, main, reproduce
+from papers.reproduce.checks import Check, Paper, at_least, at_most, claim, summary
+from papers.reproduce.part_programming import Blank, divided_cost, gain, pass_cost, uncorrected_cost
+
+GRID_SEARCH = (PAPERS[0],)
+
+
+def test_every_figure_of_every_paper_agrees(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    printed = capsys.readouterr().out
+    assert "MISMATCH" not in printed
+    assert sum(line.startswith("Table 1") for line in printed.splitlines()) == 16 * 5
+    assert sum(line.startswith("Table 2") for line in printed.splitlines()) == 16 * 8
+    for paper in PAPERS:
+        assert f"\n{paper.title}: " in printed
+
+
+@pytest.mark.parametrize("column", ["thrust_force_n", "feed_mm_rev", "total_wear_mm"])
+def test_a_figure_that_is_off_fails(column: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    printed = alaskari_oraby.rows
+
+    def altered(table: str) -> list[dict[str, str]]:
+        rows = printed(table)
+        for row in rows:
+            if column in row:
+                row[column] = str(float(row[column]) * 1.01)
+        return rows
+
+    monkeypatch.setattr(alaskari_oraby, "rows", altered)
+    assert reproduce(GRID_SEARCH) == 1
+    assert "MISMATCH" in capsys.readouterr().out
+
+
+def test_the_tests_ratios_per_minute_hold_and_their_totals_only_with_measured_lives() -> None:
+    checks = {check.what: check for check in alaskari_oraby.rival_checks()}
+    assert all(check.verdict == "ok" for what, check in checks.items() if what.endswith("per minute"))
+    for name in ("T4", "T8", "T9"):
+        total = f"grid search / {name}, metal per edge, "
+        assert checks[f"{total}life as measured; grid search 15 min"].verdict == "ok"
+        assert checks[f"{total}life as measured"].verdict == "not reproduced"
+        assert checks[f"{total}nominal wear"].verdict == "not reproduced"
+
+
+@pytest.mark.parametrize(
+    ("check", "verdict"),
+    [
+        (Check("figure", 1.0, 1.05, 0.1), "ok"),
+        (Check("figure", 1.0, 1.2, 0.1), "MISMATCH"),
+        (Check("figure", 1.0, math.nan, 0.1), "MISMATCH"),
+        (at_least("figure", 1.0, 1.0), "ok"),
+        (at_least("figure", 1.0, 0.9), "MISMATCH"),
+        (at_most("figure", 1.0, 1.0), "ok"),
+        (at_most("figure", 1.0, math.nan), "MISMATCH"),
+        (claim("claim", True), "ok"),
+        (claim("claim", False), "MISMATCH"),
+        (claim("claim", False, not_reproduced="reason"), "not reproduced"),
+        (claim("claim", True, not_reproduced="reason"), "REASON OUT OF DATE"),
+        (Check("figure", 1.0, 1.2, 0.1, not_reproduced="reason"), "not reproduced"),
+    ],
+)
+def test_verdicts_and_exit_status(check: Check, verdict: str, capsys: pytest.CaptureFixture[str]) -> None:
+    def checks() -> Iterator[Check]:
+        yield check
+
+    assert check.verdict == verdict
+    assert reproduce((Paper("a paper", checks),)) == (0 if verdict in ("ok", "not reproduced") else 1)
+    printed = capsys.readouterr().out
+    assert verdict in printed
+    assert check.not_reproduced in printed
+    assert "NO LONGER HOLD" in printed or check.passed
+
+
+def test_a_summary_counts_what_holds_and_what_is_known_not_to() -> None:
+    checks = [claim("a", True), claim("b", False), claim("c", False, not_reproduced="reason")]
+    assert summary("a paper", checks) == "a paper: 1 of 3 agree, 1 not reproduced, 1 NO LONGER HOLD"
+
+
+def test_tables_come_before_the_checks(capsys: pytest.CaptureFixture[str]) -> None:
+    reproduce((Paper("a paper", lambda: iter([claim("the claim", True)]), lambda: iter(["the table"])),))
+    printed = capsys.readouterr().out
+    assert printed.index("the table") < printed.index("the claim")
+
+
+def test_machines_are_told_checks_and_verdicts_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    papers = (Paper("a paper", lambda: iter([claim("the claim", False)]), lambda: iter(["the table"])),)
+    assert reproduce(papers, as_json=True) == 1
+    (paper,) = json.loads(capsys.readouterr().out)
+    assert (paper["title"], [check["verdict"] for check in paper["checks"]]) == ("a paper", ["MISMATCH"])
+
+
+def test_blanks_are_those_of_the_paper() -> None:
+    found = {(blank.name, blank.source): (blank.least, blank.dispersion) for blank in part_programming.blanks()}
+    assert found["rolling", "handbook"] == (pytest.approx(0.32 + 0.4 + 2.1), 4.32)
+    assert found["welding", "experience"] == (pytest.approx(1.5 + 1.06), 8.1)  # no roughness or deviation of its own
+    assert ("rolling", "experience") not in found  # no dispersion
+
+
+@pytest.mark.parametrize("rule", TWO_LIMITS)
+def test_measuring_gains_nothing_where_blanks_are_alike_and_never_loses(rule: str) -> None:
+    assert gain(rule, Blank("alike", "test", 5.0, 0.0))[1] == pytest.approx(0.0, abs=1e-9)
+    assert all(gain(rule, blank)[1] > -1e-9 for blank in part_programming.blanks())
+
+
+def test_a_path_for_the_largest_blank_meets_smaller_ones_with_thinner_passes_and_air() -> None:
+    blank = Blank("blank", "test", 1.0, 5.0)
+    costs = uncorrected_cost("PV", blank, 3)  # passes of 2 mm
+    assert costs[-1] == pytest.approx(divided_cost("PV", np.array([6.0]))[2, 0])
+    deep, thin, air = pass_cost("PV", np.array([2.0, 1.5, 0.0]))
+    middle = int(np.argmin(np.abs(blank.allowances - 3.5)))
+    assert costs[middle] == pytest.approx(deep + thin + air)
+
+
+def test_a_pass_too_deep_for_the_lowest_feed_is_not_planned() -> None:
+    assert np.isinf(pass_cost("PV", np.array([9.0]))[0])  # 2.5 mm (0.32 / 0.06)^0.75 is 8.8 mm
+    assert np.isfinite(pass_cost("PV", np.array([8.7]))[0])

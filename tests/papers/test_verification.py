@@ -1,0 +1,29 @@
+import pytest
+
+from papers import verification
+from papers.verification import TESTS, implied_wear_factor, played, undisturbed, wear
+
+
+def test_a_fixed_set_point_removes_speed_times_feed_times_depth_for_its_nominal_life() -> None:
+    scenario = undisturbed()
+    for test, outcome in zip(TESTS, played(TESTS), strict=True):
+        assert outcome.rate == pytest.approx(2.5 * test.cutting_speed * test.feed)
+        assert wear(test, outcome.life) == pytest.approx(scenario.tool.wear_criterion, rel=1e-3)
+        assert outcome.total == pytest.approx(outcome.rate * outcome.life)
+
+
+def test_speeds_beyond_the_lathes_are_not_clipped() -> None:
+    assert undisturbed().machine.cutting_speed_max == 206.0
+
+
+@pytest.mark.parametrize("test", [test for test in TESTS if test.life is not None], ids=lambda test: test.name)
+def test_an_edge_that_wears_as_implied_lasts_as_measured(test: verification.VerificationTest) -> None:
+    assert test.life is not None
+    factor = implied_wear_factor(test, test.life)
+    assert 1.15 < factor < 1.34
+    assert played([test], factor)[0].life == pytest.approx(test.life, abs=0.02)
+
+
+def test_no_edge_breaks_before_it_is_worn() -> None:
+    force, _ = verification.force_and_power(next(test for test in TESTS if test.name == "T4"), 0.3)
+    assert 2690 < force < undisturbed().tool.edge_strength

@@ -1,0 +1,59 @@
+"""Random numbers as a pure function of key and counter."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from turning_env.numerics import keyed_random
+from turning_env.numerics.keyed_random import philox_4x32, standard_normals
+from turning_env.physics.records import LANES, new_records
+
+
+# kat_vectors of Random123, lines "philox4x32 10".
+@pytest.mark.parametrize(
+    ("counter", "key", "expected"),
+    [
+        ((0, 0, 0, 0), (0, 0), (0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8)),
+        ((0xFFFFFFFF,) * 4, (0xFFFFFFFF,) * 2, (0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD)),
+        (
+            (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344),
+            (0xA4093822, 0x299F31D0),
+            (0xD16CFE09, 0x94FDCCEB, 0x5001E420, 0x24126EA1),
+        ),
+    ],
+)
+def test_published_vectors(counter, key, expected):
+    words = philox_4x32(*(np.uint64(word) for word in counter), np.uint64(key[0] | key[1] << 32))
+    assert tuple(int(word) for word in words) == expected
+
+
+def normals(seed=1, episode=0, channel=keyed_random.BAR_CHANNEL, bars=range(4000), index=0):
+    lanes = new_records(LANES, 1)[0]
+    lanes.seed[0], lanes.episode[0] = seed, episode
+    return np.array([standard_normals(lanes, 0, channel, float(bar), float(index)) for bar in bars])
+
+
+def test_numbers_are_standard_normal_and_independent():
+    pairs = normals()
+    assert stats.kstest(pairs.ravel(), "norm").pvalue > 0.01
+    assert abs(np.corrcoef(pairs.T)[0, 1]) < 0.05
+
+
+def test_every_part_of_the_key_makes_a_number_of_its_own():
+    variants = [
+        normals(),
+        normals(seed=2),
+        normals(seed=1 + 2**32),
+        normals(episode=1),
+        normals(channel=keyed_random.HARDNESS_CHANNEL),
+        normals(index=1),
+    ]
+    for one, other in itertools.combinations(variants, 2):
+        assert abs(np.corrcoef(one[:, 0], other[:, 0])[0, 1]) < 0.05
+
+
+def test_every_use_has_a_channel_of_its_own():
+    channels = [int(value) for name, value in vars(keyed_random).items() if name.endswith("_CHANNEL")]
+    assert len(channels) == len(set(channels)) == 6

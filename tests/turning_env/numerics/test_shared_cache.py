@@ -1,0 +1,126 @@
+"""Machine code on disk: what several processes keep there at a time is each one's own, and what is damaged is made anew."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.walking import ROOT
+
+pytestmark = pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
+
+MODULE = """
+from turning_env.numerics.compilation import compiled_entry
+
+@compiled_entry
+def last(values):
+    return values[values.shape[0] - 1]
+"""
+# Compiled for types of different widths, beginning with another one in each process.
+PROGRAM = """
+import sys, numpy as np
+from entry import last
+types = ["u1", "i2", "i4", "i8", "f4", "f8"]
+first = int(sys.argv[1])
+for name in types[first:] + types[:first]:
+    assert last(np.arange(100, 110).astype(name)) == 109, name
+print(len(last.stats.cache_hits), len(last.stats.cache_misses))
+"""
+
+
+# A single environment's records are others than those of many lanes, and each process numbers them as it meets them.
+RECORDS = """
+import numpy as np
+from turning_env.numerics.compilation import compiled_apart, compiled_entry
+
+NARROW = np.dtype([("first", "f4"), ("last", "f8")], align=True)
+WIDE = np.dtype([("first", "f8"), ("middle", "f8"), ("last", "f8")], align=True)
+
+@compiled_apart
+def last_of(records, place):
+    return max(LONG)
+
+@compiled_entry
+def total(records):
+    return last_of(records, 0) + last_of(records, 1)
+
+def check(*kinds):
+    for kind in kinds:
+        records = np.zeros(2, kind)
+        records["last"] = 9.0
+        assert total(records) == 18.0, kind
+    print(len(total.stats.cache_misses))
+"""
+# So much that the compiler calls the function rather than making it part of the entry.
+LONG = ", ".join(f"records[place].last % {number}.5" for number in range(9, 39))
+
+
+def run(folder: Path, first: int, **more: str) -> "subprocess.Popen[str]":
+    variables = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])} | more
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, str(first)],
+        cwd=folder,
+        env=variables,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def finished(process: "subprocess.Popen[str]") -> tuple[str, str]:
+    out, error = process.communicate(timeout=120)
+    assert process.returncode == 0, error
+    return out, error
+
+
+def test_processes_that_compile_at_the_same_time_keep_all_that_they_made(tmp_path: Path) -> None:
+    (tmp_path / "entry.py").write_text(MODULE)
+    for process in [run(tmp_path, first) for first in (0, 2, 4)]:
+        finished(process)
+    assert len(list((tmp_path / "__pycache__").glob("*.nbc"))) == 6
+    assert finished(run(tmp_path, 0))[0] == "6 0\n"
+
+
+def test_where_no_folder_can_be_written_it_goes_without(tmp_path: Path) -> None:
+    (tmp_path / "entry.py").write_text(MODULE)
+    (tmp_path / "__pycache__").touch()  # no folder, so not even root can write in it
+    nowhere = str(tmp_path / "entry.py" / "home")
+    out, error = finished(run(tmp_path, 0, HOME=nowhere, XDG_CACHE_HOME=nowhere))
+    assert out == "0 6\n"
+    assert error.count("no folder for machine code can be written") == 1
+
+
+def test_where_there_is_no_room_it_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "entry.py").write_text(MODULE)
+    code = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"  # as a full disk: EFBIG for ENOSPC
+    (tmp_path / "sitecustomize.py").write_text(code + "import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n")
+    out, error = finished(run(tmp_path, 0))
+    assert out == "0 6\n"
+    assert "compiled code cannot be kept in" in error
+    (tmp_path / "sitecustomize.py").unlink()
+    assert finished(run(tmp_path, 0))[0] == "0 6\n"
+    assert finished(run(tmp_path, 0))[0] == "6 0\n"
+
+
+def test_what_is_damaged_is_made_anew(tmp_path: Path) -> None:
+    (tmp_path / "entry.py").write_text(MODULE)
+    finished(run(tmp_path, 0))
+    for ending in ("nbc", "nbi"):
+        for path in (tmp_path / "__pycache__").glob(f"*.{ending}"):
+            path.write_bytes(path.read_bytes()[:50])
+        out, error = finished(run(tmp_path, 0))
+        assert int(out.split()[1]) > 0
+        assert "cannot be read" in error
+    assert finished(run(tmp_path, 0))[0] == "6 0\n"
+
+
+def test_what_different_processes_compiled_works_in_one(tmp_path: Path) -> None:
+    (tmp_path / "records.py").write_text(RECORDS.replace("LONG", LONG))
+    variables = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    for kinds in ("NARROW", "WIDE", "NARROW, WIDE"):  # the last loads what the others made
+        command = [sys.executable, "-c", f"from records import *; check({kinds})"]
+        done = subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    assert done.stdout == "0\n"

@@ -1,0 +1,161 @@
+"""The transition: what holds in every interval, how episodes end, and convergence."""
+
+import math
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions, play, variants
+from tests.turning_env.physics.test_workpiece import fields
+from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
+
+REWARD_TERMS = ("metal", "time", "edge", "overload", "breakage", "roughness")
+TASKS = [IDS[env_id] for env_id in IDS if env_id != "RoughTurning-Paper-v0"]
+
+
+@pytest.mark.parametrize("scenario", [SHORT_LIVED, *presets()])
+def test_what_holds_in_every_interval(scenario):
+    scenario = Scenario.load(scenario)
+    economics, control = scenario.economics, scenario.control
+    timeless = control.edge_changes == "end"
+    edge_price = 60 * (economics.edge_cost + (economics.edge_change_time if timeless else 0))
+    for seed in range(5):
+        record = play(RoughTurningEnv(scenario), seed, fixed_actions(600, 1, scenario)[:, 0])
+        assert record["reward"] == pytest.approx(sum(record[f"reward_{term}"] for term in REWARD_TERMS), rel=1e-12)
+        assert record["reward_time"] == pytest.approx(-record["time"], rel=1e-12)
+        assert record["cost"] == pytest.approx(record["cost_force"] + record["cost_power"], rel=1e-12)
+        assert (record["cost"] >= 0).all()
+        assert (record["severe_overload_time"] <= record["overload_time"]).all()
+        assert (record["overload_time"] <= record["engaged_time"] + 1e-9).all()
+        assert (record["engaged_time"] + record["stopped_time"] <= record["time"] + 1e-9).all()
+        assert (record["overload_time"] > 0).tolist() == (record["cost"] > 0).tolist()
+        assert ((record["mean_power"] > 0) <= (record["engaged_time"] > 0)).all()
+        assert record["broken"].tolist() == (record["edges_broken"] > 0).tolist()
+        lost = record["edges_broken"] * (edge_price + 60 * economics.breakage_downtime * timeless)
+        assert (-record["reward_breakage"] <= lost + 1e-9).all()
+        if timeless:
+            assert not record["stopped_time"].any()
+            paid = record["reward_edge"] + record["reward_breakage"] + 60 * economics.breakage_downtime * record["edges_broken"]
+        else:
+            paid = record["reward_edge"] + record["reward_breakage"]
+        assert -paid == pytest.approx(edge_price * record["edges_used"], rel=1e-9, abs=1e-9)
+        stepped = record["time"] > 0
+        if scenario.machine.chip_lag == 0 and timeless and not record["finished"].any():
+            for name in ("thrust_force", "power", "torque", "depth_of_cut", "hardness"):
+                assert ((record[name] > 0) == record["cutting"])[stepped].all(), name
+        if timeless:
+            assert ((record["time"] < control.interval - 1e-9) <= record["terminated"])[stepped].all()
+
+        ends = np.flatnonzero(record["terminated"] | record["truncated"])
+        for episode in np.split(np.arange(len(record["reward"])), ends + 1):
+            never_falling = ("used_life", "wear", "path", "cutting_time", "bar") if timeless else ("path", "bar")
+            for name in never_falling:
+                assert (np.diff(record[name][episode]) >= 0).all(), name
+
+
+def test_every_quantity_can_take_either_end_of_its_range():
+    def ends(value, field):
+        declared = field.json_schema_extra or {}
+        return [declared["minimum"], declared["maximum"]] if "unit" in declared else []
+
+    played, refusals = 0, []
+    for task in TASKS:
+        for name, variant in variants(Scenario.load(task), ends):
+            try:
+                scenario = Scenario.model_validate(variant.model_dump())
+            except ValidationError as refusal:
+                refusals.append(str(refusal))
+                continue
+            if scenario.control.sub_steps > 1000 and scenario.control.action == "part":
+                continue  # a hundred thousand sub-steps for every part
+            env = RoughTurningEnv(scenario)
+            record = play(env, 1, fixed_actions(40, 1, scenario)[:, 0])
+            assert all(np.isfinite(values).all() for values in record.values()), (task, name)
+            assert all(env.observation_space.contains(row) for row in record["observation"]), (task, name)
+            played += 1
+    assert played > 500
+    # Some ends do not go with the other values, and say with which.
+    assert all(", but " in refusal or "above machine" in refusal for refusal in refusals)
+
+
+def test_episodes_end_worn_broken_or_out_of_time():
+    lanes = 200
+    env = RoughTurningVectorEnv(lanes, SHORT_LIVED, "SameStep")
+    env.reset(seed=0)
+    worn_count = broken_count = truncated_count = 0
+    for count, actions in enumerate(fixed_actions(30, lanes), start=1):
+        _, _, terminated, truncated, infos = env.step(actions)
+        if (terminated | truncated).any():
+            final = infos["final_info"]
+            worn = final["wear"] >= SHORT_LIVED.tool.wear_criterion
+            broken = final["broken"]
+            assert (terminated == (terminated & (worn | broken))).all()
+            assert (final["thrust_force"] > final["edge_strength"])[terminated & broken].all()
+            assert not (terminated & truncated).any()
+            if count < 30:
+                assert not truncated.any()
+            worn_count += (terminated & worn).sum()
+            broken_count += (terminated & broken).sum()
+            truncated_count += truncated.sum()
+    assert min(worn_count, broken_count, truncated_count) > 10
+
+
+def test_out_of_time_to_the_interval():
+    env = RoughTurningEnv(changed(UNDISTURBED, control={"interval": 7, "time_limit": 0.7}, tool={"wear_criterion": 5}))
+    record = play(env, 0, np.zeros((6, 2), np.float32))
+    assert record["truncated"].tolist() == 6 * [False] + [True]
+    assert record["time"].sum() == pytest.approx(42)
+
+
+def test_a_worn_edge_ends_the_interval_at_once():
+    wear_law, criterion = UNDISTURBED.material.wear, UNDISTURBED.tool.wear_criterion
+    scenario = changed(UNDISTURBED, control={"sub_steps": 10000, "time_limit": 1e4})
+    record = play(RoughTurningEnv(scenario), 0, np.ones((100, 2), np.float32))
+    end = int(np.flatnonzero(record["terminated"])[0])
+    taylor_life = (criterion / wear_law(200, 0.6, 2.5)) ** (1 / wear_law.time)
+    assert record["time"][: end + 1].sum() / 60 == pytest.approx(taylor_life, abs=1e-4)
+    assert record["wear"][end] == pytest.approx(criterion, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["thrust_force", "power"])
+def test_force_and_power_rise_with_wear_hardness_and_depth(name):
+    steady = changed(UNDISTURBED, control={"interval": 1})
+    worn = play(RoughTurningEnv(steady), 0, np.zeros((300, 2), np.float32))
+    assert (np.diff(worn[name][1:]) > 0).all()
+    for field, spread in (("hardness", "hardness_bar_spread"), ("depth_of_cut", "depth_bar_spread")):
+        env = RoughTurningVectorEnv(20, changed(steady, workpiece={spread: 0.1}))
+        env.reset(seed=0)
+        infos = env.step(np.zeros((20, 2)))[-1]
+        assert (np.diff(infos[name][np.argsort(infos[field])]) > 0).all()
+
+
+@pytest.mark.parametrize("sub_steps", [10, 100])
+def test_removed_volume_is_the_integral_of_the_depth_of_cut(sub_steps):
+    scenario = changed(Scenario(), tool={"edge_strength": 1e6}, control={"sub_steps": sub_steps})
+    workpiece = scenario.workpiece
+    record = play(RoughTurningEnv(scenario), 6, fixed_actions(400, 1)[:, 0])
+    pitch = workpiece.bar_length + workpiece.approach
+    bar, along = divmod(record["path"][-1], pitch)
+    cut = bar * workpiece.bar_length + max(along - workpiece.approach, 0)
+    assert bar >= 2
+    step = cut / 20_000
+    depth = fields(scenario, np.arange(0.5 * step, cut, step), seed=6)[1]
+    volume = depth.sum() * step * math.pi * workpiece.diameter / 1000
+    # Every sub-step takes the depth at its middle, so the error falls with the square of the sub-step.
+    assert record["removed"].sum() == pytest.approx(volume, rel=0.02 / sub_steps)
+
+
+def test_results_converge_in_the_first_order_of_the_sub_step():
+    """Along one uniform bar: fields have kinks, which the sub-steps hit at random."""
+    uniform = {"approach": 0.0} | {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
+
+    def totals(sub_steps, **sections):
+        scenario = changed(Scenario(), tool={"edge_strength": 1e6}, control={"sub_steps": sub_steps}, **sections)
+        record = play(RoughTurningEnv(scenario), 6, fixed_actions(150, 1)[:, 0])
+        return np.array([record["used_life"][-1], record["reward"].sum(), record["removed"].sum()])
+
+    exact = totals(10_000, workpiece=uniform)
+    errors = np.array([np.abs(totals(sub_steps, workpiece=uniform) - exact) for sub_steps in (80, 160, 320)])
+    assert errors[:-1] / errors[1:] == pytest.approx(2.0, rel=0.15)
+    assert totals(Scenario().control.sub_steps) == pytest.approx(totals(10_000), rel=0.01)

@@ -1,0 +1,104 @@
+"""Hardness and depth of cut as fields over the bar."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.turning_env.playing import UNDISTURBED, changed
+from turning_env import RoughTurningEnv, Scenario
+from turning_env.physics.records import LANES, WORK, new_records, parameter_records
+from turning_env.physics.workpiece import MIN_DEPTH_SHARE, between_nodes, look_up_fields, position_in_row
+
+WORKPIECE = Scenario().workpiece
+
+
+def fields(scenario: Scenario, cuts, seed: int = 0):
+    """(Relative hardness [-], depth of cut [mm]) at cut coordinates [mm], in the order given."""
+    lanes, work = new_records(LANES, 1)[0], new_records(WORK, 1)[0]
+    lanes.seed[0], lanes.bar[0], lanes.pass_ceiling[0], work.engaged[0] = seed, -1, math.inf, 1.0
+    parameters = parameter_records(scenario)[0]
+    values = np.empty((2, len(cuts)))
+    for i, cut in enumerate(cuts):
+        work.middle[0] = cut
+        look_up_fields(lanes, work, 0, 1, parameters)
+        values[:, i] = math.exp(lanes.log_hardness[0]), lanes.depth_of_cut[0]
+    return values
+
+
+def test_fields_depend_on_position_alone_not_on_how_the_tool_came_there():
+    cuts = np.linspace(0.0, 5 * WORKPIECE.bar_length, 400)
+    jumbled = np.argsort(np.sin(np.arange(400.0)))
+    assert np.array_equal(fields(Scenario(), cuts)[:, jumbled], fields(Scenario(), cuts[jumbled]))
+    assert not np.array_equal(fields(Scenario(), cuts), fields(Scenario(), cuts, seed=1))
+
+
+@pytest.mark.parametrize(("cutting_speed", "feed"), [(60.0, 0.1), (150.0, 0.25), (200.0, 0.6)])
+def test_the_tool_meets_the_same_bars_at_any_speed_and_feed(cutting_speed, feed):
+    bars = Scenario().workpiece.model_dump() | {"approach": 0}
+    scenario = changed(
+        UNDISTURBED,
+        tool={"wear_criterion": 5},
+        workpiece=bars,
+        control={"interval": 1, "initial_cutting_speed": cutting_speed, "initial_feed": feed, "action": "incremental"},
+    )
+    env = RoughTurningEnv(scenario)
+    env.reset(seed=7)
+    rows = [env.step((0.0, 0.0))[-1] for _ in range(200)]
+    sub_step = scenario.control.interval / scenario.control.sub_steps / 60
+    middles = [row["path"] - 0.5 * row["feed_velocity"] * sub_step for row in rows]
+    hardness, depth = fields(scenario, middles, seed=7)
+    assert [row["hardness"] for row in rows] == pytest.approx(hardness, rel=1e-9)
+    assert [row["depth_of_cut"] for row in rows] == pytest.approx(depth, rel=1e-9)
+
+
+@given(share=st.floats(0, 1))
+def test_noise_between_nodes_has_unit_variance_everywhere(share):
+    assert between_nodes(1.0, 0.0, share) ** 2 + between_nodes(0.0, 1.0, share) ** 2 == pytest.approx(1.0, rel=1e-12)
+
+
+def test_noise_meets_the_nodes():
+    assert (between_nodes(3.0, 7.0, 0.0), between_nodes(3.0, 7.0, 1.0)) == (3.0, 7.0)
+
+
+@pytest.mark.parametrize("along", [0.0, 10.0, 137.3])
+def test_spreads_are_those_of_the_scenario(along):
+    """Over 4000 bars the standard error of a standard deviation is 1.1 %."""
+    cuts = np.arange(4000) * WORKPIECE.bar_length + along
+    still = {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
+    for kind in ("bar", "along"):
+        spreads = {f"{field}_{kind}_spread": getattr(WORKPIECE, f"{field}_{kind}_spread") for field in ("hardness", "depth")}
+        hardness, depth = fields(changed(Scenario(), workpiece=still | spreads), cuts)
+        assert np.std(np.log(hardness)) == pytest.approx(spreads[f"hardness_{kind}_spread"], rel=0.05)
+        assert np.std(depth) == pytest.approx(spreads[f"depth_{kind}_spread"], rel=0.05)
+        assert np.mean(np.log(hardness)) == pytest.approx(0.0, abs=0.1 * spreads[f"hardness_{kind}_spread"])
+        assert np.mean(depth) == pytest.approx(WORKPIECE.depth_of_cut, abs=0.1 * spreads[f"depth_{kind}_spread"])
+
+
+def test_fields_are_continuous_in_a_bar_and_jump_between_bars():
+    step = 0.1
+    jumps = np.abs(np.diff(fields(Scenario(), np.arange(0.5 * step, 10 * WORKPIECE.bar_length, step))))
+    per_bar = round(WORKPIECE.bar_length / step)
+    between_bars = np.arange(1, 10) * per_bar - 1
+    within_bars = np.delete(jumps, between_bars, axis=1)
+    # Noise runs from node to node: a few standard deviations in one correlation length, at twice the mean slope at most.
+    steepest = 2 * 6 * step
+    assert within_bars[0].max() < steepest * 1.5 * WORKPIECE.hardness_along_spread / WORKPIECE.hardness_correlation_length
+    assert within_bars[1].max() < steepest * WORKPIECE.depth_along_spread / WORKPIECE.depth_correlation_length
+    assert (np.median(jumps[:, between_bars], axis=1) > 10 * np.median(within_bars, axis=1)).all()
+
+
+def test_depth_never_falls_below_its_floor():
+    rough_blank = changed(Scenario(), workpiece={"depth_bar_spread": 5.0})
+    depth = fields(rough_blank, np.arange(0, 100 * WORKPIECE.bar_length, 50.0))[1]
+    assert depth.min() == MIN_DEPTH_SHARE * WORKPIECE.depth_of_cut
+    assert depth.max() > WORKPIECE.depth_of_cut
+
+
+def test_position_in_row():
+    parameters = parameter_records(changed(Scenario(), workpiece={"bar_length": 100, "approach": 3}))[0]
+    expected = {0.0: (0, False), 2.9: (0, False), 3.0: (0, True), 53.0: (50, True), 103.5: (100, False), 107.0: (101, True)}
+    for path, (cut, cutting) in expected.items():
+        assert position_in_row(parameters, path) == (pytest.approx(cut), cutting), path

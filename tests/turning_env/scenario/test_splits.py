@@ -1,0 +1,52 @@
+"""Shift splits: in what each differs from the preset that it is based on, and what is told of it."""
+
+import pytest
+
+from turning_env import SPLITS, Scenario, presets
+from turning_env.scenario.sections import Mismatch
+
+BASE = Scenario.load("rough_turning")
+DIFFERENT = {
+    "harder_lot": {"mismatch": {"hardness_factor"}},
+    "forging_skin": {"mismatch": {"skin_thickness", "skin_hardness", "skin_wear"}},
+    "worn_lot": {"mismatch": {"wear_factor", "initial_wear"}},
+    "sensor_bias": {"mismatch": {"power_bias", "force_bias"}},
+    "small_diameter": {"workpiece": {"diameter"}},
+    "ck45": {"material": {"wear", "thrust_force", "power"}},
+}
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_a_split_differs_from_its_base_as_stated(split: str) -> None:
+    found: dict[str, set[str]] = {}
+    for section, values in dict(Scenario.load(split)).items():
+        base = getattr(BASE, section)
+        if section != "name" and values != base:
+            found[section] = {name for name, value in dict(values).items() if value != getattr(base, name)}
+    assert found == DIFFERENT[split]
+    assert split in presets()
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_what_is_told_is_all_but_the_lot(split: str) -> None:
+    scenario = Scenario.load(split)
+    told = scenario.nominal()
+    assert (told.name, told.mismatch) == (split, Mismatch())
+    assert told == scenario.model_copy(update={"mismatch": Mismatch()})
+    untold = DIFFERENT[split].keys() == {"mismatch"}
+    assert (told.digest() == BASE.digest()) == untold
+    assert (told == scenario) != untold
+
+
+def test_sensors_are_biased_to_the_dangerous_side() -> None:
+    mismatch = Scenario.load("sensor_bias").mismatch
+    assert max(mismatch.power_bias, mismatch.force_bias) < 0
+
+
+def test_ck45_has_its_handbook_s_specific_cutting_force() -> None:
+    power, force = Scenario.load("ck45").material.power, Scenario.load("ck45").material.thrust_force
+    speed, feed, depth = 150.0, 0.2, 2.0
+    specific = 60_000 * power(speed, feed, depth, wear=0.15) / (speed * feed * depth)
+    assert specific == pytest.approx(2220 * feed**-0.14, rel=1e-4)
+    assert specific == pytest.approx(2850, rel=0.03)  # as the roughness control paper's figures imply
+    assert force(speed, feed, depth, wear=0.15) == pytest.approx(0.4 * specific * feed * depth, rel=1e-4)

@@ -1,0 +1,170 @@
+"""What-if tables and operating maps: they say what the laws and the environment say."""
+
+import csv
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from turning_env import RoughTurningEnv, Scenario, presets
+from turning_env.__main__ import main
+from turning_env.workshop.inquiry.operating_map import draw
+from turning_env.workshop.inquiry.whatif import what_if
+
+BASE = Scenario()
+
+
+def test_a_row_of_the_papers_table_comes_out() -> None:
+    cuts = what_if(BASE, 150, 0.58, time=1)
+    expected = (0.157219, 6.97040767, 1083.35819, 217.5)
+    assert (cuts.wear, cuts.power, cuts.thrust_force, cuts.removal_rate) == pytest.approx(expected, rel=1e-5)
+    assert (cuts.power_share, cuts.wear_share) == pytest.approx((6.97040767 / 7, 0.157219 / 0.3), rel=1e-5)
+
+
+def test_the_environment_says_the_same() -> None:
+    env = RoughTurningEnv("paper")
+    env.reset(seed=0)
+    machine = env.scenario.machine
+    action = [2 * (150 - machine.cutting_speed_min) / (machine.cutting_speed_max - machine.cutting_speed_min) - 1]
+    action += [2 * (0.3 - machine.feed_min) / (machine.feed_max - machine.feed_min) - 1]
+    for minutes in (1, 2, 3):
+        info = env.step(np.array(action, np.float32))[-1]
+        cuts = what_if(env.scenario, 150, 0.3, time=minutes)
+        said = (cuts.wear, cuts.thrust_force, cuts.power, cuts.removal_rate, cuts.spindle_speed)
+        names = ("wear", "thrust_force", "power", "removed", "spindle_speed")
+        assert said == pytest.approx([info[name] for name in names], rel=1e-4), minutes
+
+
+@given(speed=st.floats(50, 200), feed=st.floats(0.06, 0.6), depth=st.floats(0.5, 5), hardness=st.floats(0.7, 1.4))
+def test_time_and_wear_are_two_sides_of_one_law(speed: float, feed: float, depth: float, hardness: float) -> None:
+    worn = what_if(BASE, speed, feed, depth, hardness, wear=0.2)
+    again = what_if(BASE, speed, feed, depth, hardness, time=worn.time)
+    for name, value in worn._asdict().items():
+        assert getattr(again, name) == pytest.approx(value, rel=1e-9), name
+    finished = what_if(BASE, speed, feed, depth, hardness, time=worn.tool_life)
+    assert finished.wear_share == pytest.approx(1.0)
+
+
+def test_either_time_or_wear() -> None:
+    for given_ages in ({}, {"time": 1.0, "wear": 0.1}):
+        with pytest.raises(TypeError, match="either time or wear"):
+            what_if(BASE, 100, 0.3, **given_ages)
+
+
+WHATIF = ["whatif", "rough_turning", "--cutting-speed", "120", "150:180:15", "--feed", "0.2:0.4:0.1"]
+
+
+def test_every_combination_is_a_row(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*WHATIF, "--wear", "0.1", "0.2", "--depth", "2", "3", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert len(rows) == 4 * 3 * 2 * 2
+    assert [row["feed"] for row in rows[:3]] == [0.2, 0.3, 0.4]
+    assert sorted({row["cutting_speed"] for row in rows}) == [120, 150, 165, 180]
+    assert main([*WHATIF, "--wear", "0.1", "0.2", "--depth", "2", "3", "--csv"]) == 0
+    table = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert [float(row["power"]) for row in table] == [row["power"] for row in rows]
+    assert list(table[0]) == list(rows[0])
+
+
+def test_the_text_names_what_is_beyond_its_limit(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["whatif", "rough_turning", "--cutting-speed", "60", "200", "--feed", "0.6", "--time", "200"]) == 0
+    heading, units, slow, fast = capsys.readouterr().out.splitlines()
+    assert heading.split()[:3] == ["speed", "feed", "depth"]
+    assert units.split()[:3] == ["m/min", "mm/rev", "mm"]
+    assert slow.endswith("wear, force")
+    assert fast.endswith("wear, force, power")
+
+
+def test_a_life_too_long_for_a_number_is_null(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "lasting.toml"
+    path.write_text("[material.wear]\ncoefficient = 1e-12\ntime = 0.01\n")
+    assert main(["whatif", str(path), "--cutting-speed", "100", "--feed", "0.3", "--time", "1", "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert row["tool_life"] is None
+    assert main(["map", str(path), "--wear", "0.2", "--out", str(tmp_path / "map.png")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--cutting-speed", "-1", "--feed", "0.3", "--wear", "0.2"], "-1 is outside the allowed range 0.1 to 5000 m/min"),
+        (["--cutting-speed", "100", "--feed", "nan", "--wear", "0.2"], "nan is outside"),
+        (["--cutting-speed", "100", "--feed", "0.1:0.2", "--wear", "0.2"], "neither a number nor LOW:HIGH:STEP"),
+        (["--cutting-speed", "100", "--feed", "0.2:0.1:0.1", "--wear", "0.2"], "must go up"),
+        (["--cutting-speed", "100", "--feed", "0.1:0.2:0", "--wear", "0.2"], "a step above 0"),
+        (["--cutting-speed", "100", "--feed", "0.1:0.2:1e-9", "--wear", "0.2"], "more than 100000 numbers"),
+        (["--cutting-speed", "100", "--feed", "0.3"], "one of the arguments --time --wear is required"),
+        (["--cutting-speed", "100", "--feed", "0.3", "--wear", "0.2", "--time", "1"], "not allowed with"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["whatif", "rough_turning", *arguments])
+    assert said in capsys.readouterr().err
+
+
+def test_too_long_a_table_and_a_missing_scenario_are_errors(capsys: pytest.CaptureFixture[str]) -> None:
+    grid = ["--cutting-speed", "50:200:0.1", "--feed", "0.1:0.6:0.001", "--wear", "0.2"]
+    assert main(["whatif", "rough_turning", *grid]) == 2
+    assert "these are 752001 cuts, and a table may have 100000" in capsys.readouterr().err
+    assert main(["whatif", "none", "--cutting-speed", "100", "--feed", "0.3", "--wear", "0.2"]) == 2
+    assert "error: no preset and no file is called 'none'" in capsys.readouterr().err
+
+
+def test_a_reader_that_has_seen_enough_is_no_error() -> None:
+    grid = ["--cutting-speed", "50:200:1", "--feed", "0.1:0.6:0.001", "--wear", "0.2", "--csv"]
+    command = [sys.executable, "-m", "turning_env", "whatif", "rough_turning", *grid]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait() == 0
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_every_preset_can_be_mapped(preset: str) -> None:
+    scenario = Scenario.load(preset)
+    figure = draw(scenario, 0.5 * scenario.tool.wear_criterion, hardness=1.1)
+    assert isinstance(figure, Figure)
+    left, right = figure.axes
+    assert (left.get_xlabel(), left.get_ylabel()) == ("cutting speed [m/min]", "feed [mm/rev]")
+    assert "[cm³/min]" in right.get_ylabel()
+    rates = [float(label.get_text()) for label in right.get_yticklabels()]
+    top_right = scenario.machine.cutting_speed_max * scenario.workpiece.depth_of_cut
+    if not scenario.workpiece.depth_profile:
+        assert right.get_yticks() == pytest.approx(np.array(rates) / top_right, rel=1e-3, abs=1e-4)
+
+
+def test_the_map_marks_where_most_metal_is_removed() -> None:
+    axes = draw(BASE, 0.2).axes[0]
+    (mark,) = [line for line in axes.lines if line.get_marker() == "o"]
+    speed, feed = float(mark.get_xdata()[0]), float(mark.get_ydata()[0])
+    cuts = what_if(BASE, speed, feed, wear=0.2)
+    assert cuts.within_limits
+    assert max(cuts.power_share, cuts.thrust_force_share) > 0.99
+    assert any(text.get_text().startswith(f"{speed:.0f} m/min, {feed:.3g} mm/rev:") for text in axes.texts)
+
+
+def test_a_map_with_nothing_allowed_says_so() -> None:
+    scenario = Scenario.model_validate({"limits": {"power": 0.01}})
+    assert draw(scenario, 0.2).axes[0].get_title("right") == "nowhere within limits"
+
+
+def test_maps_are_written_and_mistakes_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for ending, start in (("png", b"\x89PNG"), ("svg", b"<?xm")):
+        path = tmp_path / "maps" / f"map.{ending}"
+        assert main(["map", "forging", "--wear", "0.3", "--out", str(path)]) == 0
+        assert path.read_bytes().startswith(start)
+    assert main(["map", "forging", "--wear", "0.31", "--out", str(tmp_path / "map.png")]) == 2
+    assert "--wear is 0.31, but an edge is finished at tool.wear_criterion, 0.3 mm" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        main(["map", "forging", "--wear", "0.2", "--out", "map.txt"])

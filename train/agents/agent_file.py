@@ -1,0 +1,202 @@
+"""An agent as one file for any machine: a network in ONNX, and in it what the agent is and how it came about.
+
+The network takes ``observation`` (float32, lanes x entries) and, where the agent has a memory, ``memory`` (float32,
+lanes x memory_size); it gives ``action`` (lanes x actions, -1..1) and then also ``next_memory``. Before an episode's first
+observation the memory is 0. All that belongs to the agent is inside: scaling, clipping, weights.
+
+A file may come from anywhere, so it is refused unless it is small, plain arithmetic from inputs to outputs, and says all that
+``Metadata`` names. Nothing in it can run code, read another file, loop, or ask for more memory than stated here.
+"""
+
+import hashlib
+import json
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
+
+from train.agents import graph as plain_graph
+from train.agents.graph import MAX_BYTES, MAX_MEMORY, Outline
+from turning_env import IDS, Scenario
+from turning_env.batch.driver import action_space, observation_space
+
+FORMAT: Literal["rough-turning/agent/1"] = "rough-turning/agent/1"
+
+
+class Space(BaseModel):
+    """A box, one value per entry."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    low: list[float]
+    high: list[float]
+
+    @classmethod
+    def of(cls, box: Any) -> Self:
+        """Of a Gymnasium ``Box`` of one axis."""
+        return cls(low=box.low.tolist(), high=box.high.tolist())
+
+
+class Metadata(BaseModel):
+    """What a file says of its agent: one ONNX metadata property per field, text as it is, all else as JSON."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    format: Literal["rough-turning/agent/1"]
+    algorithm: str = Field(pattern="^[a-z][a-z0-9_]{0,63}$")
+    seed: int = Field(ge=0)
+    """Of the training."""
+    env_id: str
+    scenario: Scenario
+    """On which it was trained, whole."""
+    scenario_digest: str
+    observation_space: Space
+    action_space: Space
+    parameters: dict[str, JsonValue]
+    """The algorithm's hyperparameters."""
+    trained_steps: int = Field(ge=0)
+    command: str
+    """What trained it."""
+    versions: dict[str, str]
+    """Of what made the file."""
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if self.env_id not in IDS:
+            raise ValueError(f"env_id is {self.env_id!r}, but must be one of {', '.join(IDS)}")
+        if self.scenario_digest != self.scenario.digest():
+            raise ValueError("scenario_digest is not that of scenario")
+        for name, box in (
+            ("observation_space", observation_space(self.scenario)),
+            ("action_space", action_space(self.scenario)),
+        ):
+            if getattr(self, name) != Space.of(box):
+                raise ValueError(f"{name} is not that of scenario {self.scenario.name!r}")
+        return self
+
+    def properties(self) -> dict[str, str]:
+        """As ONNX keeps it."""
+        values = self.model_dump(mode="json")
+        return {name: value if isinstance(value, str) else json.dumps(value) for name, value in values.items()}
+
+    @classmethod
+    def of(cls, properties: dict[str, str]) -> Self:
+        """From what ONNX keeps.
+
+        Raises:
+            ValueError: something is missing, unknown or not allowed; names it.
+        """
+        values: dict[str, Any] = {}
+        for name, text in properties.items():
+            field = cls.model_fields.get(name)
+            try:
+                values[name] = _from_json(text) if field is not None and field.annotation in _JSON_FIELDS else text
+            except (ValueError, RecursionError) as error:
+                raise ValueError(f"metadata {name} is not JSON: {error}") from error
+        try:
+            return cls.model_validate(values)
+        except ValidationError as error:
+            details = error.errors()[0]
+            field_name = ".".join(str(part) for part in details["loc"])
+            raise ValueError(
+                f"metadata {field_name}: {details['msg']}".replace("metadata : Value error, ", "metadata ")
+            ) from error
+
+
+def _from_json(text: str) -> Any:
+    value = json.loads(text)
+    json.dumps(value, ensure_ascii=False).encode()  # halves of surrogate pairs can be read, but not written
+    return value
+
+
+_JSON_FIELDS = (int, Scenario, Space, dict[str, JsonValue], dict[str, str])
+
+
+@dataclass(frozen=True)
+class AgentFile:
+    """A file that has passed every check."""
+
+    content: bytes
+    metadata: Metadata
+    memory_size: int
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the file."""
+        return hashlib.sha256(self.content).hexdigest()
+
+    @property
+    def label(self) -> str:
+        """How the agent is called, and its file without the suffix."""
+        return f"{self.metadata.algorithm}-seed{self.metadata.seed}"
+
+
+def read(path: Path) -> AgentFile:
+    """Read an agent's file, one of one's own: a stranger's is loaded by ``onnx_policy.load``.
+
+    Raises:
+        ValueError: it is not an agent's file, or one that is not trusted; says why.
+        OSError: it cannot be read.
+    """
+    content = read_content(path)
+    try:
+        return checked(content)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def read_content(path: Path) -> bytes:
+    """What a file holds, up to a byte more than is allowed.
+
+    Raises:
+        ValueError: it is a link, a pipe or a device.
+        OSError: it cannot be read.
+    """
+    # Not to wait for whoever may write into a pipe. A link would have another file read than the one that was given.
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    if path.is_symlink():
+        raise ValueError(f"{path} is a link: give the file itself")
+    with os.fdopen(os.open(path, flags), "rb") as stream:
+        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            raise ValueError(f"{path} is not an ordinary file")
+        return stream.read(MAX_BYTES + 1)
+
+
+def checked(content: bytes) -> AgentFile:
+    """The agent of a file's content.
+
+    Raises:
+        ValueError: see ``read``.
+    """
+    model, outline = plain_graph.read(content)
+    file = of_outline(content, outline)
+    plain_graph.check_sizes(model)
+    return file
+
+
+def of_outline(content: bytes, outline: Outline) -> AgentFile:
+    """The agent of a file that is plain, if it is what it says.
+
+    Raises:
+        ValueError: see ``read``.
+    """
+    metadata = Metadata.of(outline.properties)
+    return AgentFile(content, metadata, _memory_size(outline, metadata))
+
+
+def _memory_size(outline: Outline, metadata: Metadata) -> int:
+    """The memory's size, 0 for none, of inputs and outputs that are as they should be."""
+    entries, actions = len(metadata.observation_space.low), len(metadata.action_space.low)
+    inputs, outputs = outline.inputs, outline.outputs
+    memory = inputs.get("memory", 0)
+    expected_inputs = {"observation": entries} | ({"memory": memory} if "memory" in inputs else {})
+    expected_outputs = {"action": actions} | ({"next_memory": memory} if "memory" in inputs else {})
+    for what, found, expected in (("inputs", inputs, expected_inputs), ("outputs", outputs, expected_outputs)):
+        if found != expected:
+            raise ValueError(f"has {what} {found}, but must have {expected} entries per lane for its scenario")
+    if "memory" in inputs and not 1 <= memory <= MAX_MEMORY:
+        raise ValueError(f"has a memory of {memory} entries, but may have 1 to {MAX_MEMORY}")
+    return memory

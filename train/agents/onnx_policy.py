@@ -1,0 +1,65 @@
+"""Plays an agent's ONNX file, with neither PyTorch nor Stable-Baselines3, in a process of its own.
+
+from pathlib import Path
+from train import onnx_policy
+
+agent = onnx_policy.load(Path("ppo-seed0.onnx"))
+policy = agent.make(1)
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+
+from train.agents import agent_file
+from train.agents import sandbox as onnx_guard
+from train.agents.agent_file import AgentFile
+from train.agents.sandbox import GuardedPolicy, Limits
+from train.agents.trained import TrainedAgent
+
+_examined = lru_cache(64)(onnx_guard.examined)
+"""One file plays many scenarios."""
+_NEEDED = ("onnx", "onnxruntime")
+"""By the process that looks at a file and plays it."""
+
+
+@dataclass(frozen=True)
+class _Maker:
+    """Makes policies of a file. To another process it travels as the file."""
+
+    file: AgentFile
+    limits: Limits
+
+    def __call__(self, num_envs: int) -> GuardedPolicy:
+        return GuardedPolicy(self.file, num_envs, self.limits)
+
+
+def load(path: Path, limits: Limits = onnx_guard.LIMITS) -> TrainedAgent:
+    """Load an agent from its file, which may come from anywhere: it is checked, can run no code, and plays within limits.
+
+    Raises:
+        ValueError: it is not an agent's file, or one that is not trusted; says why.
+        OSError: it cannot be read.
+        ModuleNotFoundError: what runs such files is not installed.
+    """
+    for name in _NEEDED:
+        if find_spec(name) is None:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+    content = agent_file.read_content(path)
+    try:
+        file = _examined(content, limits)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    metadata = file.metadata
+    return TrainedAgent(
+        name=metadata.algorithm,
+        seed=metadata.seed,
+        env_id=metadata.env_id,
+        scenario=metadata.scenario,
+        command=metadata.command,
+        parameters=metadata.parameters,
+        trained_steps=metadata.trained_steps,
+        digest=file.digest,
+        make=_Maker(file, limits),
+    )

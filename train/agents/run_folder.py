@@ -1,0 +1,46 @@
+"""Trained agents as policies, from the folders of one's own trainings."""
+
+import importlib
+from pathlib import Path
+
+from train.actor import Actor, ActorPolicy
+from train.agents.trained import TrainedAgent
+from train.run import HYPERPARAMETERS, Run, warn_of_pickle
+from turning_env.files import digest_of_files
+
+
+def load(folder: Path) -> TrainedAgent:
+    """Load the finished agent of one of your own runs. It is a pickle, which can run code: never load a stranger's.
+
+    Raises:
+        ValueError: the folder holds no finished training, or none of an algorithm that is known.
+    """
+    run = Run.read(folder)
+    actor = load_actor(run)
+    return TrainedAgent(
+        name=run.algorithm,
+        seed=run.seed,
+        env_id=run.env_id,
+        scenario=run.scenario,
+        command=run.command,
+        parameters=run.parameters,
+        trained_steps=run.parameters["steps"],
+        digest=digest_of_files(folder, folder.rglob("*")),
+        make=lambda num_envs: ActorPolicy(actor, num_envs),
+    )
+
+
+def load_actor(run: Run) -> Actor:
+    """The actor of a finished training, by the ``actor`` of its algorithm's file. Never load a stranger's: see ``load``.
+
+    Raises:
+        ValueError: the training is not finished, or of no algorithm that is known.
+    """
+    if not (HYPERPARAMETERS / f"{run.algorithm}.toml").is_file():
+        known = ", ".join(sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
+        raise ValueError(f"{run.folder} holds a training of {run.algorithm!r}, but there are {known}")
+    if not run.policy.exists():
+        raise ValueError(f"the training in {run.folder} is not finished: run its command again: {run.command}")
+    warn_of_pickle(run.policy)
+    actor: Actor = importlib.import_module(f"train.{run.algorithm}").actor(run.policy)
+    return actor.eval()

@@ -1,0 +1,52 @@
+"""How a controller that thinks in set points acts: the action that moves the commands towards them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env import Reading, Scenario
+from turning_env.score.policy import Actions
+
+
+def sets_speed_and_feed(scenario: Scenario) -> bool:
+    """Whether an action sets cutting speed and feed, interval by interval."""
+    return scenario.control.action in ("incremental", "set_point")
+
+
+def sets_feed(scenario: Scenario) -> bool:
+    """Whether an action sets the feed, interval by interval, with or without the cutting speed."""
+    return scenario.control.action in ("incremental", "set_point", "override")
+
+
+def set_point_action(value: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
+    """The action, -1 at the low end of a range and 1 at the high end, that commands a value."""
+    return 2.0 * (value - low) / (high - low) - 1.0
+
+
+def towards(
+    reading: Reading,
+    scenario: Scenario,
+    cutting_speed: NDArray[np.float64],
+    feed: NDArray[np.float64],
+    change_edge: NDArray[np.bool_] | None = None,
+) -> Actions:
+    """Actions, shape (lanes, 1 to 3), that bring the commands to the wanted cutting speed [m/min] and feed [mm/rev].
+
+    With incremental actions, as near as one interval allows; by override, the cutting speed stays as it is. Where edges are
+    changed on command, they are in the lanes of ``change_edge``, in none if it is not given.
+    """
+    control, machine = scenario.control, scenario.machine
+    if control.action == "incremental":
+        columns = [
+            np.log(cutting_speed / reading.commanded_cutting_speed) / control.cutting_speed_step,
+            np.log(feed / reading.commanded_feed) / control.feed_step,
+        ]
+    elif control.action == "set_point":
+        columns = [
+            set_point_action(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max),
+            set_point_action(feed, machine.feed_min, machine.feed_max),
+        ]
+    else:
+        columns = [2.0 * feed / (control.override_max * control.initial_feed) - 1.0]
+    if control.edge_changes == "commanded":
+        columns.append(np.full(len(feed), -1.0) if change_edge is None else np.where(change_edge, 1.0, -1.0))
+    return np.clip(np.stack(columns, axis=1), -1.0, 1.0).astype(np.float32)

@@ -1,0 +1,75 @@
+"""Random numbers as a pure function of where they are used.
+
+Nothing here holds generator state. A number depends on the episode's key (seed, episode) and on a counter (channel,
+bar, index) alone, so that a lane among thousands, a lone environment and a replay all see the same lathe, bit for bit.
+The hash is Philox4x32-10 (Salmon, Moraes, Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", 2011).
+"""
+
+import math
+
+import numpy as np
+
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.functions import log, sine_and_cosine
+
+# What a number is used for. Two uses of one channel would be correlated, so every use has its own.
+EDGE_CHANNEL = np.uint64(1)
+BAR_CHANNEL = np.uint64(2)
+HARDNESS_CHANNEL = np.uint64(3)
+DEPTH_CHANNEL = np.uint64(4)
+SENSOR_CHANNEL = np.uint64(5)
+REFERENCE_CHANNEL = np.uint64(6)
+
+_WORD = np.uint64(0xFFFFFFFF)
+_WORD_BITS = np.uint64(32)
+_MULTIPLIER_0 = np.uint64(0xD2511F53)
+_MULTIPLIER_1 = np.uint64(0xCD9E8D57)
+_WEYL_0 = np.uint64(0x9E3779B9)
+_WEYL_1 = np.uint64(0xBB67AE85)
+_UNIT = 2.0**-32
+
+
+@compiled
+def philox_4x32(counter_0, counter_1, counter_2, counter_3, key):
+    """Return four 32-bit words (as uint64) for a counter of four 32-bit words and a 64-bit key."""
+    key_0 = key & _WORD
+    key_1 = key >> _WORD_BITS
+    for _ in range(10):
+        product_0 = counter_0 * _MULTIPLIER_0
+        product_1 = counter_2 * _MULTIPLIER_1
+        counter_0 = (product_1 >> _WORD_BITS) ^ counter_1 ^ key_0
+        counter_1 = product_1 & _WORD
+        counter_2 = (product_0 >> _WORD_BITS) ^ counter_3 ^ key_1
+        counter_3 = product_0 & _WORD
+        key_0 = (key_0 + _WEYL_0) & _WORD
+        key_1 = (key_1 + _WEYL_1) & _WORD
+    return counter_0, counter_1, counter_2, counter_3
+
+
+@compiled
+def words(state, i, channel, bar, index):
+    """Return two words for one use of one episode: that of the lane i of a block, keyed by its ``seed`` and ``episode``."""
+    word_0, word_1, _, _ = philox_4x32(np.uint64(index), np.uint64(bar), channel, state.episode[i], state.seed[i])
+    return word_0, word_1
+
+
+@compiled
+def uniform(state, i, channel, bar, index):
+    """Return a number drawn evenly from 0..1 for one use of one episode; see ``words``."""
+    word, _ = words(state, i, channel, bar, index)
+    return (float(word) + 0.5) * _UNIT
+
+
+@compiled
+def normals_of(word_0, word_1):
+    """Return two independent standard normal numbers made of two words (Box-Muller)."""
+    radius = math.sqrt(-2.0 * log((float(word_0) + 0.5) * _UNIT))
+    sine, cosine = sine_and_cosine(float(word_1) * _UNIT)
+    return radius * cosine, radius * sine
+
+
+@compiled
+def standard_normals(state, i, channel, bar, index):
+    """Return two independent standard normal numbers for one use of one episode; see ``words``."""
+    word_0, word_1 = words(state, i, channel, bar, index)
+    return normals_of(word_0, word_1)

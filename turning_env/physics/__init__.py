@@ -1,0 +1,4 @@
+"""The table of quantities, one file per phenomenon of the process, and ``lathe.py``, the transition that calls them.
+
+Files hold equations of one environment; how many environments are driven, and by whom, belongs in ``batch``.
+"""

@@ -1,0 +1,26 @@
+"""What an interval earns, in seconds of machine time: the terms of the reward, and the costs of its constraints.
+
+Edges are charged in ``edge.py``. (Overload price: assumption, see docs/choices.md.)
+"""
+
+from turning_env.numerics.compilation import compiled
+
+
+@compiled
+def metal_value(parameters, removed):
+    """Worth [s] of removed metal [cm3]: the time in which reference productivity removes it."""
+    return 60.0 * removed / parameters.reference_removal_rate
+
+
+@compiled
+def settle(report, i, parameters, minutes):
+    """Fill in what is left of the reward's terms, and the costs over ``minutes`` at work; return the reward [s]."""
+    report.reward_metal[i] = metal_value(parameters, report.removed[i])
+    report.reward_time[i] = -report.time[i]
+    report.reward_overload[i] = -60.0 * parameters.overload_price * (report.cost_force[i] + report.cost_power[i])
+    report.reward_roughness[i] = -parameters.roughness_price * report.roughness_deviation[i]
+    report.cost_force[i] /= minutes
+    report.cost_power[i] /= minutes
+    report.cost[i] = report.cost_force[i] + report.cost_power[i]
+    reward = report.reward_metal[i] + report.reward_time[i] + report.reward_edge[i]
+    return reward + report.reward_overload[i] + report.reward_breakage[i] + report.reward_roughness[i]

@@ -1,0 +1,69 @@
+"""Edges: how one is fitted, used up, broken and replaced, and what that costs in life and time.
+
+An edge's whole life is charged as its used share grows, so that every interval pays for what it consumes. A broken edge
+pays the share that is left, and the downtime. (Life charge: cost of a part, adaptive part programming paper, tau_I and
+Q_I; breakage: assumption, see docs/choices.md.)
+
+Where an episode ends with its edge, the price of an edge holds the time to change it, and breakage its downtime; no time passes.
+Where edges are changed, the time passes. Drawn edges: see ``docs/models.md``.
+"""
+
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.functions import exp
+from turning_env.numerics.keyed_random import EDGE_CHANNEL, standard_normals
+
+
+@compiled
+def fit_edge(state, i, parameters):
+    """Put the lane's present edge into the holder, fresh as far as is known; the tool is out of the metal."""
+    edge_normal, strength_normal = standard_normals(state, i, EDGE_CHANNEL, 0, state.edge[i])
+    state.log_wear_factor[i] = parameters.log_wear_mismatch + parameters.wear_factor_spread * edge_normal
+    state.edge_strength[i] = parameters.edge_strength * exp(parameters.edge_strength_spread * strength_normal)
+    state.cutting_time[i] = 0.0
+    state.used_life[i] = parameters.initial_used_life
+    state.nominal_used_life[i] = 0.0
+    state.thrust_force[i] = 0.0
+    state.power[i] = 0.0
+    state.lagged_thrust_force[i] = 0.0
+    state.lagged_power[i] = 0.0
+
+
+@compiled
+def charge(report, i, parameters, share):
+    """Charge a share of an edge's life."""
+    report.edges_used[i] += share
+    report.reward_edge[i] -= parameters.edge_price * share
+
+
+@compiled
+def break_edge(state, report, i, parameters):
+    """Charge what a broken edge had left, and the downtime."""
+    lost = max(0.0, 1.0 - state.used_life[i])
+    report.edges_used[i] += lost
+    report.edges_broken[i] += 1.0
+    report.reward_breakage[i] -= parameters.edge_price * lost + parameters.breakage_price
+
+
+@compiled
+def replace_edge(state, report, i, parameters, broken):
+    """Change an edge that has just been found broken or worn out."""
+    found = parameters.breakage_downtime if broken else parameters.unplanned_stop
+    change_edge(state, report, i, parameters, found + parameters.edge_change_time)
+
+
+@compiled
+def discard_edge(state, report, i, parameters):
+    """Change an edge on command, and charge what it had left."""
+    charge(report, i, parameters, max(0.0, 1.0 - state.used_life[i]))
+    change_edge(state, report, i, parameters, parameters.edge_change_time)
+
+
+@compiled
+def change_edge(state, report, i, parameters, minutes):
+    """Put the next edge in, which takes so much machine time [min], though not beyond the end of the episode."""
+    minutes = max(min(minutes, parameters.time_limit - state.clock[i]), 0.0)
+    state.clock[i] += minutes
+    report.time[i] += 60.0 * minutes
+    report.stopped_time[i] += 60.0 * minutes
+    state.edge[i] += 1
+    fit_edge(state, i, parameters)

@@ -1,0 +1,392 @@
+"""The transition: one control interval of the lathes of a block.
+
+Written once, as scalar Python for one lane ``i`` of the records of ``records.py``, in short loops over some lanes of a block.
+Loops have no branches but on the scenario: compiled, they run several lanes at once, one lane or many give the same bits, and a
+lane that has stopped takes sub-steps of no length. What seldom happens, such as a bar's beginning or an edge's end, is left to
+loops that look for the lanes in which it did.
+
+Every sub-step takes the state at its end (so the result converges in the first order of the sub-step), and the fields at the
+middle of the metal it cut.
+"""
+
+import math
+
+from turning_env.numerics.compilation import compiled, compiled_apart
+from turning_env.numerics.functions import exp, log, real_power
+from turning_env.physics.drives import clipped, set_point
+from turning_env.physics.economics import settle
+from turning_env.physics.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
+from turning_env.physics.machinability import force_and_power, log_wear_coefficient
+from turning_env.physics.parts import end_passes, start_part, start_passes
+from turning_env.physics.records import END, OVERRIDE, PART, SET_POINT
+from turning_env.physics.report import clear_sums
+from turning_env.physics.sensors import follow_process, read_sensors
+from turning_env.physics.surface import draw_reference, roughness
+from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock
+from turning_env.physics.workpiece import look_up_fields, position_in_row, probe_next_bar
+
+_MIN_DEPTH = 1e-6  # [mm] keeps the logarithm of a depth that is not cut within its range
+_MIN_LIFE = 1e-300  # [-] likewise of an edge that has not cut
+
+
+@compiled_apart
+def start_episode(state, work, report, i, parameters):
+    """Put a fresh edge before the first bar. The lane's ``seed`` and ``episode`` say which edge and which bars."""
+    p = parameters
+    state.step_count[i] = 0
+    state.ended[i] = 0
+    state.path[i] = 0.0
+    state.clock[i] = 0.0
+    state.turns[i] = 0.0
+    _, in_metal = position_in_row(p, 0.0)
+    state.cutting[i] = 1 if in_metal else 0
+    state.commanded_cutting_speed[i] = p.initial_cutting_speed
+    state.commanded_feed[i] = p.initial_feed
+    state.cutting_speed[i] = p.initial_cutting_speed
+    state.feed[i] = p.initial_feed
+    state.edge[i] = 0
+    fit_edge(state, i, p)
+    state.bar[i] = -1.0
+    state.pass_floor[i] = 0.0
+    state.pass_ceiling[i] = math.inf
+    state.log_nominal_depth[i] = p.log_depth_of_cut
+    work.middle[i] = 0.0
+    work.engaged[i] = 1.0
+    look_up_fields(state, work, i, i + 1, p)
+    state.measured_thrust_force[i] = 0.0
+    state.measured_servo_current[i] = 0.0
+    state.measured_power[i] = 0.0
+    look_ahead(state, i, i + 1, p)
+    clear_sums(report, i)
+    work.log_cutting_speed[i] = log(p.initial_cutting_speed)
+    work.log_feed[i] = log(p.initial_feed)
+
+
+@compiled_apart
+def run_step(state, work, report, actions, count, parameters):
+    """Run one control interval; ``actions``, shape (lanes, action size), are those of the block's lanes.
+
+    Leaves reward [s], terminated and truncated in ``work``.
+    """
+    p = parameters
+    for i in range(count):
+        clear_sums(report, i)
+        work.minutes[i] = 0.0
+        work.edge_failed[i] = 0
+        work.worn[i] = 0
+        work.broken[i] = 0
+    if p.change_action >= 0:
+        for i in range(count):
+            if actions[i, p.change_action] > 0.0:
+                discard_edge(state, report, i, p)
+    passes = prepare(state, work, actions, 0, count, p)
+    for number in range(passes):
+        if p.action == PART:
+            start_passes(state, work, report, actions, 0, count, p, number)
+        travel(state, work, report, count, p)
+        if p.action == PART:
+            end_passes(state, work, report, 0, count, p, number)
+        else:
+            mend(state, work, report, 0, count, p)
+    for i in range(count):
+        state.step_count[i] += 1
+    read_sensors(state, work, 0, count, p)
+    timeless, by_step = p.edge_changes == END, p.action != PART
+    for i in range(count):
+        finish_step(state, work, report, i, p, timeless, by_step)
+    look_ahead(state, 0, count, p)
+
+
+@compiled
+def finish_step(state, work, report, i, parameters, timeless, by_step):
+    """Find out whether the episode has ended, and settle what the interval earned."""
+    p = parameters
+    finished = 1 if state.path[i] > p.path_end - 1e-6 else 0  # a path of whole bars, but for rounding
+    ends_with_edge = 1 if timeless else 0
+    terminated = finished | (work.edge_failed[i] & ends_with_edge)
+    out_of_intervals = 1 if state.step_count[i] >= p.step_limit else 0
+    out_of_minutes = 1 if state.clock[i] + 0.5 * p.sub_step >= p.time_limit else 0
+    out_of_time = out_of_intervals if timeless else out_of_minutes
+    work.terminated[i] = terminated
+    work.truncated[i] = out_of_time & (1 - terminated)
+    state.ended[i] = out_of_time | terminated
+
+    report.finished[i] = float(finished)
+    report.broken[i] = 1.0 if report.edges_broken[i] > 0.0 else 0.0
+    engaged = report.engaged_time[i] if by_step and report.engaged_time[i] > 0.0 else 1.0
+    report.mean_thrust_force[i] /= engaged
+    report.mean_power[i] /= engaged
+    work.reward[i] = settle(report, i, p, work.minutes[i])
+
+
+@compiled
+def prepare(state, work, actions, first, last, parameters):
+    """Take the actions in; return how often the lanes have to travel: once, but with parts as often as one has passes."""
+    p = parameters
+    if p.action != PART:
+        command(state, work, actions, first, last, p)
+        for i in range(first, last):
+            work.sub_step[i] = p.sub_step
+            work.sub_steps_left[i] = p.sub_steps
+        return 1
+    most = 0
+    for i in range(first, last):
+        start_part(state, work, i, p, actions[i])
+        most = max(most, work.passes[i])
+    return most
+
+
+@compiled
+def command(state, work, actions, first, last, parameters):
+    """Set the commanded cutting speed and feed from actions in -1..1 (what lies outside is clipped)."""
+    p = parameters
+    for i in range(first, last):
+        work.action[0, i] = clipped(actions[i, 0])
+    if p.action == OVERRIDE:
+        for i in range(first, last):
+            state.commanded_feed[i] = 0.5 * (work.action[0, i] + 1.0) * p.override_max * p.initial_feed
+    else:
+        for i in range(first, last):
+            work.action[1, i] = clipped(actions[i, 1])
+        if p.action == SET_POINT:
+            for i in range(first, last):
+                state.commanded_cutting_speed[i] = set_point(work.action[0, i], p.cutting_speed_min, p.cutting_speed_max)
+                state.commanded_feed[i] = set_point(work.action[1, i], p.feed_min, p.feed_max)
+        else:
+            for i in range(first, last):
+                state.commanded_cutting_speed[i] *= exp(p.cutting_speed_step * work.action[0, i])
+                state.commanded_feed[i] *= exp(p.feed_step * work.action[1, i])
+    for i in range(first, last):
+        speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
+        state.commanded_cutting_speed[i] = min(max(speed, p.cutting_speed_min), p.cutting_speed_max)
+        state.commanded_feed[i] = min(max(feed, p.feed_min), p.feed_max)
+
+
+@compiled_apart
+def travel(state, work, report, count, parameters):
+    """Run the sub-steps that every lane has left, but no further than to the end of its edge or of the job.
+
+    With parts, an edge's end is looked after on the way. Adds to the report's sums, where ``cost_force``, ``cost_power`` and the
+    means still are integrals: [min], [min], [N s] and [kJ].
+    """
+    p = parameters
+    by_equivalent_time = p.wear_rule == EQUIVALENT_TIME
+    for i in range(count):
+        work.cut[i], _ = position_in_row(p, state.path[i])
+        begin_account(state, work, i)
+        work.chip_remains[i] = 0.0
+        work.time_power[i] = 0.0
+    if not by_equivalent_time:
+        for i in range(count):
+            work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time)
+    for _ in range(p.sub_steps):
+        failed = run_sub_step(state, work, report, count, p)
+        if failed > 0 and p.action == PART:
+            for i in range(count):
+                if work.worn[i] + work.broken[i] > 0:
+                    close_account(state, work, report, i, p, by_equivalent_time)
+            mend(state, work, report, 0, count, p)
+            for i in range(count):
+                if work.worn[i] + work.broken[i] > 0:
+                    begin_account(state, work, i)
+                    work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time)
+                work.worn[i] = 0
+                work.broken[i] = 0
+    for i in range(count):
+        close_account(state, work, report, i, p, by_equivalent_time)
+
+
+@compiled_apart
+def run_sub_step(state, work, report, count, parameters):
+    """Run one sub-step; return in how many lanes the edge is worn out or broken."""
+    p = parameters
+    for i in range(count):
+        move(state, work, i, p)
+    look_up_fields(state, work, 0, count, p)
+    for i in range(count):
+        work.engaged[i] = work.engaged[i] if state.depth_of_cut[i] > 0.0 else 0.0
+        work.log_cutting_speed[i] = log(state.cutting_speed[i])
+        work.log_feed[i] = log(state.feed[i])
+        work.log_depth[i] = log(max(state.depth_of_cut[i], _MIN_DEPTH))
+    for i in range(count):
+        state.cutting_time[i] += work.engaged[i]
+    if p.wear_rule == EQUIVALENT_TIME:
+        for i in range(count):
+            state.used_life[i] += life_share(p, log_coefficient(state, work, i, p), work.engaged[i])
+    else:
+        for i in range(count):
+            work.time_power_before[i] = work.time_power[i]
+            work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time)
+        for i in range(count):
+            coefficient = log_coefficient(state, work, i, p)
+            work.wear[i] = wear_by_clock(p, state.used_life[i], coefficient, work.time_power_before[i], work.time_power[i])
+        for i in range(count):
+            used_life = real_power(work.wear[i], p.life_exponent)
+            used_life = max(used_life, state.used_life[i])  # rounding must not make an edge sharper
+            state.used_life[i] = used_life if work.engaged[i] > 0.0 else state.used_life[i]
+    for i in range(count):
+        work.log_wear[i] = log_wear(p, max(state.used_life[i], _MIN_LIFE))
+    if p.chip_lag > 0.0:
+        for i in range(count):
+            work.chip_remains[i] = exp(-work.turns[i] / p.chip_lag)
+    for i in range(count):
+        load_edge(state, work, i, p)
+    if p.holds_roughness:
+        for i in range(count):
+            deviation = abs(roughness(p, state.thrust_force[i]) / state.roughness_reference[i] - 1.0)
+            report.roughness_deviation[i] += 60.0 * work.engaged[i] * deviation
+    failed, stops = 0, p.action != PART
+    force_scale, power_scale = 1.0 / p.thrust_force_limit, 1.0 / p.power_limit
+    for i in range(count):
+        sum_up(state, work, report, i, force_scale, power_scale, p.overload_tolerance)
+        failed += watch_edge(state, work, i, p, stops)
+        leave_metal(state, work, i)
+        follow_process(state, work, i, p)
+    return failed
+
+
+@compiled
+def move(state, work, i, parameters):
+    """Let the drives follow their commands, and move the tool along."""
+    p = parameters
+    runs = work.sub_steps_left[i] > 0
+    running = 1 if runs else 0
+    work.running[i] = running
+    work.sub_steps_left[i] -= running
+    sub_step = work.sub_step[i] if runs else 0.0
+    spindle_share = p.spindle_share if runs else 0.0
+    feed_share = p.feed_share if runs else 0.0
+    state.cutting_speed[i] += (state.commanded_cutting_speed[i] - state.cutting_speed[i]) * spindle_share
+    state.feed[i] += (state.commanded_feed[i] - state.feed[i]) * feed_share
+    spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre  # [rev/min]
+    feed_velocity = spindle_speed * state.feed[i]  # [mm/min]
+    turns = spindle_speed * sub_step
+    work.turns[i] = turns
+    state.turns[i] += turns
+    state.path[i] += feed_velocity * sub_step
+    work.time[i] += sub_step
+    cut_before = work.cut[i]
+    cut, in_metal = position_in_row(p, state.path[i])
+    work.cut[i] = cut
+    work.middle[i] = 0.5 * (cut_before + cut)
+    work.engaged[i] = max(cut - cut_before, 0.0) / feed_velocity
+    cutting = 1 if in_metal else 0
+    state.cutting[i] = cutting if runs else state.cutting[i]
+
+
+@compiled
+def log_coefficient(state, work, i, parameters):
+    """Logarithm of the wear [mm] that a fresh edge would have after a minute of what is being cut."""
+    nominal = log_wear_coefficient(
+        parameters, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], state.log_hardness[i]
+    )
+    return state.log_wear_factor[i] + nominal + state.log_skin_wear[i]
+
+
+@compiled
+def load_edge(state, work, i, parameters):
+    """Let thrust force [N] and power [kW] follow, where metal was cut."""
+    force, power = force_and_power(
+        parameters, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], work.log_wear[i], state.log_hardness[i]
+    )
+    remains = work.chip_remains[i]
+    force = force * (1.0 - remains) + state.thrust_force[i] * remains
+    power = power * (1.0 - remains) + state.power[i] * remains
+    state.thrust_force[i] = force if work.engaged[i] > 0.0 else state.thrust_force[i]
+    state.power[i] = power if work.engaged[i] > 0.0 else state.power[i]
+
+
+@compiled
+def sum_up(state, work, report, i, force_scale, power_scale, tolerance):
+    """Add what was cut, and by how much force and power exceeded their limits, to the report's sums."""
+    engaged = work.engaged[i]  # [min]
+    seconds = 60.0 * engaged
+    force, power = state.thrust_force[i], state.power[i]
+    over_force = max(force * force_scale - 1.0, 0.0)
+    over_power = max(power * power_scale - 1.0, 0.0)
+    over = max(over_force, over_power)
+    report.engaged_time[i] += seconds
+    report.removed[i] += state.cutting_speed[i] * state.feed[i] * state.depth_of_cut[i] * engaged
+    report.mean_thrust_force[i] += seconds * force
+    report.mean_power[i] += seconds * power
+    report.cost_force[i] += engaged * over_force
+    report.cost_power[i] += engaged * over_power
+    report.overload_time[i] += seconds if over > 0.0 else 0.0
+    report.severe_overload_time[i] += seconds if over > tolerance else 0.0
+
+
+@compiled
+def watch_edge(state, work, i, parameters, stops):
+    """Stop the lane at the end of its edge or of the job, if it ``stops`` there; return 1 if the edge has failed, else 0."""
+    in_metal = 1 if work.engaged[i] > 0.0 else 0
+    spent = 1 if state.used_life[i] >= 1.0 else 0
+    overcome = 1 if state.thrust_force[i] > state.edge_strength[i] else 0
+    arrived = 1 if state.path[i] >= parameters.path_end else 0
+    work.worn[i] |= in_metal & spent
+    work.broken[i] |= in_metal & overcome
+    failed = work.worn[i] | work.broken[i]
+    work.edge_failed[i] |= failed
+    left = work.sub_steps_left[i]
+    work.sub_steps_left[i] = 0 if stops and (failed | arrived) > 0 else left
+    return failed
+
+
+@compiled
+def leave_metal(state, work, i):
+    """Let thrust force and power vanish in air."""
+    in_metal = min(float(state.cutting[i]), state.depth_of_cut[i]) > 0.0
+    remains = 1.0 if in_metal else work.chip_remains[i]
+    state.thrust_force[i] *= remains
+    state.power[i] *= remains
+
+
+@compiled
+def begin_account(state, work, i):
+    """Note down what the edge's life and cutting time are now."""
+    work.time[i] = 0.0
+    work.used_life_before[i] = min(state.used_life[i], 1.0)
+    work.cutting_time_before[i] = state.cutting_time[i]
+
+
+@compiled
+def close_account(state, work, report, i, parameters, by_equivalent_time):
+    """Bring clock, life charged and nominal wear up to date. The nominal model takes the speed and feed at the end."""
+    p = parameters
+    time = work.time[i]
+    state.clock[i] += time
+    report.time[i] += 60.0 * time
+    work.minutes[i] += time
+    charge(report, i, p, min(state.used_life[i], 1.0) - work.used_life_before[i])
+    start, end, used = work.cutting_time_before[i], state.cutting_time[i], state.nominal_used_life[i]
+    coefficient = log_wear_coefficient(p, work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i], 0.0)
+    if by_equivalent_time:
+        state.nominal_used_life[i] = used + life_share(p, coefficient, end - start)
+    else:
+        life = life_by_clock(p, used, coefficient, start, end)
+        state.nominal_used_life[i] = life if end > start else used
+
+
+@compiled
+def mend(state, work, report, first, last, parameters):
+    """Book broken edges, and put a fresh one in place of one worn or broken, where that is not the episode's end."""
+    p = parameters
+    failed = 0
+    for i in range(first, last):
+        failed += work.worn[i] | work.broken[i]
+    if failed > 0:
+        for i in range(first, last):
+            if work.broken[i] > 0:
+                break_edge(state, report, i, p)
+            if work.worn[i] + work.broken[i] > 0 and p.edge_changes != END:
+                replace_edge(state, report, i, p, work.broken[i] > 0)
+
+
+@compiled
+def look_ahead(state, first, last, parameters):
+    """What the controller is told of the interval to come."""
+    if parameters.holds_roughness:
+        for i in range(first, last):
+            draw_reference(state, i, parameters)
+    if parameters.probe:
+        for i in range(first, last):
+            probe_next_bar(state, i, parameters)

@@ -1,0 +1,86 @@
+"""Whole parts: how an action names the passes of one, and what a pass cuts.
+
+A path is made for an allowance A in z passes of equal depth A/z, counted from the finished contour outwards. Its first pass takes
+whatever the blank has beyond that; where the blank has less, passes cut less, or air.
+"""
+
+import math
+
+import numpy as np
+
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.functions import log
+from turning_env.physics.drives import clipped, set_point
+
+MIN_DEPTH = 0.01
+"""Depth of a pass [mm] below which the control's models are not asked."""
+
+
+@compiled
+def start_part(state, work, i, parameters, action):
+    """Note down where the next part begins, and its passes of an action in -1..1: how many, and how deep [mm]."""
+    p = parameters
+    work.part_start[i] = np.rint(state.path[i] * p.bars_per_path) * p.bar_pitch
+    work.passes[i] = min(1 + int(0.5 * (clipped(action[0]) + 1.0) * p.passes_max), p.passes_max)
+    work.pass_depth[i] = p.depth_of_cut * (1.0 + clipped(action[1])) / work.passes[i]
+
+
+@compiled
+def start_passes(state, work, report, actions, first, last, parameters, number):
+    """Start a pass, 0 the first, in every lane whose part has that many; the others stand still."""
+    for i in range(first, last):
+        work.sub_steps_left[i] = 0
+        if number < work.passes[i]:
+            start_pass(state, work, report, i, parameters, actions[i], number)
+
+
+@compiled
+def start_pass(state, work, report, i, parameters, action, number):
+    """Set speed, feed, depth and sub-step of a pass, 0 the first."""
+    p = parameters
+    speed = set_point(action[2 + 2 * number], p.cutting_speed_min, p.cutting_speed_max)
+    feed = set_point(action[3 + 2 * number], p.feed_min, p.feed_max)
+    passes, depth = work.passes[i], work.pass_depth[i]
+    state.commanded_cutting_speed[i] = speed
+    state.commanded_feed[i] = feed
+    state.path[i] = work.part_start[i]
+    state.pass_floor[i] = (passes - 1 - number) * depth
+    state.pass_ceiling[i] = math.inf if number == 0 else (passes - number) * depth
+    state.log_nominal_depth[i] = log(max(depth, MIN_DEPTH))
+    report.passes[i] += 1.0
+    report.mean_thrust_force[i] = 0.0
+    report.mean_power[i] = 0.0
+    work.engaged_before[i] = report.engaged_time[i]
+    work.sub_step[i] = p.bar_pitch / (speed * p.revolutions_per_metre * feed) / p.sub_steps
+    work.sub_steps_left[i] = p.sub_steps
+
+
+@compiled
+def end_passes(state, work, report, first, last, parameters, number):
+    """End a pass in every lane whose part has it, and the part where it was the last."""
+    for i in range(first, last):
+        if number < work.passes[i]:
+            end_pass(state, work, report, i, parameters)
+        if number == work.passes[i] - 1:
+            end_part(state, work, i, parameters)
+
+
+@compiled
+def end_pass(state, work, report, i, parameters):
+    """Return the tool; what has been sensed in the pass is its mean force and power."""
+    engaged = report.engaged_time[i] - work.engaged_before[i]
+    if engaged > 0.0:
+        report.mean_thrust_force[i] /= engaged
+        report.mean_power[i] /= engaged
+    state.lagged_thrust_force[i] = report.mean_thrust_force[i]
+    state.lagged_power[i] = report.mean_power[i]
+    state.clock[i] += parameters.return_time
+    report.time[i] += 60.0 * parameters.return_time
+
+
+@compiled
+def end_part(state, work, i, parameters):
+    """Put the tool before the next part."""
+    state.path[i] = work.part_start[i] + parameters.bar_pitch
+    state.pass_floor[i] = 0.0
+    state.pass_ceiling[i] = math.inf

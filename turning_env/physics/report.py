@@ -1,0 +1,79 @@
+"""What an interval is reported as: sums over it, and the true state at its end."""
+
+import numpy as np
+
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.functions import exp
+from turning_env.physics.drives import spindle_torque
+from turning_env.physics.surface import roughness
+from turning_env.physics.wear import log_wear
+
+
+@compiled
+def clear_sums(report, i):
+    """Zero what the report sums over an interval."""
+    report.mean_thrust_force[i] = 0.0
+    report.mean_power[i] = 0.0
+    report.time[i] = 0.0
+    report.engaged_time[i] = 0.0
+    report.stopped_time[i] = 0.0
+    report.removed[i] = 0.0
+    report.passes[i] = 0.0
+    report.edges_used[i] = 0.0
+    report.edges_broken[i] = 0.0
+    report.overload_time[i] = 0.0
+    report.severe_overload_time[i] = 0.0
+    report.roughness_deviation[i] = 0.0
+    report.cost[i] = 0.0
+    report.cost_force[i] = 0.0
+    report.cost_power[i] = 0.0
+    report.reward_metal[i] = 0.0
+    report.reward_time[i] = 0.0
+    report.reward_edge[i] = 0.0
+    report.reward_overload[i] = 0.0
+    report.reward_breakage[i] = 0.0
+    report.reward_roughness[i] = 0.0
+    report.broken[i] = 0.0
+    report.finished[i] = 0.0
+
+
+@compiled
+def write_state(state, report, first, last, parameters):
+    """Report the true state of some lanes of a block at the interval's end."""
+    p = parameters
+    for i in range(first, last):
+        spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre
+        report.cutting_speed[i] = state.cutting_speed[i]
+        report.feed[i] = state.feed[i]
+        report.commanded_cutting_speed[i] = state.commanded_cutting_speed[i]
+        report.commanded_feed[i] = state.commanded_feed[i]
+        report.spindle_speed[i] = spindle_speed
+        report.feed_velocity[i] = spindle_speed * state.feed[i]
+        report.torque[i] = spindle_torque(state.power[i], spindle_speed)
+        report.path[i] = state.path[i]
+        report.bar[i] = np.floor(state.path[i] * p.bars_per_path)
+        report.cutting_time[i] = state.cutting_time[i]
+        report.used_life[i] = state.used_life[i]
+        report.edge_strength[i] = state.edge_strength[i]
+        report.thrust_force[i] = state.thrust_force[i]
+        report.power[i] = state.power[i]
+        report.measured_thrust_force[i] = state.measured_thrust_force[i]
+        report.measured_servo_current[i] = state.measured_servo_current[i]
+        report.measured_power[i] = state.measured_power[i]
+        report.roughness_reference[i] = state.roughness_reference[i]
+        report.probed_depth[i] = state.probed_depth[i]
+    for i in range(first, last):
+        in_metal = state.cutting[i] > 0
+        hardness = exp(state.log_hardness[i])
+        report.cutting[i] = 1.0 if in_metal else 0.0
+        report.depth_of_cut[i] = state.depth_of_cut[i] if in_metal else 0.0
+        report.hardness[i] = hardness if in_metal else 0.0
+        report.wear_factor[i] = exp(state.log_wear_factor[i])
+    for i in range(first, last):
+        wear = exp(log_wear(p, state.used_life[i]))
+        report.wear[i] = wear if state.used_life[i] > 0.0 else 0.0
+        report.roughness[i] = 0.0
+    if p.holds_roughness:
+        for i in range(first, last):
+            rough = roughness(p, state.thrust_force[i])
+            report.roughness[i] = rough if state.cutting[i] > 0 else 0.0

@@ -1,0 +1,40 @@
+"""What the controller is told: power, and thrust force or the servo current, each behind a first-order lag and with noise.
+
+The noise levels (power 2 %, force 5 %) and lags are assumptions; the roughness control paper gives up to 10 % for force.
+"""
+
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.keyed_random import SENSOR_CHANNEL, normals_of, words
+from turning_env.physics.drives import servo_current
+
+
+@compiled
+def follow_process(state, work, i, parameters):
+    """Move the lagged power [kW] and thrust force [N] towards the process over one sub-step."""
+    runs = work.running[i] > 0
+    power_share = parameters.power_sensor_share if runs else 0.0
+    force_share = parameters.force_sensor_share if runs else 0.0
+    state.lagged_power[i] += (state.power[i] - state.lagged_power[i]) * power_share
+    state.lagged_thrust_force[i] += (state.thrust_force[i] - state.lagged_thrust_force[i]) * force_share
+
+
+@compiled
+def read_sensors(state, work, first, last, parameters):
+    """Measure power [kW], and thrust force [N] or servo current [A], at the end of an interval."""
+    p = parameters
+    for i in range(first, last):
+        work.word_0[i], work.word_1[i] = words(state, i, SENSOR_CHANNEL, 0, state.step_count[i])
+    power_gain, force_gain = 1.0 + p.power_bias, 1.0 + p.force_bias
+    for i in range(first, last):
+        power_normal, force_normal = normals_of(work.word_0[i], work.word_1[i])
+        power = power_gain * state.lagged_power[i] * (1.0 + p.power_noise * power_normal)
+        state.measured_power[i] = max(power, 0.0)
+        work.force_noise[i] = 1.0 + p.force_noise * force_normal
+    if p.senses_current:
+        for i in range(first, last):
+            feed_velocity = state.cutting_speed[i] * p.revolutions_per_metre * state.feed[i]
+            current = force_gain * servo_current(p, state.lagged_thrust_force[i], feed_velocity, state.path[i])
+            state.measured_servo_current[i] = max(current * work.force_noise[i], 0.0)
+    else:
+        for i in range(first, last):
+            state.measured_thrust_force[i] = max(force_gain * state.lagged_thrust_force[i] * work.force_noise[i], 0.0)

@@ -1,0 +1,28 @@
+"""Surface roughness, and the reference that the controller is to hold.
+
+Ra = a exp(b F) with the thrust force F (roughness control paper, equation (5)). The reference changes in fixed periods; its
+logarithm is drawn evenly between two bounds.
+"""
+
+import numpy as np
+
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.functions import exp
+from turning_env.numerics.keyed_random import REFERENCE_CHANNEL, uniform
+
+_MAX_EXPONENT = 300.0  # keeps the roughness of a force beyond all sense finite
+
+
+@compiled
+def roughness(parameters, thrust_force):
+    """Ra [um] left at a thrust force [N]."""
+    return parameters.roughness_at_no_force * exp(min(parameters.roughness_rate * thrust_force, _MAX_EXPONENT))
+
+
+@compiled
+def draw_reference(state, i, parameters):
+    """Set a lane's reference of Ra [um] to that of the present period."""
+    # Half a sub-step on, as the clock is a sum of sub-steps and may fall short of the period's end by rounding.
+    period = np.floor((state.clock[i] + 0.5 * parameters.sub_step) / parameters.reference_time)
+    share = uniform(state, i, REFERENCE_CHANNEL, 0, period)
+    state.roughness_reference[i] = exp(parameters.log_reference_min + share * parameters.log_reference_span)

@@ -1,0 +1,196 @@
+"""Bars: hardness and depth of cut as fields over position, not over time.
+
+The tool runs along an endless row of bars, each preceded by an approach of air. Two coordinates describe where it is:
+the path [mm], which counts air and metal, and the cut [mm], which counts metal only. Both fields are functions of the
+cut coordinate: an offset drawn per bar plus noise along the bar, which blends independent normal nodes one correlation
+length apart and has unit variance everywhere.
+
+Relative hardness is log-normal, so it stays positive. The depth of cut is the nominal depth plus the allowance's
+deviation, and never falls below 1 % of nominal (assumption: a blank that measures under size is still just scraped).
+The nominal depth may step along a bar, and the depth ripple with the spindle's turns (run-out). A pass of several cuts what
+stands between its floor and its ceiling. A blank may carry a skin, harder and more abrasive than the metal beneath: hardness and
+wear are means over the cut's depth (assumption), so that a shallow cut, nearly all skin, is the worst.
+"""
+
+import numpy as np
+
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.functions import log, sine_and_cosine
+from turning_env.numerics.keyed_random import BAR_CHANNEL, DEPTH_CHANNEL, HARDNESS_CHANNEL, normals_of, standard_normals, words
+
+MIN_DEPTH_SHARE = 0.01
+
+
+@compiled
+def position_in_row(parameters, path):
+    """Where a path coordinate [mm] lies: (length of metal behind the tool [mm], whether the tool is in metal)."""
+    bar = np.floor(path * parameters.bars_per_path)
+    along = path - bar * parameters.bar_pitch - parameters.approach
+    return bar * parameters.bar_length + max(along, 0.0), along >= 0.0
+
+
+@compiled
+def enter_bar(state, i, bar):
+    """Draw the offsets of a bar, and forget the nodes of the bar before."""
+    state.bar[i] = bar
+    state.bar_hardness_normal[i], state.bar_depth_normal[i] = standard_normals(state, i, BAR_CHANNEL, bar, 0)
+    state.hardness_cell[i] = -1.0
+    state.depth_cell[i] = -1.0
+
+
+@compiled
+def between_nodes(left, right, share):
+    """Unit-variance noise between two independent normal nodes, at a share 0..1 of the way.
+
+    The nodes' weights run along a quarter of the unit circle, so their squares add up to 1 everywhere.
+    """
+    square = share * share
+    return ((1.0 - square) * left + 2.0 * share * right) / (1.0 + square)
+
+
+@compiled
+def look_up_fields(state, work, first, last, parameters):
+    """Set log hardness [-] and depth of cut [mm, 0 or less in air] to those in the middle of what is being cut.
+
+    For those of some lanes of a block that are ``engaged``. The nodes on either side are kept in the lanes until the tool has
+    passed them: they cost more than all the rest.
+    """
+    p = parameters
+    passing = 0
+    for i in range(first, last):
+        locate(state, work, i, p)
+        passing += work.passing[i]
+    if passing > 0:
+        pass_nodes(state, work, first, last, p)
+    for i in range(first, last):
+        work.nominal_depth[i] = p.depth_of_cut
+    if p.depth_sections > 0:
+        for i in range(first, last):
+            section = int(work.along[i] * p.bars_per_cut * p.depth_sections)
+            work.nominal_depth[i] = p.depth_profile[min(section, p.depth_sections - 1)]
+    for i in range(first, last):
+        blend_nodes(state, work, i, p)
+    if p.depth_ripple > 0.0:
+        for i in range(first, last):
+            sine, _ = sine_and_cosine(p.depth_ripples_per_turn * state.turns[i])
+            work.blank_depth[i] *= 1.0 + p.depth_ripple * sine
+    for i in range(first, last):
+        limit_depth(state, work, i)
+    if p.skin_thickness > 0.0:
+        for i in range(first, last):
+            cut_skin(state, work, i, p)
+
+
+@compiled
+def locate(state, work, i, parameters):
+    """Find the place along the bar, and whether the nodes that the lane keeps are behind it."""
+    p = parameters
+    cut = work.middle[i]
+    bar = np.floor(cut * p.bars_per_cut)
+    along = max(cut - bar * p.bar_length, 0.0)  # rounding must not ask for a node before the first
+    hardness_cell = np.floor(along * p.hardness_nodes_per_length)
+    depth_cell = np.floor(along * p.depth_nodes_per_length)
+    moved = abs(bar - state.bar[i]) + abs(hardness_cell - state.hardness_cell[i]) + abs(depth_cell - state.depth_cell[i])
+    work.along[i] = along
+    work.passing[i] = 1 if min(moved, work.engaged[i]) > 0.0 else 0
+
+
+@compiled
+def pass_nodes(state, work, first, last, parameters):
+    """Enter bars, and draw the nodes on either side, in the lanes that have passed those that they keep.
+
+    The nodes ahead are listed, and drawn together. Where there is no noise along the bar, the nodes stay what they are: they are
+    multiplied by 0.
+    """
+    p = parameters
+    listed = 0
+    for i in range(first, last):
+        if work.passing[i] > 0:
+            bar = np.floor(work.middle[i] * p.bars_per_cut)
+            if bar != state.bar[i]:
+                enter_bar(state, i, bar)
+            nodes = state.hardness_cell, state.hardness_left, state.hardness_right
+            listed += pass_node(
+                state, work, i, listed, HARDNESS_CHANNEL, nodes, p.hardness_nodes_per_length, p.hardness_along_spread
+            )
+            nodes = state.depth_cell, state.depth_left, state.depth_right
+            listed += pass_node(state, work, i, listed, DEPTH_CHANNEL, nodes, p.depth_nodes_per_length, p.depth_along_spread)
+    for k in range(listed):
+        i = work.node_lane[k]
+        work.node_word_0[k], work.node_word_1[k] = words(state, i, work.node_channel[k], state.bar[i], work.node_number[k])
+    for k in range(listed):
+        work.node_value[k] = normals_of(work.node_word_0[k], work.node_word_1[k])[0]
+    for k in range(listed):
+        if work.node_channel[k] == HARDNESS_CHANNEL:
+            state.hardness_right[work.node_lane[k]] = work.node_value[k]
+        else:
+            state.depth_right[work.node_lane[k]] = work.node_value[k]
+
+
+@compiled
+def pass_node(state, work, i, k, channel, nodes, nodes_per_length, spread):
+    """Keep the nodes of a field on either side: (cell, left, right) of the block's lanes.
+
+    The one ahead, if it is another, is put on the list of those to be drawn, at place k. Return how many have been put there.
+    """
+    cells, left, right = nodes
+    cell, kept = np.floor(work.along[i] * nodes_per_length), cells[i]
+    cells[i] = cell
+    if cell == kept or spread == 0.0:
+        return 0
+    if cell == kept + 1.0 and kept >= 0.0:
+        left[i] = right[i]
+    else:
+        left[i] = standard_normals(state, i, channel, state.bar[i], cell)[0]
+    work.node_lane[k] = i
+    work.node_channel[k] = channel
+    work.node_number[k] = cell + 1.0
+    return 1
+
+
+@compiled
+def blend_nodes(state, work, i, parameters):
+    """Log hardness [-] without skin, and the blank's depth [mm] without ripple, from the bar's offsets and the nodes."""
+    p = parameters
+    noise = noise_along(work, i, state.hardness_cell, state.hardness_left, state.hardness_right, p.hardness_nodes_per_length)
+    hardness = p.log_hardness_mismatch + p.hardness_bar_spread * state.bar_hardness_normal[i] + p.hardness_along_spread * noise
+    state.log_hardness[i] = hardness if work.engaged[i] > 0.0 else state.log_hardness[i]
+    noise = noise_along(work, i, state.depth_cell, state.depth_left, state.depth_right, p.depth_nodes_per_length)
+    depth = work.nominal_depth[i] + p.depth_bar_spread * state.bar_depth_normal[i]
+    work.blank_depth[i] = depth + p.depth_along_spread * noise
+
+
+@compiled
+def noise_along(work, i, cells, left, right, nodes_per_length):
+    """A field's unit-variance noise at the lane's place along the bar."""
+    return between_nodes(left[i], right[i], work.along[i] * nodes_per_length - cells[i])
+
+
+@compiled
+def limit_depth(state, work, i):
+    """The depth of cut [mm] is what stands between the pass's floor and its ceiling, of a blank that is never quite gone."""
+    blank = max(work.blank_depth[i], MIN_DEPTH_SHARE * work.nominal_depth[i])
+    work.blank_depth[i] = blank
+    depth = min(blank, state.pass_ceiling[i]) - state.pass_floor[i]
+    state.depth_of_cut[i] = depth if work.engaged[i] > 0.0 else state.depth_of_cut[i]
+
+
+@compiled
+def cut_skin(state, work, i, parameters):
+    """Let what the cut holds of the skin, the outermost of a blank's depth [mm], harden the cut and wear the edge."""
+    p = parameters
+    lowest = max(work.blank_depth[i] - p.skin_thickness, state.pass_floor[i])
+    skin = max(min(work.blank_depth[i], state.pass_ceiling[i]) - lowest, 0.0)
+    cutting = min(work.engaged[i], state.depth_of_cut[i]) > 0.0
+    share = skin / state.depth_of_cut[i] if cutting else 0.0
+    state.log_hardness[i] += log(1.0 + share * (p.skin_hardness - 1.0))
+    state.log_skin_wear[i] = log(1.0 + share * (p.skin_wear - 1.0)) if work.engaged[i] > 0.0 else state.log_skin_wear[i]
+
+
+@compiled
+def probe_next_bar(state, i, parameters):
+    """Measure the mean depth [mm] of what is to be cut of the bar before which the tool stands."""
+    p = parameters
+    bar = np.rint(state.path[i] * p.bars_per_path)
+    depth = p.depth_of_cut + p.depth_bar_spread * standard_normals(state, i, BAR_CHANNEL, bar, 0)[1]
+    state.probed_depth[i] = max(depth, MIN_DEPTH_SHARE * p.depth_of_cut)

@@ -1,0 +1,68 @@
+"""Plays a program on a draw's bars: its set points, switched where its blocks end."""
+
+import bisect
+import math
+
+import numpy as np
+
+from turning_env import RoughTurningEnv, Scenario
+from turning_env.action import set_point_action
+from turning_env.programs.program import NcError, Program
+from turning_env.programs.schedule import Sums, job
+
+MIN_INTERVAL = 0.001
+"""Shortest control interval that a scenario allows [s]."""
+
+
+def simulate(program: Program, scenario: Scenario, seed: int) -> Sums:
+    """Play a program's blocks on the first bars of a draw, to the end of the program or of the edge.
+
+    The control looks where the tool is in every sub-step of the scenario's integration, and commands that block's speed and feed;
+    the drives follow as in any play. Between bars no time passes, as in the row that a controller plays.
+
+    Raises:
+        NcError: the program has a law, which must be played as such, or is not one for this scenario.
+    """
+    if program.law is not None:
+        raise NcError("the program has an override law: what it does depends on the measured load, not on its blocks alone")
+    program.check(scenario)
+    machine, workpiece = scenario.machine, scenario.workpiece
+    env = RoughTurningEnv(_stepwise(job(scenario, len(program.bars))))
+    row = workpiece.approach + workpiece.bar_length
+    blocks = [block for bar in program.bars for block in bar]
+    ends = [number * row + program.start - block.z for number, bar in enumerate(program.bars) for block in bar]
+    most_speed = program.most_spindle_speed * math.pi * program.diameter / 1000.0
+    actions = [
+        np.array(
+            (
+                _action(min(block.cutting_speed, most_speed), machine.cutting_speed_min, machine.cutting_speed_max),
+                _action(block.feed, machine.feed_min, machine.feed_max),
+            ),
+            np.float32,
+        )
+        for block in blocks
+    ]
+    _, info = env.reset(seed=seed)
+    removed = time = 0.0
+    while info["path"] < ends[-1] - 1e-6:
+        place = min(bisect.bisect_right(ends, info["path"] + 1e-9), len(blocks) - 1)
+        _, _, terminated, truncated, info = env.step(actions[place])
+        removed += info["removed"]
+        time += info["time"]
+        if terminated or truncated:
+            break
+    return Sums(removed, time / 60.0, info["wear"])
+
+
+def _action(value: float, low: float, high: float) -> float:
+    return float(set_point_action(np.float64(value), low, high))  # type: ignore[arg-type]
+
+
+def _stepwise(scenario: Scenario) -> Scenario:
+    """The same lathe under set points, with an interval for each of its sub-steps."""
+    control = scenario.control
+    interval = control.interval / control.sub_steps
+    finer = {"interval": interval, "sub_steps": 1} if interval >= MIN_INTERVAL else {}
+    return scenario.model_copy(
+        update={"control": control.model_copy(update={"action": "set_point", "edge_changes": "end", **finer})}
+    )

@@ -1,0 +1,116 @@
+"""Synchronized actions: what the control does in every interpolation cycle, from measured load to feed override.
+
+The subset of SINUMERIK's synchronized actions that is written and read here (Programming Guide Advanced, edition 04.00, chapter
+10): ``FCTDEF`` defines a polynomial of third degree with limits, ``SYNFCT`` evaluates it on a variable into another, assignments
+compute with the four basic operations, and ``WHENEVER`` makes an action depend on comparisons. Modal actions run in the order of
+their ``ID``, once per cycle. Override and load are in per cent.
+"""
+
+import operator
+from collections.abc import Callable, Mapping, MutableMapping
+from dataclasses import dataclass
+
+from turning_env.programs.expression import Expression
+
+OVERRIDE, LOAD = "$AC_OVR", "$AA_LOAD[S1]"
+"""Feed override of the path [%], which is written; load of the spindle's drive [%], which is measured."""
+PATH_VELOCITY, SPINDLE_SPEED = "$AC_VACTB", "$AA_S[1]"
+"""Actual velocity along the path [mm/min] and of the spindle [rev/min], which are measured."""
+PARAMETERS = tuple(f"$AC_PARAM[{index}]" for index in range(10))
+"""Variables to compute with."""
+READABLE = (LOAD, PATH_VELOCITY, SPINDLE_SPEED, *PARAMETERS)
+WRITABLE = (OVERRIDE, *PARAMETERS)
+MAX_OVERRIDE = 200.0
+"""Highest override that the control allows [%]."""
+
+COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+    "<=": operator.le,
+    ">=": operator.ge,
+    "<": operator.lt,
+    ">": operator.gt,
+}
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """``FCTDEF``: a0 + a1 x + a2 x^2 + a3 x^3, within limits."""
+
+    number: int
+    low: float
+    high: float
+    coefficients: tuple[float, float, float, float]
+
+    def __call__(self, x: float) -> float:
+        """Its value."""
+        a0, a1, a2, a3 = self.coefficients
+        return min(max(a0 + x * (a1 + x * (a2 + x * a3)), self.low), self.high)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One variable compared with another or with a number."""
+
+    variable: str
+    comparison: str
+    value: Expression
+
+    def holds(self, variables: Mapping[str, float]) -> bool:
+        """Whether it does."""
+        return COMPARISONS[self.comparison](variables[self.variable], self.value.value(variables))
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """``SYNFCT``: a polynomial of one variable into another."""
+
+    polynomial: int
+    output: str
+    input: str
+
+
+@dataclass(frozen=True)
+class Assign:
+    """A variable becomes an expression's value."""
+
+    output: str
+    expression: Expression
+
+
+@dataclass(frozen=True)
+class Action:
+    """A modal synchronized action."""
+
+    number: int
+    conditions: tuple[Condition, ...]
+    """All must hold."""
+    effect: Evaluate | Assign
+
+
+@dataclass(frozen=True)
+class Law:
+    """Polynomials, variables' first values and actions, in the order of their numbers."""
+
+    polynomials: tuple[Polynomial, ...]
+    initial: tuple[tuple[str, float], ...]
+    actions: tuple[Action, ...]
+
+    def variables(self) -> dict[str, float]:
+        """The variables as the program begins: 0 where it says nothing, and an override of 100 %."""
+        return dict.fromkeys(READABLE, 0.0) | {OVERRIDE: 100.0} | dict(self.initial)
+
+    def cycle(self, variables: MutableMapping[str, float]) -> float:
+        """Run one interpolation cycle on the variables; return the override [%], which is 100 where nothing writes it.
+
+        Raises:
+            ZeroDivisionError: an expression divides by 0, on which a control stops.
+        """
+        polynomials = {polynomial.number: polynomial for polynomial in self.polynomials}
+        variables[OVERRIDE] = 100.0
+        for action in self.actions:
+            if all(condition.holds(variables) for condition in action.conditions):
+                effect = action.effect
+                if isinstance(effect, Evaluate):
+                    variables[effect.output] = polynomials[effect.polynomial](variables[effect.input])
+                else:
+                    variables[effect.output] = effect.expression.value(variables)
+        return min(max(variables[OVERRIDE], 0.0), MAX_OVERRIDE)

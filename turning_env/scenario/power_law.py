@@ -1,0 +1,78 @@
+"""The power law: the one primitive of all machinability models.
+
+    response = coefficient * V^a * f^b * (d / d0)^c * t^g * W^e * H^h
+
+with V the cutting speed [m/min], f the feed [mm/rev], d the depth of cut [mm], t the cutting time of the edge [min],
+W the flank wear [mm] and H the hardness relative to nominal [-]. A factor that a response does not depend on has
+exponent 0. (Form: Alaskari and Oraby 2018, equations (1)-(8), recovered from their tables.)
+"""
+
+from typing import Any
+
+import numpy as np
+
+from turning_env.numerics.compilation import compiled
+from turning_env.scenario.section import Section, quantity
+
+POWER_LAW_RECORD = np.dtype(
+    [
+        ("log_coefficient", np.float64),
+        ("cutting_speed", np.float64),
+        ("feed", np.float64),
+        ("depth_of_cut", np.float64),
+        ("time", np.float64),
+        ("wear", np.float64),
+        ("hardness", np.float64),
+    ]
+)
+
+
+def log_response(law, log_cutting_speed, log_feed, log_depth_of_cut, log_time, log_wear, log_hardness):
+    """Natural logarithm of the response, from the natural logarithms of its factors. Scalars or arrays."""
+    return (
+        law.log_coefficient
+        + law.cutting_speed * log_cutting_speed
+        + law.feed * log_feed
+        + law.depth_of_cut * log_depth_of_cut
+        + law.time * log_time
+        + law.wear * log_wear
+        + law.hardness * log_hardness
+    )
+
+
+compiled_log_response = compiled(log_response)
+
+
+class PowerLaw(Section):
+    """One machinability model. Exponents are dimensionless; the coefficient carries the response's unit."""
+
+    coefficient: float = quantity(..., 1e-12, 1e12, "response", "response at V = f = d/d0 = t = W = H = 1")
+    cutting_speed: float = quantity(0.0, -10, 10, "-", "exponent of the cutting speed in m/min")
+    feed: float = quantity(0.0, -10, 10, "-", "exponent of the feed in mm/rev")
+    depth_of_cut: float = quantity(0.0, -10, 10, "-", "exponent of the depth of cut over the reference depth")
+    reference_depth_of_cut: float = quantity(2.5, 0.01, 100, "mm", "depth of cut at which the law was measured")
+    time: float = quantity(0.0, -10, 10, "-", "exponent of the edge's cutting time in min")
+    wear: float = quantity(0.0, -10, 10, "-", "exponent of the flank wear in mm")
+    hardness: float = quantity(0.0, -10, 10, "-", "exponent of the relative hardness")
+
+    def record(self) -> Any:
+        """The law as one ``POWER_LAW_RECORD``, with the reference depth folded into the coefficient."""
+        record = np.zeros(1, POWER_LAW_RECORD).view(np.recarray)[0]
+        for name in POWER_LAW_RECORD.names or ():
+            if name != "log_coefficient":
+                record[name] = getattr(self, name)
+        record["log_coefficient"] = np.log(self.coefficient) - self.depth_of_cut * np.log(self.reference_depth_of_cut)
+        return record
+
+    def __call__(
+        self,
+        cutting_speed: Any,
+        feed: Any,
+        depth_of_cut: Any,
+        time: Any = 1.0,
+        wear: Any = 1.0,
+        hardness: Any = 1.0,
+    ) -> Any:
+        """Response for scalars or broadcastable arrays: m/min, mm/rev, mm, min, mm, - (all positive)."""
+        factors = (cutting_speed, feed, depth_of_cut, time, wear, hardness)
+        return np.exp(log_response(self.record(), *(np.log(factor) for factor in factors)))

@@ -1,0 +1,215 @@
+"""What can be configured: one frozen, validated value, nested by subject (``sections.py``), and its files."""
+
+import hashlib
+import json
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import Any, Self
+
+import tomli_w
+from pydantic import ValidationError, field_validator, model_validator
+
+from turning_env.files import replace_file
+from turning_env.scenario.section import Section
+from turning_env.scenario.sections import (
+    Control,
+    Economics,
+    FeedDrive,
+    Limits,
+    Machine,
+    Material,
+    Mismatch,
+    Sensors,
+    Surface,
+    Tool,
+    Workpiece,
+)
+from turning_env.scenario.validation import complaints
+
+_PRESETS = resources.files("turning_env.scenario") / "presets"
+
+
+class Scenario(Section):
+    """Everything that defines an episode but its seed and the actions."""
+
+    name: str = "rough_turning"
+    """Names the folders in which trainings and results are kept, so only characters that are safe there."""
+    material: Material = Material()
+    tool: Tool = Tool()
+    machine: Machine = Machine()
+    feed_drive: FeedDrive = FeedDrive()
+    workpiece: Workpiece = Workpiece()
+    control: Control = Control()
+    surface: Surface = Surface()
+    sensors: Sensors = Sensors()
+    mismatch: Mismatch = Mismatch()
+    economics: Economics = Economics()
+    limits: Limits = Limits()
+
+    @field_validator("name")
+    @classmethod
+    def _names_a_folder(cls, name: str) -> str:
+        if not re.fullmatch(r"(?!\.)[A-Za-z0-9_.-]{1,64}", name):
+            allowed = '1 to 64 of the characters A-Z, a-z, 0-9, "_", "-" and ".", the first of them not "."'
+            raise ValueError(f"{name!r} is not allowed: a scenario's name also names a folder, so only {allowed}")
+        return name
+
+    @model_validator(mode="after")
+    def _starts_within_range(self) -> Self:
+        for name in ("cutting_speed", "feed"):
+            start = getattr(self.control, f"initial_{name}")
+            low, high = getattr(self.machine, f"{name}_min"), getattr(self.machine, f"{name}_max")
+            if not low <= start <= high:
+                raise ValueError(f"control.initial_{name} is {start}, but must lie in the machine's {low} to {high}")
+        return self
+
+    @model_validator(mode="after")
+    def _edges_start_unfinished(self) -> Self:
+        wear, criterion = self.mismatch.initial_wear, self.tool.wear_criterion
+        if wear >= criterion:
+            raise ValueError(f"mismatch.initial_wear is {wear}, but must be below tool.wear_criterion, which is {criterion}")
+        return self
+
+    @model_validator(mode="after")
+    def _laws_make_sense(self) -> Self:
+        wrong = list(complaints(self.material, self.tool, self.machine, self.workpiece, self.control, self.mismatch))
+        if wrong:
+            raise ValueError("; ".join(wrong))
+        return self
+
+    @model_validator(mode="after")
+    def _choices_agree(self) -> Self:
+        control, machine, sensors = self.control, self.machine, self.sensors
+        if control.action == "override" and control.initial_feed * control.override_max > machine.feed_max * (1 + 1e-9):
+            reached = f"{control.initial_feed} mm/rev times control.override_max, {control.override_max}"
+            raise ValueError(f"control.initial_feed is {reached}: above machine.feed_max, {machine.feed_max}")
+        if control.action == "part":
+            lags = {
+                "machine.feed_time_constant": machine.feed_time_constant,
+                "machine.spindle_time_constant": machine.spindle_time_constant,
+                "machine.chip_lag": machine.chip_lag,
+                "sensors.power_time_constant": sensors.power_time_constant,
+                "sensors.force_time_constant": sensors.force_time_constant,
+            }
+            for name, lag in lags.items():
+                if lag != 0:
+                    raise ValueError(f"{name} is {lag}, but passes of whole parts are cut without lags: only 0")
+            if self.workpiece.bars == 0 or control.edge_changes != "automatic":
+                raise ValueError(
+                    f'control.action "part" needs workpiece.bars of 1 or more and control.edge_changes "automatic", '
+                    f"but they are {self.workpiece.bars} and {control.edge_changes!r}"
+                )
+        elif sensors.probe:
+            raise ValueError('sensors.probe is true, but blanks are only probed where control.action is "part"')
+        return self
+
+    @classmethod
+    def load(cls, source: "str | os.PathLike[str] | Scenario") -> "Scenario":
+        """The scenario of a preset's name, a TOML file's path, or the scenario itself.
+
+        A TOML file states only what differs from the defaults or, with ``base = "PRESET"``, from that preset; without a name, it
+        is called as the file is.
+
+        Raises:
+            ScenarioError: no such preset or file, not TOML, an unknown key, a value out of range, or presets based on one
+                another in a circle; names the field, the value and what is allowed.
+            TypeError: ``source`` is none of the three.
+        """
+        if isinstance(source, Scenario):
+            return source
+        if not isinstance(source, str | os.PathLike):
+            raise TypeError(f"a scenario is a preset's name, a path or a Scenario, not {type(source).__name__}")
+        if isinstance(source, str) and source in presets():
+            return cls._preset(source, ())
+        path = Path(source)
+        try:
+            if not path.is_file():
+                raise ScenarioError(f"no preset and no file is called {str(source)!r}; presets: {', '.join(presets())}")
+            text = path.read_bytes()
+        except OSError as error:
+            raise ScenarioError(f"{str(path)[:200]!r} cannot be read: {error.strerror}") from error
+        try:
+            return cls._parse(text, str(path), path.stem, ())
+        except RecursionError as error:
+            raise ScenarioError(f"{path} is nested too deep to be a scenario") from error
+
+    @classmethod
+    def _preset(cls, name: str, below: tuple[str, ...]) -> "Scenario":
+        """A preset on which the presets ``below`` are based, each on the next."""
+        if name in below:
+            raise ScenarioError(f"presets are based on one another in a circle: {' on '.join((*below, name))}")
+        return cls._parse((_PRESETS / f"{name}.toml").read_bytes(), f"preset {name}", name, (*below, name))
+
+    @classmethod
+    def _parse(cls, text: bytes, source: str, name: str, below: tuple[str, ...]) -> "Scenario":
+        try:
+            values = tomllib.loads(text.decode())
+            base = values.pop("base", None)
+            if base is not None:
+                if base not in presets():
+                    raise ScenarioError(f"{source}: base: {_shown(base)} is not a preset; presets: {', '.join(presets())}")
+                values = _merged(cls._preset(base, below).model_dump(exclude={"name"}), values)
+            return cls.model_validate({"name": name} | values)
+        except ScenarioError:
+            raise
+        except ValidationError as error:
+            raise ScenarioError(f"{source}: " + "; ".join(_complaints(error))) from error
+        except ValueError as error:  # also of bytes that are no text, and of whole numbers of thousands of digits
+            raise ScenarioError(f"{source} is not TOML: {error}") from error
+
+    def to_toml(self) -> str:
+        """The whole scenario as TOML; ``Scenario.load`` reads it back equal."""
+        return tomli_w.dumps(self.model_dump())
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the whole scenario as a TOML file: all of it or nothing; its folder is made."""
+        replace_file(Path(path), lambda partial: partial.write_text(self.to_toml(), "utf-8"))
+
+    def digest(self) -> str:
+        """SHA-256 of all values but the name: equal digests mean equal physics. A lot that is as told is left out."""
+        left_out = {"name", "mismatch"} if self.mismatch == Mismatch() else {"name"}
+        values = json.dumps(self.model_dump(exclude=left_out), sort_keys=True)
+        return hashlib.sha256(values.encode()).hexdigest()
+
+    def nominal(self) -> "Scenario":
+        """The scenario as the controller knows it, with which it is built: of the same name, but nothing known of the lot."""
+        return self.model_copy(update={"mismatch": Mismatch()})
+
+
+class ScenarioError(ValueError):
+    """A scenario that cannot be used. The message names the field, the value and what is allowed."""
+
+
+def presets() -> tuple[str, ...]:
+    """Names of the scenarios that come with the package."""
+    return tuple(sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir() if entry.name.endswith(".toml")))
+
+
+def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+    """The base's values, overwritten entry by entry in tables, and in tables within tables."""
+    merged = base | values
+    for key in base.keys() & values.keys():
+        if isinstance(base[key], dict) and isinstance(values[key], dict):
+            merged[key] = _merged(base[key], values[key])
+    return merged
+
+
+def _complaints(error: ValidationError) -> Iterator[str]:
+    for detail in error.errors():
+        field = ".".join(str(part) for part in detail["loc"]) or "scenario"
+        message = detail["msg"].removeprefix("Value error, ")
+        if detail["type"] not in ("value_error", "missing"):
+            message = f"{_shown(detail['input'])} is not allowed: {message}"
+        yield f"{field}: {message}"
+
+
+def _shown(value: Any) -> str:
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes no whole number of thousands of digits, though it reads some
+        return "a whole number of thousands of digits"
+    return text if len(text) <= 200 else f"{text[:200]}..."

@@ -1,0 +1,30 @@
+"""Whether a policy overloads too much to be feasible, as far as the draws that it has played can tell."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+CONFIDENCE = 0.95
+RESAMPLES = 2000
+KEY = 709  # fixed, so that the same episodes give the same limit
+
+
+def severe_share(severe: NDArray[np.float64], engaged: NDArray[np.float64]) -> float:
+    """Share of cutting time spent more than the tolerance over a limit [-]; 0 where nothing is cut.
+
+    Args:
+        severe: time more than the tolerance over a limit [s], of each episode, shape (draws,).
+        engaged: cutting time [s], likewise.
+    """
+    return float(ratio(severe.sum(keepdims=True), engaged.sum(keepdims=True))[0])
+
+
+def severe_limit(severe: NDArray[np.float64], engaged: NDArray[np.float64]) -> float:
+    """One-sided upper confidence limit of ``severe_share`` [-], by bootstrap over draws; arguments as there."""
+    count = len(engaged)
+    resamples = np.random.default_rng(KEY).integers(count, size=(RESAMPLES, count))
+    return float(np.quantile(ratio(severe[resamples].sum(axis=1), engaged[resamples].sum(axis=1)), CONFIDENCE))
+
+
+def ratio(parts: NDArray[np.float64], wholes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``parts / wholes``, and 0 where a whole is 0: a policy that never cuts overloads nothing."""
+    return np.divide(parts, wholes, out=np.zeros_like(parts), where=wholes > 0.0)

@@ -1,0 +1,140 @@
+"""Draws the plane of cutting speed and feed: where a worn edge may work, how much metal it removes there, how long it lives."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from turning_env.scenario import Scenario
+from turning_env.workshop.inquiry.pictures import BLUE, GREEN, GREY, LIGHT, VERMILLION
+from turning_env.workshop.inquiry.whatif import Cuts, what_if
+
+POINTS = 301
+"""Cutting speeds and feeds at which the laws are asked."""
+_LIMITS: dict[str, tuple[str, Any]] = {
+    "thrust_force": ("thrust force at its limit, {:g} N", {"colors": VERMILLION, "linewidths": 2.2}),
+    "power": ("power at its limit, {:g} kW", {"colors": BLUE, "linewidths": 2.2, "linestyles": [(0, (6, 1.5))]}),
+}
+_ALLOWED = "#DCEFE6"
+
+
+def draw(scenario: Scenario, wear: float, depth_of_cut: float | None = None, hardness: float = 1.0) -> Figure:
+    """The machine's whole range of speed and feed for an edge of a given wear [mm], which must not exceed the wear criterion."""
+    machine = scenario.machine
+    speeds = np.linspace(machine.cutting_speed_min, machine.cutting_speed_max, POINTS)
+    feeds = np.linspace(machine.feed_min, machine.feed_max, POINTS)
+    cuts = what_if(scenario, speeds, feeds[:, np.newaxis], depth_of_cut, hardness, wear=wear)
+    figure = Figure(figsize=(8.6, 6.4), layout="constrained")
+    axes = figure.subplots()
+    axes.set_facecolor(LIGHT)
+    if cuts.within_limits.any():
+        axes.contourf(speeds, feeds, cuts.within_limits.astype(float), levels=(0.5, 1.5), colors=[_ALLOWED])
+    _draw_removal_rate(axes, cuts)
+    _draw_tool_life(axes, cuts)
+    for name, (_, style) in _LIMITS.items():
+        share = getattr(cuts, f"{name}_share")
+        if share.min() < 1.0 < share.max():
+            axes.contour(speeds, feeds, share, levels=(1.0,), **style)
+    _mark_best(axes, cuts)
+    axes.set_xlabel("cutting speed [m/min]")
+    axes.set_ylabel("feed [mm/rev]")
+    axes.set_title(
+        f"{scenario.name}: depth of cut {cuts.depth_of_cut.flat[0]:g} mm, "
+        f"{'nominal hardness' if hardness == 1 else f'{hardness:g} times nominal hardness'}, edge worn to {wear:g} mm",
+        loc="left",
+        fontsize="medium",
+    )
+    figure.legend(handles=_explained(scenario), loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
+    """Round removal rates, named along the right edge where their lines end."""
+    rates = cuts.removal_rate
+    step = _round_down((rates.max() - rates.min()) / 7)
+    levels = step * np.arange(np.floor(rates[0, -1] / step) + 1, np.ceil(rates.max() / step))  # those that end there
+    axes.contour(cuts.cutting_speed, cuts.feed, rates, levels=levels, colors=GREY, linewidths=0.8)
+    right = axes.twinx()
+    right.set_ylim(cuts.feed.min(), cuts.feed.max())
+    ends = np.interp(levels, rates[:, -1], cuts.feed[:, -1])
+    right.set_yticks(ends, [f"{level:g}" for level in levels], color=GREY)
+    right.set_ylabel("removal rate where its line ends [cm³/min]", color=GREY)
+
+
+def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
+    """Round tool lives, named low in the plane, where no other text is."""
+    placed = {level: place for level in _log_levels(cuts.tool_life) if (place := _place(cuts, level))}
+    if not placed:
+        return
+    lines = axes.contour(
+        cuts.cutting_speed, cuts.feed, cuts.tool_life, levels=list(placed), colors=GREEN, linewidths=1.4, linestyles=":"
+    )
+    for text in axes.clabel(lines, fmt="%g min", fontsize=9, manual=list(placed.values())):
+        text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85})
+
+
+def _place(cuts: Cuts, level: float) -> tuple[float, float] | None:
+    """A speed and feed at which the tool life is so long, as low as can be but not at the edge."""
+    for share in (0.15, 0.5, 0.85):
+        row = round(share * (POINTS - 1))
+        longer = cuts.tool_life[row] > level
+        changes = np.flatnonzero(longer[1:] != longer[:-1])
+        if changes.size and POINTS // 20 < changes[0] < POINTS - POINTS // 20:
+            return float(cuts.cutting_speed[row, changes[0]]), float(cuts.feed[row, 0])
+    return None
+
+
+def _log_levels(values: NDArray[np.float64]) -> list[float]:
+    """Round levels, each about twice the one below it; every power of ten if these are too many."""
+    finite = values[np.isfinite(values) & (values > 0)]
+    if finite.size == 0:
+        return []
+    decades = 10.0 ** np.arange(np.floor(np.log10(finite.min())), np.ceil(np.log10(finite.max())) + 1)
+    inside = [float(level) for level in np.outer(decades, (1, 2, 5)).ravel() if finite.min() < level < finite.max()]
+    return inside if len(inside) <= 12 else [float(level) for level in decades if finite.min() < level < finite.max()]
+
+
+def _round_down(value: float) -> float:
+    """The next of 1, 2 and 5 times a power of ten below."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(factor * power for factor in (1, 2, 5) if factor * power <= value * (1 + 1e-9)))
+
+
+def _mark_best(axes: Axes, cuts: Cuts) -> None:
+    """Mark where the most metal is removed within limits, if anywhere is."""
+    rates = np.where(cuts.within_limits, cuts.removal_rate, -np.inf)
+    index = int(rates.argmax())
+    if not np.isfinite(rates.flat[index]):
+        axes.set_title("nowhere within limits", loc="right", fontsize="medium", color=VERMILLION)
+        return
+    speed, feed, life = (values.flat[index] for values in (cuts.cutting_speed, cuts.feed, cuts.tool_life))
+    axes.plot(speed, feed, marker="o", markersize=9, color="black", clip_on=False, zorder=5)
+    right = speed > cuts.cutting_speed.mean()
+    upper = feed > cuts.feed.mean()
+    axes.annotate(
+        f"{speed:.0f} m/min, {feed:.3g} mm/rev:\n{rates.flat[index]:.0f} cm³/min, tool life {life:.3g} min",
+        (speed, feed),
+        xytext=(-12 if right else 12, -14 if upper else 14),
+        textcoords="offset points",
+        horizontalalignment="right" if right else "left",
+        verticalalignment="top" if upper else "bottom",
+        bbox={"boxstyle": "round", "facecolor": "white", "edgecolor": GREY, "alpha": 0.95},
+        zorder=6,
+    )
+
+
+def _explained(scenario: Scenario) -> list[Any]:
+    force, power = _LIMITS["thrust_force"], _LIMITS["power"]
+    return [
+        Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"),
+        Patch(facecolor=LIGHT, edgecolor=GREY, label="beyond a limit"),
+        Line2D([], [], color=VERMILLION, linewidth=2.2, label=force[0].format(scenario.limits.thrust_force)),
+        Line2D([], [], color=BLUE, linewidth=2.2, linestyle=(0, (6, 1.5)), label=power[0].format(scenario.limits.power)),
+        Line2D([], [], color=GREY, linewidth=0.8, label="removal rate, named at the right"),
+        Line2D([], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out [min]"),
+        Line2D([], [], color="black", marker="o", linestyle="none", label="most metal within the limits"),
+    ]
