@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from leaderboard import gallery, habits
+from leaderboard import behaviour, gallery
 from leaderboard.__main__ import main
 from leaderboard.behaviour import HABITS, Course
 from leaderboard.contestants import Contestant
@@ -57,30 +57,30 @@ def make_course() -> MakeCourse:
 
 def test_an_edge_is_counted_by_what_is_used_of_it(make_course: MakeCourse) -> None:
     course = make_course()
-    assert habits.habits([course])["minutes_per_edge"] == pytest.approx(63 / 60)
-    assert habits.habits([course])["removed_per_edge"] == pytest.approx(2.0 * 60)
+    assert behaviour.habits([course])["minutes_per_edge"] == pytest.approx(63 / 60)
+    assert behaviour.habits([course])["removed_per_edge"] == pytest.approx(2.0 * 60)
     half = make_course(edges_used=0.5 / 63)
-    assert habits.habits([course, half])["minutes_per_edge"] == pytest.approx(2 * 63 / 60 / 1.5)
-    assert math.isnan(habits.habits([make_course(edges_used=0.0)])["minutes_per_edge"])
+    assert behaviour.habits([course, half])["minutes_per_edge"] == pytest.approx(2 * 63 / 60 / 1.5)
+    assert math.isnan(behaviour.habits([make_course(edges_used=0.0)])["minutes_per_edge"])
 
 
 def test_fifths_are_of_life_and_weighted_by_cutting_time(make_course: MakeCourse) -> None:
     used = np.where(np.arange(63) < 42, 0.1, 0.9)
     course = make_course(used_life=used, cutting_speed=np.where(used < 0.5, 150.0, 190.0), feed=np.arange(63.0))
-    speeds = habits.fifths([course], "cutting_speed")
+    speeds = behaviour.fifths([course], "cutting_speed")
     np.testing.assert_allclose(speeds, [150.0, np.nan, np.nan, np.nan, 190.0])
-    of_policy = habits.habits([course])
+    of_policy = behaviour.habits([course])
     assert (of_policy["first_cutting_speed"], of_policy["last_cutting_speed"]) == (150.0, 190.0)
     engaged = course.cutting * np.where(np.arange(63) == 1, 3.0, 1.0)  # path 10 mm, in metal
     weighted = make_course(used_life=used, feed=np.arange(63.0), engaged_time=engaged)
     in_metal = np.flatnonzero(course.cutting & (used < 0.5))
-    assert habits.habits([weighted])["first_feed"] == pytest.approx((in_metal.sum() + 2 * 1) / (len(in_metal) + 2))
+    assert behaviour.habits([weighted])["first_feed"] == pytest.approx((in_metal.sum() + 2 * 1) / (len(in_metal) + 2))
 
 
 def test_overload_is_a_share_of_cutting_time(make_course: MakeCourse) -> None:
     over, severe = np.zeros(63), np.zeros(63)
     over[10:16], severe[10:13] = 1.0, 1.0
-    of_policy = habits.habits([make_course(overload_time=over, severe_overload_time=severe), make_course()])
+    of_policy = behaviour.habits([make_course(overload_time=over, severe_overload_time=severe), make_course()])
     assert of_policy["overload_share"] == pytest.approx(100 * 6 / 120)
     assert of_policy["severe_overload_share"] == pytest.approx(100 * 3 / 120)
 
@@ -91,11 +91,11 @@ def test_feed_at_entry_is_that_of_later_bars_at_their_start(make_course: MakeCou
     deep = (0.4 * 12 - 0.1) / 12 + 0.4
     slow = np.isin(path, [5.0, 110.0, 215.0])
     before = np.isin(path, [100.0, 205.0])
-    of_policy = habits.habits([make_course(feed=0.4 - 0.3 * slow - 0.1 * before)])
+    of_policy = behaviour.habits([make_course(feed=0.4 - 0.3 * slow - 0.1 * before)])
     assert of_policy["feed_before_entry"] == pytest.approx(100 * 0.6 / deep)
     assert of_policy["feed_at_entry"] == pytest.approx(100 * 0.2 / deep)
     assert of_policy["feed_after_entry"] == pytest.approx(100 * 0.8 / deep)
-    first_bar_only = habits.habits([make_course(feed=np.where(path == 5.0, 0.1, 0.4))])
+    first_bar_only = behaviour.habits([make_course(feed=np.where(path == 5.0, 0.1, 0.4))])
     assert first_bar_only["feed_at_entry"] == pytest.approx(100.0)
 
 
@@ -110,11 +110,11 @@ def test_entries_need_long_bars_and_short_intervals(make_course: MakeCourse) -> 
 
 def test_table_and_json_hold_every_number(make_course: MakeCourse) -> None:
     played = {"one": [make_course()], "two": [make_course(used_life=0.1, feed=0.3)]}
-    lines = habits.render(played).splitlines()
+    lines = behaviour.render(played).splitlines()
     assert lines[0].split() == ["one", "two"]
     assert len(lines) == 1 + len(HABITS)
     assert len(set(map(len, lines))) == 1
-    told = json.loads(json.dumps(habits.as_json(played), allow_nan=False))
+    told = json.loads(json.dumps(behaviour.as_json(played), allow_nan=False))
     assert told["two"]["first_feed"] == pytest.approx(0.3)
     assert told["two"]["last_feed"] is None
     assert set(told["one"]) == {habit.name for habit in HABITS}

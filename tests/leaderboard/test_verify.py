@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from leaderboard import references, run, verify
+from leaderboard import oracles, run, verify
 from leaderboard.__main__ import main
 from leaderboard.contestants import Reference
 from leaderboard.result import Result, Task, read_result, result_folder, result_path, write_part
