@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
-    from turning_env.batch.driver import Lathes
+    from turning_env.batch.driver import Batch
     from turning_env.env import RoughTurningEnv
     from turning_env.rendering.viewer import Viewer
     from turning_env.vector_env import RoughTurningVectorEnv
 
 
-def make_viewer(env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Lathes", num_envs: int = 1) -> "Viewer":
+def make_viewer(env: "RoughTurningEnv | RoughTurningVectorEnv", batch: "Batch", num_envs: int = 1) -> "Viewer":
     """Return a viewer of the first ``num_envs`` environments, and set the frame rate in the environment's metadata.
 
     Raises:
@@ -27,7 +27,7 @@ def make_viewer(env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Lathes"
     if mode not in allowed:
         raise ValueError(f"render_mode is {mode!r}, but must be None or one of {', '.join(map(repr, allowed))}")
     env.metadata = env.metadata | {"render_fps": frames_per_second(env.scenario)}
-    return Viewer(env, lathes, num_envs)
+    return Viewer(env, batch, num_envs)
 
 
 def frames_per_second(scenario: Scenario) -> int:

@@ -40,7 +40,7 @@ _ARC = (_CENTRE[0] - SCALE * _RADIUS, _CENTRE[1] - SCALE * _RADIUS, _CENTRE[0] +
 class _Dial(NamedTuple):
     """What one dial shows.
 
-    ``value``, ``measured`` and ``reference`` are names of ``REPORT_FIELDS``, the last two empty where there is none; ``limit``
+    ``value``, ``measured`` and ``reference`` are names of ``quantities.INFO``, the last two empty where there is none; ``limit``
     is None for what is held at its reference.
     """
 

@@ -4,12 +4,11 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from turning_env.physics.records import REPORT_FIELDS
 from turning_env.rendering.fields import Fields, Key
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
-    from turning_env.batch.driver import Lathes
+    from turning_env.batch.driver import Batch
 
 TRAIL = 90
 """Steps whose operating points the operating map shows."""
@@ -39,7 +38,7 @@ class History:
     """One environment as an onlooker sees it.
 
     Attributes:
-        now: the last step's report, by the names of ``REPORT_FIELDS``.
+        now: the last step's report, by the names of ``quantities.INFO``.
         time, total, removed, edges, broken: since the episode's start: machine time [s], return [s], metal [cm3], edges used up
             and broken [-].
         reward: of the last step [s].
@@ -52,8 +51,8 @@ class History:
         ended: what has ended the episode, or an empty text.
     """
 
-    def __init__(self, scenario: Scenario, lathes: "Lathes", lane: int, fields: Fields) -> None:
-        self._scenario, self._lathes, self._lane, self.fields = scenario, lathes, lane, fields
+    def __init__(self, scenario: Scenario, batch: "Batch", index: int, fields: Fields) -> None:
+        self._scenario, self._batch, self._index, self.fields = scenario, batch, index, fields
         self._parts = scenario.control.action == "part"
         self.trail: deque[tuple[float, float]] = deque(maxlen=TRAIL)
         self.along_bar: list[Sample] = []
@@ -63,8 +62,7 @@ class History:
 
     def note(self) -> None:
         """Record what the last step gave, or that an episode has begun."""
-        answers = self._lathes.answers
-        self.now: dict[str, float] = dict(zip(REPORT_FIELDS, answers.padded_table[:, self._lane].tolist(), strict=True))
+        self.now: dict[str, float] = self._batch.info(self._index)
         begins = int(self._state("step_count")) == 0
         if begins or not self.started:
             self._start(Key(int(self._state("seed")), int(self._state("episode"))))
@@ -72,14 +70,14 @@ class History:
         self.nominal_used_life = float(self._state("nominal_used_life"))
         self._find_place()
         if not begins:
-            self._add(float(answers.rewards[self._lane]))
+            self._add(self._batch.reward(self._index))
             if self._parts:
-                self.passes = self.fields.passes(self._lathes.action(self._lane))
+                self.passes = self.fields.passes(self._batch.action(self._index))
         self.ended = self._end(bool(self._state("ended")))
         self._extend(begins)
 
     def _state(self, field: str) -> Any:
-        return self._lathes.state(self._lane, field)
+        return self._batch.state(self._index, field)
 
     def _start(self, key: Key) -> None:
         self.key = key

@@ -10,7 +10,7 @@ from turning_env.rendering.fields import Fields
 from turning_env.rendering.history import History
 
 if TYPE_CHECKING:
-    from turning_env.batch.driver import Lathes
+    from turning_env.batch.driver import Batch
     from turning_env.env import RoughTurningEnv
     from turning_env.rendering.frame import Frame
     from turning_env.rendering.theme import Pixels
@@ -25,14 +25,14 @@ class Viewer:
 
     Args:
         env: what is rendered; with the mode "human" every step is shown in a window.
-        lathes: the batch that is looked at.
+        batch: what is looked at.
         num_envs: how many of its environments, from the first on.
     """
 
-    def __init__(self, env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Lathes", num_envs: int) -> None:
+    def __init__(self, env: "RoughTurningEnv | RoughTurningVectorEnv", batch: "Batch", num_envs: int) -> None:
         self._env = env
         fields = Fields(env.scenario)
-        self._histories = [History(env.scenario, lathes, index, fields) for index in range(num_envs)]
+        self._histories = [History(env.scenario, batch, index, fields) for index in range(num_envs)]
         self._frames: list[Frame] = []
         self._window: Window | None = None
 
