@@ -47,7 +47,7 @@ def _bound(scenario: Scenario, draws: Sequence[int], on_step: Callable[[int], No
         done += 1
         on_step(done)
 
-    returns = clairvoyant.bounds(scenario, draws, on_draw=on_draw)
+    returns = clairvoyant.bounds(scenario, draws, on_seed=on_draw)
     return {name: np.zeros(len(draws)) for name in EPISODE_FIELDS} | {"return": returns}
 
 

@@ -15,7 +15,7 @@ from baselines import fuzzy_override, load_override, omative, tmac
 from baselines.rule import Parameters
 from papers.figures.plate import Plate
 from papers.reproduce.fuzzy_override import checks
-from papers.stepped_bar import Course, course, stepped_bar
+from papers.stepped_bar import Trajectory, play_bar, stepped_bar
 from turning_env import Scenario
 from turning_env.workshop import plot_style as style
 
@@ -40,17 +40,17 @@ _LOAD: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.3, "linestyle
 _TARGET: dict[str, Any] = {"color": style.GREY, "linewidth": 0.9, "linestyle": ":"}
 
 
-def responses(scenario: Scenario) -> dict[str, Course]:
+def responses(scenario: Scenario) -> dict[str, Trajectory]:
     """What each rule of ``SHOWN`` does on a bar, by name."""
     courses = {}
     for name, (_, parameters) in SHOWN.items():
         rule = _RULES[name]
         policy = rule.build(scenario, 1, rule.fixed | parameters)
-        courses[name] = course(lambda num_envs, policy=policy: policy, scenario)  # type: ignore[misc]
+        courses[name] = play_bar(lambda num_envs, policy=policy: policy, scenario)  # type: ignore[misc]
     return courses
 
 
-def drawn(courses: dict[str, Course], scenario: Scenario) -> Figure:
+def drawn(courses: dict[str, Trajectory], scenario: Scenario) -> Figure:
     """One field per rule, by name: depth of cut above, override and load below, over time."""
     figure = Figure(figsize=(style.DOUBLE, 6.0), layout="constrained")
     panels = figure.subplots(4, 4, sharex=True, sharey="row", height_ratios=(1, 3, 1, 3))
@@ -72,7 +72,7 @@ def drawn(courses: dict[str, Course], scenario: Scenario) -> Figure:
     return figure
 
 
-def _draw_depth(axes: Axes, run: Course) -> None:
+def _draw_depth(axes: Axes, run: Trajectory) -> None:
     axes.fill_between(run.time, run.depth, color=style.LIGHT, step="pre")
     axes.plot(run.time, run.depth, color=style.GREY, linewidth=0.9, drawstyle="steps-pre")
     axes.set_ylim(0.0, 3.6)
@@ -80,7 +80,7 @@ def _draw_depth(axes: Axes, run: Course) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _draw_response(axes: Axes, run: Course, scenario: Scenario) -> None:
+def _draw_response(axes: Axes, run: Trajectory, scenario: Scenario) -> None:
     axes.axhline(100.0 * scenario.limits.power / scenario.machine.rated_power, **_TARGET)
     axes.plot(run.time, 100.0 * run.override, **_OVERRIDE)
     axes.plot(run.time, 100.0 * run.load, **_LOAD)

@@ -4,7 +4,7 @@ import pytest
 from baselines.load_override import LOWEST_OVERRIDE
 from baselines.models.part_program import PartProgram
 from baselines.omative import ENTRY_TIME, RULES, AirGapControl
-from papers.stepped_bar import course, stepped_bar
+from papers.stepped_bar import stepped_bar
 from tests.baselines.observing import observe, override_of
 from tests.turning_env.playing import changed
 from turning_env import Scenario
@@ -77,7 +77,7 @@ def test_resetting_a_lane_puts_it_before_the_touch() -> None:
 
 def test_the_load_is_held_at_the_target() -> None:
     scenario = stepped_bar()
-    run = course(lambda num_envs: control(scenario), scenario)
+    run = play_bar(lambda num_envs: control(scenario), scenario)
     for depth in (2.0, 3.0):
         np.testing.assert_allclose(run.at_depth(depth, 2.0).load, 0.6, rtol=0.01)
 

@@ -184,12 +184,12 @@ def test_in_air_and_until_the_estimate_has_settled_the_programmed_feed_is_comman
     policy, env = limit(CURRENT, 2), RoughTurningVectorEnv(2, CURRENT)
     seen, _ = env.reset(seed=0)
     in_metal = 0
-    while in_metal <= policy.settling_intervals:
+    while in_metal <= policy.settling_steps:
         action = policy.act(seen)
         assert action[:, 0] == pytest.approx([0.0, 0.0])  # half of 200 %
         seen, _, _, _, infos = env.step(action)
         in_metal += int(infos["cutting"][0])
-    assert policy.settling_intervals > 3
+    assert policy.settling_steps > 3
 
 
 def test_only_the_lanes_that_are_reset_forget() -> None:
