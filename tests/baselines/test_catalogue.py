@@ -68,19 +68,6 @@ def test_a_rule_is_offered_only_where_it_can_play(tunable: str) -> None:
         entry(tunable, OTHER_ACTIONS)
 
 
-def test_the_grid_search_plays_only_where_responses_grow_with_feed() -> None:
-    power = Scenario().material.power.model_copy(update={"feed": -0.1})
-    material = Scenario().material.model_copy(update={"power": power})
-    offered = names(Scenario().model_copy(update={"material": material}))
-    assert "fixed_tuned" in offered
-    assert not {"grid_search", "rescaled_grid_search"} & set(offered)
-
-
-@pytest.mark.parametrize("preset", ["override", "surface", "batch_rolled"])
-def test_fixed_speed_and_grid_search_play_only_where_both_speed_and_feed_are_set(preset: str) -> None:
-    assert not {"fixed_handbook", "fixed_tuned", "grid_search", "rescaled_grid_search"} & set(names(Scenario.load(preset)))
-
-
 def test_tuned_parameters_join_the_fixed_ones(tunable: str) -> None:
     keep({tunable: {"feed": 0.3}}, Scenario())
     found = entry(tunable, Scenario())

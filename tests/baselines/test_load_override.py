@@ -3,7 +3,7 @@ import pytest
 
 from baselines.load_override import LOWEST_OVERRIDE, RULES, constant_load, towards_load
 from baselines.models.part_program import PartProgram
-from papers.stepped_bar import stepped_bar
+from papers.stepped_bar import play_bar, stepped_bar
 from tests.baselines.observing import observe, override_of
 from turning_env import RoughTurningVectorEnv, Scenario
 
@@ -21,7 +21,8 @@ def test_it_never_stops_the_feed() -> None:
 
 def test_a_higher_gain_moves_faster_and_a_huge_one_by_the_whole_distance() -> None:
     seen = observe(OVERRIDE, load=0.3, override=0.5)
-    asked = [override_of(constant_load(PartProgram(OVERRIDE, {}), 1, 1.0, gain).act(seen), OVERRIDE)[0] for gain in (1.0, 10.0, 1e6)]
+    policies = [constant_load(PartProgram(OVERRIDE, {}), 1, 1.0, gain) for gain in (1.0, 10.0, 1e6)]
+    asked = [override_of(policy.act(seen), OVERRIDE)[0] for policy in policies]
     assert 0.5 < asked[0] < asked[1] < asked[2] == pytest.approx(0.75, rel=1e-4)
 
 

@@ -7,7 +7,6 @@ from baselines.optimiser import RULES, Optimiser
 from tests.baselines.models.test_kalman import QUIET
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.observation import bounds
 from turning_env.score.play import play
 from turning_env.score.seeds import tuning_seeds
 
@@ -58,32 +57,6 @@ def test_a_load_above_the_limit_lowers_the_feed(load: float) -> None:
     for _ in range(5):
         action = policy.act(observation(power=load, force=load, power_ratio=load, force_ratio=load))
     assert action[0, 1] < -0.3
-
-
-@pytest.mark.parametrize("preset", ["rough_turning", "paper", "forging", "shift"])
-def test_actions_are_finite_whatever_is_observed(preset: str) -> None:
-    """Warnings count as errors throughout this suite."""
-    scenario = Scenario.load(preset)
-    low, high = bounds(scenario)
-    rng = np.random.default_rng(0)
-    policy = Optimiser(scenario, 16, 1.5, 1.0)
-    policy.reset(np.ones(16, np.bool_))
-    for _ in range(20):
-        seen = rng.uniform(low, high, (16, len(low)))
-        seen[:, 10] = rng.random(16) < 0.8
-        actions = policy.act(seen.astype(np.float32))
-        assert (np.abs(actions) <= 1.0).all()
-
-
-def test_a_lane_is_reset_alone() -> None:
-    scenario = Scenario()
-    policy, fresh = Optimiser(scenario, 2, 1.5, 1.0), Optimiser(scenario, 2, 1.5, 1.0)
-    driven(scenario, policy, 30)
-    policy.reset(np.array([True, False]))
-    fresh.reset(np.ones(2, np.bool_))
-    seen = RoughTurningVectorEnv(2, scenario).reset(seed=5)[0]
-    kept, anew = policy.act(seen), fresh.act(seen)
-    assert kept[0].tolist() == anew[0].tolist()
 
 
 def test_it_earns_more_than_the_limits_of_its_knowledge_would_suggest() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from baselines.optimiser import Optimiser
-from baselines.predictive import RULES, Predictive
+from baselines.predictive import Predictive
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.score.seeds import tuning_seeds
@@ -34,11 +34,3 @@ def test_it_overloads_less_at_entry_and_cuts_the_bar_as_fast() -> None:
     assert mean(foreseeing, "excess", 0.0, 8.0) < 0.7 * mean(greedy, "excess", 0.0, 8.0)
     assert mean(foreseeing, "feed", 0.0, 5.0) < mean(greedy, "feed", 0.0, 5.0)
     assert mean(foreseeing, "feed", 20.0, 90.0) > 0.97 * mean(greedy, "feed", 20.0, 90.0)
-
-
-def test_it_shares_the_optimisers_parameters_and_is_tuned_on_one_preset() -> None:
-    rule = RULES["predictive"]
-    assert rule.ranges.keys() == {"severity", "caution"}
-    assert rule.tuned_on == "rough_turning"
-    assert rule.plays(Scenario.load("shift"))
-    assert not rule.plays(Scenario.load("override"))

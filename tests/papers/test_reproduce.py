@@ -14,6 +14,7 @@ from papers.reproduce.part_programming import Blank, divided_cost, gain, pass_co
 GRID_SEARCH = (PAPERS[0],)
 
 
+@pytest.mark.slow
 def test_every_figure_of_every_paper_agrees(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 0
     printed = capsys.readouterr().out
