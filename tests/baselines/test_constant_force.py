@@ -20,7 +20,7 @@ NEEDED = round(ENGAGED_TIME / HELD.control.interval)
 def observations(
     scenario: Scenario, force: float, num_envs: int = 1, feed: float = 0.2, commanded: float = 0.2
 ) -> NDArray[np.float32]:
-    """Observations of lanes in metal at a measured force [N], an actual and a commanded feed [mm/rev]."""
+    """Observations in metal at a measured force [N], an actual and a commanded feed [mm/rev]."""
     machine = scenario.machine
     seen = np.zeros((num_envs, len(bounds(scenario)[0])), np.float32)
     seen[:, 1] = 5.0 * (force / scenario.limits.thrust_force - 1.0)
@@ -77,7 +77,7 @@ def test_the_feed_keeps_within_the_ranges_of_override_and_machine(force: float, 
     assert override(law(), observations(HELD, force, feed=feed), NEEDED) == pytest.approx(expected, abs=1e-6)
 
 
-def test_only_the_lanes_that_are_reset_forget_that_they_are_engaged() -> None:
+def test_a_reset_forgets_the_engagement_of_its_environment_alone() -> None:
     policy = law(num_envs=2)
     seen = observations(HELD, 300.0, num_envs=2)
     override(policy, seen, NEEDED)

@@ -1,4 +1,4 @@
-"""The optimiser holds limits and saves the edge, whatever it is told."""
+"""The optimiser holds limits and saves the edge."""
 
 import numpy as np
 import pytest
@@ -14,12 +14,12 @@ TIGHT = changed(QUIET, limits={"power": 4.5})
 EXACT = changed(TIGHT, sensors={"force_noise": 0.0, "power_noise": 0.0})
 
 
-def driven(scenario: Scenario, policy: Optimiser, intervals: int) -> list[dict[str, np.ndarray]]:
+def driven(scenario: Scenario, policy: Optimiser, steps: int) -> list[dict[str, np.ndarray]]:
     env = RoughTurningVectorEnv(2, scenario)
     seen, _ = env.reset(seed=0)
     policy.reset(np.ones(2, np.bool_))
     infos = []
-    for _ in range(intervals):
+    for _ in range(steps):
         seen, _, _, _, info = env.step(policy.act(seen))
         infos.append(info)
     return infos
@@ -43,7 +43,7 @@ def test_dear_overload_leaves_a_wider_margin() -> None:
 
 
 def observation(**entries: float) -> np.ndarray:
-    """One lane in metal, a few minutes into its edge, with loads as predicted but for ``entries``."""
+    """An observation in metal, a few minutes into its edge, with loads as predicted but for ``entries``."""
     names = ("power", "force", "speed", "feed", "commanded_speed", "commanded_feed", "time", "wear", "power_ratio", "force_ratio")
     values = {name: 0.0 for name in names} | {"time": 1.5, "wear": 0.6, "cutting": 1.0} | entries
     return np.array([list(values.values())], np.float32)
@@ -60,7 +60,7 @@ def test_a_load_above_the_limit_lowers_the_feed(load: float) -> None:
 
 
 def test_it_earns_more_than_the_limits_of_its_knowledge_would_suggest() -> None:
-    """On a few draws: more than fixed parameters, and with little overload."""
+    """On a few seeds: more than fixed parameters, and with little overload."""
     scenario = changed(Scenario(), control={"time_limit": 4.0})
     middle = {name: 0.5 * (found.low + found.high) for name, found in RULES["optimiser"].ranges.items()}
     ours = play(lambda num_envs: RULES["optimiser"].build(scenario, num_envs, middle), scenario, tuning_seeds(4))

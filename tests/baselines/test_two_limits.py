@@ -218,7 +218,7 @@ SET_POINTS = Scenario.load("paper")
 
 
 def observed(**entries: float) -> np.ndarray:
-    """One lane's observation in metal, half worn, with power and force as predicted but for ``entries``."""
+    """An observation in metal, half worn, with power and force as predicted but for ``entries``."""
     names = ["power", "force", "speed", "feed", "commanded_speed", "commanded_feed", "time", "wear"]
     names += ["power_ratio", "force_ratio", "cutting"]
     values = dict.fromkeys(names, 0.0) | {"time": 1.5, "wear": 0.5, "cutting": 1.0} | entries

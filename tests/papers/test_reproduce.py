@@ -91,7 +91,7 @@ def test_tables_come_before_the_checks(capsys: pytest.CaptureFixture[str]) -> No
     assert printed.index("the table") < printed.index("the claim")
 
 
-def test_machines_are_told_checks_and_verdicts_alone(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_holds_the_checks_and_verdicts_alone(capsys: pytest.CaptureFixture[str]) -> None:
     papers = (Paper("a paper", lambda: iter([claim("the claim", False)]), lambda: iter(["the table"])),)
     assert reproduce(papers, as_json=True) == 1
     (paper,) = json.loads(capsys.readouterr().out)
