@@ -120,6 +120,7 @@ def test_the_models_feed_gives_the_force_of_the_reference_on_a_nominal_bar() -> 
     assert infos["roughness"] == pytest.approx(np.full(2, 1.6), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_control_deviates_less_than_the_models_feed_and_the_law_on_the_command_more() -> None:
     players = {
         "constant force": lambda num_envs: law(SURFACE, num_envs),

@@ -59,6 +59,7 @@ def test_a_load_above_the_limit_lowers_the_feed(load: float) -> None:
     assert action[0, 1] < -0.3
 
 
+@pytest.mark.slow
 def test_it_earns_more_than_the_limits_of_its_knowledge_would_suggest() -> None:
     """On a few seeds: more than fixed parameters, and with little overload."""
     scenario = changed(Scenario(), control={"time_limit": 4.0})
@@ -68,6 +69,7 @@ def test_it_earns_more_than_the_limits_of_its_knowledge_would_suggest() -> None:
     assert ours["severe_overload_time"].sum() < 0.02 * ours["engaged_time"].sum()
 
 
+@pytest.mark.slow
 def test_edges_are_changed_before_they_are_found_worn() -> None:
     scenario = changed(Scenario.load("shift"), control={"time_limit": 25.0})
     episodes = play(

@@ -56,6 +56,7 @@ def test_the_same_command_writes_the_same_file(folder: Path) -> None:
     assert list(path.parent.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_side_by_side_it_comes_to_the_same_file(folder: Path) -> None:
     assert run(folder) == 0
     path = folder / "tuned" / "short.json"
@@ -66,6 +67,7 @@ def test_side_by_side_it_comes_to_the_same_file(folder: Path) -> None:
     assert list(path.parent.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_interrupted_it_goes_on_to_the_same_file(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

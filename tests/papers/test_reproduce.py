@@ -41,6 +41,7 @@ def test_a_figure_that_is_off_fails(column: str, monkeypatch: pytest.MonkeyPatch
     assert "MISMATCH" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_tests_ratios_per_minute_hold_and_their_totals_only_with_measured_lives() -> None:
     checks = {check.what: check for check in alaskari_oraby.rival_checks()}
     assert all(check.verdict == "ok" for what, check in checks.items() if what.endswith("per minute"))

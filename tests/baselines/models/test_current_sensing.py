@@ -159,6 +159,7 @@ def test_in_steady_cutting_the_highest_grade_within_the_limit_is_held(share: flo
     assert next_force > 0.93 * share * STEADY.limits.thrust_force
 
 
+@pytest.mark.slow
 def test_hysteresis_keeps_the_switch_from_chattering() -> None:
     changes = {}
     for hysteresis in (0.0, 0.15):
@@ -180,6 +181,7 @@ def test_in_air_and_until_the_estimate_has_settled_the_programmed_feed_is_comman
     assert policy.settling_steps > 3
 
 
+@pytest.mark.slow
 def test_sensing_the_current_costs_little_and_beats_the_programmed_feed() -> None:
     measured = Scenario.load("override")
     seeds = tuning_seeds(4)

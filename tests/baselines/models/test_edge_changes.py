@@ -32,6 +32,7 @@ def test_the_edge_is_changed_when_the_nominal_wear_says_so(change_at):
     assert np.array(worn)[stopped] == pytest.approx(change_at * SHIFT.tool.wear_criterion, rel=0.01)
 
 
+@pytest.mark.slow
 def test_changing_in_time_pays_where_being_late_costs():
     late = changed(SHIFT, economics={"unplanned_stop": 60.0}, control={"time_limit": 120.0})
     returns = [
