@@ -15,7 +15,7 @@ NUM_ENVS = 16
 
 
 def trajectory(policy: Optimiser) -> dict[str, np.ndarray]:
-    """Return the position on the bar [mm], feed [mm/rev] and relative excess over some bars after the first, (steps, environments)."""
+    """Position on the bar [mm], feed [mm/rev] and relative excess after the first bar, (steps, environments)."""
     env = RoughTurningVectorEnv(NUM_ENVS, ROW)
     seen, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
     policy.reset(np.ones(NUM_ENVS, np.bool_))
