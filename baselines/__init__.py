@@ -1,1 +1,4 @@
-"""Rule-based controllers, one file each: observation in, action out, nothing else."""
+"""Rule-based controllers, one file each, a catalogue of them, and their tuned parameters as data.
+
+Models that several controllers share belong in ``models``; the bound and the oracle, which no policy can match, in ``oracles``.
+"""

@@ -1,38 +1,38 @@
 """Constant cutting force for constant roughness, by feed (roughness control paper).
 
-The feed is commanded in proportion to how far the measured force is from its reference:
+The commanded feed is
 
     f_c = f(t - 1) F_ref / F
 
-with f(t - 1) the feed before (the paper's equation (6) is lost; this form grows without bound as the force vanishes, as the text
-says of it). Read as the actual feed, it makes the feed servo an integrator of the deviation, and the loop is stable. Read as the
-feed commanded before, the command runs ahead of the lags of servo and chip, and the feed swings between its bounds. The reference
-of force is the one at which Ra = a exp(b F), the paper's equation (5), is the reference of Ra; where no roughness is asked for, a
-share of the force limit.
+with F the measured force, F_ref its reference and f(t - 1) the feed before. (The paper's equation (6) is lost; this form grows
+without bound as the force vanishes, as the text says.) With the actual feed for f(t - 1), the feed servo integrates the
+deviation, and the loop is stable. With the feed commanded before, the command runs ahead of the lags of servo and chip, and the
+feed swings between its bounds. F_ref is the force at which Ra = a exp(b F), the paper's equation (5), is the reference of Ra, or
+a share of the force limit where no roughness is asked for.
 
-As the law fails where the force vanishes, it acts only when the force has been above 100 N for some time; until then the
+The law fails where the force vanishes. So it acts only after the force has been above 100 N for some time; until then the
 programmed feed is commanded.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.models.part_program import PROGRAM, PartProgram, on_override, on_roughness, on_speed_and_feed
-from baselines.rule import Parameters, Range, Rule
+from baselines.models.part_program import PROGRAM, PartProgram, on_override, on_program, on_roughness, on_speed_and_feed
+from baselines.rule import Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import towards
 from turning_env.scenario.sections import Surface
 from turning_env.score.policy import Actions, Observations
 
 THRESHOLD = 100.0
-"""Force below which the tool is taken to be out of the metal [N] (roughness control paper)."""
+"""Force below which the tool counts as out of the metal [N] (roughness control paper)."""
 ENGAGED_TIME = 0.1
-"""Time for which the force must have been above it [s]: one turn of the paper's spindle, in which a chip reaches its thickness
+"""Time above the threshold after which the law acts [s]: one turn of the paper's spindle, in which a chip reaches its thickness
 (assumption; the paper says "a specified time")."""
 
 
 def force_of_roughness(surface: Surface, roughness: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Force [N] that leaves a roughness Ra [um]: the inverse of the paper's equation (5). At least 1 N.
+    """Return the thrust force [N], at least 1 N, for a roughness Ra [um]: the inverse of the paper's equation (5).
 
     Raises:
         ValueError: the roughness does not depend on the force.
@@ -46,10 +46,10 @@ class ConstantForce:
     """The paper's control law.
 
     Args:
-        program: the programmed feed, and how far it may be overridden.
-        lanes: how many lanes it controls.
-        force_share: reference of force over the force limit [-], where no roughness is to be held.
-        on_command: whether the feed before is the commanded one, not the actual one.
+        program: part program.
+        num_envs: number of environments.
+        force_share: reference of force over the force limit [-]; unused where a roughness is to be held.
+        on_command: take the commanded feed for the feed before, not the actual one.
 
     Raises:
         ValueError: a roughness is to be held that does not depend on the force.
@@ -60,35 +60,35 @@ class ConstantForce:
         self._program = program
         self._reference = force_share * scenario.limits.thrust_force
         self._on_command = on_command
-        self._intervals_needed = max(1, round(ENGAGED_TIME / scenario.control.interval))
-        self._intervals_engaged = np.zeros(num_envs, np.int64)
+        self._steps_needed = max(1, round(ENGAGED_TIME / scenario.control.interval))
+        self._steps_engaged = np.zeros(num_envs, np.int64)
         if scenario.control.aim == "roughness":
             force_of_roughness(scenario.surface, np.ones(1))  # refuses now what it would refuse later
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """The tool is out of the metal."""
-        self._intervals_engaged[mask] = 0
+        """Start out of the metal."""
+        self._steps_engaged[mask] = 0
 
     def act(self, observations: Observations) -> Actions:
-        """Actions, shape (lanes, 1 to 3), for observations, shape (lanes, entries)."""
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         program, scenario = self._program, self._program.scenario
         reading = read(observations, scenario)
         force = reading.thrust_force
-        self._intervals_engaged = np.where(force > THRESHOLD, self._intervals_engaged + 1, 0)
+        self._steps_engaged = np.where(force > THRESHOLD, self._steps_engaged + 1, 0)
         reference: NDArray[np.float64] | float = self._reference
         if scenario.control.aim == "roughness":
             reference = force_of_roughness(scenario.surface, reading.roughness_reference)
         before = reading.commanded_feed if self._on_command else reading.feed
         override = before * reference / np.maximum(force, THRESHOLD) / program.feed
-        engaged = self._intervals_engaged >= self._intervals_needed
+        engaged = self._steps_engaged >= self._steps_needed
         return program.act(reading, np.where(engaged, override, 1.0))
 
 
 class ModelFeed:
-    """Without measuring: the feed at which the nominal model gives the force of the reference of Ra (open loop).
+    """Open loop: the feed at which the nominal model has the force for the reference of Ra.
 
     Args:
-        scenario: what is played; its law of thrust force and its nominal depth of cut are what is known.
+        scenario: task, with the nominal law of thrust force and depth of cut.
 
     Raises:
         ValueError: the force does not grow with the feed, or the roughness does not depend on the force.
@@ -102,10 +102,10 @@ class ModelFeed:
         self._scenario = scenario
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Nothing to forget."""
+        """Do nothing: there is no state."""
 
     def act(self, observations: Observations) -> Actions:
-        """Actions, shape (lanes, k), for observations, shape (lanes, n)."""
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         scenario, machine = self._scenario, self._scenario.machine
         reading = read(observations, scenario)
         law = scenario.material.thrust_force
@@ -115,10 +115,6 @@ class ModelFeed:
         force = force_of_roughness(scenario.surface, reading.roughness_reference)
         feed = np.exp(np.log(force / force_at_unit_feed) / law.feed)
         return towards(reading, scenario, speed, np.clip(feed, machine.feed_min, machine.feed_max))
-
-
-def _build(scenario: Scenario, num_envs: int, parameters: Parameters) -> ConstantForce:
-    return ConstantForce(PartProgram(scenario, parameters), num_envs, parameters.get("force_share", 1.0))
 
 
 def _holds_roughness(scenario: Scenario) -> bool:
@@ -133,22 +129,25 @@ FORCE_SHARE = Range(0.2, 1.1, logarithmic=True)
 
 RULES = {
     "constant_force": Rule(
-        "constant cutting force for constant roughness (roughness control paper)", _build, _holds_roughness, {}
+        "constant cutting force for constant roughness (roughness control paper)",
+        on_program(ConstantForce),
+        _holds_roughness,
+        {},
     ),
     "constant_force_limit": Rule(
         "constant cutting force at a share of the force limit, by override (roughness control paper)",
-        _build,
+        on_program(ConstantForce),
         on_override,
         {"force_share": FORCE_SHARE},
     ),
     "constant_force_with_speed": Rule(
         "constant cutting force at a share of the force limit (roughness control paper), with the program's speed and feed tuned",
-        _build,
+        on_program(ConstantForce),
         on_speed_and_feed,
         {"force_share": FORCE_SHARE, **PROGRAM},
     ),
     "model_feed": Rule(
-        "the feed that the nominal model gives for the reference of roughness, without measuring (rival of constant_force)",
+        "the feed of the nominal model for the reference of roughness, without measuring (to compare with constant_force)",
         lambda scenario, num_envs, parameters: ModelFeed(scenario),
         _plays_by_model,
         {},

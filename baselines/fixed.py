@@ -1,25 +1,25 @@
-"""Fixed parameters: one cutting speed and one feed for the edge's whole life, as an NC program has them."""
+"""One cutting speed and one feed for the edge's whole life."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rule import Parameters, Range, Rule
+from baselines.models.part_program import PROGRAM
+from baselines.rule import Parameters, Rule
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.score.policy import Actions, Observations
 
-HANDBOOK_CUTTING_SPEED = 145.0
-HANDBOOK_FEED = 0.32
-"""The middle speed of the grid-search paper's verification tests (T5 to T8) [m/min], and a usual roughing feed for an insert of
-this size, about half the machine's highest [mm/rev] (assumption)."""
+HANDBOOK_CUTTING_SPEED, HANDBOOK_FEED = 145.0, 0.32
+"""Middle speed of the grid-search paper's verification tests (T5 to T8) [m/min]; usual roughing feed for an insert of this size,
+about half of the machine's highest [mm/rev] (assumption)."""
 
 
 class FixedParameters:
-    """Commands the same set point always.
+    """Commands one set point, clipped to the machine.
 
     Args:
-        scenario: what is played.
-        cutting_speed: set point [m/min], one number or one per lane.
+        scenario: task.
+        cutting_speed: set point [m/min], one number or shape (num_envs,).
         feed: set point [mm/rev], likewise.
     """
 
@@ -30,10 +30,10 @@ class FixedParameters:
         self._feed = np.clip(feed, machine.feed_min, machine.feed_max)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Nothing to forget."""
+        """Do nothing: there is no state."""
 
     def act(self, observations: Observations) -> Actions:
-        """Actions, shape (lanes, 2), for observations, shape (lanes, 11)."""
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenario)
         speeds = np.broadcast_to(self._cutting_speed, len(observations))
         feeds = np.broadcast_to(self._feed, len(observations))
@@ -51,11 +51,5 @@ RULES = {
         sets_speed_and_feed,
         {"cutting_speed": HANDBOOK_CUTTING_SPEED, "feed": HANDBOOK_FEED},
     ),
-    "fixed_tuned": Rule(
-        "the best one speed and feed, found on tuning draws",
-        _build,
-        sets_speed_and_feed,
-        {"cutting_speed": Range(50.0, 200.0), "feed": Range(0.06, 0.60, logarithmic=True)},
-    ),
+    "fixed_tuned": Rule("the best speed and feed on the tuning seeds", _build, sets_speed_and_feed, PROGRAM),
 }
-"""[m/min] and [mm/rev], clipped to the machine."""

@@ -1,11 +1,11 @@
 """The grid search of Alaskari and Oraby (2018), and the same with its models rescaled online.
 
-Every control interval, all pairs of a grid of cutting speeds and feeds are tried on the nominal models of wear, thrust force and
-power; of the pairs that keep force, power and wear within their limits at the end of the interval, the one that removes most
-metal is commanded. The paper's grid has 16 speeds times 109 feeds: 1744 pairs.
+Each step tries all pairs of a grid of cutting speeds and feeds on the nominal models of wear, thrust force and power. It commands
+the pair with the highest removal rate among those that keep force, power and wear within their limits at the end of the step. The
+paper's grid has 16 speeds times 109 feeds: 1744 pairs.
 
-Beyond the paper, which ends with the first interval that no pair survives: once the nominal edge is worn out but the real one
-still cuts, wear is no longer a constraint; and where no pair keeps force and power, the one of least thrust force is commanded.
+The paper ends with the first step without a feasible pair. Beyond it, wear is no constraint once the nominal edge is worn out but
+the real one still cuts; and where no pair keeps force and power, the one of least thrust force is commanded.
 """
 
 from typing import Any
@@ -29,7 +29,7 @@ FEED_STEP = 0.005
 
 
 def grid(scenario: Scenario) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Cutting speeds [m/min] and feeds [mm/rev] of the paper's steps within the machine's ranges, ascending."""
+    """Return the grid's cutting speeds [m/min] and feeds [mm/rev] within the machine's ranges, ascending."""
     machine = scenario.machine
     speeds = _steps(machine.cutting_speed_min, machine.cutting_speed_max, CUTTING_SPEED_STEP)
     feeds = _steps(machine.feed_min, machine.feed_max, FEED_STEP)
@@ -42,7 +42,7 @@ def _steps(low: float, high: float, step: float) -> NDArray[np.float64]:
 
 @compiled
 def predict(parameters, speed, feed, used_life, start, end):
-    """Nominal (used life [-], thrust force [N], power [kW]) after cutting from ``start`` to ``end`` [min of the edge's life]."""
+    """Return the nominal (used life [-], thrust force [N], power [kW]) after cutting from ``start`` to ``end`` [min]."""
     log_speed, log_feed, log_depth = np.log(speed), np.log(feed), parameters.log_depth_of_cut
     log_coefficient = log_wear_coefficient(parameters, log_speed, log_feed, log_depth, 0.0)
     used_life = advance_used_life(parameters, used_life, log_coefficient, start, end)
@@ -52,7 +52,7 @@ def predict(parameters, speed, feed, used_life, start, end):
 
 @compiled
 def highest_feed(parameters, speed, feeds, used_life, start, end, force_limit, power_limit, used_life_limit):
-    """Index of the highest feasible feed at a speed, or -1, by bisection: force, power and wear all grow with feed."""
+    """Return the index of the highest feasible feed at a speed, or -1, by bisection: force, power and wear grow with feed."""
     feasible, infeasible = -1, len(feeds)
     while infeasible - feasible > 1:
         index = (feasible + infeasible) // 2
@@ -66,7 +66,7 @@ def highest_feed(parameters, speed, feeds, used_life, start, end, force_limit, p
 
 @compiled
 def best_pair(parameters, speeds, feeds, used_life, start, end, force_limit, power_limit, used_life_limit):
-    """Indices (speed, feed) of the feasible pair with the highest removal rate, or (-1, -1). Of equals, the slowest."""
+    """Return the indices (speed, feed) of the feasible pair with the highest removal rate, the slowest of equals; or (-1, -1)."""
     best_speed, best_feed, best_rate = -1, -1, 0.0
     for index in range(len(speeds)):
         feed = highest_feed(parameters, speeds[index], feeds, used_life, start, end, force_limit, power_limit, used_life_limit)
@@ -76,8 +76,8 @@ def best_pair(parameters, speeds, feeds, used_life, start, end, force_limit, pow
 
 
 @compiled
-def search_lanes(parameters, speeds, feeds, used_lives, times, interval, force_limits, power_limits, chosen):
-    """Fill ``chosen``, shape (lanes, 2), with each lane's cutting speed and feed."""
+def search(parameters, speeds, feeds, used_lives, times, interval, force_limits, power_limits, chosen):
+    """Fill ``chosen``, shape (num_envs, 2), with cutting speeds [m/min] and feeds [mm/rev]."""
     p = parameters[0]
     for i in range(len(used_lives)):
         start, end = times[i], times[i] + interval
@@ -94,8 +94,8 @@ class GridSearch:
     """The paper's controller: nominal models, nominal depth and hardness, full limits.
 
     Args:
-        scenario: what is played; its nominal models and limits are the controller's knowledge.
-        lanes: how many lanes it controls.
+        scenario: task, with its nominal models and limits.
+        num_envs: number of environments.
 
     Raises:
         ValueError: a response falls with feed, so that its highest feasible feed cannot be bisected.
@@ -115,10 +115,10 @@ class GridSearch:
         """Nothing to forget: the nominal wear is in the observation."""
 
     def act(self, observations: Observations) -> Actions:
-        """Actions, shape (lanes, 2), for observations, shape (lanes, 11)."""
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenario)
         chosen = np.empty((len(observations), 2))
-        search_lanes(
+        search(
             self._parameters,
             self._speeds,
             self._feeds,
@@ -133,13 +133,13 @@ class GridSearch:
 
 
 class RescaledGridSearch(GridSearch):
-    """The grid search on models that are rescaled by measured over predicted force and power.
+    """The grid search on models rescaled by measured over predicted force and power.
 
     Args:
-        scenario: what is played.
-        lanes: how many lanes it controls.
-        margin: share of the limits that is used [-].
-        smoothing: share of the distance to the newest ratio by which the scale moves in an interval of cutting [-].
+        scenario: task.
+        num_envs: number of environments.
+        margin: factor on the limits of force and power [-].
+        smoothing: weight of the newest ratio in a scale [-].
     """
 
     def __init__(self, scenario: Scenario, num_envs: int, margin: float, smoothing: float) -> None:
@@ -147,11 +147,11 @@ class RescaledGridSearch(GridSearch):
         self._margin, self._scales = margin, Scales(num_envs, smoothing)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Back to the nominal models."""
+        """Return to the nominal models."""
         self._scales.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        """Actions, shape (lanes, 2), for observations, shape (lanes, 11)."""
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenario)
         measured = reading.cutting & (reading.power_ratio > 0)
         force_scale, power_scale = self._scales.follow(measured, reading.force_ratio, reading.power_ratio)
@@ -173,7 +173,7 @@ RULES = {
         {},
     ),
     "rescaled_grid_search": Rule(
-        "the grid search on models rescaled by measured force and power, with a margin, both tuned on tuning draws",
+        "the grid search on models rescaled by measured force and power, with a margin, both tuned on tuning seeds",
         lambda scenario, num_envs, parameters: RescaledGridSearch(scenario, num_envs, **parameters),
         _plays,
         {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},

@@ -1,110 +1,86 @@
-"""Simple laws from spindle load to feed override: a constant load, one line, and none."""
+"""Simple laws from spindle load to feed override: constant load, one line, and none.
+
+The law of constant load is in the manner of FANUC iAdaptS: the override integrates the relative deviation of the load from its
+target (assumption: none is published). The dithering of the feed
+against chatter is left out, as the model has no stability limit.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.fixed import FixedParameters
-from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed, target_load
-from baselines.rule import Parameters, Range, Rule
-from turning_env import Scenario, read
+from baselines.models.part_program import (
+    PROGRAM,
+    SPEED_AND_TARGET,
+    OverrideLaw,
+    PartProgram,
+    on_override,
+    on_program,
+    on_speed_and_feed,
+    target_load,
+)
+from baselines.rule import Range, Rule
 from turning_env.action import sets_feed
 from turning_env.physics.drives import lag_share
-from turning_env.score.policy import Actions, Observations
 
 LOWEST_OVERRIDE = 0.1
-"""Lowest override of the commercial controls [-] (assumption): at a standstill of the feed the edge would only rub."""
+"""Lowest override of the commercial controls [-] (assumption): without feed, the edge would only rub."""
 
 
 def towards_load(
     override: NDArray[np.float64], load: NDArray[np.float64], target: NDArray[np.float64] | float, share: float
 ) -> NDArray[np.float64]:
-    """The new override [-] of an integrating law: the present one, moved by a share of the relative distance to the load.
+    """Return ``override * (1 + share * (1 - load / target))`` [-], at least ``LOWEST_OVERRIDE``.
 
-    In proportion to the override itself, since the load's answer to a step of override is too.
+    The step is in proportion to the override, since the change of load that it causes is too.
     """
     return np.maximum(override * (1.0 + share * (1.0 - load / target)), LOWEST_OVERRIDE)
 
 
-class ConstantLoad:
-    """Constant spindle load by feed, in the manner of FANUC iAdaptS.
-
-    The override integrates the relative distance of the load from its target, within its limits. What iAdaptS does against
-    chatter, dithering the feed, is left out: the lathe's model has no limit of stability. The law itself is an assumption, as
-    none is published.
+def constant_load(program: PartProgram, num_envs: int, target: float, gain: float) -> OverrideLaw:
+    """Return the controller of constant load.
 
     Args:
-        program: what the override acts on.
-        target: load that is aimed at, as a share of the one at the power limit [-].
+        program: part program.
+        num_envs: number of environments.
+        target: load over the load at the power limit [-].
         gain: of the integration [1/s].
     """
-
-    def __init__(self, program: PartProgram, target: float, gain: float) -> None:
-        self._program = program
-        self._target = target_load(program.scenario, target)
-        self._share = lag_share(program.scenario.control.interval, 1.0 / gain)
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Nothing to forget: what is integrated is the override, which is in the observation."""
-
-    def act(self, observations: Observations) -> Actions:
-        """Actions, shape (lanes, 1 to 3), for observations, shape (lanes, entries)."""
-        program = self._program
-        reading = read(observations, program.scenario)
-        return program.act(reading, towards_load(program.override(reading), reading.load, self._target, self._share))
+    aim = target_load(program.scenario, target)
+    share = lag_share(program.scenario.control.interval, 1.0 / gain)
+    return OverrideLaw(program, lambda reading, override: towards_load(override, reading.load, aim, share))
 
 
-class OneLineLaw:
-    """Override = 160 - 2 load, in per cent, within 0 to 120 %: a published law of one line, which has no target.
-
-    Args:
-        program: what the override acts on.
-    """
-
-    def __init__(self, program: PartProgram) -> None:
-        self._program = program
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Nothing to forget."""
-
-    def act(self, observations: Observations) -> Actions:
-        """Actions, shape (lanes, 1 to 3), for observations, shape (lanes, entries)."""
-        reading = read(observations, self._program.scenario)
-        return self._program.act(reading, np.clip(1.6 - 2.0 * reading.load, 0.0, 1.2))
-
-
-def _build_constant_load(scenario: Scenario, num_envs: int, parameters: Parameters) -> ConstantLoad:
-    return ConstantLoad(PartProgram(scenario, parameters), parameters["target"], parameters["gain"])
-
-
-def _build_one_line_law(scenario: Scenario, num_envs: int, parameters: Parameters) -> OneLineLaw:
-    return OneLineLaw(PartProgram(scenario, parameters))
-
-
-def _build_programmed_feed(scenario: Scenario, num_envs: int, parameters: Parameters) -> FixedParameters:
-    return FixedParameters(scenario, scenario.control.initial_cutting_speed, scenario.control.initial_feed)
+def one_line_law(program: PartProgram, num_envs: int) -> OverrideLaw:
+    """Return the controller of a published law without target: override = 160 - 2 load, in per cent, within 0 to 120 %."""
+    return OverrideLaw(program, lambda reading, override: np.clip(1.6 - 2.0 * reading.load, 0.0, 1.2))
 
 
 CONSTANT_LOAD = "constant spindle load by feed, in the manner of FANUC iAdaptS"
 ONE_LINE = "override = 160 - 2 load, in per cent, within 0 to 120 %"
 
 RULES = {
-    "programmed_feed": Rule("the scenario's programmed speed and feed, uncontrolled", _build_programmed_feed, sets_feed, {}),
-    "one_line_law": Rule(ONE_LINE, _build_one_line_law, on_override, {}),
+    "programmed_feed": Rule(
+        "the scenario's programmed speed and feed, uncontrolled",
+        lambda scenario, num_envs, parameters: FixedParameters(
+            scenario, scenario.control.initial_cutting_speed, scenario.control.initial_feed
+        ),
+        sets_feed,
+        {},
+    ),
+    "one_line_law": Rule(ONE_LINE, on_program(one_line_law), on_override, {}),
     "iadapts": Rule(
         CONSTANT_LOAD,
-        _build_constant_load,
+        on_program(constant_load),
         on_override,
         {"target": Range(0.7, 1.0), "gain": Range(1.0, 40.0, logarithmic=True)},
     ),
     "one_line_law_with_speed": Rule(
-        f"{ONE_LINE}, with the program's speed and feed tuned",
-        _build_one_line_law,
-        on_speed_and_feed,
-        {"cutting_speed": Range(50.0, 200.0), "feed": Range(0.06, 0.60, logarithmic=True)},
+        f"{ONE_LINE}, with the program's speed and feed tuned", on_program(one_line_law), on_speed_and_feed, PROGRAM
     ),
     "iadapts_with_speed": Rule(
         f"{CONSTANT_LOAD}, with the program's speed tuned",
-        _build_constant_load,
+        on_program(constant_load),
         on_speed_and_feed,
         {**SPEED_AND_TARGET, "gain": Range(0.1, 5.0, logarithmic=True)},
     ),

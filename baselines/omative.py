@@ -1,36 +1,36 @@
 """Rapid feed in air gaps, a gentle entry, and then the feed that the metal allows, in the manner of OMATIVE ACM.
 
-In air the override is the highest. When the tool touches metal it drops to that of entry, for a moment. Then it follows the feed
-at which the spindle would bear its target load: the actual feed times (target / load)^(1/m), where m is the exponent of feed in
-the nominal power law. Where hardness or a worn tool raises the load, the feed falls at once; where the load allows more, it rises
-gradually. The laws and constants are assumptions, as none are published.
+In air the override is the highest. For a moment after the tool touches metal it is the entry override. Then it follows the feed
+at which the spindle has its target load: the actual feed times (target / load)^(1/m), with m the exponent of feed in the nominal
+power law. The feed falls to that value at once and rises to it gradually. The laws and constants are assumptions, as none are
+published.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.load_override import LOWEST_OVERRIDE
-from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed, target_load
-from baselines.rule import Parameters, Range, Rule
+from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_program, on_speed_and_feed, target_load
+from baselines.rule import Range, Rule
 from turning_env import Scenario, read
 from turning_env.physics.drives import lag_share
 from turning_env.score.policy import Actions, Observations
 
 ENTRY_TIME = 0.3
-"""Time after the touch in which the override is that of entry [s], one control interval at least: power must show first."""
+"""Duration of the entry override after the touch [s], one control interval at least: the power reading needs that long."""
 MAX_CHANGE = 5.0
-"""Most that the wanted feed differs from the actual one, in logarithms [-]: without load, it would be infinite."""
+"""Largest log ratio of wanted to actual feed [-]: without load it would be infinite."""
 
 
 class AirGapControl:
-    """The control of one part program on all lanes.
+    """Feed override that tells air, entry and metal apart.
 
     Args:
-        program: what the override acts on.
-        lanes: how many lanes it controls.
-        target: load that is aimed at, as a share of the one at the power limit [-].
+        program: part program.
+        num_envs: number of environments.
+        target: load over the load at the power limit [-].
         entry: override when the tool touches metal [-].
-        rise: rate at which the override approaches a higher one that is wanted [1/s].
+        rise: rate at which the override rises to a higher one [1/s].
     """
 
     def __init__(self, program: PartProgram, num_envs: int, target: float, entry: float, rise: float) -> None:
@@ -42,11 +42,11 @@ class AirGapControl:
         self._time_in_metal = np.zeros(num_envs)  # since the touch [s]
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """The tool is in air."""
+        """Start in air."""
         self._time_in_metal[mask] = 0.0
 
     def act(self, observations: Observations) -> Actions:
-        """Actions, shape (lanes, 1 to 3), for observations, shape (lanes, entries)."""
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         program, exponent = self._program, self._program.scenario.material.power.feed
         reading = read(observations, program.scenario)
         present = program.override(reading)
@@ -67,24 +67,18 @@ def _inverts_power(scenario: Scenario) -> bool:
     return scenario.material.power.feed > 0
 
 
-def _build(scenario: Scenario, num_envs: int, parameters: Parameters) -> AirGapControl:
-    return AirGapControl(
-        PartProgram(scenario, parameters), num_envs, parameters["target"], parameters["entry"], parameters["rise"]
-    )
-
-
 DESCRIPTION = "rapid feed in air, gentle entry, then the feed that the metal allows, in the manner of OMATIVE ACM"
 
 RULES = {
     "omative": Rule(
         DESCRIPTION,
-        _build,
+        on_program(AirGapControl),
         lambda scenario: on_override(scenario) and _inverts_power(scenario),
         {"target": Range(0.7, 1.0), "entry": Range(0.3, 2.0), "rise": Range(1.0, 50.0, logarithmic=True)},
     ),
     "omative_with_speed": Rule(
         f"{DESCRIPTION}, with the program's speed tuned",
-        _build,
+        on_program(AirGapControl),
         lambda scenario: on_speed_and_feed(scenario) and _inverts_power(scenario),
         {**SPEED_AND_TARGET, "entry": 1.0, "rise": Range(0.1, 5.0, logarithmic=True)},
     ),

@@ -1,9 +1,9 @@
-"""Whole parts: the rules of the adaptive part programming paper (Sharmazanashvili 2008), with the path as drawn or as measured.
+"""Plans of whole parts by the rules of the adaptive part programming paper (Sharmazanashvili 2008).
 
-A plan divides an allowance into passes of equal depth and takes cutting speed and feed of each from a rule. Fixed rule adaptive
-control keeps the path that was made for the drawing's allowance, and takes cutting speed and feed for what each pass then cuts.
-Adaptive part programming makes the path anew for the size that the blank is measured to have. The blank's runout and hardness are
-known to neither: margins hold the limits. Where blanks are not probed, all are taken to be as drawn.
+A plan divides an allowance into passes of equal depth and takes cutting speed and feed of each pass from a rule. Fixed-rule
+adaptive control keeps the path for the drawing's allowance, and takes cutting speed and feed for the depth that each pass cuts.
+Adaptive part programming makes a new path for the measured size of the blank. Neither knows the blank's run-out and hardness:
+margins hold the limits. Where blanks are not probed, they count as drawn.
 """
 
 import numpy as np
@@ -17,28 +17,27 @@ from turning_env.action import set_point_action
 from turning_env.score.policy import Actions, Observations
 
 Array = NDArray[np.float64]
-_MIN_WEAR = 0.1  # of the criterion: what a fresh edge is taken to have worn, as without any wear nothing would limit the force
+_MIN_WEAR = 0.1  # wear of a fresh edge over the criterion [-]: without wear, nothing would limit the force
 
 
 def turns_parts(scenario: Scenario) -> bool:
-    """Whether an action plans a whole part."""
+    """Return whether an action plans a whole part."""
     return scenario.control.action == "part"
 
 
 def plan(scenario: Scenario, passes: Array, allowance: Array, cutting_speed: Array, feed: Array) -> Actions:
-    """Actions, shape (lanes, action size), for numbers of passes and allowances [mm], both of shape (lanes,).
+    """Return the actions, shape (num_envs, action size), of plans.
 
     Args:
-        scenario: what is played.
-        passes: whole numbers of 1 to ``control.passes_max``.
-        allowance: that the path is made for [mm].
-        cutting_speed: of each pass [m/min], shape (lanes, passes_max).
+        scenario: task.
+        passes: whole numbers of 1 to ``control.passes_max``, shape (num_envs,).
+        allowance: of the path [mm], shape (num_envs,).
+        cutting_speed: of each pass [m/min], shape (num_envs, passes_max).
         feed: of each pass [mm/rev], likewise.
     """
-    machine, most = scenario.machine, scenario.control.passes_max
-
-    actions = np.empty((len(passes), 2 + 2 * most))
-    actions[:, 0] = 2.0 * (passes - 0.5) / most - 1.0
+    machine, passes_max = scenario.machine, scenario.control.passes_max
+    actions = np.empty((len(passes), 2 + 2 * passes_max))
+    actions[:, 0] = 2.0 * (passes - 0.5) / passes_max - 1.0
     actions[:, 1] = allowance / scenario.workpiece.depth_of_cut - 1.0
     actions[:, 2::2] = set_point_action(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)
     actions[:, 3::2] = set_point_action(feed, machine.feed_min, machine.feed_max)
@@ -46,11 +45,11 @@ def plan(scenario: Scenario, passes: Array, allowance: Array, cutting_speed: Arr
 
 
 class FixedParts:
-    """The same passes, cutting speed and feed for every part, as an NC program has them.
+    """The same passes, cutting speed and feed for every part, as in an NC program.
 
     Args:
-        scenario: what is played.
-        passes: into how many the drawing's allowance is divided [-]; rounded, and kept within what the control allows.
+        scenario: task.
+        passes: number of passes; rounded, and clipped to what the control allows.
         cutting_speed: [m/min].
         feed: [mm/rev].
     """
@@ -61,29 +60,29 @@ class FixedParts:
         self._cutting_speed, self._feed = cutting_speed, feed
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Nothing to forget."""
+        """Do nothing: there is no state."""
 
     def act(self, observations: Observations) -> Actions:
-        """Actions, shape (lanes, action size), for observations, shape (lanes, entries)."""
-        lanes, most = len(observations), self._scenario.control.passes_max
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
+        num_envs, passes_max = len(observations), self._scenario.control.passes_max
         return plan(
             self._scenario,
-            np.full(lanes, float(self._passes)),
-            np.full(lanes, self._scenario.workpiece.depth_of_cut),
-            np.full((lanes, most), self._cutting_speed),
-            np.full((lanes, most), self._feed),
+            np.full(num_envs, float(self._passes)),
+            np.full(num_envs, self._scenario.workpiece.depth_of_cut),
+            np.full((num_envs, passes_max), self._cutting_speed),
+            np.full((num_envs, passes_max), self._feed),
         )
 
 
 class RuledParts:
-    """Cutting speed and feed of each pass by a rule at what it cuts, in the number of passes that costs least.
+    """Cutting speed and feed of each pass by a rule at its depth of cut, in the cheapest number of passes.
 
     Args:
-        scenario: what is played.
+        scenario: task.
         rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
-        corrected: whether the path is made for the measured size, rather than for the drawing's allowance.
-        margin: share of the limits of force, power and torque that is used [-].
-        first_margin: the same in the first pass, which meets whatever the path has not foreseen [-].
+        corrected: make the path for the measured size, not for the drawing's allowance.
+        margin: factor on the limits of force, power and torque [-].
+        first_margin: the same in the first pass, which cuts what the path does not foresee [-].
     """
 
     def __init__(self, scenario: Scenario, rule: str, corrected: bool, margin: float, first_margin: float) -> None:
@@ -93,10 +92,10 @@ class RuledParts:
         self._shares[0] = first_margin
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Nothing to forget."""
+        """Do nothing: there is no state."""
 
     def act(self, observations: Observations) -> Actions:
-        """Actions, shape (lanes, action size), for observations, shape (lanes, entries)."""
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         scenario = self._scenario
         reading = read(observations, scenario)
         drawn = np.full(len(observations), scenario.workpiece.depth_of_cut)
@@ -109,14 +108,14 @@ class RuledParts:
         return plan(scenario, passes, path, speed, feed)
 
     def _cheapest(self, path: Array, wear: Array) -> Array:
-        """The number of passes, of those that the control allows, in which a blank of just the path's allowance costs least."""
+        """Return the allowed number of passes in which a blank of the path's allowance costs least."""
         numbers = np.arange(1.0, self._scenario.control.passes_max + 1.0)
         costs = [self._passes(path, path, np.full(len(path), number), wear)[2] for number in numbers]
         cheapest: Array = numbers[np.argmin(costs, axis=0)]
         return cheapest
 
     def _passes(self, allowance: Array, path: Array, passes: Array, wear: Array) -> tuple[Array, Array, Array]:
-        """Cutting speeds [m/min] and feeds [mm/rev] of the passes, shape (lanes, passes_max), and the cost of all [min]."""
+        """Return cutting speeds [m/min] and feeds [mm/rev], shape (num_envs, passes_max), and the total cost [min]."""
         workpiece, process = self._scenario.workpiece, self._process.rescaled(1.0 / self._shares, 1.0 / self._shares)
         depths = pass_depths(allowance, path, passes, self._scenario.control.passes_max)
         speed, feed = set_point(self._rule, process, depths, wear=wear[:, np.newaxis])
@@ -128,9 +127,16 @@ class RuledParts:
         return speed, feed, cost
 
 
-def pass_depths(allowance: Array, path: Array, passes: Array, most: int) -> Array:
-    """What each pass cuts of an allowance [mm] with a path made for another, shape (lanes, most); 0 in air and after the last."""
-    number = np.arange(most)
+def pass_depths(allowance: Array, path: Array, passes: Array, passes_max: int) -> Array:
+    """Return the depth of each pass [mm], shape (num_envs, passes_max), 0 in air and after the last pass.
+
+    Args:
+        allowance: of the blank [mm], shape (num_envs,).
+        path: allowance for which the path is made [mm], likewise.
+        passes: number of passes of the path, likewise.
+        passes_max: most passes that the control allows.
+    """
+    number = np.arange(passes_max)
     pitch = (path / passes)[:, np.newaxis]
     floors = np.maximum(passes[:, np.newaxis] - 1.0 - number, 0.0) * pitch
     ceilings = np.where(number == 0, np.inf, (passes[:, np.newaxis] - number) * pitch)
@@ -149,15 +155,12 @@ def _ruled(rule: str, corrected: bool) -> Rule:
     path = "made for the measured size" if corrected else "as drawn"
     kind = "adaptive part programming" if corrected else "fixed rule"
 
-    def build(scenario: Scenario, num_envs: int, p: Parameters) -> RuledParts:
-        return RuledParts(scenario, rule, corrected, p["margin"], p["first_margin"])
-
     def plays(scenario: Scenario) -> bool:
         return turns_parts(scenario) and (scenario.sensors.probe or not corrected)
 
     return Rule(
         f"{kind}: speed and feed by {name}, path {path} (Sharmazanashvili 2008); margins tuned",
-        build,
+        lambda scenario, num_envs, parameters: RuledParts(scenario, rule, corrected, **parameters),
         plays,
         {"margin": Range(0.6, 1.1), "first_margin": Range(0.3, 1.1)},
     )
@@ -167,7 +170,7 @@ _NAMED = {rule: rule.lower() for rule in TWO_LIMITS} | {ECONOMIC_OPTIMUM: "econo
 
 RULES: dict[str, Rule] = {
     "parts_fixed_tuned": Rule(
-        "the best passes, speed and feed for all parts, found on tuning draws; speed and feed as shares of their log ranges",
+        "the best passes, speed and feed for all parts on the tuning seeds; speed and feed as shares of their log ranges",
         _build_fixed,
         turns_parts,
         {"passes": Range(0.5, 4.5), "cutting_speed": Range(0.0, 1.0), "feed": Range(0.0, 1.0)},

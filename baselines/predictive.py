@@ -1,12 +1,11 @@
-"""The optimiser with foresight: it knows when the tool enters the next bar, of which it only knows what bars are like.
+"""The optimiser with foresight: it also expects the entry into the next bar, whose depth and hardness it does not know.
 
-The filter's odometer and the geometry tell what the tool will be in at every point of the interval: the present bar, the air
-before the next one, or the next one itself. An unmeasured bar may be hard and thick, so the feed has to fall before the tool
-enters, not when force and power have told. That takes the feed servo some time: what is looked at ends later than the interval,
-as the next command cannot help at once. When the new bar has been measured, the feed rises again.
+The travelled distance and the geometry tell whether the tool will be in the present bar, in air or in the next bar at each point
+of the horizon. An unmeasured bar may be hard and thick, so the feed must fall before the tool enters it. That takes the feed
+servo some time, so the horizon ends later than the step. Once the new bar has been measured, the feed rises again.
 
-More than one interval need not be planned: what an interval leaves behind is the state of the edge, whose price is known, and
-speeds and feeds from which the next interval reaches almost any other.
+One step is enough to plan. It leaves behind the state of the edge, whose price is known, and a speed and feed from which the next
+step reaches almost any other.
 """
 
 import numpy as np
@@ -17,18 +16,18 @@ from baselines.rule import Rule
 from turning_env import Reading, Scenario
 
 POINTS = 8
-"""Points in time at which the tool's place and the loads are predicted."""
+"""Points of the horizon at which position and loads are predicted."""
 SETTLING = 3.0
-"""Time constants of the feed servo by which what is looked at ends later than the interval [-]."""
+"""Time constants of the feed servo by which the horizon exceeds the step [-]."""
 
 
 class Predictive(Optimiser):
-    """Chooses each interval's cutting speed and feed by what it expects of that interval and of the bar to come.
+    """Chooses the cutting speed and feed of each step by the gain that it expects of that step and of the bar to come.
 
     Args:
-        scenario: what is played.
-        lanes: how many lanes it controls.
-        severity: factor on the price of overload [-]; above 1, limits are held better than pays.
+        scenario: task.
+        num_envs: number of environments.
+        severity: factor on the price of overload [-].
         caution: factor on the standard deviations of force and power [-].
     """
 
@@ -54,7 +53,7 @@ class Predictive(Optimiser):
 
 RULES = {
     "predictive": Rule(
-        "the optimiser, which also slows for the entry into bars that it does not know",
+        "the optimiser with foresight: it slows before it enters an unmeasured bar",
         lambda scenario, num_envs, parameters: Predictive(scenario, num_envs, **parameters),
         plays,
         PARAMETERS,

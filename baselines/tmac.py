@@ -1,17 +1,16 @@
 """Constant spindle power by feed, watched against a learned cut, in the manner of Caron TMAC.
 
-Each edge cuts its first seconds at the programmed feed, and the mean power of that is the reference. From then on the feed keeps
-the power constant, and four limits apply, the last three relative to the reference:
+Each edge cuts its first seconds at the programmed feed; their mean power is the learned power. From then on the feed keeps the
+power constant within four limits, the last three relative to the learned power:
 
-* The power kept constant is a share of the power limit, but never above the extreme limit: there the feed is held back.
-* Well beyond the extreme limit the feed stops (the lowest that there is), until the power has fallen.
+* The target is a share of the power limit, but never above the extreme limit.
+* Well beyond the extreme limit the feed stops (at the machine's lowest) until the power has fallen.
 * Below the undercut limit, in air or where metal is missing, the feed is the programmed one.
-* Above the wear limit the edge is worn out. Where edges are changed on command it is changed, and the next one learns anew;
-  elsewhere the limit does nothing, as an episode goes on until the edge is finished.
+* Above the wear limit the edge is worn out. Where edges are changed on command it is changed, and the next one is learned anew.
+  Elsewhere the limit does nothing, as an episode goes on until the edge is finished.
 
-For the last two limits, power is converted to the programmed feed and speed by the exponents of the nominal power law: what is
-left of its growth at constant feed is depth of cut, hardness and wear. The wear limit smooths it, so that depth and hardness even
-out.
+For the last two limits, power is converted to the programmed feed and speed by the exponents of the nominal power law. What
+remains is the effect of depth of cut, hardness and wear; smoothing evens out depth and hardness for the wear limit.
 
 The laws and constants are assumptions, as none are published.
 """
@@ -22,34 +21,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.load_override import towards_load
-from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_speed_and_feed
-from baselines.rule import Parameters, Range, Rule
-from turning_env import Scenario, read
+from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_program, on_speed_and_feed
+from baselines.rule import Range, Rule
+from turning_env import read
 from turning_env.physics.drives import lag_share
 from turning_env.score.policy import Actions, Observations
 
 SETTLING_TIME = 0.5
-"""Cutting time of an edge before it is learned from [s]: the power is still rising."""
+"""Cutting time of an edge at which learning starts [s]: before, the power is still rising."""
 LEARNING_TIME = 1.5
-"""Cutting time of an edge at which it has been learned from [s]."""
+"""Cutting time of an edge at which learning ends [s]."""
 STOP = 1.25
 """Power at which the feed stops, over the extreme limit [-]."""
 UNDERCUT = 0.3
-"""The undercut limit, over the reference [-]."""
+"""Undercut limit over the learned power [-]."""
 WEAR_TIME = 60.0
-"""Time constant with which the growth of power is smoothed [s]."""
+"""Time constant of the smoothing for the wear limit [s]."""
 
 
 class LearnedPower:
-    """The control of one part program on all lanes.
+    """Feed override of constant power, with limits relative to each edge's learned power.
 
     Args:
-        program: what the override acts on.
-        lanes: how many lanes it controls.
-        target: power that is kept constant, as a share of the power limit [-].
-        gain: of the integration that keeps it [1/s].
-        extreme: the extreme limit, over the reference [-].
-        wear: the wear limit, over the reference [-].
+        program: part program.
+        num_envs: number of environments.
+        target: power over the power limit [-].
+        gain: of the integration [1/s].
+        extreme: extreme limit over the learned power [-].
+        wear: wear limit over the learned power [-].
     """
 
     def __init__(self, program: PartProgram, num_envs: int, target: float, gain: float, extreme: float, wear: float) -> None:
@@ -59,10 +58,10 @@ class LearnedPower:
         self._extreme, self._wear = extreme, wear
         self._share = lag_share(scenario.control.interval, 1.0 / gain)
         self._wear_share = lag_share(scenario.control.interval, WEAR_TIME)
-        self._cutting_time = np.zeros(num_envs)  # of the edge, when last seen [min]
-        self._sum = np.zeros(num_envs)  # of the powers learned from [kW]
+        self._cutting_time = np.zeros(num_envs)  # of the edge at the last step [min]
+        self._sum = np.zeros(num_envs)  # of powers while learning [kW]
         self._count = np.zeros(num_envs)
-        self._growth = np.ones(num_envs)  # smoothed power over the reference [-]
+        self._growth = np.ones(num_envs)  # smoothed power over the learned power [-]
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Forget the edge."""
@@ -72,7 +71,7 @@ class LearnedPower:
         self._growth[mask] = 1.0
 
     def act(self, observations: Observations) -> Actions:
-        """Actions, shape (lanes, 1 to 3), for observations, shape (lanes, entries)."""
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         program, law = self._program, self._program.scenario.material.power
         reading = read(observations, program.scenario)
         self.reset(reading.cutting_time < self._cutting_time)  # a fresh edge
@@ -88,25 +87,20 @@ class LearnedPower:
         self._sum += np.where(learns, at_program, 0.0)
         self._count += learns
         learned = ~young & (self._count > 0.0)
-        reference = np.where(learned, self._sum / np.maximum(self._count, 1.0), math.inf)
+        learned_power = np.where(learned, self._sum / np.maximum(self._count, 1.0), math.inf)
 
-        extreme = self._extreme * reference
+        extreme = self._extreme * learned_power
         override = towards_load(
             program.override(reading), reading.power, np.maximum(np.minimum(self._power, extreme), 1e-9), self._share
         )
         override[reading.power > STOP * extreme] = 0.0
-        undercut = at_program < UNDERCUT * reference
+        undercut = at_program < UNDERCUT * learned_power
         override[undercut | ~learned] = 1.0
 
         watched = learned & reading.cutting & ~undercut
-        growth = np.divide(at_program, reference, out=np.ones_like(reference), where=watched & (reference > 0.0))
+        growth = np.divide(at_program, learned_power, out=np.ones_like(learned_power), where=watched & (learned_power > 0.0))
         self._growth += np.where(watched, self._wear_share, 0.0) * (growth - self._growth)
         return program.act(reading, override, self._growth > self._wear)
-
-
-def _build(scenario: Scenario, num_envs: int, parameters: Parameters) -> LearnedPower:
-    limits = {name: parameters[name] for name in ("target", "gain", "extreme", "wear")}
-    return LearnedPower(PartProgram(scenario, parameters), num_envs, **limits)
 
 
 DESCRIPTION = "constant spindle power by feed, watched against a learned cut, in the manner of Caron TMAC"
@@ -114,7 +108,7 @@ DESCRIPTION = "constant spindle power by feed, watched against a learned cut, in
 RULES = {
     "tmac": Rule(
         DESCRIPTION,
-        _build,
+        on_program(LearnedPower),
         on_override,
         {
             "target": Range(0.7, 1.0),
@@ -126,7 +120,7 @@ RULES = {
     ),
     "tmac_with_speed": Rule(
         f"{DESCRIPTION}, with the program's speed tuned",
-        _build,
+        on_program(LearnedPower),
         on_speed_and_feed,
         {**SPEED_AND_TARGET, "gain": 1.0, "extreme": 2.0, "wear": Range(1.2, 2.0)},
         changes_edges=True,

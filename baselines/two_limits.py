@@ -1,10 +1,10 @@
 """Cutting speed and feed from two active limits, and at the economic optimum (Sharmazanashvili 2008).
 
-A rule such as [PV] names two limits that are reached together, and these fix cutting speed and feed: P thrust force, N power,
+A rule such as [PV] names two limits that are reached together and so fix cutting speed and feed: P thrust force, N power,
 M torque, V the machine's highest cutting speed, S its highest feed, T the economic life of the edge along the other limit. In the
 logarithms of cutting speed and feed every limit is a straight line, so a rule is two linear equations.
 
-What a rule says need not be possible. So:
+A rule's point may lie out of reach. So:
 
 1. If the feed lies beyond the machine's range, it is the range's end, and the cutting speed the highest that the rule's two
    limits leave; then likewise the cutting speed, and the feed.
@@ -13,7 +13,7 @@ What a rule says need not be possible. So:
 
 With 709M40 on the presets' lathe many rules come to the same. The economic lives ask for more than its highest cutting speed,
 so [SV], [PT], [ST], [MV] and [MT] play as [PV]. [MN] plays as [SN] until the torque binds, whose limit is an assumption. The
-economic optimum is [PN]. So one of each is declared; the others are there to be asked.
+economic optimum is [PN]. So the catalogue has one of each; ``set_point`` knows all.
 """
 
 from itertools import combinations
@@ -32,18 +32,18 @@ from turning_env.score.policy import Actions, Observations
 TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")
 """The paper's rules."""
 ECONOMIC_OPTIMUM = "economic_optimum"
-"""The point of least cost that keeps force, power and the machine's ranges."""
+"""Name of the point of least cost within force, power and the machine's ranges."""
 
 Lines = tuple[Line, Line]
 _CUTTING_SPEED = PowerLaw(coefficient=1.0, cutting_speed=1.0)
 _FEED = PowerLaw(coefficient=1.0, feed=1.0)
 
 MIN_DEPTH = 1e-6
-"""What no depth of cut is taken for [mm]."""
+"""Depth of cut in place of 0 [mm]."""
 
 
 def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
-    """The two limits of a rule.
+    """Return the two limits of a rule.
 
     Raises:
         ValueError: there is no such rule, or with these laws its limits run parallel and fix no point.
@@ -67,14 +67,14 @@ def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
 def set_point(
     rule: str, process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike = 1.0, wear: ArrayLike | None = None
 ) -> tuple[Array, Array]:
-    """Cutting speed [m/min] and feed [mm/rev] of a rule, both of the shape to which the arguments broadcast.
+    """Return cutting speed [m/min] and feed [mm/rev] of a rule, both of the shape to which the arguments broadcast.
 
     Args:
         rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
         process: laws, limits and prices.
         depth_of_cut: [mm], from 0.
         hardness: relative to nominal [-], above 0.
-        wear: flank wear at which the limits are to hold [mm], above 0; if not given, the mean over the edge's life.
+        wear: flank wear at which the limits hold [mm], above 0; by default the mean over the edge's life.
 
     Raises:
         ValueError: there is no such rule, or with these laws its limits fix no point.
@@ -91,7 +91,7 @@ def set_point(
 
 
 def depth_exponents(rule: str, process: Process) -> tuple[float, float]:
-    """Exponents of the depth of cut in the cutting speed and in the feed of a rule [-], as long as its own limits alone count."""
+    """Return the exponents of depth of cut in a rule's cutting speed and feed [-], where its own two limits alone bind."""
     first, second = (limit.law for limit in limits(rule, process))
     coefficients = [[first.cutting_speed, first.feed], [second.cutting_speed, second.feed]]
     speed, feed = np.linalg.solve(coefficients, [-first.depth_of_cut, -second.depth_of_cut])
@@ -99,7 +99,7 @@ def depth_exponents(rule: str, process: Process) -> tuple[float, float]:
 
 
 def _within_ranges(process: Process, lines: Lines, log_speed: Array, log_feed: Array) -> tuple[Array, Array]:
-    """Step 1 of the module's description."""
+    """Apply step 1 of the module's description."""
     feed = np.clip(log_feed, *np.log(process.feed_range))
     at_feed = np.minimum(*(line.highest_cutting_speed(feed) for line in lines))
     log_speed = np.where(feed == log_feed, log_speed, at_feed)
@@ -109,7 +109,7 @@ def _within_ranges(process: Process, lines: Lines, log_speed: Array, log_feed: A
 
 
 def _within_force_and_power(process: Process, held: Lines, log_speed: Array, log_feed: Array) -> tuple[Array, Array]:
-    """Step 2 of the module's description."""
+    """Apply step 2 of the module's description."""
     wanted = np.minimum(log_feed, np.minimum(*(line.highest_feed(log_speed) for line in held)))
     feed = np.maximum(wanted, np.log(process.feed_range[0]))
     at_feed = np.minimum(*(line.highest_cutting_speed(feed) for line in held))
@@ -118,7 +118,7 @@ def _within_force_and_power(process: Process, held: Lines, log_speed: Array, log
 
 
 def _cheapest(process: Process, held: Lines, cut: tuple[ArrayLike, ArrayLike, ArrayLike]) -> tuple[Array, Array]:
-    """Logarithms of the economic optimum; where no point keeps force and power, of the highest speed and lowest feed.
+    """Return the log economic optimum, or log highest speed and lowest feed where no point keeps force and power.
 
     On logarithmic scales the cost is convex and all limits are lines. So the optimum lies where two of these cross, or where the
     life along one of them is its economic life.
@@ -137,35 +137,22 @@ def _cheapest(process: Process, held: Lines, cut: tuple[ArrayLike, ArrayLike, Ar
         feasible &= line.cutting_speed * speeds + line.feed * feeds <= line.room + ALIKE
     costs = process.log_cost(np.clip(speeds, slowest, fastest), np.clip(feeds, least, most), cut[0], cut[1])
     costs = np.where(feasible, costs, np.inf)
-    costs[-1] = np.minimum(costs[-1], np.finfo(np.float64).max)  # the last resort beats what is not feasible, and nothing else
+    costs[-1] = np.minimum(costs[-1], np.finfo(np.float64).max)  # the last resort beats infeasible points only
     best = np.argmin(costs, axis=0)[np.newaxis]
     return np.take_along_axis(speeds, best, axis=0)[0], np.take_along_axis(feeds, best, axis=0)[0]
 
 
-class FixedRule(FixedParameters):
-    """A rule's set point for the nominal bar and the mean wear, for the edge's whole life.
-
-    Args:
-        scenario: what is played.
-        rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
-    """
-
-    def __init__(self, scenario: Scenario, rule: str) -> None:
-        super().__init__(scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut))
-
-
 class AdaptiveRule:
-    """A rule, applied anew in every control interval to models that are rescaled by measured over predicted force and power.
+    """A rule, applied in every step to models rescaled by measured over predicted force and power.
 
-    Predictions and limits take the wear that the nominal model predicts, and nominal depth and hardness: what differs from these
-    is in the scales.
+    Predictions and limits use nominal wear, depth and hardness; the scales hold the difference.
 
     Args:
-        scenario: what is played.
-        lanes: how many lanes it controls.
+        scenario: task.
+        num_envs: number of environments.
         rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
-        margin: share of the limits of force, power and torque that is used [-].
-        smoothing: share of the distance to the newest ratio by which a scale moves in an interval of cutting [-].
+        margin: factor on the limits of force, power and torque [-].
+        smoothing: weight of the newest ratio in a scale [-].
     """
 
     def __init__(self, scenario: Scenario, num_envs: int, rule: str, margin: float, smoothing: float) -> None:
@@ -173,15 +160,15 @@ class AdaptiveRule:
         self._margin, self._scales = margin, Scales(num_envs, smoothing)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Back to the nominal models."""
+        """Return to the nominal models."""
         self._scales.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        """Actions for observations, both of one row per lane."""
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenario)
         depth = self._scenario.workpiece.depth_of_cut
         interval = self._scenario.control.interval / 60.0
-        # A fresh edge is taken to have the wear that it has after one interval: without any, nothing would limit it.
+        # A fresh edge gets the wear after one control interval: without wear, nothing would limit it.
         fresh = self._process.wear(reading.cutting_speed, reading.feed, depth, time=interval)
         wear = np.maximum(reading.nominal_wear, fresh)
         force = self._process.thrust_force.law(reading.cutting_speed, reading.feed, depth, wear=wear)
@@ -194,7 +181,7 @@ class AdaptiveRule:
 
 
 def fixes_a_point(rule: str, scenario: Scenario) -> bool:
-    """Whether a rule can play a scenario: by cutting speed and feed, with limits that do not run parallel."""
+    """Return whether an action sets cutting speed and feed, and the rule's limits are not parallel."""
     if not sets_speed_and_feed(scenario):
         return False
     try:
@@ -204,10 +191,15 @@ def fixes_a_point(rule: str, scenario: Scenario) -> bool:
     return True
 
 
+def fixed_rule(scenario: Scenario, rule: str) -> FixedParameters:
+    """Return the controller of a rule's set point for the nominal bar and mean wear, for the edge's whole life."""
+    return FixedParameters(scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut))
+
+
 def _fixed(rule: str) -> Rule:
     return Rule(
         f"rule [{rule}] of Sharmazanashvili (2008) on nominal models at mean wear",
-        lambda scenario, num_envs, parameters: FixedRule(scenario, rule),
+        lambda scenario, num_envs, parameters: fixed_rule(scenario, rule),
         lambda scenario: fixes_a_point(rule, scenario),
         {},
     )
@@ -216,9 +208,7 @@ def _fixed(rule: str) -> Rule:
 def _adaptive(rule: str) -> Rule:
     return Rule(
         f"rule [{rule}] of Sharmazanashvili (2008) in real time, on models rescaled by measured force and power, with a margin",
-        lambda scenario, num_envs, parameters: AdaptiveRule(
-            scenario, num_envs, rule, parameters["margin"], parameters["smoothing"]
-        ),
+        lambda scenario, num_envs, parameters: AdaptiveRule(scenario, num_envs, rule, **parameters),
         lambda scenario: fixes_a_point(rule, scenario),
         {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
     )

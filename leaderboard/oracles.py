@@ -49,5 +49,5 @@ def _bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], No
         done += 1
         on_step(done)
 
-    returns = clairvoyant.bounds(scenario, seeds, on_draw=on_seed)
+    returns = clairvoyant.bounds(scenario, seeds, on_seed=on_seed)
     return {name: np.zeros(len(seeds)) for name in EPISODE_FIELDS} | {"return": returns}

@@ -1,8 +1,8 @@
-"""The stepped bar of the fuzzy override paper without chance: what laws of feed override are compared on.
+"""The stepped bar of the fuzzy override paper without randomness, to compare laws of feed override.
 
-Steel E295 on a 9 kW lathe, programmed feed 0.4 mm/rev, target load 60 % (preset `override`). Without spreads and noise, and with
-an edge that does not break. Force and power follow depth and feed at once: with a first-order lag of one turn, the first form of
-the fuzzy law would swing from one end of its range to the other even on a smooth bar, and the paper's did not.
+Steel E295 on a 9 kW lathe, programmed feed 0.4 mm/rev, target load 60 % (preset `override`), without spreads and noise, with an
+edge that does not break. Force and power follow depth and feed at once: with a lag of one turn, the first form of the fuzzy law
+would swing over its whole range even on a smooth bar, which the paper's did not.
 """
 
 from dataclasses import dataclass
@@ -22,12 +22,12 @@ STEPS = (1.0, 2.0, 3.0)
 def stepped_bar(
     depths: tuple[float, ...] = STEPS, bar_length: float = 100.0, ripple_period: float | None = None, chip_lag: float = 0.0
 ) -> Scenario:
-    """A bar in sections of equal length.
+    """Return the scenario of a bar in sections of equal length.
 
     Args:
         depths: depth of cut of each section [mm].
         bar_length: of all sections [mm].
-        ripple_period: of a ripple of depth, and so of load [s]; none: the bar is smooth.
+        ripple_period: of a ripple of depth, and so of load [s]; None for a smooth bar.
         chip_lag: of force and power behind feed and depth [rev].
     """
     values = Scenario.load("override").model_dump()
@@ -46,8 +46,8 @@ def stepped_bar(
 
 
 @dataclass(frozen=True)
-class Course:
-    """What happened on a bar; arrays over control intervals, at their ends."""
+class Trajectory:
+    """A bar turned by a policy; arrays over steps, at their ends."""
 
     time: NDArray[np.float64]
     """Since the start [s]."""
@@ -58,21 +58,22 @@ class Course:
     load: NDArray[np.float64]
     """True spindle load [-]."""
 
-    def after(self, time: float) -> "Course":
-        """The course from a time [s] on, in metal."""
-        kept = (self.time >= time) & (self.depth > 0.0)
-        return Course(self.time[kept], self.depth[kept], self.override[kept], self.load[kept])
+    def _where(self, kept: NDArray[np.bool_]) -> "Trajectory":
+        return Trajectory(self.time[kept], self.depth[kept], self.override[kept], self.load[kept])
 
-    def at_depth(self, depth: float, settled: float) -> "Course":
-        """What of it was at a depth of cut [mm], without the first seconds ``settled`` at each stay there."""
+    def after(self, time: float) -> "Trajectory":
+        """Return the part from a time [s] on, in metal."""
+        return self._where((self.time >= time) & (self.depth > 0.0))
+
+    def at_depth(self, depth: float, settled: float) -> "Trajectory":
+        """Return the parts at a depth of cut [mm], each without its first ``settled`` seconds."""
         there = np.isclose(self.depth, depth)
         arrivals = np.where(there & ~np.append(False, there[:-1]), self.time, -np.inf)
-        kept = there & (self.time >= np.maximum.accumulate(arrivals) + settled)
-        return Course(self.time[kept], self.depth[kept], self.override[kept], self.load[kept])
+        return self._where(there & (self.time >= np.maximum.accumulate(arrivals) + settled))
 
 
-def course(make_policy: PolicyFactory, scenario: Scenario) -> Course:
-    """Let a policy turn a bar."""
+def play_bar(make_policy: PolicyFactory, scenario: Scenario) -> Trajectory:
+    """Return the trajectory of a policy on a bar."""
     env, policy = RoughTurningEnv(scenario), make_policy(1)
     observation, _ = env.reset(seed=0)
     policy.reset(np.ones(1, np.bool_))
@@ -83,4 +84,4 @@ def course(make_policy: PolicyFactory, scenario: Scenario) -> Course:
         override = info["commanded_feed"] / scenario.control.initial_feed
         rows.append((time, info["depth_of_cut"], override, info["power"] / scenario.machine.rated_power))
         ended = terminated or truncated
-    return Course(*np.array(rows).T)
+    return Trajectory(*np.array(rows).T)

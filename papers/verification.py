@@ -1,4 +1,4 @@
-"""The fixed-parameter tests that Alaskari and Oraby (2018) set against their grid search: T1 to T9.
+"""The tests at fixed speed and feed with which Alaskari and Oraby (2018) compare their grid search: T1 to T9.
 
 The figures that gave their parameters are lost. The text (section "Experimental verification of the proposed strategy") gives
 the cutting speeds, how many times the grid search's removal rate is a test's, and of some tests how long the edge lasted, or how
@@ -9,7 +9,7 @@ many times the grid search's metal per edge is a test's. From these:
 * Every stated ratio of metal per edge is the ratio of rates times 15 min over a whole number of minutes. So the edge of the grid
   search was given 15 min, and T4, T8 and T9 lasted 11 (as the text says), 7 and 5 min. Yet no pair is feasible in the fifteenth
   minute of the grid search: its edge lasts 14.
-* Of T6 and T7 nothing is said but their cutting speed, 145 m/min. They are left out.
+* The paper says only the cutting speed of T6 and T7, 145 m/min. They are left out.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ COLLAPSE_TIME, COLLAPSE_FORCE = 6.25, 2690.0
 
 @dataclass(frozen=True)
 class VerificationTest:
-    """One speed and feed for the edge's whole life, and what the paper says of it."""
+    """One speed and feed for the edge's whole life, and the paper's statements on it."""
 
     name: str
     cutting_speed: float
@@ -56,7 +56,7 @@ TESTS = (
 
 
 def undisturbed(wear_factor: float = 1.0) -> Scenario:
-    """The published simulation made fit for the tests.
+    """Return the published simulation, extended for the tests.
 
     The spindle reaches the speed of T9, the edge does not break before it is worn (that of T4 would, just before 0.3 mm),
     episodes are long enough for T1, and an edge wears ``wear_factor`` times as much as the models say.
@@ -72,7 +72,7 @@ def undisturbed(wear_factor: float = 1.0) -> Scenario:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What an edge did at fixed parameters."""
+    """Result of an edge at fixed speed and feed."""
 
     rate: float
     """Removal rate [cm3/min]."""
@@ -86,7 +86,7 @@ class Outcome:
 
 
 def played(tests: Sequence[VerificationTest], wear_factor: float = 1.0) -> list[Outcome]:
-    """Play tests to the end of their edges, all with the same wear factor."""
+    """Play tests to the end of their edges, with the same wear factor."""
     scenario = undisturbed(wear_factor)
     speeds = np.array([test.cutting_speed for test in tests])
     feeds = np.array([test.feed for test in tests])
@@ -96,18 +96,18 @@ def played(tests: Sequence[VerificationTest], wear_factor: float = 1.0) -> list[
 
 
 def wear(test: VerificationTest, minutes: float) -> float:
-    """Wear of the nominal model after some cutting time [mm]."""
+    """Return the wear of the nominal model after a cutting time [mm]."""
     scenario = undisturbed()
     return float(scenario.material.wear(test.cutting_speed, test.feed, scenario.workpiece.depth_of_cut, time=minutes))
 
 
 def implied_wear_factor(test: VerificationTest, life: float) -> float:
-    """How many times as much as the nominal model an edge must wear to last ``life`` minutes [-]."""
+    """Return the factor on the nominal wear with which an edge lasts ``life`` minutes [-]."""
     return undisturbed().tool.wear_criterion / wear(test, life)
 
 
 def force_and_power(test: VerificationTest, flank_wear: float) -> tuple[float, float]:
-    """Thrust force [N] and power [kW] of the nominal model at a wear [mm]."""
+    """Return thrust force [N] and power [kW] of the nominal model at a wear [mm]."""
     scenario = undisturbed()
     laws, depth = scenario.material, scenario.workpiece.depth_of_cut
     force = laws.thrust_force(test.cutting_speed, test.feed, depth, wear=flank_wear)

@@ -29,7 +29,7 @@ MISTAKES: dict[str, list[str]] = {
     ],
     "turning_env map": ["nothing --wear 0.2 --out made.png", "forging --wear 0.2 --out made.txt"],
     "papers.reproduce": ["more"],
-    "baselines.tune": ["--scenario nothing", "--rules nobody", "--trials 0", "--draws 0", "--jobs 0", "--trials x"],
+    "baselines.tune": ["--scenario nothing", "--rules nobody", "--trials 0", "--seeds 0", "--jobs 0", "--trials x"],
     "papers.figures": ["--only nothing", "--format gif"],
     **{
         f"train.{name}": ["--scenario nothing", "--env nothing", "--seed -1", "--steps 0", "--steps 1 --runs file"]

@@ -16,7 +16,7 @@ PROGRAMS = [block.text for block in blocks(README) if block.language == "python"
 # In this order: the last changes what is compiled.
 TUTORIALS = ("ten_minutes", "train", "submit_a_policy", "add_a_controller", "add_a_material")
 # What is not done here, and where it is.
-ELSEWHERE = {"python -m papers.reproduce": "tests/baselines/test_reproduce.py"}
+ELSEWHERE = {"python -m papers.reproduce": "tests/papers/test_reproduce.py"}
 # What makes a command small: options added to it, words replaced in it.
 SMALLER: Smaller = {
     "make leaderboard": ("STEPS=20000 DRAWS=1 RUNS=few-runs RESULTS=few-results", {}),
@@ -24,7 +24,7 @@ SMALLER: Smaller = {
     "make rows": ("BOARD_DRAWS=2 SHIPPED=few-agents ROWS=few-rows ENVS=RoughTurning-Surface-v0", {}),
     "make verify": ("VERIFY='--draws 2 --env RoughTurning-Surface-v0'", {}),
     "python -m train.ppo": ("--steps 20000", {}),
-    "python -m baselines.tune": ("--draws 1 --trials 2", {"rough_turning": "short.toml"}),
+    "python -m baselines.tune": ("--seeds 1 --trials 2", {"rough_turning": "short.toml"}),
     "python -m leaderboard run --policies steady_load": ("--scenario short.toml", {}),
     "python -m leaderboard run --agents": ("--policies fixed_tuned grid_search", {}),  # ``make leaderboard`` plays all
     "python -m leaderboard run": ("--draws 2", {}),

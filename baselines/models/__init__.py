@@ -1,4 +1,4 @@
-"""What several controllers share: nominal process models, filters, measured scales, the price of an edge's life.
+"""Models that several controllers share: nominal process, filters, measured scales, price of edge life.
 
 A controller itself is a file in ``baselines``.
 """

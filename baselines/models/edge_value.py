@@ -1,18 +1,18 @@
-"""What an edge's life is worth: the price of used life that makes the most of a whole edge.
+"""The price of edge life that maximises the return of a whole edge.
 
-An edge is charged as its life is used, at a price that is the same for all its life. But a fresh edge removes metal faster than
-time costs, and a worn one does not: its life is worth saving at first, and no more towards the end. The return of a whole edge is
-greatest if at every used share D of its life the set point maximises
+The environment charges used life at a constant price. But a fresh edge removes metal faster than time costs, and a worn one does
+not: life is worth saving at first, and not towards the end. The return of a whole edge is greatest if at every used share D of
+its life the set point maximises
 
     value of metal - time - overload - p(D) dD/dt
 
-where p(D) is the price at which the best set points, averaged over bars, gain nothing: dynamic programming over D, with one
-equation per D, as the edge's life runs down whatever is done (Bellman 1957). The price that is charged does not enter: a whole
-edge costs the same whatever is done with it. A slower or faster insert needs no other price if dD is counted at the nominal rate.
+where p(D) is the price at which the best set points, averaged over bars, gain nothing. This is dynamic programming over D, with
+one equation per D, as the edge's life only runs down (Bellman 1957). The charged price does not enter, as a whole edge costs the
+same whatever is done with it. A slower or faster insert needs no other price if dD is counted at the nominal rate.
 
-Where edges are changed and time is limited, a second costs what could be earned in it elsewhere, which is found so that a whole
-edge, its price and its change pay for all the time they take. Where they are changed on command, life that is worth nothing need
-not be used: the price is never below 0, and the edge is best changed where it reaches 0.
+Where edges are changed and time is limited, a second costs what could be earned in it elsewhere: that at which a whole edge pays
+for its price, its change and all the time they take. Where edges are changed on command, worthless life need not be used: the
+price is never below 0, and the edge is best changed where it reaches 0.
 """
 
 from typing import NamedTuple
@@ -29,34 +29,29 @@ Array = NDArray[np.float64]
 USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]
 """Shares of the life [-] at which the price is computed."""
 SPREAD = 0.03
-"""Log standard deviation of force and power that a controller does not know (assumption: about what a filter reaches)."""
+"""Log standard deviation of force and power about their estimates (assumption: about that of a filter)."""
 _SETTINGS = (40, 60)  # cutting speeds and feeds that are tried
 _ITERATIONS = 30  # of Dinkelbach's, which converges faster than linearly
 _MAX_TIME_PRICE = 100.0
 
 
 def expected_excess(log_mean: Array, spread: Array | float) -> Array:
-    """Expectation of max(X - 1, 0) where X is log-normal with this mean and this standard deviation, above 0, of log X."""
+    """Return the expectation of max(X - 1, 0), where log X is normal with this mean and this standard deviation, above 0."""
     ratio = log_mean / spread
     return np.asarray(np.exp(log_mean + 0.5 * np.square(spread)) * ndtr(ratio + spread) - ndtr(ratio))
 
 
 class Worth(NamedTuple):
-    """What time and life are worth."""
+    """Prices of time and life."""
 
     time: float
-    """Price of a second [s]: 1, or where time is limited what could be earned in it."""
+    """Price of a second [s]: 1, or what could be earned in it where time is limited."""
     life: Array
     """Price p(D) of a whole life [s] at each of ``USED_LIVES``."""
 
 
-def prices_of_life(scenario: Scenario, overload_price: float) -> Array:
-    """Price p(D) of a whole life [s] at each of ``USED_LIVES``, if overload has this price [s per s and relative excess of 1]."""
-    return worth(scenario, overload_price).life
-
-
 def worth(scenario: Scenario, overload_price: float) -> Worth:
-    """The prices of time and life, if overload has this price [s per s and relative excess of 1]."""
+    """Return the prices of time and life for a price of overload [s per s and relative excess of 1]."""
     value, rate, weight = _outcomes(scenario, overload_price)
     if scenario.control.edge_changes == "end":
         return Worth(1.0, _prices(value - 1.0, rate, weight))
@@ -76,7 +71,7 @@ def worth(scenario: Scenario, overload_price: float) -> Worth:
 
 
 def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, Array]:
-    """Value of metal less overload [-], and life used [1/s], for used lives, bars and set points; weights of the bars.
+    """Return the value of metal less overload [-] and the life used [1/s], for used lives, bars and set points, and bar weights.
 
     Bars are the nodes of a Gauss-Hermite rule of three points for the deviations of depth and of hardness.
     """
@@ -102,7 +97,7 @@ def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, 
 
 
 def _prices(gain: Array, rate: Array, weight: Array) -> Array:
-    """The price at which the best gains, averaged over bars, are nothing, for each used life (Dinkelbach 1967)."""
+    """Return the price at which the best gains, averaged over bars, are 0, for each used life (Dinkelbach 1967)."""
     price = np.zeros(len(gain))
     for _ in range(_ITERATIONS):
         best = np.argmax(gain - price[:, np.newaxis, np.newaxis] * rate, axis=2)[..., np.newaxis]

@@ -1,15 +1,15 @@
-"""An extended Kalman filter of what loads the tool: depth of cut, hardness and the wear of the insert.
+"""An extended Kalman filter of depth of cut, hardness and the wear factor of the insert.
 
-Measured thrust force and power are power laws of all three, so their logarithms over the nominal model's are nearly linear:
+Measured thrust force and power are power laws of all three, so their log ratios to the nominal model are nearly linear:
 
     log ratio = c log(depth / nominal) + h log(hardness) + e log(wear factor) + noise
 
-Force and power weigh the three differently, and what separates them further is how they change: depth and hardness vary along
-the bar and are drawn anew with every bar, while the wear factor stays with the insert. Each field is taken for a stationary
-process whose slope exists (Matern 3/2: value and slope, correlation (1 + a) exp(-a), a = rate times distance). Its variance is
-that of the scenario's spreads together, its rate that at which the slope has the mean square of the field along a bar.
+Force and power weigh the three differently. Depth and hardness vary along the bar and are new with every bar, while the wear
+factor stays with the insert. Depth and hardness are modelled as stationary processes with a slope (Matern 3/2: correlation
+(1 + a) exp(-a), a = rate times distance). The variance is that of the scenario's spreads together; the rate follows from the mean
+square slope along a bar.
 
-The filter keeps its own odometer, from which it knows when the next bar begins: the observation does not tell the position.
+The filter integrates the travelled distance to know when the next bar begins: the observation does not hold the position.
 """
 
 from typing import NamedTuple
@@ -26,24 +26,24 @@ DEPTH, DEPTH_SLOPE, HARDNESS, HARDNESS_SLOPE, WEAR = range(5)
 SLOPE = 1.603
 """Root mean square slope of noise along a bar, times correlation length over spread: sqrt(pi/2 + 1) for the fields' nodes."""
 MIN_DEPTH = 0.05
-"""Share of the nominal depth below which none is expected [-]: the logarithm has no linear approximation near 0."""
+"""Least expected depth over the nominal depth [-]: the logarithm has no linear approximation near 0."""
 MAX_SPREAD = 1.0
-"""Standard deviation of the logarithm of a load above which none is told [-]: the linear approximation says no more then."""
+"""Upper bound of the log standard deviation of a load [-]: the linear approximation fails beyond it."""
 MIN_READING = 0.01
-"""Share of the expected reading below which none is believed [-]: it tells of no cut, whatever the control says."""
+"""Share of the expected reading below which a reading is ignored [-]: the tool does not cut."""
 READING_DOUBT = 1e-3
-"""Log standard deviation of a reading beside its noise [-] (assumption): what happens within an interval is not known exactly."""
+"""Log standard deviation of a reading beside its noise [-] (assumption): the filter does not resolve a step exactly."""
 
 
 class Outlook(NamedTuple):
-    """What the filter expects at points ahead of the tool; every field has shape (lanes, points)."""
+    """Expected loads at points ahead of the tool; every field has shape (num_envs, points)."""
 
     depth_of_cut: Array
     """[mm]"""
     log_hardness: Array
     """[-]"""
     log_force: Array
-    """Logarithm of thrust force over the nominal model's at nominal wear [-]."""
+    """Log ratio of thrust force to the nominal model at nominal wear [-]."""
     log_power: Array
     """Likewise of power [-]."""
     force_spread: Array
@@ -53,11 +53,11 @@ class Outlook(NamedTuple):
 
 
 class LoadFilter:
-    """Estimates the states of many lanes from their readings.
+    """Estimates depth, hardness and wear factor of many environments from their readings.
 
     Args:
-        scenario: what is played; its models, spreads, lags and geometry are what a control is told.
-        lanes: how many lanes it follows.
+        scenario: task, with its nominal models, spreads, lags and geometry.
+        num_envs: number of environments.
     """
 
     def __init__(self, scenario: Scenario, num_envs: int) -> None:
@@ -70,7 +70,7 @@ class LoadFilter:
         spread = np.hypot(along, bar)
         slope = SLOPE * along / np.array([work.depth_correlation_length, work.hardness_correlation_length])
         self._rates = np.divide(slope, spread, out=np.zeros(2), where=spread > 0)
-        # Depth and hardness of the bars that an edge has cut have worn it otherwise than the nominal model thinks.
+        # The wear of an edge also differs from the nominal by the depth and hardness of the bars that it has cut.
         self._history = (wear.depth_of_cut * spread[0]) ** 2 + (wear.hardness * spread[1]) ** 2
         insert = scenario.tool.wear_factor_spread**2
         self._prior = np.array([spread[0], slope[0], spread[1], slope[1], 0.0]) ** 2
@@ -84,8 +84,8 @@ class LoadFilter:
         self._pitch = work.bar_length + work.approach
         self._mean = np.zeros((num_envs, 5))
         self._covariance = np.zeros((num_envs, 5, 5))
-        self._expected = np.zeros((num_envs, 2))  # force [N] and power [kW] of the nominal model behind the sensors' lags
-        self._path = np.zeros(num_envs)  # air and metal [mm]
+        self._expected = np.zeros((num_envs, 2))  # nominal force [N] and power [kW] behind the sensors' lags
+        self._path = np.zeros(num_envs)  # travelled distance in air and metal [mm]
         self._speed = np.zeros(num_envs)  # at the last reading [m/min]; 0 before the first
         self._feed = np.zeros(num_envs)  # likewise [mm/rev]
         self._cutting_time = np.zeros(num_envs)  # likewise [min]
@@ -93,36 +93,37 @@ class LoadFilter:
         """Whether the present bar has been measured."""
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Before the first bar again, with an insert that nothing is known of."""
+        """Return to the start of the first bar and to the prior."""
         self._mean[mask] = 0.0
         self._covariance[mask] = np.diag(self._prior)
         self._path[mask] = 0.0
         self._speed[mask] = 0.0
         self._cutting_time[mask] = 0.0
-        self._forget_loads(mask)
+        self._expected[mask] = 0.0
+        self.measured[mask] = False
 
     @property
     def along(self) -> Array:
-        """Position from the start of the present bar's approach [mm], shape (lanes,)."""
+        """Position from the start of the present bar's approach [mm], shape (num_envs,)."""
         return self._path - self._pitch * np.floor(self._path / self._pitch)
 
     @property
     def log_wear_factor(self) -> Array:
-        """Expected logarithm of the wear over the nominal model's [-], shape (lanes,)."""
+        """Expected log ratio of wear to the nominal model [-], shape (num_envs,)."""
         return self._mean[:, WEAR]
 
     @property
     def wear_doubt(self) -> Array:
-        """Standard deviation of that logarithm [-], shape (lanes,)."""
+        """Standard deviation of the log wear factor [-], shape (num_envs,)."""
         return np.sqrt(np.maximum(self._covariance[:, WEAR, WEAR], 0.0))
 
     def observe(self, reading: Reading) -> None:
-        """Move on to a reading, and learn from it."""
+        """Move on to a reading and correct the estimate by it."""
         first = self._speed == 0.0
         fresh_edge = reading.cutting_time < self._cutting_time
         self._change_edges(fresh_edge)
         moved = np.where(first, 0.0, self._moved(reading))
-        # An edge that is found worn or broken ends its interval, somewhere.
+        # An edge that is found worn or broken ends the step early, somewhere.
         moved *= np.where(fresh_edge & (reading.cutting_time == 0.0), 0.5, 1.0)
         bar = np.floor(self._path / self._pitch)
         self._path = self._on_track(self._path + moved, reading.cutting)
@@ -138,14 +139,14 @@ class LoadFilter:
         self._speed, self._feed, self._cutting_time = reading.cutting_speed, reading.feed, reading.cutting_time
 
     def ahead(self, distance: Array) -> Outlook:
-        """What to expect so far ahead [mm], shape (lanes, points), of the present bar."""
+        """Return the outlook on the present bar at distances ahead [mm], shape (num_envs, points)."""
         transition, growth = self._transition(distance)
         mean = np.einsum("nkij,nj->nki", transition, self._mean)
         covariance = transition @ self._covariance[:, np.newaxis] @ transition.swapaxes(-1, -2) + growth
         return self._outlook(mean, covariance)
 
     def next_bar(self) -> Outlook:
-        """What to expect of a bar that has not been measured, at one point."""
+        """Return the outlook on an unmeasured bar, at one point."""
         mean = np.zeros_like(self._mean)
         mean[:, WEAR] = self._mean[:, WEAR]
         covariance = np.zeros_like(self._covariance) + np.diag(self._prior)
@@ -153,7 +154,7 @@ class LoadFilter:
         return self._outlook(mean[:, np.newaxis], covariance[:, np.newaxis])
 
     def _moved(self, reading: Reading) -> Array:
-        """Path since the last reading [mm], from what the drives did to follow their commands."""
+        """Return the distance since the last reading [mm], from the drives' response to their commands."""
         speed = reading.commanded_cutting_speed[:, np.newaxis]
         feed = reading.commanded_feed[:, np.newaxis]
         speed = speed + (self._speed[:, np.newaxis] - speed) * self._spindle_left
@@ -161,7 +162,7 @@ class LoadFilter:
         return np.asarray(self._sub_step * feed_velocity(self._scenario, speed, feed).sum(axis=1))
 
     def _on_track(self, path: Array, cutting: NDArray[np.bool_]) -> Array:
-        """The path [mm], put right where the tool is said to cut in the air before a bar, or to be in the air within one."""
+        """Return the distance [mm], corrected where the reading contradicts it on whether the tool cuts."""
         approach = self._scenario.workpiece.approach
         start = self._pitch * np.floor(path / self._pitch)
         along = path - start
@@ -172,7 +173,7 @@ class LoadFilter:
         return np.where(cutting & in_air, leaves, np.where(~cutting & ~in_air, enters, path))
 
     def _enter_bars(self, mask: NDArray[np.bool_]) -> None:
-        """Forget depth and hardness, but not the wear."""
+        """Return depth and hardness to the prior; keep the wear factor."""
         doubt = self._covariance[mask, WEAR, WEAR]
         self._covariance[mask] = np.diag(self._prior)
         self._covariance[mask, WEAR, WEAR] = doubt
@@ -180,19 +181,15 @@ class LoadFilter:
         self.measured[mask] = False
 
     def _change_edges(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the wear, but not depth and hardness."""
+        """Return the wear factor to the prior; keep depth and hardness."""
         self._mean[mask, WEAR] = 0.0
         self._covariance[mask, WEAR, :] = 0.0
         self._covariance[mask, :, WEAR] = 0.0
         self._covariance[mask, WEAR, WEAR] = self._prior[WEAR]
         self._expected[mask] = 0.0
 
-    def _forget_loads(self, mask: NDArray[np.bool_]) -> None:
-        self._expected[mask] = 0.0
-        self.measured[mask] = False
-
     def _transition(self, distance: Array) -> tuple[Array, Array]:
-        """Transition matrices and the covariances that they add, over distances [mm]; shape distance.shape + (5, 5)."""
+        """Return transition matrices and added covariances over distances [mm], shape (*distance.shape, 5, 5)."""
         transition = np.zeros((*distance.shape, 5, 5))
         growth = np.zeros((*distance.shape, 5, 5))
         for rate, first in zip(self._rates, (DEPTH, HARDNESS), strict=True):
@@ -206,7 +203,7 @@ class LoadFilter:
         return transition, growth
 
     def _loads(self, mean: Array) -> tuple[Array, Array]:
-        """Log force and power over the nominal model's, shape (..., 2), and their derivatives, shape (..., 2, 5)."""
+        """Return the log ratios of force and power to the nominal model, (..., 2), and their derivatives, (..., 2, 5)."""
         depth = np.maximum(1.0 + mean[..., DEPTH], MIN_DEPTH)
         factors = np.stack([np.log(depth), mean[..., HARDNESS], mean[..., WEAR]], axis=-1)
         derivatives = np.zeros((*depth.shape, 2, 5))
@@ -222,7 +219,7 @@ class LoadFilter:
         return Outlook(depth, mean[..., HARDNESS], loads[..., 0], loads[..., 1], spreads[..., 0], spreads[..., 1])
 
     def _learn(self, reading: Reading, time_in_metal: Array) -> None:
-        """Correct mean and covariance by measured force and power."""
+        """Correct the estimate by measured force and power."""
         material, depth = self._scenario.material, self._scenario.workpiece.depth_of_cut
         cutting = reading.cutting & (reading.nominal_wear > 0.0)
         wear = np.where(cutting, reading.nominal_wear, self._scenario.tool.wear_criterion)
@@ -244,8 +241,13 @@ class LoadFilter:
         self.measured |= good.any(axis=1)
 
     def _correct(self, derivatives: Array, surprise: Array, variance: Array) -> None:
-        """Correct mean and covariance by what measurements of these derivatives, (lanes, k, 5), were beyond what was expected of
-        them, (lanes, k); variance of their noise: (lanes, k)."""
+        """Correct the estimate by k measurements.
+
+        Args:
+            derivatives: of the measurements by the states, shape (num_envs, k, 5).
+            surprise: measured less expected, shape (num_envs, k).
+            variance: of the measurements' noise, likewise.
+        """
         spread = derivatives @ self._covariance @ derivatives.swapaxes(1, 2)
         measurements = np.arange(surprise.shape[1])
         spread[:, measurements, measurements] += variance
@@ -256,11 +258,11 @@ class LoadFilter:
 
 
 def feed_velocity(scenario: Scenario, cutting_speed: Array, feed: Array) -> Array:
-    """Velocity along the bar [mm/s] at a cutting speed [m/min] and a feed [mm/rev]."""
+    """Return the feed velocity [mm/s] at a cutting speed [m/min] and a feed [mm/rev]."""
     return cutting_speed * feed * (1000.0 / (60.0 * np.pi * scenario.workpiece.diameter))
 
 
 def decay(time: Array, time_constant: float | Array) -> Array:
-    """What is left of a deviation after a time [s] behind a first-order lag [s], 0 for none; arrays broadcast."""
+    """Return the remaining share of a deviation after a time [s] behind a first-order lag [s], 0 for none; arrays broadcast."""
     lag = np.asarray(time_constant, np.float64)
     return np.where(lag > 0, np.exp(-time / np.where(lag > 0, lag, 1.0)), np.where(time > 0, 0.0, 1.0))

@@ -1,28 +1,27 @@
-"""What a feed override acts on: the cutting speed and feed of a part program, as controls that move feed alone have them."""
+"""The part program on which a feed override acts: a programmed cutting speed and feed."""
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rule import Parameters, Range
-from turning_env import Reading, Scenario
+from turning_env import Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
-from turning_env.score.policy import Actions
-
-SPEED_AND_TARGET = {"cutting_speed": Range(50.0, 200.0), "target": Range(0.5, 1.0)}
-"""What is tuned of every control of spindle load where the program is its own: the programmed cutting speed [m/min], clipped to
-the machine, and the target load, as a share of the one at the power limit [-]."""
-
+from turning_env.score.policy import Actions, Observations, Policy
 
 PROGRAM = {"cutting_speed": Range(50.0, 200.0), "feed": Range(0.06, 0.60, logarithmic=True)}
-"""What is tuned of a part program where speed and feed are set."""
+"""Tuned parameters of a part program where an action sets speed and feed [m/min], [mm/rev], clipped to the machine."""
+SPEED_AND_TARGET = {"cutting_speed": PROGRAM["cutting_speed"], "target": Range(0.5, 1.0)}
+"""Tuned parameters of a load controller with its own program: cutting speed, and target load over the load at the power limit."""
 
 
 class PartProgram:
     """A programmed cutting speed and feed, and the range of the override [-]: 0 to ``control.override_max``.
 
     Args:
-        scenario: what is played.
-        parameters: ``cutting_speed`` [m/min] and ``feed`` [mm/rev] where the program is to differ from the scenario's.
+        scenario: task.
+        parameters: ``cutting_speed`` [m/min] and ``feed`` [mm/rev], by default the scenario's initial ones.
     """
 
     def __init__(self, scenario: Scenario, parameters: Parameters) -> None:
@@ -35,13 +34,13 @@ class PartProgram:
         self.override_max = control.override_max
 
     def override(self, reading: Reading) -> NDArray[np.float64]:
-        """The override that is commanded at present [-], shape (lanes,): the commanded feed over the programmed one."""
+        """Return the commanded override [-], shape (num_envs,): commanded over programmed feed."""
         return np.clip(reading.commanded_feed / self.feed, 0.0, self.override_max)
 
     def act(self, reading: Reading, override: NDArray[np.float64], change_edge: NDArray[np.bool_] | None = None) -> Actions:
-        """The actions that command the programmed cutting speed, and the programmed feed times an override [-].
+        """Return the actions that command the programmed cutting speed, and the programmed feed times an override [-].
 
-        What lies outside the ranges of override and feed is clipped. ``change_edge``: see ``turning_env.action.towards``.
+        Override and feed are clipped to their ranges. ``change_edge``: see ``turning_env.action.towards``.
         """
         machine = self.scenario.machine
         feed = np.clip(override, 0.0, self.override_max) * self.feed
@@ -49,21 +48,54 @@ class PartProgram:
         return towards(reading, self.scenario, np.full(len(feed), self.cutting_speed), feed, change_edge)
 
 
+class OverrideLaw:
+    """A controller without state: the override follows from the reading.
+
+    Args:
+        program: part program.
+        law: returns the new override [-], shape (num_envs,), for a reading and the commanded override.
+    """
+
+    def __init__(self, program: PartProgram, law: Callable[[Reading, NDArray[np.float64]], NDArray[np.float64]]) -> None:
+        self._program, self._law = program, law
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Do nothing: there is no state."""
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
+        reading = read(observations, self._program.scenario)
+        return self._program.act(reading, self._law(reading, self._program.override(reading)))
+
+
+def on_program(controller: Callable[..., Policy]) -> Callable[[Scenario, int, Parameters], Policy]:
+    """Return the ``build`` of a rule whose policy is ``controller(program, num_envs, **parameters)``.
+
+    The program takes its cutting speed and feed from the rule's parameters; the controller gets the others.
+    """
+
+    def build(scenario: Scenario, num_envs: int, parameters: Parameters) -> Policy:
+        others = {name: value for name, value in parameters.items() if name not in PROGRAM}
+        return controller(PartProgram(scenario, parameters), num_envs, **others)
+
+    return build
+
+
 def target_load(scenario: Scenario, share: float) -> float:
-    """The spindle load [-] that a share of the power limit is."""
+    """Return the spindle load [-] at a share of the power limit."""
     return share * scenario.limits.power / scenario.machine.rated_power
 
 
 def on_override(scenario: Scenario) -> bool:
-    """Whether the feed override alone is set, with metal to be removed: what such controls are made for."""
+    """Return whether an action sets the feed override alone, and metal removal is rewarded."""
     return scenario.control.action == "override" and scenario.control.aim == "removal"
 
 
 def on_speed_and_feed(scenario: Scenario) -> bool:
-    """Whether speed and feed are set, with metal to be removed, so that the part program is the control's own to choose."""
+    """Return whether an action sets speed and feed, so that the controller chooses the program, and metal removal is rewarded."""
     return sets_speed_and_feed(scenario) and scenario.control.aim == "removal"
 
 
 def on_roughness(scenario: Scenario) -> bool:
-    """Whether the feed override alone is set, with a roughness to be held."""
+    """Return whether an action sets the feed override alone, and a roughness is to be held."""
     return scenario.control.action == "override" and scenario.control.aim == "roughness"

@@ -1,18 +1,18 @@
-"""By how much measured force and power differ from a model's, lane by lane."""
+"""Ratios of measured force and power to a model's."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 MIN_SCALE = 0.1
-"""Least measured over predicted force and power that is believed [-]: no lathe cuts with a tenth of the nominal force."""
+"""Lower bound of a scale [-]: no lathe cuts with a tenth of the nominal force."""
 
 
 class Scales:
-    """Smoothed ratios of measured over predicted force and power.
+    """Smoothed ratios of measured to predicted force and power.
 
     Args:
-        lanes: how many lanes are followed.
-        smoothing: share of the distance to the newest ratio by which a scale moves [-].
+        num_envs: number of environments.
+        smoothing: weight of the newest ratio [-].
     """
 
     def __init__(self, num_envs: int, smoothing: float) -> None:
@@ -20,14 +20,14 @@ class Scales:
         self._force, self._power = np.ones(num_envs), np.ones(num_envs)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Back to the model."""
+        """Return to the model's force and power."""
         self._force[mask] = 1.0
         self._power[mask] = 1.0
 
     def follow(
         self, mask: NDArray[np.bool_], force_ratio: NDArray[np.float64], power_ratio: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Move the scales of some lanes towards new ratios; return those of force and power that are believed [-], of all."""
+        """Move the scales of the masked environments towards new ratios; return all scales of force and power [-]."""
         gain = np.where(mask, self._smoothing, 0.0)
         self._force += gain * (force_ratio - self._force)
         self._power += gain * (power_ratio - self._power)

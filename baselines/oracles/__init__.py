@@ -1,4 +1,4 @@
-"""Bounds on what any policy can earn, and oracles that are told what no policy sees.
+"""A bound on what any policy can earn, and an oracle that is told the hidden state.
 
-Nothing here is a policy; controllers that act on observations belong in ``baselines``.
+Neither is a policy. Controllers that act on observations belong in ``baselines``.
 """

@@ -1,18 +1,17 @@
-"""The clairvoyant bound: the most that one edge, or one job, can earn if every bar is known beforehand and nothing lags.
+"""The clairvoyant bound: the greatest return of one edge, or one job, if every bar is known beforehand and nothing lags.
 
-Dynamic programming over cells of the bars (Bellman 1957). The fields are the true ones of the draw, looked up in the middle of
-each cell by the transition's own functions; commands take effect at once; no force breaks the edge. The volume of a cell is
-fixed, so what is left of the state is the used share of the edge's life, D:
+Dynamic programming over cells of the bars (Bellman 1957). The fields are those of the seed, looked up in the middle of each cell
+by the transition's own functions; commands take effect at once; no force breaks the edge. The volume of a cell is fixed, so the
+used share of the edge's life, D, is the whole state:
 
     V(i, D) = max over cutting speed and feed of  gain of cell i at D + V(i + 1, D + life used in the cell)
 
-with V = 0 where the edge is worn out or the job is done. Per cell and D a ladder of cutting speeds is tried, each with feeds
-around the one at which force or power reaches its limit: below it time is wasted, beyond it overload is paid. Wear, and hence the
-loads, are those at the cell's start, when the edge is sharper than in the rest of it, which errs to the safe side. Air is crossed
-at the highest speed and feed.
+with V = 0 where the edge is worn out or the job is done. Each cell and D tries a ladder of cutting speeds, each with feeds around
+the one at which force or power reaches its limit: below it time is wasted, beyond it overload is paid. Wear and loads are those
+at the cell's start, where the edge is sharpest, which errs to the safe side. Air is crossed at the highest speed and feed.
 
-What is relaxed can only help, so no policy earns more, but for the steps of the grids: see ``TOLERANCE``. A time limit is not
-looked at: it must be one that only policies reach which earn little.
+Relaxations only help, so no policy earns more, but for the steps of the grids: see ``TOLERANCE``. A time limit is ignored: it
+must be one that only policies with a low return reach.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,26 +28,25 @@ from turning_env.physics.records import STATE, new_records, scratch_records
 Array = NDArray[np.float64]
 
 TOLERANCE = 0.005
-"""By which the grids may leave the bound too low, as a share of the machine time [-]."""
+"""Error of the grids, by which the bound may be too low, over the machine time [-]."""
 MIN_TIME_LIMIT = 30.0
-"""Machine time [min] that an endless row of bars must be given for the limit to be ignored (assumption: where it earns most, an
-edge is worn out in about a quarter of an hour)."""
-_BARS = 8  # of an endless row that are looked at first
+"""Least time limit [min] of an endless row of bars that is ignored (assumption: at best, an edge lasts a quarter of an hour)."""
+_BARS = 8  # of an endless row at first
 _FEEDS = np.array([-0.3, -0.1, 0.0, 0.03, 0.08, 0.16, 0.3])  # log steps from the feed at the limit
 
 
 class Grid(NamedTuple):
-    """How fine the bound is computed."""
+    """Grid of the dynamic programming."""
 
     cell: float = 5.0
-    """Length of a cell [mm], at most."""
+    """Greatest length of a cell [mm]."""
     lives: int = 240
     """Steps of the used share of the edge's life."""
     speeds: int = 16
     """Cutting speeds of the ladder."""
 
     def halved(self) -> "Grid":
-        """Every step half as long."""
+        """Return the grid with steps half as long."""
         return Grid(0.5 * self.cell, 2 * self.lives, 2 * self.speeds)
 
 
@@ -56,7 +54,7 @@ GRID = Grid()
 
 
 def covers(scenario: Scenario) -> bool:
-    """Whether the bound is one for a scenario: one edge, removal as the aim, set by the interval, wear by equivalent time."""
+    """Return whether the bound holds for a scenario: one edge, removal as the aim, actions per step, wear by equivalent time."""
     control = scenario.control
     enough_time = scenario.workpiece.bars > 0 or control.time_limit >= MIN_TIME_LIMIT
     return (
@@ -69,16 +67,16 @@ def covers(scenario: Scenario) -> bool:
 
 
 def bounds(
-    scenario: Scenario, seeds: Sequence[int], grid: Grid = GRID, on_draw: Callable[[], None] = lambda: None, threads: int = 2
+    scenario: Scenario, seeds: Sequence[int], grid: Grid = GRID, on_seed: Callable[[], None] = lambda: None, threads: int = 2
 ) -> Array:
-    """The bound on the return [s] of each draw's first episode, shape (len(seeds),).
+    """Return the bound on the return [s] of each seed's first episode, shape (len(seeds),).
 
     Args:
-        scenario: what is played.
-        seeds: the draws.
-        grid: how fine.
-        on_draw: called after each draw.
-        threads: draws that are computed at a time; the values do not depend on it.
+        scenario: task.
+        seeds: of the episodes.
+        grid: of the dynamic programming.
+        on_seed: called after each seed.
+        threads: seeds computed at a time; the values do not depend on it.
 
     Raises:
         ValueError: the scenario is not covered.
@@ -90,7 +88,7 @@ def bounds(
 
     def bound(seed: int) -> float:
         value = _bound(scenario, seed, grid)
-        on_draw()
+        on_seed()
         return value
 
     with ThreadPoolExecutor(threads) as pool:
@@ -98,7 +96,7 @@ def bounds(
 
 
 def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:
-    """The bound of one draw."""
+    """Return the bound of one seed."""
     work, control, machine = scenario.workpiece, scenario.control, scenario.machine
     scratch = scratch_records(scenario)
     # Run-out depends on how often the spindle has turned: no load is lower, and no metal more, than at its best.

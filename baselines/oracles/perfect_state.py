@@ -1,11 +1,10 @@
-"""The causal reference: what control can do that knows the present perfectly, and of what is to come only what it is like.
+"""The causal oracle: the optimiser with foresight, told the true present state.
 
-It is the optimiser with foresight (``predictive.py``), whose filter is told the true depth of cut, hardness and wear at the tool
-after every interval. It does not know how depth and hardness go on from there, nor what the next bar is like. What it earns less
-than the clairvoyant bound is the price of not foreseeing; what a policy of observations earns less than it is the price of not
-knowing, if that policy controls as well.
+Its filter gets the true depth of cut, hardness and wear at the tool after every step. It does not know how depth and hardness go
+on from there, nor the next bar. The clairvoyant bound less its return is the cost of not foreseeing. Its return less that of a
+policy is the cost of not knowing, if that policy controls as well.
 
-It is no policy: it is told what no control can measure, so it is never ranked as one.
+It is not a policy, since no control can measure what it is told, and is never ranked as one.
 """
 
 from collections.abc import Mapping
@@ -19,18 +18,18 @@ from baselines.predictive import Predictive
 from turning_env import Reading, Scenario
 
 DOUBT = 1e-3
-"""Standard deviation with which the truth is told [-]: of relative depth, log hardness and log wear factor alike."""
+"""Standard deviation of the told state [-]: of relative depth, log hardness and log wear factor."""
 _TOLD = np.eye(5)[[DEPTH, HARDNESS, WEAR]]
 
 
 class ToldFilter(LoadFilter):
-    """A load filter that learns the truth at the tool, too. Slopes along the bar follow from one truth after another."""
+    """A load filter that also learns the true state at the tool. Slopes along the bar follow from successive true states."""
 
     truth: Mapping[str, Any]
-    """``info`` of the vector environment, as it came with the observations that are to be read next."""
+    """``info`` of the vector environment that came with the next observations."""
 
     def observe(self, reading: Reading) -> None:
-        """Move on to a reading, and learn from it and from the truth."""
+        """Move on to a reading and correct the estimate by it and by the truth."""
         super().observe(reading)
         scenario, truth = self._scenario, self.truth
         told = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
@@ -46,17 +45,17 @@ class ToldFilter(LoadFilter):
 
 
 class PerfectState(Predictive):
-    """``Predictive`` on true states, which has to be told them before every action."""
+    """``Predictive`` on true states, which ``tell`` gives it before every action."""
 
     def __init__(self, scenario: Scenario, num_envs: int) -> None:
         super().__init__(scenario, num_envs, severity=1.0, caution=1.0)
         self._filter: ToldFilter = ToldFilter(scenario, num_envs)
 
     def tell(self, infos: Mapping[str, Any]) -> None:
-        """Tell the ``infos`` that came with the observations to be acted on next."""
+        """Take the ``infos`` that came with the next observations."""
         self._filter.truth = infos
 
 
 def covers(scenario: Scenario) -> bool:
-    """Whether a scenario offers the actions and inputs that it needs."""
+    """Return whether a scenario has the actions and inputs that it needs."""
     return plays(scenario)

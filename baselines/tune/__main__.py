@@ -1,12 +1,11 @@
-"""Tunes the rules on tuning draws, all with the same stated budget, and writes what it found to ``baselines/tuned/``.
+"""Tune the rules on tuning seeds, all with the same budget, and write the best parameters to ``baselines/tuned/``.
 
     python -m baselines.tune
     python -m baselines.tune --scenario forging --rules fixed_tuned rescaled_grid_search
 
-Every rule gets the same number of trials on the same draws, however many parameters it has. What they amount to in episodes and
-control intervals is written down with the result; an agent's budget, to compare with, is ``intervals`` in
-``train/hyperparameters/ppo.toml``. How a rule is tuned: ``baselines/tune/study.py``. Interrupted, the same command goes on.
-With ``--jobs`` or ``--scheduler`` rules are tuned side by side, to the same file (docs/scaling.md).
+Every rule gets the same number of trials on the same seeds, however many parameters it has. The result states the budget in
+episodes and steps; compare ``steps`` in ``train/hyperparameters/ppo.toml`` for an agent's. After an interruption, the same
+command continues. With ``--jobs`` or ``--scheduler`` rules are tuned in parallel, with the same result (docs/scaling.md).
 """
 
 import argparse
@@ -33,28 +32,29 @@ Budget = dict[str, int]
 
 
 def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario) -> dict[str, Rule]:
-    """The named rules, or without names all that can play the scenario and have something to tune.
+    """Return the named rules, or all that can play the scenario and have parameters to tune.
 
     Raises:
         KeyError: there is no rule of that name.
-        ValueError: a rule cannot play the scenario or has nothing to tune.
+        ValueError: a rule cannot play the scenario or has nothing to tune there.
     """
     rules = {name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)}
-    chosen = {name: rule for name, rule in rules.items() if rule.ranges and _tuned_here(rule, scenario)}
+    digest = scenario.digest()
+    chosen = {
+        name: rule
+        for name, rule in rules.items()
+        if rule.ranges and (rule.tuned_on is None or Scenario.load(rule.tuned_on).digest() == digest)
+    }
     if wanted is not None and (fixed := rules.keys() - chosen.keys()):
         raise ValueError(f"{', '.join(sorted(fixed))} has nothing to tune on scenario {scenario.name!r}")
     return chosen
 
 
-def _tuned_here(rule: Rule, scenario: Scenario) -> bool:
-    return rule.tuned_on is None or Scenario.load(rule.tuned_on).digest() == scenario.digest()
-
-
 def kept_rules(chosen: dict[str, Rule], scenario: Scenario, budget: Budget) -> dict[str, Any]:
-    """What the scenario's file says of the rules that are not tuned now.
+    """Return the entries of the scenario's file for the rules that are not tuned now.
 
     Raises:
-        ValueError: they were tuned with another budget, so that the file would compare what cannot be compared.
+        ValueError: they were tuned with another budget, so that the file would mix budgets.
     """
     values = tuned.contents(scenario)
     if values.get("scenario_digest") != scenario.digest():
@@ -67,31 +67,33 @@ def kept_rules(chosen: dict[str, Rule], scenario: Scenario, budget: Budget) -> d
 
 @exits(KeyError, ValueError, interrupted="interrupted: run the same command again to go on")
 def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m baselines.tune", **described(__doc__))
     parser.add_argument("--scenario", default="rough_turning", metavar="PRESET_OR_TOML", help="default: rough_turning")
-    parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune these alone, and keep the others of the scenario's file")
-    parser.add_argument("--trials", type=int, default=64, help="settings tried for each rule (default: 64)")
-    parser.add_argument("--draws", type=int, default=32, help="tuning draws that each setting plays (default: 32)")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes that play, a rule each (default: 1)")
-    parser.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster play, such as tcp://host:8786")
+    parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune only these, and keep the others in the scenario's file")
+    parser.add_argument("--trials", type=int, default=64, help="parameter sets to try for each rule (default: 64)")
+    parser.add_argument("--seeds", type=int, default=32, help="tuning seeds on which each trial plays (default: 32)")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes, one rule each (default: 1)")
+    parser.add_argument("--scheduler", metavar="URL", help="play on the workers of this Dask cluster, such as tcp://host:8786")
     parsed = parser.parse_args(arguments)
-    budget = {"trials": parsed.trials, "draws": parsed.draws}
+    budget = {"trials": parsed.trials, "seeds": parsed.seeds}
     if parsed.trials < 1:
         raise ValueError(f"{parsed.trials} trials asked for, but there must be 1 or more")
     if parsed.jobs < 1:
         raise ValueError(f"{parsed.jobs} jobs asked for, but there must be 1 or more")
-    tuning_seeds(parsed.draws)
+    tuning_seeds(parsed.seeds)
     scenario = Scenario.load(parsed.scenario)
     if scenario != scenario.nominal():
-        raise ValueError(f"scenario {scenario.name!r} has a lot of which rules are not told: they are tuned without one")
+        raise ValueError(f"scenario {scenario.name!r} has a model mismatch: tune the rules on its nominal model")
     chosen = chosen_rules(parsed.rules, scenario)
     if parsed.rules is not None:
-        kept_rules(chosen, scenario, budget)  # refused before hours of playing, not after
+        kept_rules(chosen, scenario, budget)  # refuse before hours of playing, not after
     with workers(parsed.jobs, parsed.scheduler) as over, ExitStack() as held:
         for name in chosen:
             held.enter_context(file_lock(study.journal(name, scenario)))
-            study.journal(name, scenario).with_suffix(".log.lock").unlink(missing_ok=True)  # of who was killed while writing
+            study.journal(name, scenario).with_suffix(".log.lock").unlink(
+                missing_ok=True
+            )  # left by a process that was killed while writing
         searches = [study.Search(name, rule, scenario, **budget) for name, rule in chosen.items()]
         study.run_all(searches, over)
         target = _write(searches, chosen, parsed.scenario, scenario, budget, parsed.rules is not None)
@@ -104,12 +106,12 @@ def main(arguments: list[str] | None = None) -> int:
 def _write(
     searches: Sequence[study.Search], chosen: dict[str, Rule], preset: str, scenario: Scenario, budget: Budget, some: bool
 ) -> Path:
-    """Write what was found; where only some rules were tuned, beside what the file says of the others."""
-    found = {search.name: _told(search, budget) for search in searches}
-    with exclusive_lock(tuned.FOLDER, wait=True):  # read again, as another rule may have been tuned meanwhile
+    """Write the best parameters; where only some rules were tuned, keep the others in the file."""
+    found = {search.name: asdict(_printed(search, budget)) for search in searches}
+    with exclusive_lock(tuned.FOLDER, wait=True):  # read again: another process may have tuned another rule
         rules = found | (kept_rules(chosen, scenario, budget) if some else {})
         values = {
-            "command": f"python -m baselines.tune --scenario {preset} --trials {budget['trials']} --draws {budget['draws']}",
+            "command": f"python -m baselines.tune --scenario {preset} --trials {budget['trials']} --seeds {budget['seeds']}",
             "scenario_digest": scenario.digest(),
             "budget": budget,
             "rules": {name: rules[name] for name in RULES if name in rules},
@@ -119,11 +121,11 @@ def _write(
     return target
 
 
-def _told(search: study.Search, budget: Budget) -> dict[str, Any]:
+def _printed(search: study.Search, budget: Budget) -> study.Found:
     found = search.found()
     feasible = "feasible" if found.feasible else "not feasible"
-    print(f"{search.name}: {found.parameters}, mean return {found.mean_return:.1f} s over {budget['draws']} draws, {feasible}")
-    return asdict(found)
+    print(f"{search.name}: {found.parameters}, mean return {found.mean_return:.1f} s over {budget['seeds']} seeds, {feasible}")
+    return found
 
 
 if __name__ == "__main__":

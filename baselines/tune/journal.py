@@ -1,4 +1,4 @@
-"""What a full disk or a killed process leaves of a journal of trials: whole lines, and at most half a line at its end."""
+"""Repair of a journal of trials after a full disk or a killed process, which leave at most half a line at its end."""
 
 import sys
 from pathlib import Path
@@ -7,9 +7,9 @@ from optuna.storages.journal import JournalFileOpenLock
 
 
 def cut_off_half_line(path: Path) -> None:
-    """Take a line that was never finished from a journal's end; says so. What it told of is done again.
+    """Cut an unfinished line off a journal's end, and print so. Its trial is played again.
 
-    Optuna passes over such a line, and is then at odds with what it writes after it.
+    Optuna skips such a line when it reads, but appends the next one to it.
 
     Raises:
         OSError: the file cannot be read or written.
@@ -23,7 +23,7 @@ def cut_off_half_line(path: Path) -> None:
             content = path.read_bytes()
             with path.open("r+b") as file:
                 file.truncate(content.rfind(b"\n") + 1)
-            print(f"{path} ended within a line, which is cut off: what it told of is done again", file=sys.stderr)
+            print(f"{path} ended within a line, which is cut off: its trial is played again", file=sys.stderr)
     finally:
         lock.release()
 

@@ -40,7 +40,7 @@ def tuning_of_rules(folder: Path) -> int:
 
     tuned.FOLDER = folder / "tuned"
     words = ["--scenario", str(_scenario(folder)), "--rules", "fixed_tuned", "rescaled_grid_search"]
-    return rule_tuning.main([*words, "--trials", "10", "--draws", "4"])
+    return rule_tuning.main([*words, "--trials", "10", "--seeds", "4"])
 
 
 def tuning_of_an_agent(folder: Path) -> int:

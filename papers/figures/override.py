@@ -15,7 +15,7 @@ from baselines import fuzzy_override, load_override, omative, tmac
 from baselines.rule import Parameters
 from papers.figures.paper_figure import PaperFigure
 from papers.reproduce.fuzzy_override import checks
-from papers.stepped_bar import Course, course, stepped_bar
+from papers.stepped_bar import Trajectory, play_bar, stepped_bar
 from turning_env import Scenario
 from turning_env.workshop import plot_style as style
 
@@ -40,13 +40,13 @@ _LOAD: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.3, "linestyle
 _TARGET: dict[str, Any] = {"color": style.GREY, "linewidth": 0.9, "linestyle": ":"}
 
 
-def responses(scenario: Scenario) -> dict[str, Course]:
+def responses(scenario: Scenario) -> dict[str, Trajectory]:
     """Return what each rule of ``SHOWN`` does on a bar, by name."""
     responses = {}
     for name, (_, parameters) in SHOWN.items():
         rule = _RULES[name]
         policy = rule.build(scenario, 1, rule.fixed | parameters)
-        responses[name] = course(lambda num_envs, policy=policy: policy, scenario)  # type: ignore[misc]
+        responses[name] = play_bar(lambda num_envs, policy=policy: policy, scenario)  # type: ignore[misc]
     return responses
 
 
@@ -76,14 +76,14 @@ def draw() -> Figure:
     return style.readable(figure)
 
 
-def _draw_depth(axes: Axes, run: Course) -> None:
+def _draw_depth(axes: Axes, run: Trajectory) -> None:
     axes.fill_between(run.time, run.depth, color=style.LIGHT, step="pre")
     axes.plot(run.time, run.depth, color=style.GREY, linewidth=0.9, drawstyle="steps-pre")
     axes.set_ylim(0.0, 3.6)
     axes.set_yticks((1, 2, 3))
 
 
-def _draw_response(axes: Axes, run: Course, scenario: Scenario) -> None:
+def _draw_response(axes: Axes, run: Trajectory, scenario: Scenario) -> None:
     axes.axhline(100.0 * scenario.limits.power / scenario.machine.rated_power, **_TARGET)
     axes.plot(run.time, 100.0 * run.override, **_OVERRIDE)
     axes.plot(run.time, 100.0 * run.load, **_LOAD)

@@ -1,1 +1,1 @@
-"""Sets the figures and claims of the papers beside the project's. Run: ``python -m papers.reproduce``."""
+"""Comparison of the papers' numbers and claims with the project's: ``python -m papers.reproduce``. One file per paper."""

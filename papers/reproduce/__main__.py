@@ -1,9 +1,9 @@
-"""Sets the figures and claims of the papers beside the project's, and fails if one no longer holds.
+"""Compare the numbers and claims of the papers with the project's, and fail if one no longer holds.
 
     python -m papers.reproduce
     python -m papers.reproduce --json
 
-What the project cannot reproduce is listed with the reason, and fails nothing until it holds after all.
+What the project cannot reproduce is listed with the reason. It fails only if it holds after all.
 """
 
 import argparse
@@ -29,14 +29,14 @@ PAPERS = (
 
 @exits(interrupted="interrupted: nothing is kept, and the same command checks all again", checks=True)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m papers.reproduce", **described(__doc__))
     parser.add_argument("--json", action="store_true", help="print the checks as JSON, without the tables")
     return reproduce(PAPERS, parser.parse_args(arguments).json)
 
 
 def reproduce(papers: Sequence[Paper], as_json: bool = False) -> int:
-    """Print the tables and checks of all papers, and a summary, or the checks as JSON; return the exit status."""
+    """Print tables, checks and summary of all papers, or the checks as JSON; return the exit status."""
     results = [(paper, list(paper.checks())) for paper in tqdm(papers, unit="paper", disable=None, leave=False)]
     status = DONE if all(check.passed for _, checks in results for check in checks) else FAILED
     if as_json:

@@ -1,8 +1,8 @@
 """Alaskari and Oraby (2018): the grid search, its tables, its whole run, and the tests that it was compared with.
 
-Table 1 (first interval) and Table 2 (second interval): for each of 16 cutting speeds the feed that the grid search chooses,
-and wear, force, power and removal rate there. Then the whole run, interval by interval, played by the grid search on
-RoughTurning-Paper-v0, and set against the tests at fixed parameters.
+Table 1 (first interval of one minute) and Table 2 (second interval): the feed that the grid search chooses for each of 16 cutting
+speeds, and wear, force, power and removal rate there. Then the whole run, played by the grid search on RoughTurning-Paper-v0, and
+compared with the tests at fixed speed and feed.
 """
 
 import csv
@@ -15,7 +15,7 @@ import numpy as np
 
 from baselines.grid_search import GridSearch, best_pair, grid, highest_feed, predict
 from papers import verification
-from papers.reproduce.checks import Check, at_most
+from papers.reproduce.checks import Check, at_most, table
 from papers.verification import COLLAPSE_FORCE, COLLAPSE_TIME, STATED_LIFE, TESTS
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.physics.records import parameter_records
@@ -25,20 +25,20 @@ FIRST_WEAR = 0.157219
 """Wear after the paper's first interval, from which its Table 2 starts [mm]."""
 
 MISPRINTS = {("50", "wear_increase_mm"): "0.01250"}
-"""Table 2 prints 0.01255 here, but 0.08003 - 0.06753 in the same row, and its total wear, give 0.01250."""
+"""Table 2 prints 0.01255 here, but the row's 0.08003 - 0.06753 and its total wear give 0.01250."""
 
 ROUNDED = 0.015
-"""Relative tolerance of what is said of the tests: their feeds are rounded, and so are the paper's ratios."""
+"""Relative tolerance for the tests: their feeds are rounded, and so are the paper's ratios."""
 
 
 def rows(table: str) -> list[dict[str, str]]:
-    """A table of the paper as printed."""
+    """Return a table of the paper as printed."""
     with (PAPER / table).open(newline="") as file:
         return list(csv.DictReader(file))
 
 
 def last_digit(printed: str) -> float:
-    """One unit in the last printed digit: Table 2 cuts some figures off (0.164745 to 0.16474) and adds rounded ones."""
+    """Return one unit in the last printed digit: Table 2 cuts some numbers off (0.164745 to 0.16474) and adds rounded ones."""
     return 10.0 ** -len(printed.partition(".")[2])
 
 
@@ -52,15 +52,15 @@ class PaperRun:
         self.limits = (self.scenario.limits.thrust_force, self.scenario.limits.power, 1.0)
 
     def used_life(self, wear: float) -> float:
-        """Used life share [-] at a wear [mm]."""
+        """Return the used share of the life [-] at a wear [mm]."""
         return float((wear / self.scenario.tool.wear_criterion) ** (1.0 / self.scenario.material.wear.time))
 
     def wear(self, used_life: float) -> float:
-        """Wear [mm] at a used life share [-]."""
+        """Return the wear [mm] at a used share of the life [-]."""
         return float(self.scenario.tool.wear_criterion * used_life**self.scenario.material.wear.time)
 
     def row(self, speed: float, wear: float, start: float) -> tuple[float, float, float, float]:
-        """(feed [mm/rev], wear [mm], power [kW], force [N]) of the best feed at a speed after one more minute."""
+        """Return (feed [mm/rev], wear [mm], power [kW], force [N]) of the best feed at a speed after one more minute."""
         life = self.used_life(wear)
         index = highest_feed(self.parameters, speed, self.feeds, life, start, start + 1.0, *self.limits)
         feed = self.feeds[index]
@@ -68,14 +68,14 @@ class PaperRun:
         return float(feed), self.wear(used), float(power), float(force)
 
     def chosen(self, wear: float, start: float) -> tuple[float, float] | None:
-        """The pair (cutting speed [m/min], feed [mm/rev]) for the next minute, or None where none is feasible."""
+        """Return (cutting speed [m/min], feed [mm/rev]) for the next minute, or None where none is feasible."""
         life = self.used_life(wear)
         speed, feed = best_pair(self.parameters, self.speeds, self.feeds, life, start, start + 1.0, *self.limits)
         return None if speed < 0 else (float(self.speeds[speed]), float(self.feeds[feed]))
 
 
 def table_1(run: PaperRun) -> Iterator[Check]:
-    """The first interval: chosen feeds exactly, responses to 1e-5 of their value."""
+    """Yield the checks of the first interval: chosen feeds exactly, responses to 1e-5 of their value."""
     for row in rows("table1.csv"):
         speed = float(row["speed_m_min"])
         feed, wear, power, force = run.row(speed, 0.0, 0.0)
@@ -90,7 +90,7 @@ def table_1(run: PaperRun) -> Iterator[Check]:
 
 
 def table_2(run: PaperRun) -> Iterator[Check]:
-    """The second interval: chosen feeds exactly, responses to the last printed digit."""
+    """Yield the checks of the second interval: chosen feeds exactly, responses to the last printed digit."""
     depth = run.scenario.workpiece.depth_of_cut
     law = run.scenario.material.wear
     for row in rows("table2.csv"):
@@ -113,7 +113,7 @@ def table_2(run: PaperRun) -> Iterator[Check]:
 
 @dataclass(frozen=True)
 class Interval:
-    """One minute of the whole run: the pair that the grid gives, and what the environment did with the controller's action."""
+    """One minute of the whole run: the grid's pair, and the environment's response to the controller's action."""
 
     pair: tuple[float, float]
     commanded: tuple[float, float]
@@ -132,7 +132,7 @@ class Interval:
 
 @cache
 def whole_run() -> tuple[Interval, ...]:
-    """The edge's whole life, played on the environment until no pair is feasible."""
+    """Return the edge's whole life, played on the environment until no pair is feasible."""
     run = PaperRun()
     env = RoughTurningEnv("paper")
     policy = GridSearch(run.scenario, 1)
@@ -147,7 +147,7 @@ def whole_run() -> tuple[Interval, ...]:
 
 
 def run_checks() -> Iterator[Check]:
-    """The whole run against what the text says of it."""
+    """Yield the checks of the whole run."""
     intervals = whole_run()
     for number, interval in enumerate(intervals, 1):
         what = f"interval {number}: {{}} the controller commands"
@@ -163,7 +163,7 @@ def run_checks() -> Iterator[Check]:
 
 
 def adaptive_control() -> verification.Outcome:
-    """What the grid search did with its edge."""
+    """Return the result of the grid search's edge."""
     intervals = whole_run()
     return verification.Outcome(sum(interval.removed for interval in intervals) / len(intervals), float(len(intervals)))
 
@@ -174,16 +174,16 @@ class Rival:
 
     test: verification.VerificationTest
     nominal: verification.Outcome
-    """Worn as the models say."""
+    """Result with nominal wear."""
     wear_factor: float | None
-    """How many times as much the edge must wear to last as long as measured [-]."""
+    """Factor on the nominal wear with which the edge lasts as long as measured [-]."""
     measured: verification.Outcome | None
-    """Worn so."""
+    """Result with the wear factor."""
 
 
 @cache
 def rivals() -> tuple[Rival, ...]:
-    """All tests, played with nominal wear and, where the paper gives a life, with the wear that this implies."""
+    """Return all tests, played with nominal wear and, where the paper gives a life, with the wear that this implies."""
     found = []
     for test, nominal in zip(TESTS, verification.played(TESTS), strict=True):
         factor = None if test.life is None else verification.implied_wear_factor(test, test.life)
@@ -193,7 +193,7 @@ def rivals() -> tuple[Rival, ...]:
 
 
 def rival_checks() -> Iterator[Check]:
-    """The grid search against the tests."""
+    """Yield the checks of the grid search against the tests."""
     control = adaptive_control()
     for rival in rivals():
         test, name = rival.test, rival.test.name
@@ -249,7 +249,7 @@ def rival_checks() -> Iterator[Check]:
 
 
 def tables() -> Iterator[str]:
-    """The whole run, and the comparison with the tests."""
+    """Yield the tables of the whole run and of the comparison with the tests."""
     for number, interval in enumerate(whole_run(), 1):
         speed, feed = interval.pair
         yield (
@@ -259,30 +259,28 @@ def tables() -> Iterator[str]:
     control = adaptive_control()
     yield ""
     yield "Fixed speed and feed against the grid search (AC), at 2.5 mm; T6 and T7 cannot be recovered."
-    yield "Wear factor: how many times as much as the models say the edge wore. Force and power: of the models, when worn out."
-    yield (
-        f"{'':>4} {'m/min':>6} {'mm/rev':>7} {'cm3/min':>8} {'AC/test':>8} {'paper':>6} | {'nominal':>11} {'AC/test':>8} | "
-        f"{'measured':>11} {'wear':>6} {'AC/test':>8} {'at 15 min':>10} {'paper':>6} | {'N':>5} {'kW':>5}"
-    )
+    yield "Wear factor: measured over nominal wear. Force and power: of the models, when worn out."
+    heads: tuple[str, ...] = ("", "m/min", "mm/rev", "cm3/min", "AC/test", "paper")
+    heads += ("nominal min", "AC/test", "measured min", "wear", "AC/test", "at 15 min", "paper", "N", "kW")
+    rows = []
     for rival in rivals():
         test, nominal, measured = rival.test, rival.nominal, rival.measured
-        line = (
-            f"{test.name:>4} {test.cutting_speed:6.0f} {test.feed:7.3f} {nominal.rate:8.1f} {control.rate / nominal.rate:8.2f} "
-        )
-        line += f"{test.rate_ratio:6.2f} | {nominal.life:7.1f} min {control.total / nominal.total:8.2f} | "
+        row = [test.name, f"{test.cutting_speed:.0f}", f"{test.feed:.3f}", f"{nominal.rate:.1f}"]
+        row += [f"{control.rate / nominal.rate:.2f}", f"{test.rate_ratio:.2f}"]
+        row += [f"{nominal.life:.1f}", f"{control.total / nominal.total:.2f}"]
         if measured is None:
-            line += f"{'-':>11} {'-':>6} {'-':>8} {'-':>10} {'-':>6}"
+            row += ["-"] * 5
         else:
-            stated = f"{test.total_ratio:.2f}" if test.total_ratio else "-"
-            line += f"{measured.life:7.1f} min {rival.wear_factor:6.2f} {control.total / measured.total:8.2f} "
-            line += f"{control.rate * STATED_LIFE / measured.total:10.2f} {stated:>6}"
+            row += [f"{measured.life:.1f}", f"{rival.wear_factor:.2f}", f"{control.total / measured.total:.2f}"]
+            row += [f"{control.rate * STATED_LIFE / measured.total:.2f}", f"{test.total_ratio:.2f}" if test.total_ratio else "-"]
         force, power = verification.force_and_power(test, 0.3)
-        yield f"{line} | {force:5.0f} {power:5.2f}"
-    yield f"  AC {'':>6} {'':>7} {control.rate:8.1f} {'':>8} {'':>6} | {control.life:7.1f} min"
+        rows.append([*row, f"{force:.0f}", f"{power:.2f}"])
+    rows.append(["AC", "", "", f"{control.rate:.1f}", "", "", f"{control.life:.1f}", *[""] * 8])
+    yield from table(heads, rows)
 
 
 def checks() -> Iterator[Check]:
-    """Everything that is reproduced of the paper."""
+    """Yield all checks of the paper."""
     run = PaperRun()
     yield from table_1(run)
     yield from table_2(run)

@@ -1,31 +1,30 @@
-"""One figure or claim of a paper beside the project's, and the table of them."""
+"""Checks of a paper's numbers and claims against the project's, and tables of text."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 
 @dataclass(frozen=True)
 class Check:
-    """A paper's figure and the project's, and whether they stand in the relation that the paper states.
+    """A paper's number, the project's, and the relation that should hold between them.
 
-    A check with a reason is one that is known not to hold: it is listed with the reason and fails nothing, until it holds
-    after all. Then the reason is out of date, and that does fail.
+    A check with a reason is known not to hold: it is listed with the reason and passes, unless it holds after all.
     """
 
     what: str
     paper: float
     ours: float
     tolerance: float = 0.0
-    """How far beyond the relation the project's figure may lie, absolutely."""
+    """Absolute tolerance of the relation."""
     relation: Literal["=", ">=", "<=", "true"] = "="
-    """The project's figure is equal to, at least or at most the paper's; or it is a claim, which is true (1) or not (0)."""
+    """The project's number equals, is at least or is at most the paper's; or a claim is true (1) or not (0)."""
     not_reproduced: str = ""
-    """Why the project cannot reproduce this, in one line; empty where it must."""
+    """Reason why the project cannot reproduce this, in one line; empty where it must."""
 
     @property
     def holds(self) -> bool:
-        """Whether the project's figure stands in the relation; NaN stands in none."""
+        """Whether the relation holds; with NaN it does not."""
         if self.relation == ">=":
             return self.ours >= self.paper - self.tolerance
         if self.relation == "<=":
@@ -34,14 +33,14 @@ class Check:
 
     @property
     def verdict(self) -> Literal["ok", "MISMATCH", "not reproduced", "REASON OUT OF DATE"]:
-        """What to make of it."""
+        """The verdict in words."""
         if self.not_reproduced:
             return "REASON OUT OF DATE" if self.holds else "not reproduced"
         return "ok" if self.holds else "MISMATCH"
 
     @property
     def passed(self) -> bool:
-        """Whether what the project says of it is right."""
+        """Whether it holds, or is known not to."""
         return self.verdict in ("ok", "not reproduced")
 
     def __str__(self) -> str:
@@ -60,32 +59,36 @@ WIDTH = 72
 
 
 def at_least(what: str, paper: float, ours: float, not_reproduced: str = "") -> Check:
-    """The project's figure is the paper's or more."""
+    """Return a check that the project's number is the paper's or more."""
     return Check(what, paper, ours, relation=">=", not_reproduced=not_reproduced)
 
 
 def at_most(what: str, paper: float, ours: float, not_reproduced: str = "") -> Check:
-    """The project's figure is the paper's or less."""
+    """Return a check that the project's number is the paper's or less."""
     return Check(what, paper, ours, relation="<=", not_reproduced=not_reproduced)
 
 
 def claim(what: str, holds: bool, not_reproduced: str = "") -> Check:
-    """A statement of the paper that the project finds true or false."""
+    """Return a check of a statement."""
     return Check(what, 1.0, float(holds), relation="true", not_reproduced=not_reproduced)
 
 
-def no_tables() -> Iterator[str]:
-    """The tables of a paper that needs none."""
-    yield from ()
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    """Yield the lines of a table: the first column to the left, the others to the right, as wide as their widest cell."""
+    cells = [heads, *rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    for first, *others in cells:
+        line = [first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]
+        yield "  ".join(line).rstrip()
 
 
 @dataclass(frozen=True)
 class Paper:
-    """What is reproduced of one paper."""
+    """The checks and tables of one paper."""
 
     title: str
     checks: Callable[[], Iterator[Check]]
-    tables: Callable[[], Iterator[str]] = no_tables
+    tables: Callable[[], Iterator[str]] = lambda: iter(())
     """Lines printed before the checks."""
 
 
@@ -97,7 +100,7 @@ def print_checks(title: str, checks: Sequence[Check]) -> None:
 
 
 def summary(title: str, checks: Sequence[Check]) -> str:
-    """One line: how many checks hold, how many are known not to, how many are wrong."""
+    """Return one line with the numbers of checks that hold, are known not to, and no longer hold."""
     count = [check.verdict for check in checks].count
     known, wrong = count("not reproduced"), sum(not check.passed for check in checks)
     line = f"{title}: {count('ok')} of {len(checks)} agree"

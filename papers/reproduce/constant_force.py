@@ -1,9 +1,8 @@
 """The roughness control paper: constant force by feed, its eight simulations (Table 1) and what its text says of the control.
 
-Each simulation is played on a copy of the preset `surface` with one reference of Ra for the whole 15 s, on several draws of the
-bar: at the table's feed without control, under control, and, for the two that the text shows, under the same law on the feed
-commanded before. Figures are means over draws and over time from when the control has settled. "Saturated" is where the law asks
-for the highest override.
+Each simulation plays the preset `surface` with one reference of Ra for the whole 15 s on several seeds: at the table's feed
+without control, under control, and, for the two that the text shows, under the same law on the feed commanded before. Numbers are
+means over seeds and over time after the control has settled. "Saturated" means that the law asks for the highest override.
 """
 
 import csv
@@ -19,13 +18,13 @@ from numpy.typing import NDArray
 from baselines.constant_force import ConstantForce, force_of_roughness
 from baselines.fixed import FixedParameters
 from baselines.models.part_program import PartProgram
-from papers.reproduce.checks import Check, at_least, at_most, claim
+from papers.reproduce.checks import Check, at_least, at_most, claim, table
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.score.policy import Policy
 from turning_env.score.seeds import tuning_seeds
 
 TABLE = Path(__file__).parents[1] / "data" / "surface_table1.csv"
-DRAWS = 8
+NUM_SEEDS = 8
 SHOWN = (1, 3)
 """The simulations that the text shows."""
 SETTLED = 2.0
@@ -62,7 +61,7 @@ def rows() -> list[Simulation]:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a play came to, from when it had settled; arrays over draws."""
+    """Settled means of a simulation; arrays over seeds."""
 
     force: float
     """[N]"""
@@ -79,7 +78,7 @@ class Outcome:
 
 
 def held_at(reference: float, **sections: dict[str, Any]) -> Scenario:
-    """The preset `surface` with one reference of Ra [um], and other values replaced."""
+    """Return the preset `surface` with one reference of Ra [um], and other values replaced."""
     values = Scenario.load("surface").model_dump()
     for section, replaced in sections.items():
         values[section] |= replaced
@@ -87,25 +86,23 @@ def held_at(reference: float, **sections: dict[str, Any]) -> Scenario:
     return Scenario.model_validate(values)
 
 
-def record(policy: Policy, scenario: Scenario, draws: int) -> dict[str, NDArray[np.float64]]:
-    """What ``info`` says of every interval of one episode, shape (intervals, draws)."""
-    env = RoughTurningVectorEnv(draws, scenario)
-    observations, _ = env.reset(seed=tuning_seeds(draws))
-    policy.reset(np.ones(draws, np.bool_))
-    names = ("roughness", "thrust_force", "feed", "commanded_feed", "roughness_reference")
-    intervals = round(60.0 * scenario.control.time_limit / scenario.control.interval)
-    kept = {name: np.empty((intervals, draws)) for name in names}
-    for interval in range(intervals):
+def record(policy: Policy, scenario: Scenario, num_envs: int) -> dict[str, NDArray[np.float64]]:
+    """Return ``info`` over one episode of each of the first tuning seeds, shape (steps, num_envs)."""
+    env = RoughTurningVectorEnv(num_envs, scenario)
+    observations, _ = env.reset(seed=tuning_seeds(num_envs))
+    policy.reset(np.ones(num_envs, np.bool_))
+    kept = []
+    for _ in range(round(60.0 * scenario.control.time_limit / scenario.control.interval)):
         observations, _, _, _, infos = env.step(policy.act(observations))
-        for name in names:
-            kept[name][interval] = infos[name]
-    return kept
+        kept.append(infos)
+    names = ("roughness", "thrust_force", "feed", "commanded_feed", "roughness_reference")
+    return {name: np.array([infos[name] for infos in kept]) for name in names}
 
 
 def play(policy: Policy, scenario: Scenario) -> Outcome:
-    """Play one episode of every draw."""
+    """Play one episode of every seed."""
     settled = round(SETTLED / scenario.control.interval)
-    kept = {name: values[settled:] for name, values in record(policy, scenario, DRAWS).items()}
+    kept = {name: values[settled:] for name, values in record(policy, scenario, NUM_SEEDS).items()}
     roughness = kept["roughness"]
     return Outcome(
         float(kept["thrust_force"].mean()),
@@ -119,25 +116,25 @@ def play(policy: Policy, scenario: Scenario) -> Outcome:
 
 @cache
 def outcomes() -> tuple[tuple[Simulation, Outcome, Outcome, Outcome | None], ...]:
-    """Every simulation: without control, under control, and maybe under the law on the feed commanded before."""
+    """Return every simulation: without control, under control, and, if shown, under the law on the feed commanded before."""
     results = []
     for row in rows():
         scenario = held_at(row.reference)
         uncontrolled = FixedParameters(scenario, scenario.control.initial_cutting_speed, row.uncontrolled_feed)
         program = PartProgram(scenario, {})
-        swinging = play(ConstantForce(program, DRAWS, on_command=True), scenario) if row.number in SHOWN else None
-        results.append((row, play(uncontrolled, scenario), play(ConstantForce(program, DRAWS), scenario), swinging))
+        swinging = play(ConstantForce(program, NUM_SEEDS, on_command=True), scenario) if row.number in SHOWN else None
+        results.append((row, play(uncontrolled, scenario), play(ConstantForce(program, NUM_SEEDS), scenario), swinging))
     return tuple(results)
 
 
 def simulation_checks() -> Iterator[Check]:
-    """The table's rows."""
+    """Yield the checks of the table."""
     for row, uncontrolled, controlled, on_command in outcomes():
         name = f"simulation {row.number}, Ra {row.reference} um: "
         free = controlled.saturated < 0.05
         worst = np.abs(controlled.roughness[free] / row.reference - 1.0).max()
         yield Check(f"{name}Ra reached [um]", row.reference, float(controlled.roughness.mean()), 0.05 * row.reference)
-        yield at_most(f"{name}deviation of mean Ra, worst unsaturated draw", 0.05, float(worst))
+        yield at_most(f"{name}deviation of mean Ra, worst unsaturated seed", 0.05, float(worst))
         yield Check(f"{name}force [N]", row.force, controlled.force, FORCE_TOLERANCE * row.force)
         yield Check(f"{name}feed [mm/rev]", row.feed, controlled.feed, FEED_TOLERANCE)
         yield claim(f"{name}control brings Ra nearer the reference", controlled.deviation < 0.5 * uncontrolled.deviation)
@@ -152,7 +149,7 @@ def simulation_checks() -> Iterator[Check]:
 
 
 def text_checks() -> Iterator[Check]:
-    """What the text says."""
+    """Yield the checks of the text."""
     surface = Scenario.load("surface").surface
     force = float(force_of_roughness(surface, np.array([1.6]))[0])
     yield Check("force for Ra 1.6 um by the inverse of (5) [N]; the text: about 570", 570.0, force, 15.0)
@@ -161,7 +158,7 @@ def text_checks() -> Iterator[Check]:
         workpiece={"depth_bar_spread": 0.0, "hardness_bar_spread": 0.0, "hardness_along_spread": 0.0},
         sensors={"force_noise": 0.0},
     )
-    ideal = play(ConstantForce(PartProgram(undisturbed, {}), DRAWS), undisturbed)
+    ideal = play(ConstantForce(PartProgram(undisturbed, {}), NUM_SEEDS), undisturbed)
     yield at_most("without noise, deviation of Ra (ideal)", 0.001, ideal.deviation)
     yield claim("when the reference falls, the feed is reduced at once", bool(np.all(reductions() > 0.0)))
     yield claim(
@@ -170,17 +167,17 @@ def text_checks() -> Iterator[Check]:
 
 
 def reductions() -> NDArray[np.float64]:
-    """By how much the commanded feed is reduced in the interval after each fall of the reference by a fifth or more [mm/rev]."""
+    """Return the reductions of the commanded feed in the step after each fall of the reference by a fifth or more [mm/rev]."""
     scenario = Scenario.load("surface")
-    kept = record(ConstantForce(PartProgram(scenario, {}), DRAWS), scenario, DRAWS)
+    kept = record(ConstantForce(PartProgram(scenario, {}), NUM_SEEDS), scenario, NUM_SEEDS)
     reference, feed = kept["roughness_reference"], kept["commanded_feed"]
-    # An interval's report tells the reference for the interval to come.
+    # The info of a step holds the reference for the next one.
     falls = (reference[2:-1] < 0.8 * reference[1:-2]) & (kept["feed"][2:-1] > scenario.machine.feed_min)
     return np.asarray((feed[2:-1] - feed[3:])[falls])
 
 
 def without_force() -> float:
-    """Feed commanded in air, where the force is 0 [mm/rev]."""
+    """Return the feed commanded in air, where the force is 0 [mm/rev]."""
     scenario = Scenario.load("surface")
     env = RoughTurningVectorEnv(1, scenario)
     observations, _ = env.reset(seed=0)
@@ -189,23 +186,32 @@ def without_force() -> float:
 
 
 def tables() -> Iterator[str]:
-    """The eight simulations beside the paper's."""
-    yield f"Means over {DRAWS} draws, after {SETTLED:.0f} s; in brackets the paper's. Spread: of Ra over time, over its mean."
-    yield (
-        f"{'':>2} {'ref.':>4} | {'without control: N':>20} {'mm/rev':>7} {'Ra um':>6} {'spread':>7} | "
-        f"{'with control: N':>17} {'mm/rev':>14} {'Ra um':>13} {'spread':>7} {'saturated':>10} | {'on command: spread':>18}"
+    """Yield the table of the eight simulations and the paper's."""
+    yield f"Means over {NUM_SEEDS} seeds, after {SETTLED:.0f} s; in brackets the paper's. Spread: of Ra over time, over its mean."
+    heads = (
+        "",
+        "Ra um",
+        "free: N",
+        "mm/rev",
+        "Ra",
+        "spread",
+        "held: N",
+        "mm/rev",
+        "Ra",
+        "spread",
+        "saturated",
+        "on command: spread",
     )
+    lines = []
     for row, free, held, swinging in outcomes():
-        spread = f"{swinging.spread:.1%}" if swinging is not None else "-"
-        yield (
-            f"{row.number:2d} {row.reference:4.1f} | {free.force:13.0f} ({row.uncontrolled_force:4.0f}) {free.feed:7.3f} "
-            f"{free.roughness.mean():6.2f} {free.spread:7.1%} | {held.force:10.0f} ({row.force:4.0f}) {held.feed:7.3f} "
-            f"({row.feed:.2f}) {held.roughness.mean():6.2f} ({row.roughness:.2f}) {held.spread:7.1%} "
-            f"{held.saturated.mean():10.1%} | {spread:>18}"
-        )
+        line = [f"{row.number}", f"{row.reference:.1f}", f"{free.force:.0f} ({row.uncontrolled_force:.0f})", f"{free.feed:.3f}"]
+        line += [f"{free.roughness.mean():.2f}", f"{free.spread:.1%}", f"{held.force:.0f} ({row.force:.0f})"]
+        line += [f"{held.feed:.3f} ({row.feed:.2f})", f"{held.roughness.mean():.2f} ({row.roughness:.2f})", f"{held.spread:.1%}"]
+        lines.append([*line, f"{held.saturated.mean():.1%}", f"{swinging.spread:.1%}" if swinging is not None else "-"])
+    yield from table(heads, lines)
 
 
 def checks() -> Iterator[Check]:
-    """Everything that is reproduced of the paper."""
+    """Yield all checks of the paper."""
     yield from simulation_checks()
     yield from text_checks()

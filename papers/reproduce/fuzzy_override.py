@@ -1,8 +1,8 @@
 """The fuzzy override paper: over-regulation of its first form and the cure, and the time that it saves.
 
-All on the stepped bar without chance (``papers/stepped_bar.py``). The paper gives the ripple of load, 2 %, but not its period:
-many are played. What is over-regulation is told from what the load asks for: to hold it against a slow ripple of 2 %, the
-override must itself move by 2 % over the exponent of feed in the power law.
+All on the stepped bar without randomness (``papers/stepped_bar.py``). The paper gives the ripple of load, 2 %, but not its
+period: many are played. Over-regulation is any swing beyond what the load requires: against a slow ripple of 2 %, the override
+must move by 2 % over the exponent of feed in the power law.
 """
 
 from collections.abc import Iterator
@@ -10,11 +10,11 @@ from functools import cache
 
 import numpy as np
 
-from baselines.fuzzy_override import FIRST_FORM, MODIFIED_FORM, FuzzyOverride
+from baselines.fuzzy_override import FIRST_FORM, MODIFIED_FORM, fuzzy_override
 from baselines.load_override import RULES as LOAD_RULES
 from baselines.models.part_program import PartProgram
-from papers.reproduce.checks import Check, at_least, at_most, claim
-from papers.stepped_bar import RIPPLE, STEPS, Course, course, stepped_bar
+from papers.reproduce.checks import Check, at_least, at_most, claim, table
+from papers.stepped_bar import RIPPLE, STEPS, Trajectory, play_bar, stepped_bar
 from turning_env import Scenario
 from turning_env.score.policy import Policy
 
@@ -32,50 +32,50 @@ FEED_VELOCITY = 4.0
 
 
 def fuzzy(scenario: Scenario, form: str) -> Policy:
-    """One form of the control, its target the paper's."""
-    return FuzzyOverride(PartProgram(scenario, {}), target=1.0, **FORMS[form])
+    """Return the controller of one form, with the paper's target."""
+    return fuzzy_override(PartProgram(scenario, {}), 1, target=1.0, **FORMS[form])
 
 
 @cache
-def rippled(form: str, period: float | None, chip_lag: float = 0.0) -> Course:
-    """Where a form has settled on a bar of 3 mm with a ripple of some period [s]; without one, on a smooth bar."""
+def rippled(form: str, period: float | None, chip_lag: float = 0.0) -> Trajectory:
+    """Return the settled trajectory of a form on a bar of 3 mm with a ripple period [s], or None for a smooth bar."""
     time = TRANSIENT + max(3.0, 0.0 if period is None else 2.0 * period)
     scenario = stepped_bar((DEEP,), FEED_VELOCITY * time, period, chip_lag)
-    return course(lambda num_envs: fuzzy(scenario, form), scenario).after(TRANSIENT)
+    return play_bar(lambda num_envs: fuzzy(scenario, form), scenario).after(TRANSIENT)
 
 
-def swing(settled: Course) -> float:
-    """Amplitude of the override [%]."""
+def swing(settled: Trajectory) -> float:
+    """Return the amplitude of the override [%]."""
     return 50.0 * float(np.ptp(settled.override))
 
 
 def asked_for() -> float:
-    """Amplitude of the override that would hold the load at 3 mm against a slow ripple [%]."""
+    """Return the amplitude of the override that holds the load at 3 mm against a slow ripple [%]."""
     exponent = stepped_bar().material.power.feed
     return 100.0 * float(rippled("first form", None).override.mean()) * RIPPLE / exponent
 
 
 @cache
-def stepped(name: str, depths: tuple[float, ...] = STEPS) -> Course:
-    """What a form, or the programmed feed, does on a stepped bar."""
+def stepped(name: str, depths: tuple[float, ...] = STEPS) -> Trajectory:
+    """Return the trajectory of a form, or of the programmed feed, on a stepped bar."""
     scenario = stepped_bar(depths)
     if name in FORMS:
-        return course(lambda num_envs: fuzzy(scenario, name), scenario)
-    return course(lambda num_envs: LOAD_RULES["programmed_feed"].build(scenario, num_envs, {}), scenario)
+        return play_bar(lambda num_envs: fuzzy(scenario, name), scenario)
+    return play_bar(lambda num_envs: LOAD_RULES["programmed_feed"].build(scenario, num_envs, {}), scenario)
 
 
 def saved(form: str) -> float:
-    """Time that a form saves of the programmed feed's on three equal sections of 1, 2 and 3 mm [%]."""
+    """Return the time that a form saves against the programmed feed on three equal sections of 1, 2 and 3 mm [%]."""
     return 100.0 * float(1.0 - stepped(form).time[-1] / stepped("programmed feed").time[-1])
 
 
 def peak(form: str) -> float:
-    """Highest load after the step from 1 to 3 mm [%]."""
+    """Return the highest load after the step from 1 to 3 mm [%]."""
     return 100.0 * float(stepped(form, (1.0, DEEP)).load.max())
 
 
 def depth_held_at(override: float) -> float:
-    """Depth of cut at which the target load is reached at an override [mm]."""
+    """Return the depth of cut with the target load at an override [mm]."""
     scenario = stepped_bar()
     feed, speed = override * scenario.control.initial_feed, scenario.control.initial_cutting_speed
     power = float(scenario.material.power(speed, feed, 1.0)) / scenario.machine.rated_power
@@ -83,7 +83,7 @@ def depth_held_at(override: float) -> float:
 
 
 def checks() -> Iterator[Check]:
-    """What the paper says, one by one."""
+    """Yield the checks of the paper."""
     shallow = stepped("programmed feed").at_depth(1.0, 1.0)
     yield Check("load at 1 mm and programmed feed [%]", 25.0, 100.0 * float(shallow.load.mean()), 0.5)
     for form in FORMS:
@@ -112,22 +112,23 @@ def checks() -> Iterator[Check]:
 
 
 def tables() -> Iterator[str]:
-    """Swings over the ripple's period, times and peaks."""
-    yield f"Amplitude of override at 3 mm [%] under a ripple of load of {100 * RIPPLE:.0f} %, which asks for {asked_for():.1f}."
-    yield f"{'period [s]':>12}" + "".join(f"{form:>16}" for form in FORMS)
-    for period in (None, *PERIODS):
-        name = "no ripple" if period is None else f"{period:.2f}"
-        yield f"{name:>12}" + "".join(f"{swing(rippled(form, period)):16.2f}" for form in FORMS)
-    late = (f"{swing(rippled(form, None, 1.0)):16.2f}" for form in FORMS)
-    yield f"{'no ripple':>12}" + "".join(late) + "   with force and power a turn of the spindle behind"
+    """Yield the tables of swings over the ripple's period, and of times and peaks."""
+    yield f"Amplitude of override at 3 mm [%] under a ripple of load of {100 * RIPPLE:.0f} %, which requires {asked_for():.1f}."
+    rows = [
+        ["no ripple" if period is None else f"{period:.2f}", *(f"{swing(rippled(form, period)):.2f}" for form in FORMS)]
+        for period in (None, *PERIODS)
+    ]
+    late = [f"{swing(rippled(form, None, 1.0)):.2f}" for form in FORMS]
+    yield from table(["period [s]", *FORMS], [*rows, ["no ripple, force and power a turn of the spindle behind", *late]])
     yield ""
     yield "Three equal sections of 1, 2 and 3 mm; and the load after a step from 1 to 3 mm."
-    titles = f"{'override at 1, 2, 3 mm [%]':>30}{'load at 1, 2, 3 mm [%]':>26}"
-    yield f"{'':>16}{'time [s]':>10}{'saved [%]':>11}{titles}{'peak [%]':>10}"
+    heads = ("", "time [s]", "saved [%]", "override at 1, 2, 3 mm [%]", "load at 1, 2, 3 mm [%]", "peak [%]")
+    rows = []
     for name in ("programmed feed", *FORMS):
         run = stepped(name)
         stays = [run.at_depth(depth, 2.0) for depth in STEPS]
         overrides = ", ".join(f"{100 * stay.override.mean():.0f}" for stay in stays)
         loads = ", ".join(f"{100 * stay.load.mean():.0f}" for stay in stays)
-        yield f"{name:>16}{run.time[-1]:10.1f}{saved(name):11.1f}{overrides:>30}{loads:>26}{peak(name):10.0f}"
+        rows.append([name, f"{run.time[-1]:.1f}", f"{saved(name):.1f}", overrides, loads, f"{peak(name):.0f}"])
+    yield from table(heads, rows)
     yield f"An override of 145 % would hold 60 % at a depth of {depth_held_at(1.45):.1f} mm."

@@ -1,12 +1,12 @@
-"""Sharmazanashvili (2008): what correcting the path of the tool to the measured blank is worth, by rule and kind of blank.
+"""Sharmazanashvili (2008): gain by correcting the tool path to the measured blank, by rule and kind of blank.
 
 The paper's claim: for roughing, the correction improves the rules [PV] [SN] [PN] [MV] [MN], and is not necessary with [PT] [MT].
-Its figures are lost. They are made here from exponents of engineering handbooks and the paper's dispersions of the allowance:
+Its figures are lost. They are recomputed from exponents of engineering handbooks and the paper's dispersions of the allowance:
 
 * Force goes with S^0.75 t, power with V times that, torque as force; life goes with V^-5 S^-1.75 t^-0.75 (V cutting speed, S
   feed, t depth of cut).
-* All limits meet in one cut, 145 m/min and 0.32 mm/rev at 2.5 mm, where the edge has its economic life. So rules differ by their
-  exponents alone. A limit that a rule does not name does not bind, but speed and feed stay in the lathe's ranges (assumptions).
+* All limits meet in one cut, 145 m/min and 0.32 mm/rev at 2.5 mm, where the edge has its economic life. So rules differ only by
+  their exponents. A limit that a rule does not name does not bind, but speed and feed stay in the lathe's ranges (assumptions).
 * The allowance is normal, its dispersion being six standard deviations, above the least that roughness, defect layer and
   spatial deviation ask for (assumption; where a source lacks these, the handbooks').
 * Uncorrected, the path is made for the largest blank of its kind: passes of the same depth, counted from the finished part
@@ -29,14 +29,14 @@ from baselines.fixed import HANDBOOK_CUTTING_SPEED, HANDBOOK_FEED
 from baselines.models.process import Array, Limit, Process
 from baselines.two_limits import MIN_DEPTH, TWO_LIMITS, depth_exponents, set_point
 from papers.reproduce.alaskari_oraby import PAPER
-from papers.reproduce.checks import Check, at_least, at_most
+from papers.reproduce.checks import Check, at_least, at_most, table
 from turning_env import PowerLaw, Scenario
 
 IMPROVED = ("PV", "SN", "PN", "MV", "MN")
 NOT_NECESSARY = ("PT", "MT")
-"""What the paper says of the rules; of [SV] and [ST] it says nothing."""
+"""The paper's claims on the rules; it has none on [SV] and [ST]."""
 WORTH_HAVING = 1.0
-"""From what psi on a correction is taken for an improvement [%] (assumption)."""
+"""Least psi that counts as an improvement [%] (assumption)."""
 
 RETURN_TIME = 0.1
 """[min] per pass."""
@@ -45,14 +45,14 @@ _DEVIATIONS = np.linspace(-3.0, 3.0, 241)
 
 
 def _law(cutting_speed: float, feed: float, depth_of_cut: float, time: float = 0.0, at_time: float = 1.0) -> PowerLaw:
-    """A law that is 1 in the reference cut, wear at a cutting time [min]."""
+    """Return a law that is 1 in the common cut, for wear at a cutting time [min]."""
     at_reference = HANDBOOK_CUTTING_SPEED**cutting_speed * HANDBOOK_FEED**feed * at_time**time
     exponents = {"cutting_speed": cutting_speed, "feed": feed, "depth_of_cut": depth_of_cut, "time": time}
     return PowerLaw(coefficient=1.0 / at_reference, **exponents)
 
 
 def handbook_process(rule: str) -> Process:
-    """The handbooks' process, in which nothing binds but a rule's two limits and the lathe's ranges."""
+    """Return the handbooks' process, in which only a rule's two limits and the lathe's ranges bind."""
     scenario = Scenario()
     price = Process.of(scenario).edge_price
     speeds = (scenario.machine.cutting_speed_min, scenario.machine.cutting_speed_max)
@@ -78,7 +78,7 @@ class Blank:
     least: float
     """Least allowance [mm]."""
     dispersion: float
-    """By how much the largest exceeds it [mm]."""
+    """Largest less least allowance [mm]."""
 
     @property
     def largest(self) -> float:
@@ -93,7 +93,7 @@ class Blank:
 
 @cache
 def blanks() -> tuple[Blank, ...]:
-    """Blanks of the handbooks and of manufacturing experience, where these give a dispersion."""
+    """Return the blanks of the handbooks and of manufacturing experience, where these give a dispersion."""
     with (PAPER / "allowance_dispersion.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     parts = ("rz_mm", "defect_layer_mm", "spatial_deviation_mm")
@@ -106,7 +106,7 @@ def blanks() -> tuple[Blank, ...]:
 
 
 def pass_cost(rule: str, depth_of_cut: Array) -> Array:
-    """Cost of one pass over the nominal bar [min] at a depth of cut [mm]; infinite where it is too deep for the lowest feed.
+    """Return the cost of one pass over the nominal bar [min] at a depth of cut [mm], infinite if too deep for the lowest feed.
 
     A pass in air is run at the ends of the ranges.
     """
@@ -121,13 +121,13 @@ def pass_cost(rule: str, depth_of_cut: Array) -> Array:
 
 
 def divided_cost(rule: str, allowance: Array) -> Array:
-    """Cost of parts [min] in 1, 2, ... equal passes, shape (passes, parts), for allowances [mm]."""
+    """Return the cost of parts [min] in 1, 2, ... equal passes, shape (passes, parts), for allowances [mm]."""
     counts = np.arange(1, MAX_PASSES + 1)[:, np.newaxis]
     return counts * pass_cost(rule, allowance / counts)
 
 
 def uncorrected_cost(rule: str, blank: Blank, passes: int) -> Array:
-    """Cost of parts [min] of a path made for the largest blank, for the blank's allowances."""
+    """Return the cost of parts [min] of a path for the largest blank, for the blank's allowances."""
     depth = blank.largest / passes
     inside = np.arange(passes)[:, np.newaxis] * depth  # allowance that lies inside each pass, from the last pass to the first
     return np.asarray(pass_cost(rule, np.clip(blank.allowances - inside, 0.0, depth)).sum(axis=0))
@@ -135,7 +135,7 @@ def uncorrected_cost(rule: str, blank: Blank, passes: int) -> Array:
 
 @cache
 def gain(rule: str, blank: Blank) -> tuple[int, float]:
-    """(passes of the uncorrected path, psi [%]) of correcting the path."""
+    """Return (passes of the uncorrected path, psi [%])."""
     weights = np.exp(-0.5 * _DEVIATIONS**2)
     uncorrected = [float(weights @ uncorrected_cost(rule, blank, passes)) for passes in range(1, MAX_PASSES + 1)]
     corrected = float(weights @ divided_cost(rule, blank.allowances).min(axis=0))
@@ -151,7 +151,7 @@ NOT_REPRODUCED = {
 
 
 def checks() -> Iterator[Check]:
-    """The paper's claim, for every rule that it speaks of, with the kind of blank that gains most."""
+    """Yield the checks of the claim for every rule that it names, with the kind of blank that gains most."""
     for source in ("handbook", "experience"):
         for rule in (*IMPROVED, *NOT_NECESSARY):
             most = max(gain(rule, blank)[1] for blank in blanks() if blank.source == source)
@@ -161,20 +161,22 @@ def checks() -> Iterator[Check]:
 
 
 def tables() -> Iterator[str]:
-    """How depth of cut enters each rule, and what correcting the path gains."""
+    """Yield the tables of each rule's exponents of depth of cut, and of the gain by correcting the path."""
     yield "Exponent of the depth of cut along each rule, in cutting speed, feed, removal rate and life of the edge."
     yield "Handbook exponents; last: removal rate with the laws of 709M40."
-    yield f"{'':>6} {'speed':>8} {'feed':>8} {'rate':>8} {'life':>8} {'709M40':>8}"
+    rows = []
     for rule in TWO_LIMITS:
         process = handbook_process(rule)
         speed, feed = depth_exponents(rule, process)
         mu, nu, rho = process.life_exponents
         values = (speed, feed, 1.0 + speed + feed, -(mu * speed + nu * feed + rho))
         steel = 1.0 + sum(depth_exponents(rule, Process.of(Scenario())))
-        yield f"{f'[{rule}]':>6} " + " ".join(f"{value + 0.0:8.3f}" for value in (*values, steel))
+        rows.append([f"[{rule}]", *(f"{value + 0.0:.3f}" for value in (*values, steel))])
+    yield from table(("", "speed", "feed", "rate", "life", "709M40"), rows)
     yield ""
-    yield "psi: what correcting the path to the measured blank gains [%]; in brackets the passes of the uncorrected path."
-    yield f"{'':<22} {'mm':>12} " + " ".join(f"{f'[{rule}]':>9}" for rule in TWO_LIMITS)
+    yield "psi: gain by correcting the path to the measured blank [%]; in brackets the passes of the uncorrected path."
+    rows = []
     for blank in blanks():
-        gains = " ".join(f"{psi:5.1f} ({passes})" for passes, psi in (gain(rule, blank) for rule in TWO_LIMITS))
-        yield f"{f'{blank.name} ({blank.source})':<22} {blank.least:5.2f}-{blank.largest:5.2f}  {gains}"
+        gains = (f"{psi:.1f} ({passes})" for passes, psi in (gain(rule, blank) for rule in TWO_LIMITS))
+        rows.append([f"{blank.name} ({blank.source})", f"{blank.least:.2f}-{blank.largest:.2f}", *gains])
+    yield from table(["", "mm", *(f"[{rule}]" for rule in TWO_LIMITS)], rows)

@@ -1,7 +1,7 @@
 """The servo current paper: cutting force from the current of the feed's motor, and feed adapted within a limit of it.
 
-Its figures show an experiment with a brake, without numbers that could be compared; so what is checked is what the text says of
-them. Everything is played on the preset `override_current` (12 ms) and, at intervals of 1 s, on `rough_turning_current`.
+Its figures show an experiment with a brake, without numbers to compare, so the checks are those of the text. Everything is played
+on the preset `override_current` (steps of 12 ms) and on `rough_turning_current` (steps of 1 s).
 """
 
 import math
@@ -18,7 +18,7 @@ from baselines.current_limit import CUTOFF, WINDOW, CurrentLimit
 from baselines.fixed import FixedParameters
 from baselines.models.current_sensing import ForceEstimator
 from baselines.models.part_program import PartProgram
-from papers.reproduce.checks import Check, at_least, at_most, claim
+from papers.reproduce.checks import Check, at_least, at_most, claim, table
 from turning_env import RoughTurningVectorEnv, Scenario, read
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.records import parameter_records
@@ -26,7 +26,7 @@ from turning_env.score.play import play
 from turning_env.score.policy import PolicyFactory
 from turning_env.score.seeds import tuning_seeds
 
-DRAWS = 8
+NUM_SEEDS = 8
 SETTLED = 3.0
 """Time after which the programmed feed has entered the bar and the estimates have settled [s]."""
 SETTINGS = ((0.2, 5), (0.5, 5), (CUTOFF, WINDOW))
@@ -44,7 +44,7 @@ UNDISTURBED: dict[str, Any] = {
 
 
 def changed(preset: str, **sections: dict[str, Any]) -> Scenario:
-    """A preset with some values replaced."""
+    """Return a preset with some values replaced."""
     values = Scenario.load(preset).model_dump()
     for section, replaced in sections.items():
         values[section] |= replaced
@@ -53,7 +53,7 @@ def changed(preset: str, **sections: dict[str, Any]) -> Scenario:
 
 @dataclass(frozen=True)
 class Record:
-    """A play at a fixed speed and feed; arrays of shape (intervals, draws)."""
+    """Forces and currents at a fixed speed and feed; arrays of shape (steps, seeds)."""
 
     force: NDArray[np.float64]
     """True thrust force [N]."""
@@ -62,7 +62,7 @@ class Record:
     plain: NDArray[np.float64]
     """Force by the static inversion of each sample [N]."""
     estimates: NDArray[np.float64]
-    """Force by filter and root mean square [N], shape (settings, intervals, draws)."""
+    """Force by filter and root mean square [N], shape (settings, steps, seeds)."""
     in_metal: NDArray[np.bool_]
     """Whether the tool is in metal, and was for the last fifteen samples."""
 
@@ -71,9 +71,9 @@ def record(scenario: Scenario, seconds: float, feed: float | None = None) -> Rec
     """Play episodes from their start at the programmed speed, and the programmed feed or another [mm/rev]."""
     control = scenario.control
     policy = FixedParameters(scenario, control.initial_cutting_speed, control.initial_feed if feed is None else feed)
-    estimators = [ForceEstimator(scenario, DRAWS, cutoff, window) for cutoff, window in SETTINGS]
-    env = RoughTurningVectorEnv(DRAWS, scenario)
-    observations, _ = env.reset(seed=tuning_seeds(DRAWS))
+    estimators = [ForceEstimator(scenario, NUM_SEEDS, cutoff, window) for cutoff, window in SETTINGS]
+    env = RoughTurningVectorEnv(NUM_SEEDS, scenario)
+    observations, _ = env.reset(seed=tuning_seeds(NUM_SEEDS))
     kept: dict[str, list[Any]] = {"force": [], "current": [], "plain": [], "estimates": [], "cutting": []}
     for _ in range(round(seconds / control.interval)):
         observations, _, _, _, infos = env.step(policy.act(observations))
@@ -81,7 +81,7 @@ def record(scenario: Scenario, seconds: float, feed: float | None = None) -> Rec
         kept["force"].append(infos["thrust_force"])
         kept["current"].append(reading.servo_current)
         kept["plain"].append(reading.thrust_force)
-        kept["estimates"].append([estimator.update(reading).thrust_force for estimator in estimators])
+        kept["estimates"].append([estimator.update(reading)[0] for estimator in estimators])
         kept["cutting"].append(infos["cutting"])
     arrays = {name: np.array(values) for name, values in kept.items()}
     cutting = arrays["cutting"].astype(np.bool_)
@@ -95,29 +95,29 @@ def record(scenario: Scenario, seconds: float, feed: float | None = None) -> Rec
 
 @cache
 def steady() -> Record:
-    """One depth, one hardness, no run-out: only the sensor's noise and the motor's ripple."""
+    """Return the record with one depth, one hardness, no run-out: only sensor noise and motor ripple."""
     return record(changed("override_current", workpiece=UNDISTURBED | {"depth_profile": []}), 15.0)
 
 
 @cache
 def stepped() -> Record:
-    """The stepped bar."""
+    """Return the record of the stepped bar."""
     return record(Scenario.load("override_current"), 19.0)
 
 
 @cache
 def slow() -> Record:
-    """At intervals of 1 s."""
+    """Return the record at steps of 1 s."""
     return record(Scenario.load("rough_turning_current"), 300.0)
 
 
 def errors(kept: Record, start: float, lags: tuple[int, ...] | None = None) -> list[float]:
-    """Root mean square errors, over the mean force, of the plain inversion and of every setting, from an interval on.
+    """Return the root mean square errors over the mean force of the plain inversion and of every setting.
 
     Args:
-        kept: the play.
-        start: interval from which on errors count.
-        lags: by how many intervals each is compared with the force before; by default with the force at the time.
+        kept: the record.
+        start: first step that counts.
+        lags: of each behind the force with which it is compared [steps]; none by default.
     """
     estimates = (kept.plain, *kept.estimates)
     result = []
@@ -130,7 +130,7 @@ def errors(kept: Record, start: float, lags: tuple[int, ...] | None = None) -> l
 
 @cache
 def all_errors() -> dict[str, list[float]]:
-    """Of each play: errors of the plain inversion and of every setting."""
+    """Return the errors of the plain inversion and of every setting, by record."""
     start = SETTLED / Scenario.load("override_current").control.interval
     sensor = sensor_lag()
     lags = (sensor, *(sensor + round(ForceEstimator(Scenario(), 1, *setting).delay) for setting in SETTINGS))
@@ -143,7 +143,7 @@ def all_errors() -> dict[str, list[float]]:
 
 
 def best_lag(kept: Record, most: int = 40) -> int:
-    """By how many samples the current's force lags the true force: where they differ least [samples]."""
+    """Return the lag of the current's force behind the true force, at which they differ least [samples]."""
     start = round(SETTLED / 0.012)
     force, plain = kept.force[start - most :], kept.plain[start:]
     differences = [np.mean((plain - force[most - lag :][: len(plain)]) ** 2) for lag in range(most)]
@@ -152,12 +152,12 @@ def best_lag(kept: Record, most: int = 40) -> int:
 
 @cache
 def sensor_lag() -> int:
-    """Lag of the static inversion of every sample [samples]."""
+    """Return the lag of the static inversion of every sample [samples]."""
     return best_lag(stepped())
 
 
 def no_load_currents() -> NDArray[np.float64]:
-    """Mean measured current in air at the paper's feed velocities [A]."""
+    """Return the mean measured current in air at the paper's feed velocities [A]."""
     scenario = changed("override_current", workpiece={"approach": 1000.0}, machine={"feed_min": 0.01})
     revolutions = 1000.0 / (math.pi * scenario.workpiece.diameter) * scenario.control.initial_cutting_speed
     means = []
@@ -168,7 +168,7 @@ def no_load_currents() -> NDArray[np.float64]:
 
 
 def currents_of_depths() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean true force [N] and measured current [A] at five depths of cut."""
+    """Return the mean true force [N] and measured current [A] at five depths of cut."""
     rows = []
     for depth in (0.5, 1.0, 1.5, 2.0, 3.0):
         kept = record(changed("override_current", workpiece=UNDISTURBED | {"depth_profile": [depth]}), 2.4)
@@ -178,7 +178,7 @@ def currents_of_depths() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def printed_equation(scenario: Scenario, current: float) -> float:
-    """The paper's equation (9) as printed."""
+    """Return the right-hand side of the paper's equation (9) as printed."""
     drive = scenario.feed_drive
     screw = drive.screw_lead / 1000.0 / (2.0 * math.pi * drive.efficiency)  # [m]
     resistance = drive.guide_friction + drive.preload * (1.0 - drive.screw_efficiency**2)  # [N]
@@ -186,7 +186,7 @@ def printed_equation(scenario: Scenario, current: float) -> float:
 
 
 def motor_checks() -> Iterator[Check]:
-    """The current at no load, at various feeds and forces, and its equations."""
+    """Yield the checks of the current at no load, at various feeds and forces, and of its equations."""
     scenario = Scenario.load("override_current")
     parameters: Any = parameter_records(scenario)[0]
     current = float(steady_current(parameters, 1000.0, 0.0))
@@ -210,7 +210,7 @@ def motor_checks() -> Iterator[Check]:
 
 
 def estimation_checks() -> Iterator[Check]:
-    """Butterworth filter and root mean square against the inversion of every sample."""
+    """Yield the checks of filter and root mean square against the inversion of every sample."""
     found = all_errors()
     plain, *filtered = found["12 ms, steady cutting"]
     for (cutoff, window), error in zip(SETTINGS, filtered, strict=True):
@@ -225,7 +225,7 @@ def estimation_checks() -> Iterator[Check]:
 
 
 def control_checks() -> Iterator[Check]:
-    """The adaptive feed, with the current sensed and with a dynamometer."""
+    """Yield the checks of the adaptive feed, with the current sensed and with a dynamometer."""
     results = controlled()
     sensed, measured, cautious = (results[name] for name in ("current", "dynamometer", "cautious feed"))
     yield at_most("adaptive feed: return lost by sensing the current, over the dynamometer's", 0.1, sensed[0] / measured[0] - 1.0)
@@ -235,14 +235,14 @@ def control_checks() -> Iterator[Check]:
 
 @cache
 def controlled() -> dict[str, tuple[float, float, float]]:
-    """(mean return [s], mean time [s], share of cutting time severely over a limit) of the stepped bar, by who plays it."""
+    """Return (mean return [s], mean time [s], severe share of cutting time [-]) on the stepped bar by policy."""
     current, dynamometer = Scenario.load("override_current"), Scenario.load("override")
     limit = dynamometer.limits.power / dynamometer.machine.rated_power
     share = 0.37  # of the thrust force limit: that at which the spindle has nearly the target load
     deepest = float(dynamometer.material.power(dynamometer.control.initial_cutting_speed, dynamometer.control.initial_feed, 3.0))
     override = (limit * dynamometer.machine.rated_power / deepest) ** (1.0 / dynamometer.material.power.feed)
     feed = override * dynamometer.control.initial_feed
-    players: dict[str, tuple[Scenario, PolicyFactory]] = {
+    policies: dict[str, tuple[Scenario, PolicyFactory]] = {
         "current": (current, lambda num_envs: CurrentLimit(PartProgram(current, {}), num_envs, share)),
         "dynamometer": (dynamometer, lambda num_envs: CurrentLimit(PartProgram(dynamometer, {}), num_envs, share)),
         "constant force": (current, lambda num_envs: ConstantForce(PartProgram(current, {}), num_envs, share)),
@@ -250,30 +250,29 @@ def controlled() -> dict[str, tuple[float, float, float]]:
         "programmed feed": (current, lambda num_envs: FixedParameters(current, current.control.initial_cutting_speed, 0.4)),
     }
     results = {}
-    for name, (scenario, make) in players.items():
-        episodes = play(make, scenario, tuning_seeds(DRAWS))
+    for name, (scenario, make) in policies.items():
+        episodes = play(make, scenario, tuning_seeds(NUM_SEEDS))
         severe = episodes["severe_overload_time"].sum() / episodes["engaged_time"].sum()
         results[name] = (float(episodes["return"].mean()), float(episodes["time"].mean()), float(severe))
     return results
 
 
 def tables() -> Iterator[str]:
-    """Errors of the estimates, and what the adaptive feed does with them."""
+    """Yield the tables of the estimates' errors and of the adaptive feed."""
     delays = [ForceEstimator(Scenario(), 1, *setting).delay for setting in SETTINGS]
     yield "Estimated against true thrust force, root mean square error over mean force, at the programmed feed."
-    heads = [f"cut-off {cutoff}, {window} samples" for cutoff, window in SETTINGS]
-    yield f"{'':<36} {'every sample inverted':>22} " + " ".join(f"{head:>24}" for head in heads)
-    for name, found in all_errors().items():
-        yield f"{name:<36} {found[0]:22.1%} " + " ".join(f"{error:24.1%}" for error in found[1:])
-    yield f"{'lag of the estimate [samples]':<36} {'':>22} " + " ".join(f"{delay:24.1f}" for delay in delays)
+    heads = ["", "every sample inverted", *(f"cut-off {cutoff}, {window} samples" for cutoff, window in SETTINGS)]
+    rows = [[name, *(f"{error:.1%}" for error in found)] for name, found in all_errors().items()]
+    yield from table(heads, [*rows, ["lag of the estimate [samples]", "", *(f"{delay:.1f}" for delay in delays)]])
     yield ""
-    yield f"{'stepped bar, ' + str(DRAWS) + ' draws':<36} {'return [s]':>10} {'time [s]':>9} {'over a limit by > 5 %':>22}"
-    for name, (mean_return, time, severe) in controlled().items():
-        yield f"{name:<36} {mean_return:10.1f} {time:9.1f} {severe:22.1%}"
+    results = [
+        [name, f"{mean_return:.1f}", f"{time:.1f}", f"{severe:.1%}"] for name, (mean_return, time, severe) in controlled().items()
+    ]
+    yield from table([f"stepped bar, {NUM_SEEDS} seeds", "return [s]", "time [s]", "over a limit by > 5 %"], results)
 
 
 def checks() -> Iterator[Check]:
-    """Everything that is reproduced of the paper."""
+    """Yield all checks of the paper."""
     yield from motor_checks()
     yield from estimation_checks()
     yield from control_checks()

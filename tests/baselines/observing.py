@@ -17,7 +17,7 @@ def observe(
     cutting_time: ArrayLike = 1.0,
     cutting_speed: ArrayLike | None = None,
 ) -> NDArray[np.float32]:
-    """Observations, shape (lanes, entries), of a load and overrides of the scenario's feed [-], and a cutting time [min].
+    """Observations, shape (num_envs, entries), of a load and overrides of the scenario's feed [-], and a cutting time [min].
 
     The actual override is the commanded one, and the cutting speed [m/min] the scenario's, where they are not given.
     """

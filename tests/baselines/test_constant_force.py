@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 
 from baselines.constant_force import ENGAGED_TIME, RULES, THRESHOLD, ConstantForce, ModelFeed, force_of_roughness
 from baselines.models.part_program import PartProgram
-from papers.reproduce import constant_force as reproduced
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario, read
 from turning_env.observation import bounds
@@ -21,7 +20,7 @@ NEEDED = round(ENGAGED_TIME / HELD.control.interval)
 def observations(
     scenario: Scenario, force: float, num_envs: int = 1, feed: float = 0.2, commanded: float = 0.2
 ) -> NDArray[np.float32]:
-    """Observations of lanes in metal at a measured force [N], an actual and a commanded feed [mm/rev]."""
+    """Observations in metal at a measured force [N], an actual and a commanded feed [mm/rev]."""
     machine = scenario.machine
     seen = np.zeros((num_envs, len(bounds(scenario)[0])), np.float32)
     seen[:, 1] = 5.0 * (force / scenario.limits.thrust_force - 1.0)
@@ -78,9 +77,9 @@ def test_the_feed_keeps_within_the_ranges_of_override_and_machine(force: float, 
     assert override(law(), observations(HELD, force, feed=feed), NEEDED) == pytest.approx(expected, abs=1e-6)
 
 
-def test_only_the_lanes_that_are_reset_forget_that_they_are_engaged() -> None:
-    policy = law(lanes=2)
-    seen = observations(HELD, 300.0, lanes=2)
+def test_a_reset_forgets_the_engagement_of_its_environment_alone() -> None:
+    policy = law(num_envs=2)
+    seen = observations(HELD, 300.0, num_envs=2)
     override(policy, seen, NEEDED)
     policy.reset(np.array([True, False]))
     first, second = override(policy, seen)
@@ -102,45 +101,6 @@ def test_elsewhere_a_share_of_the_force_limit_is_held(share: float) -> None:
     assert infos["thrust_force"] == pytest.approx(np.full(4, share * scenario.limits.thrust_force), rel=0.02)
 
 
-@pytest.mark.parametrize("preset", ["rough_turning", "paper", "shift", "forging", "override", "surface"])
-def test_it_plays_wherever_feed_is_set(preset: str) -> None:
-    scenario = Scenario.load(preset)
-    (rule,) = (rule for name, rule in RULES.items() if rule.plays(scenario) and name != "model_feed")
-    program = {"cutting_speed": 150.0, "feed": 0.3} if "cutting_speed" in rule.parameters else {}
-    policy = rule.build(scenario, 3, {"force_share": 0.5} | program)
-    env = RoughTurningVectorEnv(3, scenario)
-    seen, _ = env.reset(seed=tuning_seeds(3))
-    for _ in range(30):
-        actions = policy.act(seen)
-        assert actions.dtype == np.float32
-        assert np.all(np.abs(actions) <= 1.0)
-        seen, _, _, _, infos = env.step(actions)
-    if scenario.control.action != "override":
-        assert infos["commanded_cutting_speed"] == pytest.approx(np.full(3, 150.0), rel=1e-4)
-
-
-@pytest.mark.parametrize("preset", ["rough_turning", "shift", "override", "override_current", "surface"])
-def test_actions_are_finite_whatever_is_observed(preset: str) -> None:
-    """Warnings count as errors throughout this suite."""
-    scenario = Scenario.load(preset)
-    low, high = bounds(scenario)
-    rng = np.random.default_rng(0)
-    for rule in RULES.values():
-        if not rule.plays(scenario):
-            continue
-        policy = rule.build(scenario, 64, {name: found.low for name, found in rule.ranges.items()})
-        for _ in range(50):
-            anywhere = rng.uniform(low, high, (64, len(low)))
-            seen = np.where(rng.random(anywhere.shape) < 0.5, anywhere, rng.choice([low, high], size=64))
-            actions = policy.act(seen.astype(np.float32))
-            assert np.all(np.abs(actions) <= 1.0)
-
-
-@pytest.mark.parametrize("preset", ["batch_casting", "batch_welded"])
-def test_it_does_not_play_whole_parts(preset: str) -> None:
-    assert not any(rule.plays(Scenario.load(preset)) for rule in RULES.values())
-
-
 def test_a_roughness_that_no_force_changes_is_refused() -> None:
     scenario = changed(SURFACE, surface={"roughness_rate": 0.0})
     assert not any(rule.plays(scenario) for rule in RULES.values())
@@ -160,16 +120,7 @@ def test_the_models_feed_gives_the_force_of_the_reference_on_a_nominal_bar() -> 
     assert infos["roughness"] == pytest.approx(np.full(2, 1.6), rel=1e-3)
 
 
-def test_the_models_feed_plays_where_roughness_is_asked_for_and_grows_with_feed() -> None:
-    plays = RULES["model_feed"].plays
-    assert plays(SURFACE)
-    assert not plays(Scenario())
-    falling = changed(SURFACE, material={"thrust_force": SURFACE.material.thrust_force.model_copy(update={"feed": 0.0})})
-    assert not plays(falling)
-    with pytest.raises(ValueError, match=r"material\.thrust_force\.feed is 0\.0"):
-        ModelFeed(falling)
-
-
+@pytest.mark.slow
 def test_control_deviates_less_than_the_models_feed_and_the_law_on_the_command_more() -> None:
     players = {
         "constant force": lambda num_envs: law(SURFACE, num_envs),
@@ -187,9 +138,3 @@ def test_a_reading_s_feed_is_what_the_law_starts_from() -> None:
     seen = observations(HELD, force, feed=0.173, commanded=0.25)
     assert read(seen, HELD).feed == pytest.approx(0.173, rel=1e-6)
     assert override(law(), seen, NEEDED) == pytest.approx(0.173 / 0.2, rel=1e-5)
-
-
-def test_the_papers_table_is_whole() -> None:
-    rows = reproduced.rows()
-    assert [row.number for row in rows] == list(range(1, 9))
-    assert [row.reference for row in rows] == pytest.approx(np.arange(1.0, 3.2, 0.3))

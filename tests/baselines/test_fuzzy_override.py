@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from baselines.fuzzy_override import FIRST_FORM, MODIFIED_FORM, RULES, new_override
-from papers.reproduce import fuzzy_override as paper
 from tests.baselines.observing import observe, override_of
 from turning_env import Scenario
 
@@ -69,36 +68,3 @@ def test_the_policy_is_the_law_with_the_target_of_60_percent(name: str, form: di
     overrides, loads = np.array([1.0, 1.45, 0.74, 2.0]), np.array([0.25, 0.6001, 0.75, 1.25])
     asked = override_of(policy.act(observe(OVERRIDE, load=loads, override=overrides)), OVERRIDE)
     np.testing.assert_allclose(asked, np.maximum(new_override(overrides, loads, 0.6, 2.0, **form), 0.01), rtol=1e-4)
-
-
-@pytest.mark.parametrize("name", RULES)
-def test_published_coefficients_are_not_tuned(name: str) -> None:
-    form = MODIFIED_FORM if name.startswith("modified") else FIRST_FORM
-    assert {key: RULES[name].fixed[key] for key in "kpd"} == form
-
-
-def test_every_figure_of_the_paper_agrees_or_is_known_not_to() -> None:
-    checks = list(paper.checks())
-    assert [str(check) for check in checks if not check.passed] == []
-    assert sum(check.verdict == "not reproduced" for check in checks) == 2
-
-
-def test_only_the_first_form_over_regulates() -> None:
-    asked_for = paper.asked_for()
-    assert all(paper.swing(paper.rippled("first form", period)) > asked_for for period in paper.PERIODS)
-    assert all(paper.swing(paper.rippled("modified form", period)) < asked_for for period in paper.PERIODS)
-
-
-def test_a_turns_lag_lets_the_first_form_swing_over_its_range_without_any_ripple() -> None:
-    assert paper.swing(paper.rippled("first form", None)) < 0.1
-    assert paper.swing(paper.rippled("first form", None, 1.0)) > 50.0
-    assert paper.swing(paper.rippled("modified form", None, 1.0)) < 1.0
-
-
-def test_neither_form_prevents_the_peak_at_a_step() -> None:
-    assert [paper.peak(form) for form in paper.FORMS] == pytest.approx([125.0, 125.0], abs=3.0)
-
-
-def test_the_tables_name_every_period() -> None:
-    lines = list(paper.tables())
-    assert all(any(line.lstrip().startswith(f"{period:.2f} ") for line in lines) for period in paper.PERIODS)

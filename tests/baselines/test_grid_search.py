@@ -39,7 +39,7 @@ def test_the_chosen_pair_is_the_best_of_all_1744(wear: float, share: float) -> N
 
 
 def observation(**entries: float) -> np.ndarray:
-    """One lane's observation in metal, half worn, with measurements as predicted but for ``entries``."""
+    """An observation in metal, half worn, with measurements as predicted but for ``entries``."""
     names = ["power", "force", "speed", "feed", "commanded_speed", "commanded_feed", "time", "wear"]
     names += ["power_ratio", "force_ratio", "cutting"]
     values = dict.fromkeys(names, 0.5) | {"power_ratio": 0.0, "force_ratio": 0.0, "cutting": 1.0} | entries

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from baselines.load_override import LOWEST_OVERRIDE, RULES, ConstantLoad, towards_load
+from baselines.load_override import LOWEST_OVERRIDE, RULES, constant_load, towards_load
 from baselines.models.part_program import PartProgram
-from papers.stepped_bar import course, stepped_bar
+from papers.stepped_bar import play_bar, stepped_bar
 from tests.baselines.observing import observe, override_of
 from turning_env import RoughTurningVectorEnv, Scenario
 
@@ -21,14 +21,15 @@ def test_it_never_stops_the_feed() -> None:
 
 def test_a_higher_gain_moves_faster_and_a_huge_one_by_the_whole_distance() -> None:
     seen = observe(OVERRIDE, load=0.3, override=0.5)
-    asked = [override_of(ConstantLoad(PartProgram(OVERRIDE, {}), 1.0, gain).act(seen), OVERRIDE)[0] for gain in (1.0, 10.0, 1e6)]
+    policies = [constant_load(PartProgram(OVERRIDE, {}), 1, 1.0, gain) for gain in (1.0, 10.0, 1e6)]
+    asked = [override_of(policy.act(seen), OVERRIDE)[0] for policy in policies]
     assert 0.5 < asked[0] < asked[1] < asked[2] == pytest.approx(0.75, rel=1e-4)
 
 
 @pytest.mark.parametrize("target", [1.0, 0.8])
 def test_the_load_is_held_at_the_target_at_2_and_at_3_mm(target: float) -> None:
     scenario = stepped_bar()
-    run = course(lambda num_envs: ConstantLoad(PartProgram(scenario, {}), target, 5.0), scenario)
+    run = play_bar(lambda num_envs: constant_load(PartProgram(scenario, {}), num_envs, target, 5.0), scenario)
     for depth in (2.0, 3.0):
         np.testing.assert_allclose(run.at_depth(depth, 2.0).load, 0.6 * target, rtol=0.01)
     assert run.at_depth(1.0, 1.0).override.min() > 1.99

@@ -3,8 +3,8 @@ import pytest
 
 from baselines.load_override import LOWEST_OVERRIDE
 from baselines.models.part_program import PartProgram
-from baselines.omative import ENTRY_TIME, RULES, AirGapControl
-from papers.stepped_bar import course, stepped_bar
+from baselines.omative import ENTRY_TIME, AirGapControl
+from papers.stepped_bar import play_bar, stepped_bar
 from tests.baselines.observing import observe, override_of
 from tests.turning_env.playing import changed
 from turning_env import Scenario
@@ -66,25 +66,8 @@ def test_extreme_loads_leave_it_within_its_limits() -> None:
     assert asked(in_metal(rise=1e6), load=0.0, override=1.0) == pytest.approx(2.0, rel=1e-3)
 
 
-def test_resetting_a_lane_puts_it_before_the_touch() -> None:
-    policy = control(lanes=2)
-    for _ in range(40):
-        policy.act(observe(OVERRIDE, load=[0.6, 0.6]))
-    policy.reset(np.array([True, False]))
-    overrides = override_of(policy.act(observe(OVERRIDE, load=[0.6, 0.6])), OVERRIDE)
-    assert overrides == pytest.approx([0.6, 1.0], rel=1e-3)
-
-
 def test_the_load_is_held_at_the_target() -> None:
     scenario = stepped_bar()
-    run = course(lambda num_envs: control(scenario), scenario)
+    run = play_bar(lambda num_envs: control(scenario), scenario)
     for depth in (2.0, 3.0):
         np.testing.assert_allclose(run.at_depth(depth, 2.0).load, 0.6, rtol=0.01)
-
-
-def test_a_power_that_feed_does_not_change_cannot_be_held_by_feed() -> None:
-    material = OVERRIDE.material
-    power = material.power.model_copy(update={"feed": 0.0})
-    odd = OVERRIDE.model_copy(update={"material": material.model_copy(update={"power": power})})
-    assert RULES["omative"].plays(OVERRIDE)
-    assert not RULES["omative"].plays(odd)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from baselines.part_planning import RULES, FixedParts, RuledParts, pass_depths, plan
-from baselines.rule import Range
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.score.play import play
@@ -59,29 +58,6 @@ def test_a_plan_is_turned_as_it_says():
 def test_depths_of_passes(allowance, path, passes, expected):
     depths = pass_depths(np.array([allowance]), np.array([path]), np.array([float(passes)]), 4)
     assert depths[0].tolist() == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("name", RULES)
-@pytest.mark.parametrize("scenario", [BATCH, BLIND], ids=["probed", "blind"])
-def test_every_rule_plays_what_it_says_it_can(name, scenario):
-    if not RULES[name].plays(scenario):
-        assert "app" in name
-        assert not scenario.sensors.probe
-        return
-    policy = build(name, scenario, 3)
-    observations = np.stack([RoughTurningEnv(scenario).reset(seed=seed)[0] for seed in range(3)])
-    for extreme in (observations, np.full_like(observations, -5.0), np.full_like(observations, 15.0)):
-        actions = policy.act(extreme)
-        assert actions.shape == (3, 10)
-        assert actions.dtype == np.float32
-        assert (np.abs(actions) <= 1).all()
-        assert np.isfinite(actions).all()
-
-
-def test_no_rule_plays_tasks_without_parts():
-    for preset in ("rough_turning", "override", "surface", "shift", "paper"):
-        assert not any(rule.plays(Scenario.load(preset)) for rule in RULES.values())
-    assert all(isinstance(value, Range) for rule in RULES.values() for value in rule.parameters.values())
 
 
 def test_fixed_parts_are_all_alike():

@@ -1,23 +1,24 @@
 """Foresight: gentler into a bar that is not known, and up again."""
 
 import numpy as np
+import pytest
 
 from baselines.optimiser import Optimiser
-from baselines.predictive import RULES, Predictive
+from baselines.predictive import Predictive
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.score.seeds import tuning_seeds
 
 LENGTH = 100.0
 ROW = changed(Scenario(), workpiece={"bar_length": LENGTH}, tool={"edge_strength": 1e6})
-LANES = 16
+NUM_ENVS = 16
 
 
-def course(policy: Optimiser) -> dict[str, np.ndarray]:
-    """Of several lanes over some bars, after the first: place on the bar [mm], feed [mm/rev], relative excess."""
-    env = RoughTurningVectorEnv(LANES, ROW)
-    seen, _ = env.reset(seed=tuning_seeds(LANES))
-    policy.reset(np.ones(LANES, np.bool_))
+def trajectory(policy: Optimiser) -> dict[str, np.ndarray]:
+    """Position on the bar [mm], feed [mm/rev] and relative excess after the first bar, (steps, environments)."""
+    env = RoughTurningVectorEnv(NUM_ENVS, ROW)
+    seen, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
+    policy.reset(np.ones(NUM_ENVS, np.bool_))
     rows = []
     for _ in range(250):
         seen, _, _, _, infos = env.step(policy.act(seen))
@@ -25,8 +26,9 @@ def course(policy: Optimiser) -> dict[str, np.ndarray]:
     return {name: np.array([row[name] for row in rows[30:]]) for name in rows[0]}
 
 
+@pytest.mark.slow
 def test_it_overloads_less_at_entry_and_cuts_the_bar_as_fast() -> None:
-    greedy, foreseeing = (course(kind(ROW, LANES, severity=2.0, caution=1.0)) for kind in (Optimiser, Predictive))
+    greedy, foreseeing = (trajectory(kind(ROW, NUM_ENVS, severity=2.0, caution=1.0)) for kind in (Optimiser, Predictive))
 
     def mean(found: dict[str, np.ndarray], name: str, low: float, high: float) -> float:
         return float(found[name][(found["place"] >= low) & (found["place"] < high)].mean())
@@ -34,11 +36,3 @@ def test_it_overloads_less_at_entry_and_cuts_the_bar_as_fast() -> None:
     assert mean(foreseeing, "excess", 0.0, 8.0) < 0.7 * mean(greedy, "excess", 0.0, 8.0)
     assert mean(foreseeing, "feed", 0.0, 5.0) < mean(greedy, "feed", 0.0, 5.0)
     assert mean(foreseeing, "feed", 20.0, 90.0) > 0.97 * mean(greedy, "feed", 20.0, 90.0)
-
-
-def test_it_shares_the_optimisers_parameters_and_is_tuned_on_one_preset() -> None:
-    rule = RULES["predictive"]
-    assert rule.ranges.keys() == {"severity", "caution"}
-    assert rule.tuned_on == "rough_turning"
-    assert rule.plays(Scenario.load("shift"))
-    assert not rule.plays(Scenario.load("override"))

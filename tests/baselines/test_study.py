@@ -61,14 +61,14 @@ def hill(setting: Parameters) -> tuple[float, float]:
     return -((setting["share"] - 0.7) ** 2), ALLOWANCE * setting["share"] / 0.6
 
 
-def search(name: str, rule: Rule, scenario: Scenario, trials: int, draws: int) -> Found:
-    searching = Search(name, rule, scenario, trials, draws)
+def search(name: str, rule: Rule, scenario: Scenario, trials: int, seeds: int) -> Found:
+    searching = Search(name, rule, scenario, trials, seeds)
     run_all([searching])
     return searching.found()
 
 
-def run(trials: int = 16, draws: int = 4) -> Found:
-    return search("made_up", RULE, SHORT, trials, draws)
+def run(trials: int = 16, seeds: int = 4) -> Found:
+    return search("made_up", RULE, SHORT, trials, seeds)
 
 
 def test_the_middle_comes_first_and_all_settings_lie_in_range(scored: Callable[[Score], Counted]) -> None:
@@ -86,7 +86,7 @@ def test_the_middle_comes_first_and_all_settings_lie_in_range(scored: Callable[[
 
 def test_the_best_feasible_setting_wins(scored: Callable[[Score], Counted]) -> None:
     counted = scored(hill)
-    found = run(trials=30, draws=4)
+    found = run(trials=30, seeds=4)
     assert found.feasible
     assert found.parameters.keys() == {"share", "gain"}
     assert 0.55 < found.parameters["share"] <= 0.6
@@ -130,14 +130,14 @@ def test_what_is_found_is_found_again_without_playing(scored: Callable[[Score], 
     assert len(counted.settings) == 16
 
 
-@pytest.mark.parametrize(("trials", "draws", "time_limit"), [(6, 4, 0.1), (5, 3, 0.1), (5, 4, 0.2)])
+@pytest.mark.parametrize(("trials", "seeds", "time_limit"), [(6, 4, 0.1), (5, 3, 0.1), (5, 4, 0.2)])
 def test_another_task_starts_anew(
-    trials: int, draws: int, time_limit: float, scored: Callable[[Score], Counted], monkeypatch: pytest.MonkeyPatch
+    trials: int, seeds: int, time_limit: float, scored: Callable[[Score], Counted], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scenario = Scenario.model_validate({"name": "short", "control": {"time_limit": time_limit}})
     counted = scored(hill)
     run(trials=5)
-    search("made_up", RULE, scenario, trials, draws)
+    search("made_up", RULE, scenario, trials, seeds)
     assert len(counted.settings) == 5 + trials
     monkeypatch.setattr(study, "code_digest", lambda: "changed")
     run(trials=5)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from baselines.models.part_program import PartProgram
-from baselines.tmac import LEARNING_TIME, RULES, SETTLING_TIME, STOP, UNDERCUT, WEAR_TIME, LearnedPower
+from baselines.tmac import LEARNING_TIME, SETTLING_TIME, STOP, UNDERCUT, WEAR_TIME, LearnedPower
 from tests.baselines.observing import observe, override_of
 from tests.turning_env.playing import changed
 from turning_env import Scenario
@@ -82,25 +82,12 @@ def test_growth_of_power_at_constant_feed_changes_the_edge() -> None:
     assert not changes(learned(SHIFT), limit * 1.2, lasting, override=2.0)  # more feed, not more wear
 
 
-def test_it_is_known_to_change_edges_itself() -> None:
-    assert all(rule.changes_edges for rule in RULES.values())
-
-
 def test_a_fresh_edge_is_learned_anew() -> None:
     policy = learned(SHIFT)
     assert changes(policy, REFERENCE * 1.8, 5.0)
     for second in range(4):
         policy.act(observe(SHIFT, load=REFERENCE * 1.8, cutting_time=second / 60.0))
     assert not changes(policy, REFERENCE * 1.8, 5.0)
-
-
-def test_resetting_a_lane_forgets_its_edge_alone() -> None:
-    policy = learned(lanes=2)
-    policy.reset(np.array([True, False]))
-    seen = observe(OVERRIDE, load=[0.5, 0.5], override=1.4, cutting_time=LEARNING_TIME / 120.0)
-    seen[1, 6] = np.log1p(1.0)
-    assert override_of(policy.act(seen), OVERRIDE)[0] == pytest.approx(1.0)
-    assert override_of(policy.act(seen), OVERRIDE)[1] > 1.4
 
 
 def test_a_cut_without_power_is_learned_without_harm() -> None:

@@ -1,4 +1,5 @@
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -27,7 +28,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def run(folder: Path, *arguments: str) -> int:
-    common = ["--scenario", str(folder / "short.toml"), "--draws", "2"]
+    common = ["--scenario", str(folder / "short.toml"), "--seeds", "2"]
     return tune.main([*common, *(arguments if "--trials" in arguments else ("--trials", "3", *arguments))])
 
 
@@ -36,9 +37,9 @@ def test_the_same_command_writes_the_same_file(folder: Path) -> None:
     path = folder / "tuned" / "short.json"
     text = path.read_text()
     values = json.loads(text)
-    assert values["command"] == f"python -m baselines.tune --scenario {folder / 'short.toml'} --trials 3 --draws 2"
+    assert values["command"] == f"python -m baselines.tune --scenario {folder / 'short.toml'} --trials 3 --seeds 2"
     assert values["scenario_digest"] == SHORT.digest()
-    assert values["budget"] == {"trials": 3, "draws": 2}
+    assert values["budget"] == {"trials": 3, "seeds": 2}
     assert list(values["rules"]) == ["fixed_tuned", "other"]
     for name, found in values["rules"].items():
         played = play_setting(RULES[name], SHORT, entry(name, SHORT).parameters, [1_000_000_000, 1_000_000_001])
@@ -55,6 +56,7 @@ def test_the_same_command_writes_the_same_file(folder: Path) -> None:
     assert list(path.parent.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_side_by_side_it_comes_to_the_same_file(folder: Path) -> None:
     assert run(folder) == 0
     path = folder / "tuned" / "short.json"
@@ -65,6 +67,7 @@ def test_side_by_side_it_comes_to_the_same_file(folder: Path) -> None:
     assert list(path.parent.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_interrupted_it_goes_on_to_the_same_file(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -104,7 +107,7 @@ def test_some_rules_are_tuned_and_the_others_kept(folder: Path, capsys: pytest.C
     assert "keeps fixed_tuned, tuned with another budget" in capsys.readouterr().err
     assert path.read_text() == text
     assert run(folder, "--rules", "other", "fixed_tuned", "--trials", "4") == 0
-    assert json.loads(path.read_text())["budget"] == {"trials": 4, "draws": 2}
+    assert json.loads(path.read_text())["budget"] == {"trials": 4, "seeds": 2}
 
 
 def test_what_was_tuned_for_other_values_is_not_kept(folder: Path) -> None:
@@ -118,12 +121,12 @@ def test_what_was_tuned_for_other_values_is_not_kept(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--draws", "0"], "0 draws asked for"),
+        (["--seeds", "0"], "0 .* asked for"),
         (["--jobs", "0"], "0 jobs asked for"),
         (["--scheduler", "nowhere"], "must be an address like tcp://host:8786"),
         (["--trials", "0"], "0 trials asked for"),
         (["--scenario", "nowhere"], "nowhere"),
-        (["--scenario", "harder_lot"], "scenario 'harder_lot' has a lot of which rules are not told"),
+        (["--scenario", "harder_lot"], "scenario 'harder_lot' has a model mismatch"),
         (["--rules", "nonsense"], "no controller is called 'nonsense'; there are fixed_handbook, fixed_tuned, other"),
         (["--rules", "other", "fixed_handbook"], "fixed_handbook has nothing to tune"),
         (["--rules", "unable"], "unable cannot play"),
@@ -141,7 +144,7 @@ def test_bad_input_is_an_error(
     assert run(folder, *arguments) == 2
     error = capsys.readouterr().err
     assert error.startswith("error: ")
-    assert message in error
+    assert re.search(message, error)
     assert not (folder / "tuned").exists()
 
 

@@ -113,7 +113,7 @@ def test_a_search_of_rules_is_not_made_twice_at_once(
 ) -> None:
     monkeypatch.setattr(tuned, "FOLDER", tmp_path / "tuned")
     SCENARIO.save(tmp_path / "short.toml")
-    arguments = ["--scenario", str(tmp_path / "short.toml"), "--trials", "1", "--draws", "2", "--rules"]
+    arguments = ["--scenario", str(tmp_path / "short.toml"), "--trials", "1", "--seeds", "2", "--rules"]
     with held("holding", study.journal("fixed_tuned", SCENARIO)):
         assert rule_tuning.main([*arguments, "fixed_tuned"]) == 2
         assert "error: another process works with" in capsys.readouterr().err

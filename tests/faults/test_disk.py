@@ -71,7 +71,7 @@ def commands(folder: Path, scenario: Path, results: Path = Path()) -> dict[str, 
         "train.tune": (tune.main, ["--algorithm", "ppo", "--trials", "1", "--runs", str(folder / "runs")], 2),
         "baselines.tune": (
             rule_tuning.main,
-            ["--scenario", str(scenario), "--rules", "fixed_tuned", "--trials", "1", "--draws", "2"],
+            ["--scenario", str(scenario), "--rules", "fixed_tuned", "--trials", "1", "--seeds", "2"],
             2,
         ),
         "leaderboard run": (board.main, ["run", *rules, "--draws", "1", "--results", str(folder / "results")], 2),

@@ -32,7 +32,7 @@ def for_print() -> Iterator[None]:
 def short_plays(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two simulations of roughness, a bar of two depths, two seconds of current, all with one seed."""
     monkeypatch.setattr(override, "stepped_bar", lambda depths: stepped_bar((1.0, 3.0), 10.0))
-    monkeypatch.setattr(constant_force, "DRAWS", 1)
+    monkeypatch.setattr(constant_force, "NUM_SEEDS", 1)
     monkeypatch.setattr(constant_force, "SHOWN", ())
     few = constant_force.rows()[:2]
     monkeypatch.setattr(constant_force, "rows", lambda: few)

@@ -14,6 +14,7 @@ from papers.reproduce.part_programming import Blank, divided_cost, gain, pass_co
 GRID_SEARCH = (PAPERS[0],)
 
 
+@pytest.mark.slow
 def test_every_figure_of_every_paper_agrees(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 0
     printed = capsys.readouterr().out
@@ -40,6 +41,7 @@ def test_a_figure_that_is_off_fails(column: str, monkeypatch: pytest.MonkeyPatch
     assert "MISMATCH" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_tests_ratios_per_minute_hold_and_their_totals_only_with_measured_lives() -> None:
     checks = {check.what: check for check in alaskari_oraby.rival_checks()}
     assert all(check.verdict == "ok" for what, check in checks.items() if what.endswith("per minute"))
@@ -90,7 +92,7 @@ def test_tables_come_before_the_checks(capsys: pytest.CaptureFixture[str]) -> No
     assert printed.index("the table") < printed.index("the claim")
 
 
-def test_machines_are_told_checks_and_verdicts_alone(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_holds_the_checks_and_verdicts_alone(capsys: pytest.CaptureFixture[str]) -> None:
     papers = (Paper("a paper", lambda: iter([claim("the claim", False)]), lambda: iter(["the table"])),)
     assert reproduce(papers, as_json=True) == 1
     (paper,) = json.loads(capsys.readouterr().out)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baselines.fixed import FixedParameters
-from baselines.models.edge_changes import CHANGE_AT, TimelyChanges, as_played, timely
+from baselines.models.edge_changes import CHANGE_AT, TimelyChanges, as_played
 from baselines.rule import Range, Rule
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningEnv, Scenario, read
@@ -32,12 +32,15 @@ def test_the_edge_is_changed_when_the_nominal_wear_says_so(change_at):
     assert np.array(worn)[stopped] == pytest.approx(change_at * SHIFT.tool.wear_criterion, rel=0.01)
 
 
+@pytest.mark.slow
 def test_changing_in_time_pays_where_being_late_costs():
     late = changed(SHIFT, economics={"unplanned_stop": 60.0}, control={"time_limit": 120.0})
     returns = [
-        play(lambda num_envs, share=share: timely(RULE).build(late, num_envs, {"margin": 1.0, CHANGE_AT: share}), late, [0])[
-            "return"
-        ]
+        play(
+            lambda num_envs, share=share: as_played(RULE, late).build(late, num_envs, {"margin": 1.0, CHANGE_AT: share}),
+            late,
+            [0],
+        )["return"]
         for share in (0.7, 5.0)
     ]
     assert (returns[0] > returns[1]).all()

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from baselines.models.edge_value import USED_LIVES, expected_excess, prices_of_life
+from baselines.models.edge_value import USED_LIVES, expected_excess, worth
 from tests.turning_env.playing import changed
 from turning_env import Scenario
 
@@ -25,21 +25,19 @@ def test_without_spread_the_excess_is_what_it_is() -> None:
 
 
 def test_a_fresh_edge_is_worth_more_than_a_worn_one() -> None:
-    prices = prices_of_life(Scenario(), PRICE)
+    prices = worth(Scenario(), PRICE).life
     assert prices.shape == USED_LIVES.shape
     assert (np.diff(prices) < 0).all()
 
 
 def test_what_the_edge_is_charged_does_not_change_what_its_life_is_worth() -> None:
     dear = changed(Scenario(), economics={"edge_cost": 30.0})
-    assert prices_of_life(dear, PRICE) == pytest.approx(prices_of_life(Scenario(), PRICE))
+    assert worth(dear, PRICE).life == pytest.approx(worth(Scenario(), PRICE).life)
 
 
 def test_where_edges_are_changed_a_whole_edge_pays_for_its_time() -> None:
     """Time that is dear makes a worn edge not worth keeping, the more so the cheaper its successor."""
     shift = Scenario.load("shift")
-    worthless = [
-        int((prices_of_life(changed(shift, economics={"edge_cost": cost}), PRICE) <= 0).sum()) for cost in (0.0, 3.0, 30.0)
-    ]
+    worthless = [int((worth(changed(shift, economics={"edge_cost": cost}), PRICE).life <= 0).sum()) for cost in (0.0, 3.0, 30.0)]
     assert worthless[0] >= worthless[1] >= worthless[2]
     assert worthless[0] > worthless[2]

@@ -22,15 +22,13 @@ def heavier(factor: float) -> Scenario:
     return QUIET.model_copy(update={"material": material.model_copy(update=laws)})
 
 
-def followed(
-    played: Scenario, known: Scenario, intervals: int, num_envs: int = 4
-) -> tuple[LoadFilter, list[Reading], list[float]]:
+def followed(played: Scenario, known: Scenario, steps: int, num_envs: int = 4) -> tuple[LoadFilter, list[Reading], list[float]]:
     """A filter that knows one scenario while another is played at constant speed and feed: what it reads, and its force."""
     env, estimate = RoughTurningVectorEnv(num_envs, played), LoadFilter(known, num_envs)
     seen, _ = env.reset(seed=0)
     estimate.reset(np.ones(num_envs, np.bool_))
     readings, forces = [], []
-    for _ in range(intervals):
+    for _ in range(steps):
         readings.append(read(seen, known))
         estimate.observe(readings[-1])
         forces.append(float(estimate.ahead(np.zeros((num_envs, 1))).log_force.mean()))
@@ -78,7 +76,7 @@ def test_zero_force_in_metal_is_not_believed() -> None:
     assert estimate.ahead(np.zeros((4, 1))).log_force == pytest.approx(before, abs=0.1)
 
 
-def test_its_odometer_follows_the_row_of_bars() -> None:
+def test_its_travelled_distance_follows_the_row_of_bars() -> None:
     played = changed(heavier(1.0), workpiece={"bar_length": 60.0})
     estimate, _, _ = followed(played, changed(NOMINAL, workpiece={"bar_length": 60.0}), 150)
     env = RoughTurningVectorEnv(4, played)
@@ -89,7 +87,7 @@ def test_its_odometer_follows_the_row_of_bars() -> None:
     assert estimate.along == pytest.approx(infos["path"] % 63.0, abs=1.0)
 
 
-def test_a_fresh_edge_forgets_the_wear_and_a_reset_everything_in_its_lanes_alone() -> None:
+def test_a_fresh_edge_forgets_the_wear_and_a_reset_everything_in_its_environment_alone() -> None:
     estimate, readings, _ = followed(heavier(1.15), NOMINAL, 60)
     assert (np.abs(estimate.log_wear_factor) > 0).all()
     fresh = np.array([True, False, False, False])

@@ -39,27 +39,6 @@ def test_torque_is_power_over_angular_speed() -> None:
     assert STEEL.torque.most == pytest.approx(210.0)
 
 
-@pytest.mark.parametrize("process", [STEEL, HANDBOOK])
-@pytest.mark.parametrize(("feed", "depth", "hardness"), [(0.1, 1.0, 0.8), (0.4, 2.5, 1.0), (0.6, 6.0, 1.3)])
-def test_the_best_cutting_speed_is_the_cheapest(process: Process, feed: float, depth: float, hardness: float) -> None:
-    found = minimize_scalar(lambda log_speed: log_cost(process, math.exp(log_speed), feed, depth, hardness), bracket=(4.0, 6.0))
-    assert float(process.best_cutting_speed(feed, depth, hardness)) == pytest.approx(math.exp(found.x), rel=1e-5)
-
-
-@pytest.mark.parametrize(("cutting_speed", "depth"), [(80.0, 1.0), (145.0, 2.5), (200.0, 6.0)])
-def test_the_best_feed_is_the_cheapest(cutting_speed: float, depth: float) -> None:
-    found = minimize_scalar(lambda log_feed: log_cost(HANDBOOK, cutting_speed, math.exp(log_feed), depth), bracket=(-2.0, 1.0))
-    assert float(HANDBOOK.best_feed(cutting_speed, depth)) == pytest.approx(math.exp(found.x), rel=1e-5)
-
-
-def test_where_cost_falls_without_end_the_optimum_is_infinite() -> None:
-    np.testing.assert_array_equal(STEEL.best_feed(np.array([100.0, 200.0]), 2.5), np.full(2, np.inf))  # nu = 0.69
-    assert log_cost(STEEL, 150.0, 20.0, 2.5) < log_cost(STEEL, 150.0, 10.0, 2.5)
-    slow = replace(STEEL, wear=STEEL.wear.model_copy(update={"cutting_speed": 0.2}))  # mu = 0.82
-    assert slow.best_cutting_speed(0.3, 2.5) == np.inf
-    assert replace(STEEL, edge_price=0.0).best_cutting_speed(0.3, 2.5) == np.inf
-
-
 @pytest.mark.parametrize(
     ("process", "limit"),
     [(STEEL, STEEL.thrust_force), (STEEL, STEEL.torque), (HANDBOOK, HANDBOOK.thrust_force)],

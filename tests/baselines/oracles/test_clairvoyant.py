@@ -15,13 +15,13 @@ from turning_env.score.play import play
 from turning_env.score.seeds import tuning_seeds
 
 BASE = Scenario.load("rough_turning")
-DRAWS = tuning_seeds(3)
+SEEDS = tuning_seeds(3)
 COARSE = Grid(10.0, 60, 8)
 
 
 @pytest.fixture(scope="module")
 def bound() -> NDArray[np.float64]:
-    return bounds(BASE, DRAWS)
+    return bounds(BASE, SEEDS)
 
 
 def allowed(bound: Any, machine_time: Any) -> Any:
@@ -29,22 +29,24 @@ def allowed(bound: Any, machine_time: Any) -> Any:
     return bound + TOLERANCE * machine_time
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fixed_tuned", "grid_search", "rescaled_grid_search"])
 def test_no_rule_earns_more(name: str, bound: NDArray[np.float64]) -> None:
-    episodes = play(catalogue.entry(name, BASE).make, BASE, DRAWS)
+    episodes = play(catalogue.entry(name, BASE).make, BASE, SEEDS)
     assert (episodes["return"] <= allowed(bound, episodes["time"])).all()
 
 
+@pytest.mark.slow
 def test_knowing_the_present_earns_less_than_knowing_all_but_not_much_less(bound: NDArray[np.float64]) -> None:
-    episodes = play(lambda num_envs: PerfectState(BASE, num_envs), BASE, DRAWS, tell=True)
+    episodes = play(lambda num_envs: PerfectState(BASE, num_envs), BASE, SEEDS, tell=True)
     assert (episodes["return"] <= bound).all()
     assert (bound - episodes["return"] < 0.15 * episodes["time"]).all()
 
 
-def told_actions(draw: int) -> tuple[NDArray[np.float64], float]:
-    """The actions, shape (intervals, 2), of the controller that knows the present, and what they earn [s]."""
+def told_actions(seed: int) -> tuple[NDArray[np.float64], float]:
+    """The actions, shape (steps, 2), of the controller that knows the present, and what they earn [s]."""
     env, guide = RoughTurningVectorEnv(1, BASE, AutoresetMode.NEXT_STEP), PerfectState(BASE, 1)
-    observations, infos = env.reset(seed=[draw])
+    observations, infos = env.reset(seed=[seed])
     guide.reset(np.ones(1, np.bool_))
     actions, earned, ended = [], 0.0, False
     while not ended:
@@ -56,24 +58,24 @@ def told_actions(draw: int) -> tuple[NDArray[np.float64], float]:
     return np.array(actions), earned
 
 
-def best_replay(draw: int, actions: NDArray[np.float64], rounds: int) -> tuple[float, float]:
-    """(return, machine time) [s] of the best that a search finds by changing a sequence of actions on one and the same draw."""
-    lanes, most = 128, len(actions) + 200
-    random = np.random.default_rng(draw)
-    env = RoughTurningVectorEnv(lanes, BASE, AutoresetMode.NEXT_STEP)
+def best_replay(seed: int, actions: NDArray[np.float64], rounds: int) -> tuple[float, float]:
+    """(return, machine time) [s] of the best that a search finds by changing a sequence of actions on one seed."""
+    num_envs, most = 128, len(actions) + 200
+    random = np.random.default_rng(seed)
+    env = RoughTurningVectorEnv(num_envs, BASE, AutoresetMode.NEXT_STEP)
     actions = np.concatenate([actions, np.zeros((200, 2))])
     found = (-np.inf, 0.0)
     for _ in range(rounds):
-        env.reset(seed=[draw] * lanes)
-        # One change a lane, of a few intervals, taken back after them: what follows is commanded as before.
-        changed = np.tile(actions, (lanes, 1, 1))
-        for lane, start in enumerate(random.integers(0, most - 12, lanes)):
+        env.reset(seed=[seed] * num_envs)
+        # One change per environment, of a few steps, taken back after them: later commands stay as before.
+        changed = np.tile(actions, (num_envs, 1, 1))
+        for index, start in enumerate(random.integers(0, most - 12, num_envs)):
             change, axis = random.normal(0.0, 0.15), random.integers(2)
-            changed[lane, start, axis] += change
-            changed[lane, start + random.integers(1, 12), axis] -= change
+            changed[index, start, axis] += change
+            changed[index, start + random.integers(1, 12), axis] -= change
         changed[0] = actions
         changed = np.clip(changed, -1.0, 1.0)
-        returns, times, running = np.zeros(lanes), np.zeros(lanes), np.ones(lanes, np.bool_)
+        returns, times, running = np.zeros(num_envs), np.zeros(num_envs), np.ones(num_envs, np.bool_)
         for step in range(most):
             _, rewards, terminated, truncated, infos = env.step(changed[:, step])
             returns += running * rewards
@@ -86,57 +88,61 @@ def best_replay(draw: int, actions: NDArray[np.float64], rounds: int) -> tuple[f
     return found
 
 
+@pytest.mark.slow
 def test_no_replayed_sequence_of_actions_that_a_search_finds_earns_more(bound: NDArray[np.float64]) -> None:
-    actions, told = told_actions(DRAWS[0])
-    returned, time = best_replay(DRAWS[0], actions, 8)
+    actions, told = told_actions(SEEDS[0])
+    returned, time = best_replay(SEEDS[0], actions, 8)
     assert returned > told  # the search does find something
     assert returned <= allowed(bound[0], time)
 
 
+@pytest.mark.slow
 def test_no_random_search_earns_more(bound: NDArray[np.float64]) -> None:
-    lanes = 256
+    num_envs = 256
     random = np.random.default_rng(0)
-    targets = random.uniform([100.0, 0.15], [200.0, 0.6], (lanes, 2))
+    targets = random.uniform([100.0, 0.15], [200.0, 0.6], (num_envs, 2))
 
     class Fixed:
-        def reset(self, lanes: Any) -> None: ...
+        def reset(self, mask: Any) -> None: ...
 
         def act(self, observations: Any) -> Any:
 
             return towards(read(observations, BASE), BASE, targets[:, 0], targets[:, 1])
 
-    episodes = play(lambda num_envs: Fixed(), BASE, DRAWS[:1] * num_envs)
+    episodes = play(lambda num_envs: Fixed(), BASE, SEEDS[:1] * num_envs)
     assert (episodes["return"] <= allowed(bound[0], episodes["time"])).all()
 
 
+@pytest.mark.slow
 def test_finer_grids_move_it_by_less_than_its_tolerance(bound: NDArray[np.float64]) -> None:
-    finer = bounds(BASE, DRAWS[:1], clairvoyant.GRID.halved())
+    finer = bounds(BASE, SEEDS[:1], clairvoyant.GRID.halved())
     machine_time = 600.0  # [s], less than an edge lasts
     assert abs(finer[0] - bound[0]) <= TOLERANCE * machine_time
 
 
 def test_it_does_not_depend_on_threads_or_on_what_is_computed_beside_it() -> None:
-    together = bounds(BASE, DRAWS, COARSE, threads=2)
-    assert together.tolist() == [bounds(BASE, [draw], COARSE, threads=1)[0] for draw in DRAWS]
+    together = bounds(BASE, SEEDS, COARSE, threads=2)
+    assert together.tolist() == [bounds(BASE, [seed], COARSE, threads=1)[0] for seed in SEEDS]
 
 
-def test_every_draw_is_reported() -> None:
+def test_every_seed_is_reported() -> None:
     done: list[int] = []
-    bounds(BASE, DRAWS, COARSE, on_draw=lambda: done.append(1))
-    assert len(done) == len(DRAWS)
+    bounds(BASE, SEEDS, COARSE, on_seed=lambda: done.append(1))
+    assert len(done) == len(SEEDS)
 
 
+@pytest.mark.slow
 def test_an_override_of_the_feed_is_bounded_too() -> None:
     override = Scenario.load("override")
-    limit = bounds(override, DRAWS)
-    episodes = play(catalogue.entry("omative", override).make, override, DRAWS)
+    limit = bounds(override, SEEDS)
+    episodes = play(catalogue.entry("omative", override).make, override, SEEDS)
     assert (episodes["return"] <= allowed(limit, episodes["time"])).all()
     assert (limit - episodes["return"] < 10.0).all()
 
 
 def test_worn_edges_and_hard_skins_lower_it() -> None:
-    worn, skin = (bounds(Scenario.load(name), DRAWS[:1], COARSE)[0] for name in ("worn_lot", "forging_skin"))
-    plain = bounds(BASE, DRAWS[:1], COARSE)[0]
+    worn, skin = (bounds(Scenario.load(name), SEEDS[:1], COARSE)[0] for name in ("worn_lot", "forging_skin"))
+    plain = bounds(BASE, SEEDS[:1], COARSE)[0]
     assert worn < plain
     assert skin < plain
 
@@ -146,4 +152,4 @@ def test_it_says_what_it_covers() -> None:
     assert covered == {"RoughTurning-v0", "RoughTurning-Override-v0"}
     assert not covers(Scenario.model_validate({"control": {"time_limit": 5.0}}))
     with pytest.raises(ValueError, match="does not cover scenario 'shift'"):
-        bounds(Scenario.load("shift"), DRAWS)
+        bounds(Scenario.load("shift"), SEEDS)

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from baselines import catalogue
 from baselines.models.kalman import DEPTH, HARDNESS, WEAR
@@ -27,10 +28,11 @@ def test_it_knows_depth_hardness_and_wear() -> None:
     assert infos["cutting"].any()
 
 
+@pytest.mark.slow
 def test_who_knows_more_earns_more() -> None:
-    draws = tuning_seeds(6)
-    told = play(lambda num_envs: PerfectState(BASE, num_envs), BASE, draws, tell=True)
-    rule = play(catalogue.entry("predictive", BASE).make, BASE, draws)
+    seeds = tuning_seeds(6)
+    told = play(lambda num_envs: PerfectState(BASE, num_envs), BASE, seeds, tell=True)
+    rule = play(catalogue.entry("predictive", BASE).make, BASE, seeds)
     assert (told["return"] > rule["return"]).mean() > 0.8
     assert told["return"].mean() > rule["return"].mean() + 15.0
 
