@@ -7,7 +7,7 @@ import torch
 
 from train.actor import Actor
 from train.export import metadata, to_onnx
-from train.feedforward import Feedforward
+from train.actor import Feedforward
 from train.run import Run
 from turning_env import Scenario
 

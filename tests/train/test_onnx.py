@@ -20,7 +20,7 @@ from train.actor import Actor, ActorPolicy
 from train.agents import agent_file, onnx_policy
 from train.agents import run_folder as agent
 from train.agents.session import OnnxPolicy, session_of, tried
-from train.feedforward import Feedforward
+from train.actor import Feedforward
 from train.training import Algorithm, new_model
 from turning_env import Scenario
 

@@ -227,9 +227,7 @@ def _lines(done: dict[str, Any]) -> str:
     lines = [f"{done['path']}: {counts}"]
     if "steps" in done:
         largest, mean = done["largest_override_difference"], done["mean_override_difference"]
-        lines.append(
-            f"override: {largest:.3f} percentage points off the rule at most, {mean:.3f} in the mean of {done['steps']}"
-        )
+        lines.append(f"override: {largest:.3f} percentage points off the rule at most, {mean:.3f} in the mean of {done['steps']}")
     for name, of in (("original", "original"), ("simulated", "read back and played")):
         if name in done:
             sums = done[name]
