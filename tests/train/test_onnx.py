@@ -16,11 +16,10 @@ from onnx import helper, numpy_helper
 
 from tests.train import onnx_agents, small
 from train import export
-from train.actor import Actor, ActorPolicy
+from train.actor import Actor, ActorPolicy, Feedforward
 from train.agents import agent_file, onnx_policy
 from train.agents import run_folder as agent
 from train.agents.session import OnnxPolicy, session_of, tried
-from train.actor import Feedforward
 from train.training import Algorithm, new_model
 from turning_env import Scenario
 
