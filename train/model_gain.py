@@ -7,10 +7,10 @@ way. It is trained to travel each stretch at the least
 
 where p(D) is the price of the edge's life by dynamic programming (``baselines/models/edge_value.py``) in place of the flat price
 in the reward; over a whole edge the two differ by a constant. After a step, the simulator tells the hidden depth, hardness and
-wear (``HindsightVecEnv``); machinability models and the drives' lags give the gradient of the step's cost with respect to speed and
-feed. The highest force of a step is charged the expected cost of breakage, for an edge of unknown strength. (Analytic gradients
-through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat charge: potential-based shaping, Ng et al. 1999.
-The combination is this project's.)
+wear (``HindsightVecEnv``); machinability models and the drives' lags give the gradient of the step's cost with respect to speed
+and feed. The highest force of a step is charged the expected cost of breakage, for an edge of unknown strength. (Analytic
+gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat charge: potential-based shaping, Ng et
+al. 1999. The combination is this project's.)
 """
 
 import math

@@ -13,7 +13,7 @@ from train.model_gain import FIELDS, POINTS, HindsightVecEnv, ModelGain, Truth
 from train.vec_env import info_at_end_of_step
 from turning_env import Scenario
 
-BASE, SHIFT = Scenario.load("rough_turning"), Scenario.load("shift")
+BASE, SHIFT, OVERRIDE = (Scenario.load(preset) for preset in ("rough_turning", "shift", "override"))
 JOB = BASE.model_copy(update={"workpiece": BASE.workpiece.model_copy(update={"bars": 3})})
 PATH, DEPTH, HARDNESS, USED_LIFE = range(len(FIELDS))
 PITCH, APPROACH = BASE.workpiece.bar_length + BASE.workpiece.approach, BASE.workpiece.approach
@@ -43,10 +43,13 @@ def test_hidden_states_are_interpolated_within_a_bar() -> None:
     assert points(truth.used_life) == pytest.approx(0.5 + 0.1 * SHARE)
     assert points(truth.cutting) == [1.0] * POINTS
     assert points(truth_of(state(1.0, used_life=0.0), state(1.1, used_life=0.0)).used_life) == pytest.approx([1e-6] * POINTS)
+    assert points(truth_of(state(1.0, used_life=1.1), state(1.1, used_life=1.2)).used_life) == [1.0] * POINTS
 
 
-def test_metal_begins_behind_the_approach_and_ends_with_the_bar() -> None:
-    entering = truth_of(state(APPROACH - 0.4, 0.0, 0.0), state(APPROACH + 0.6, 3.5, 1.1))
+@pytest.mark.parametrize("bar", [0, 1])
+def test_metal_begins_behind_the_approach_and_ends_with_the_bar(bar: int) -> None:
+    face = bar * PITCH + APPROACH
+    entering = truth_of(state(face - 0.4, 0.0, 0.0), state(face + 0.6, 3.5, 1.1))
     assert points(entering.cutting) == [0, 0, 1, 1, 1]
     assert np.exp(points(entering.log_depth)[2:]) == pytest.approx([3.5] * 3)  # not a mean with the air
     assert np.exp(points(entering.log_depth)[:2]) == pytest.approx([BASE.workpiece.depth_of_cut] * 2)
@@ -121,6 +124,7 @@ def gain_of(scenario: Scenario) -> ModelGain:
         pytest.param(BASE, 80.0, 0.6, 4.5, 1.4, 0.2, id="over the force limit"),
         pytest.param(SHIFT, 160.0, 0.12, 3.0, 1.0, 0.5, id="shift, life has a price"),
         pytest.param(SHIFT, 160.0, 0.5, 3.0, 1.2, 0.97, id="shift, life has none"),
+        pytest.param(OVERRIDE, 120.0, 0.5, 3.0, 1.3, 0.4, id="override, short steps"),
         pytest.param(JOB, 120.0, 0.3, 3.0, 1.0, 0.6, id="a job pays the flat price"),
     ],
 )
@@ -131,7 +135,7 @@ def test_the_gain_is_its_formula(
     commands = torch.tensor([[[math.log(speed)]], [[math.log(feed)]]], requires_grad=True)
     ends = state(100.0, depth, hardness, used)
     found, going_on = gain(commands[0], commands[1], torch.full((1, 1), 50.0), torch.full((1, 1), 0.1), truth_of(ends, ends))
-    found.sum().backward()
+    found.sum().backward()  # type: ignore[no-untyped-call]
     assert commands.grad is not None
     assert not going_on.requires_grad
     numbers = found.item(), *commands.grad.flatten().tolist(), going_on.item()
@@ -179,7 +183,7 @@ def test_an_edge_is_changed_where_going_on_loses_on_average() -> None:
     gain = gain_of(SHIFT)
     for outcomes in ([0.2, 0.1, -0.2], [0.2, -0.1, -0.2]):
         score = torch.zeros(1, requires_grad=True)
-        gain.edge_change_gain(score, torch.tensor(outcomes)).sum().backward()
+        gain.edge_change_gain(score, torch.tensor(outcomes)).sum().backward()  # type: ignore[no-untyped-call]
         assert score.grad is not None
         assert score.grad.item() == pytest.approx(-0.5 * sum(outcomes))
     value = gain.edge_change_gain(torch.tensor([1.0, 1.0]), torch.tensor([2.0, -2.0])).tolist()
@@ -187,8 +191,8 @@ def test_an_edge_is_changed_where_going_on_loses_on_average() -> None:
 
 
 def test_drives_follow_their_commands_with_their_lags() -> None:
-    gain = ModelGain(BASE)
-    machine, interval = BASE.machine, BASE.control.interval
+    scenario = OVERRIDE  # its steps are short
+    gain, machine, interval = ModelGain(scenario), scenario.machine, scenario.control.interval
     for drive, lag in enumerate((machine.spindle_time_constant, machine.feed_time_constant)):
         commanded = torch.full((3, 1), 100.0, requires_grad=True)
         followed = gain._follow(commanded, torch.full((3, 1), 80.0), drive)
