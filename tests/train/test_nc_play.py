@@ -18,7 +18,7 @@ from turning_env.programs import schedule, simulate
 from turning_env.programs.program import Block, NcError, Program
 from turning_env.programs.read import read
 from turning_env.programs.schedule import Segment, bars_of
-from turning_env.programs.synchronous import LOAD, OVERRIDE, Law
+from turning_env.programs.synchronous import LOAD, Law
 from turning_env.programs.write import write
 
 SCENARIO, OVERRIDES = Scenario.load("rough_turning"), Scenario.load("override")
@@ -47,14 +47,6 @@ def test_a_schedule_does_what_the_controller_did(preset: str, rule: str, bars: i
     assert simulated.difference(original) < 0.01
     assert original.removed > 30.0
     assert len(program.bars) <= bars
-
-
-@pytest.mark.slow
-def test_a_program_of_the_whole_edge_ends_where_the_edge_does() -> None:
-    program, original = schedule.play_schedule(catalogue.entry("fixed_handbook", SCENARIO).make, SCENARIO, 11, 900)
-    assert len(program.bars) < 900
-    assert program.bars[-1][-1].z > -SCENARIO.workpiece.bar_length
-    assert original.wear <= 0.3001
 
 
 def test_more_tolerance_means_fewer_blocks_that_end_at_the_same_place() -> None:
@@ -125,16 +117,6 @@ def test_the_interval_table_does_on_nominal_bars_what_the_models_say(preset: str
     assert notes[-1].startswith(f"section {len(rows)}: ")
 
 
-def test_the_table_chooses_as_the_grid_search_plays() -> None:
-    rows = interval_table.interval_table(SCENARIO)
-    drawn = interval_table.without_spreads(SCENARIO)
-    program, _ = schedule.play_schedule(catalogue.entry("grid_search", SCENARIO).make, drawn, 0, 1, 0.0)
-    chosen = {(row.cutting_speed, round(row.feed, 3)) for row in rows}
-    played = [(block.cutting_speed, block.feed) for block in program.bars[0]]
-    late = played[len(played) // 2 :]  # by then the commands have come from the starting point to the pairs
-    assert set(late) <= chosen
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", laws.LAWS)
 def test_a_law_does_what_the_rule_does(rule: str) -> None:
@@ -197,12 +179,6 @@ def test_no_law_leaves_the_machines_range(rule: str, measured: list[tuple[float,
         variables |= {LOAD: load, "$AC_VACTB": velocity}
         feed = 0.4 * 0.01 * law.cycle(variables)
         assert machine.feed_min - 1e-12 <= feed <= machine.feed_max + 1e-12
-
-
-def test_an_override_that_nothing_writes_is_100() -> None:
-    law = law_of("one_line_law")
-    silent = Law(law.polynomials, (), ())
-    assert silent.cycle({LOAD: 50.0, OVERRIDE: 3.0}) == 100.0
 
 
 def test_a_law_that_leaves_the_range_or_divides_by_zero_is_refused_in_play() -> None:

@@ -5,7 +5,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnx
@@ -48,14 +47,6 @@ def test_a_file_acts_as_the_agent_and_forgets_each_environment_by_itself(memory:
         mine, its = original.act(observation), exported.act(observation)
         assert (its.shape, its.dtype) == ((5, 2), np.float32)
         np.testing.assert_allclose(its, mine, rtol=0, atol=1e-6)
-
-
-@pytest.mark.parametrize("memory", [False, True])
-def test_an_environment_gets_the_same_actions_in_any_batch(memory: bool) -> None:
-    batch, singles = policy(5, memory), [policy(1, memory) for _ in range(5)]
-    for observation in observations(10):
-        separate = [each.act(observation[index : index + 1]) for index, each in enumerate(singles)]
-        np.testing.assert_array_equal(batch.act(observation), np.concatenate(separate))
 
 
 def test_the_same_agent_gives_the_same_bytes() -> None:
@@ -313,13 +304,6 @@ def test_an_agent_plays_other_scenarios_that_mean_the_same(tmp_path: Path) -> No
         agent.check_fits(Scenario.load("override"))
     with pytest.raises(ValueError, match=r"control\.edge_changes"):
         agent.check_fits(Scenario.load("shift"))
-
-
-def test_wrong_observations_are_refused() -> None:
-    wrong: Any
-    for wrong in (np.zeros((5, 12), np.float32), np.zeros((5, 11))):
-        with pytest.raises(ValueError, match="cannot act on these observations"):
-            policy(5, False).act(wrong)
 
 
 def test_playing_a_file_needs_no_torch() -> None:

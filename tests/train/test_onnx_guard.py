@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tests.train import networks, onnx_agents
 from train.agents import agent_file, onnx_policy, sandbox
 from train.agents.sandbox import GuardedPolicy, Limits
-from train.agents.session import OnnxPolicy, session_of, tried
+from train.agents.session import OnnxPolicy, session_of
 
 NUM_ENVS = 6
 linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -226,9 +226,3 @@ def test_links_pipes_devices_and_folders_are_no_files(tmp_path: Path) -> None:
             onnx_policy.load(tmp_path / name)
     with pytest.raises(ValueError, match="is not an ordinary file"):
         onnx_policy.load(Path("/dev/zero"))
-
-
-def test_what_is_tried_here_is_what_is_tried_there() -> None:
-    tried(networks.plain(), 11, 2, 0)
-    with pytest.raises(ValueError, match="depend on the other environments"):
-        tried(networks.counting(), 11, 2, 0)
