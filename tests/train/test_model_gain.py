@@ -54,6 +54,9 @@ def test_metal_begins_behind_the_approach_and_ends_with_the_bar(bar: int) -> Non
     assert np.exp(points(entering.log_depth)[2:]) == pytest.approx([3.5] * 3)  # not a mean with the air
     assert np.exp(points(entering.log_depth)[:2]) == pytest.approx([BASE.workpiece.depth_of_cut] * 2)
     assert points(entering.log_hardness)[:2] == [0.0, 0.0]
+    early = truth_of(state(face - 0.05, 0.0, 0.0), state(face + 0.95, 3.5, 1.1))
+    assert points(early.cutting) == [1] * POINTS
+    assert np.exp(points(early.log_depth)) == pytest.approx([3.5] * POINTS)
     second = truth_of(state(PITCH - 0.45, 3.5), state(PITCH + 0.55, 0.0, 0.0))
     assert points(second.cutting) == [1, 1, 0, 0, 0]
     across = truth_of(state(PITCH - 0.4 * APPROACH, 3.5), state(PITCH + 0.6 * APPROACH * 4, 2.0))
@@ -252,7 +255,7 @@ def test_edges_that_are_changed_on_command_have_not_failed() -> None:
     env.seed(3)
     env.reset()
     for step in range(1200):
-        change = [1.0 if step == 50 else -1.0, -1.0]
+        change = [0.2 if step == 50 else -1.0, -1.0]
         env.step(np.stack([[0.02, 0.02], [0.02, 0.02], change], axis=1).astype(np.float32))
         if step == 50:
             assert env.changed.tolist() == [True, False]
