@@ -35,7 +35,7 @@ from train import ppo
 from train.actor import Actor, ActorPolicy
 from train.run import Run
 from train.training import SEEDS, Algorithm, train
-from train.vec_env import RoughTurningVecEnv, of_interval
+from train.vec_env import RoughTurningVecEnv, info_at_end_of_step
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
 from turning_env.files import replace_file
@@ -59,18 +59,22 @@ def edge_price(scenario: Scenario) -> float:
 
 def life_left_behind(infos: dict[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Used share of life [-] at the interval's end, and whether the edge is worn out or broken, each of shape (count,)."""
-    used = np.minimum(of_interval(infos, "used_life"), 1.0)
-    return used, (used >= 1.0) | of_interval(infos, "broken").astype(np.bool_)
+    used = np.minimum(info_at_end_of_step(infos, "used_life"), 1.0)
+    return used, (used >= 1.0) | info_at_end_of_step(infos, "broken").astype(np.bool_)
 
 
 class ChargedAtEnd(RoughTurningVecEnv):
     """Lathes from which it is learned that an edge costs nothing until it is worn out or broken, and then its whole price."""
 
-    def learned_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
+    def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
         """Rewards in which what is charged for used life is put off to the edge's end."""
         used, ended = life_left_behind(infos)
         # A broken edge pays for what was left of it as it is: what is put off is what it had used.
-        return rewards - of_interval(infos, "reward_edge") - np.where(ended, edge_price(self.lathes_env.scenario) * used, 0.0)
+        return (
+            rewards
+            - info_at_end_of_step(infos, "reward_edge")
+            - np.where(ended, edge_price(self.vector_env.scenario) * used, 0.0)
+        )
 
 
 class PricedByLeft(RoughTurningVecEnv):
@@ -98,10 +102,10 @@ class PricedByLeft(RoughTurningVecEnv):
         potential: NDArray[np.float64] = np.interp(used, self._used_lives, self._potentials)
         return potential
 
-    def learned_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
+    def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
         """Rewards and the potential's difference."""
         used, ended = life_left_behind(infos)
-        before = used + of_interval(infos, "reward_edge") / self._price
+        before = used + info_at_end_of_step(infos, "reward_edge") / self._price
         return rewards + self.potential(np.where(ended, 1.0, used)) - self.potential(before)
 
 
@@ -110,7 +114,7 @@ class Stacked(RoughTurningVecEnv):
 
     def __init__(self, scenario: Scenario, count: int, reward_scale: float = 1.0) -> None:
         super().__init__(scenario, count, reward_scale)
-        one = self.lathes_env.single_observation_space
+        one = self.vector_env.single_observation_space
         assert isinstance(one, Box)
         self._stack: Any = StackedObservations(count, FRAMES, one)
         self.observation_space = Box(np.tile(one.low, FRAMES), np.tile(one.high, FRAMES), dtype=np.float32)
@@ -187,7 +191,7 @@ class Variant:
         return Scenario.model_validate(values)
 
 
-_AT_END = dataclasses.replace(ppo.ALGORITHM, lathes=ChargedAtEnd)
+_AT_END = dataclasses.replace(ppo.ALGORITHM, vec_env=ChargedAtEnd)
 
 VARIANTS = {
     "as_it_is": Variant("as it is"),
@@ -198,9 +202,11 @@ VARIANTS = {
     "discount_0.99": Variant("discount 0.99", {"discount": 0.99}),
     "charged_at_end_discount_0.99": Variant("edge charged at its end, discount 0.99", {"discount": 0.99}, algorithm=_AT_END),
     "four_frames": Variant(
-        f"the last {FRAMES} observations", algorithm=dataclasses.replace(ppo.ALGORITHM, lathes=Stacked, actor=stacked_actor)
+        f"the last {FRAMES} observations", algorithm=dataclasses.replace(ppo.ALGORITHM, vec_env=Stacked, actor=stacked_actor)
     ),
-    "life_by_left": Variant("life priced by how much is left", algorithm=dataclasses.replace(ppo.ALGORITHM, lathes=PricedByLeft)),
+    "life_by_left": Variant(
+        "life priced by how much is left", algorithm=dataclasses.replace(ppo.ALGORITHM, vec_env=PricedByLeft)
+    ),
 }
 """By name, in the table's order. The others are compared with the first that is played."""
 

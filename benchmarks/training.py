@@ -84,7 +84,7 @@ class Stopwatch(AbstractContextManager["Stopwatch"]):
     """Time spent in the environment's own ``step`` [s]."""
 
     def __init__(self, env: RoughTurningVecEnv) -> None:
-        self._lathes: Any = env.lathes_env
+        self._lathes: Any = env.vector_env
         self._step = self._lathes.step
         self.seconds = 0.0
 

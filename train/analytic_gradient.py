@@ -1,19 +1,20 @@
-"""A recurrent agent taught in hindsight by the machinability models: train one agent for one training seed.
+"""A recurrent agent trained with gradients of the machining models: train one agent for one training seed.
 
     python -m train.analytic_gradient --seed 0
 
-The agent remembers (a GRU) and sees observations alone. After every few intervals a privileged teacher, the models at the true
-states (``train/model_gain.py``), tells the gradient of what those intervals have earned with respect to what the agent commanded,
-and that is passed through its memory back to what it saw. No value function is learned and nothing need be explored: the gradient
-is exact but for how the bars' true states would have come at other places.
+The agent has a memory (a GRU) and sees observations alone. After every few steps a privileged teacher, the machining models
+evaluated at the hidden state (``train/model_gain.py``), gives the gradient of what those steps earned with respect to the agent's
+commands, which is backpropagated through the agent's memory to its observations. There is no value function, and no exploration
+is needed: the gradient is exact, except that the hidden state at other positions along the bar is taken to be the same.
 
-Running the same command again resumes an interrupted training, and does nothing if it is finished. What a run's folder holds:
-``train/training.py``. (Gradients of a differentiable model: Freeman et al. 2021, arXiv 2106.13281; a teacher that knows what the
-student cannot: Chen et al. 2020, arXiv 1912.12294; GRU: Cho et al. 2014, arXiv 1406.1078.)
+The same command resumes an interrupted training, and does nothing if training is finished. Files: see ``train/training.py``.
+(Gradients of a differentiable model: Freeman et al. 2021, arXiv 2106.13281; privileged teacher: Chen et al. 2020,
+arXiv 1912.12294; GRU: Cho et al. 2014, arXiv 1406.1078.)
 """
 
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -25,14 +26,11 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.type_aliases import MaybeCallback
 from stable_baselines3.common.utils import LinearSchedule
 
-from train import command
 from train.actor import Actor
-from train.commands import Commands
-from train.hindsight import HindsightVecEnv
-from train.model_gain import ModelGain, Truth
-from train.recurrent_actor import RecurrentActor
+from train.analytic_actor import ACTUAL, GruActor, TargetCommands
+from train.model_gain import HindsightVecEnv, ModelGain, Truth
 from train.run import Run
-from train.training import Algorithm
+from train.training import Algorithm, command_line
 from train.vec_env import RoughTurningVecEnv
 from turning_env import Scenario
 
@@ -41,30 +39,31 @@ Tensor = torch.Tensor
 
 @dataclass(frozen=True)
 class Settings:
-    """How an agent is taught."""
+    """Hyperparameters of the algorithm beside the learning rate."""
 
     cells: int
-    """Of the memory, and of the layers around it."""
+    """Size of the memory, and of the layers around it."""
     rollout: int
-    """Intervals per lane between updates."""
+    """Steps per environment between updates."""
     batch_envs: int
-    """Lanes in one step of gradient descent."""
+    """Environments in one step of gradient descent."""
     epochs: int
-    """Times that each rollout is learned from."""
+    """How often each rollout is used."""
     exploration: float
-    """Standard deviation of what is added to actions, so that a little more than the way taken is seen [-]."""
+    """Standard deviation of the noise added to actions, so that states a little beside the path are seen [-]."""
     max_gradient_norm: float
     saturation_price: float = 0.0
-    """Of the squares of what is wanted before it is bounded, so that no want is stuck at the end of its range [s]."""
+    """Price of the squares of unbounded targets, so that no target is stuck at the end of its range [s]."""
 
 
 @dataclass
 class Rollout:
-    """What was seen and what was true; fields of shape (intervals, lanes, ...)."""
+    """Observations and hidden states; fields of shape (steps, num_envs, ...), see ``HindsightVecEnv``."""
 
     memory: Tensor
-    """Before the first interval, shape (lanes, cells)."""
+    """Before the first step, shape (num_envs, memory_size)."""
     begins: Tensor
+    """1 where an episode begins."""
     observations: Tensor
     before: np.ndarray[Any, np.dtype[np.float64]]
     after: np.ndarray[Any, np.dtype[np.float64]]
@@ -73,15 +72,7 @@ class Rollout:
 
 
 class AnalyticGradient(BaseAlgorithm):
-    """The algorithm, as Stable-Baselines3 knows algorithms: what it saves, logs and calls back is that library's.
-
-    Args:
-        policy: ``RecurrentActor``.
-        env: lathes that tell the truth in hindsight.
-        learning_rate: as in Stable-Baselines3.
-        scenario: what is played.
-        settings: how the agent is taught.
-    """
+    """The algorithm, as a subclass of Stable-Baselines3's, which saves, logs and calls back."""
 
     policy: Any
     env: Any
@@ -90,7 +81,7 @@ class AnalyticGradient(BaseAlgorithm):
 
     def __init__(
         self,
-        policy: type[Actor] = RecurrentActor,
+        policy: type[Actor] = GruActor,
         env: HindsightVecEnv | None = None,
         learning_rate: Any = 1e-3,
         scenario: Scenario | None = None,
@@ -137,7 +128,7 @@ class AnalyticGradient(BaseAlgorithm):
         reset_num_timesteps: bool = True,
         progress_bar: bool = False,
     ) -> Self:
-        """Collect and learn in turns until so many intervals have been seen."""
+        """Collect rollouts and learn from them until ``total_timesteps`` environment steps are made."""
         self.gain = ModelGain(self.scenario)
         if reset_num_timesteps:
             self.memory = torch.zeros(self.n_envs, self.policy.memory_size)
@@ -157,7 +148,7 @@ class AnalyticGradient(BaseAlgorithm):
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[np.ndarray[Any, np.dtype[np.float32]], Any]:
-        """Actions for observations of shape (lanes, entries), and the memory to give back as ``state`` with the next."""
+        """Return actions for observations of shape (num_envs, entries), and the memory to pass as ``state`` in the next call."""
         seen = torch.as_tensor(observation)
         memory = torch.zeros(len(seen), self.policy.memory_size) if state is None else torch.as_tensor(state)
         if episode_start is not None:
@@ -167,7 +158,7 @@ class AnalyticGradient(BaseAlgorithm):
         return actions.numpy(), memory.numpy()
 
     def collect(self, callbacks: BaseCallback) -> Rollout:
-        """Let the agent, as it is, run its lathes for a while."""
+        """Let the agent act for a rollout."""
         start, steps = self.memory, []
         for _ in range(self.settings.rollout):
             seen, begins = torch.from_numpy(self._last_obs), torch.from_numpy(self._last_episode_starts).float().unsqueeze(-1)
@@ -184,11 +175,11 @@ class AnalyticGradient(BaseAlgorithm):
         return Rollout(start, torch.stack(begun), torch.stack(observed), *map(np.stack, true))
 
     def train(self, rollout: Rollout) -> float:
-        """Learn from a rollout; returns its mean gain per interval [s]."""
+        """Learn from a rollout; return its mean gain per step [s]."""
         gains = []
         for _ in range(self.settings.epochs):
-            for lanes in torch.randperm(self.n_envs).split(self.settings.batch_envs):  # type: ignore[no-untyped-call]
-                gain = self.mean_gain(rollout, lanes)
+            for envs in torch.randperm(self.n_envs).split(self.settings.batch_envs):  # type: ignore[no-untyped-call]
+                gain = self.mean_gain(rollout, envs)
                 self.policy.optimizer.zero_grad()
                 (-gain).backward()  # type: ignore[no-untyped-call]
                 torch.nn.utils.clip_grad_norm_(self.policy.parameters(), self.settings.max_gradient_norm)
@@ -196,9 +187,9 @@ class AnalyticGradient(BaseAlgorithm):
                 gains.append(gain.item())
         return float(np.mean(gains))
 
-    def mean_gain(self, rollout: Rollout, lanes: Tensor) -> Tensor:
-        """Mean gain per interval [s] of some lanes in a rollout, as a function of what the agent wants."""
-        observations, chosen = rollout.observations[:, lanes], lanes.numpy()
+    def mean_gain(self, rollout: Rollout, envs: Tensor) -> Tensor:
+        """Return the mean gain per step [s] of some environments in a rollout, as a function of the agent's parameters."""
+        observations, chosen = rollout.observations[:, envs], envs.numpy()
         truth = Truth(
             self.scenario,
             rollout.before[:, :, chosen],
@@ -206,28 +197,28 @@ class AnalyticGradient(BaseAlgorithm):
             rollout.changed[:, chosen],
             rollout.failed[:, chosen],
         )
-        unbounded = self.policy.unroll(observations, rollout.memory[lanes], rollout.begins[:, lanes])
-        wanted = self.policy.bounded(unbounded)
+        unbounded = self.policy.unroll(observations, rollout.memory[envs], rollout.begins[:, envs])
+        target = self.policy.bounded(unbounded)
         commands = self.policy.commands
-        speed, feed = commands.actual(observations)
-        log_speed, log_feed = commands.commanded(wanted, observations)
+        speed, feed = commands.speed_and_feed(observations, ACTUAL)
+        log_speed, log_feed = commands.commanded(target, observations)
         gain: Tensor
         gain, going_on = self.gain(log_speed, log_feed, speed, feed, truth)
         if commands.changes_edges:
             gain = gain * (1.0 - truth.changed)
-            gain = gain + self.gain.of_changing(wanted[..., -1], going_on)
-        saturation = unbounded[..., : commands.wants].square().sum(dim=-1)
-        taught: Tensor = gain.mean() - self.settings.saturation_price * saturation.mean()
-        return taught
+            gain = gain + self.gain.edge_change_gain(target[..., -1], going_on)
+        saturation = unbounded[..., : commands.targets].square().sum(dim=-1)
+        objective: Tensor = gain.mean() - self.settings.saturation_price * saturation.mean()
+        return objective
 
 
-def new_model(run: Run, lathes: RoughTurningVecEnv) -> AnalyticGradient:
-    """An untrained model."""
-    assert isinstance(lathes, HindsightVecEnv)
+def new_model(run: Run, vec_env: RoughTurningVecEnv) -> AnalyticGradient:
+    """Return an untrained model."""
+    assert isinstance(vec_env, HindsightVecEnv)
     p = run.parameters
     return AnalyticGradient(
-        RecurrentActor,
-        lathes,
+        GruActor,
+        vec_env,
         LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),
         run.scenario,
         Settings(**{name: p[name] for name in Settings.__dataclass_fields__ if name in p}),
@@ -236,9 +227,9 @@ def new_model(run: Run, lathes: RoughTurningVecEnv) -> AnalyticGradient:
     )
 
 
-def actor(path: Path) -> RecurrentActor:
-    """The finished agent in a ``policy.zip`` of your own."""
-    policy: RecurrentActor = AnalyticGradient.load(path, device="cpu").policy
+def actor(path: Path) -> GruActor:
+    """Load the finished agent from a ``policy.zip`` of your own."""
+    policy: GruActor = AnalyticGradient.load(path, device="cpu").policy
     return policy
 
 
@@ -250,19 +241,15 @@ SEARCH = {
 
 
 def plays(scenario: Scenario) -> bool:
-    """Whether the teacher knows what pays on a scenario: metal, cut at a feed that is set by the interval."""
-    return scenario.control.action in Commands.ACTIONS and scenario.control.aim == "removal"
+    """Return whether the teacher knows the scenario's reward: removed metal, at a feed that is set step by step."""
+    return scenario.control.action in TargetCommands.ACTIONS and scenario.control.aim == "removal"
 
 
 ALGORITHM = Algorithm(
-    "analytic_gradient", "analytic-gradient", AnalyticGradient, new_model, actor, SEARCH, lathes=HindsightVecEnv, plays=plays
+    "analytic_gradient", "analytic gradients", AnalyticGradient, new_model, actor, SEARCH, vec_env=HindsightVecEnv, plays=plays
 )
 
-
-def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    return command.main(ALGORITHM, arguments)
-
+main = partial(command_line, ALGORITHM)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,9 +1,9 @@
-"""Draws learning curves: what each algorithm has reached after how many steps, over its training seeds.
+"""Plot learning curves: mean return of each algorithm over environment steps or time, over its training seeds.
 
     python -m train.curves runs/RoughTurning-v0/rough_turning/*-seed* --out docs/learning_curves.png --level predictive=-75
 
 A line is the mean over an algorithm's training seeds, its band the 95 % bootstrap interval over them. Returns are those of the
-episodes trained on, in which the agent explores. ``--level`` draws what something else reaches, as a rule does.
+training episodes, in which the agent explores. ``--level`` adds a horizontal line for comparison, such as a controller's return.
 """
 
 import argparse
@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, SymmetricalLogLocator
 from numpy.typing import NDArray
 
-from train import learning_curve
 from train.run import Run
 from turning_env.console import described, exits
 from turning_env.score.overload import CONFIDENCE, KEY, RESAMPLES
@@ -27,28 +26,28 @@ from turning_env.workshop import plot_style as style
 
 POINTS = 200
 
-AXES = {"steps": "control steps trained for", "wall_time": "time of training [s]"}
+AXES = {"steps": "environment steps", "wall_time": "training time [s]"}
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Of one algorithm: arrays of shape (POINTS,)."""
+    """Learning curve of one algorithm: arrays of shape (POINTS,)."""
 
     seeds: int
-    place: Floats
-    """Intervals, or time of training [s]."""
+    x: Floats
+    """Environment steps, or training time [s]."""
     mean: Floats
-    """Over training seeds [s]."""
+    """Mean return over training seeds [s]."""
     low: Floats
-    """Its interval's lower end [s]; with one training seed, the mean."""
+    """Lower end of its interval [s]; with one training seed, the mean."""
     high: Floats
-    """Likewise the upper end."""
+    """Upper end, likewise."""
 
 
 def curves(folders: Sequence[Path], against: str) -> tuple[str, dict[str, Curve]]:
-    """What the runs were trained on, and their curves by algorithm, in the order in which the algorithms are first named.
+    """Return a title that names the task of the runs, and their curves by algorithm, in the order of the folders.
 
     Raises:
         ValueError: a folder holds no run or no learning curve, or runs cannot be compared; names them.
@@ -58,11 +57,9 @@ def curves(folders: Sequence[Path], against: str) -> tuple[str, dict[str, Curve]
     if len(tasks) > 1:
         one, other, *_ = tasks.values()
         raise ValueError(f"{one.folder} and {other.folder} are trainings on different tasks")
-    groups: dict[str, list[Run]] = {}
-    for run in runs:
-        groups.setdefault(run.algorithm, []).append(run)
+    groups = {name: [run for run in runs if run.algorithm == name] for name in dict.fromkeys(run.algorithm for run in runs)}
     if len(groups) > len(style.LINES):
-        raise ValueError(f"{len(groups)} algorithms are more than the {len(style.LINES)} that can be told apart")
+        raise ValueError(f"{len(groups)} algorithms do not fit on one figure: at most {len(style.LINES)}")
     return f"{runs[0].env_id}, scenario {runs[0].scenario.name}", {name: _curve(group, against) for name, group in groups.items()}
 
 
@@ -75,21 +72,21 @@ def _curve(runs: Sequence[Run], against: str) -> Curve:
         raise ValueError(f"a training seed of {first.algorithm} is given more than once")
     tables = []
     for run in runs:
-        rows = learning_curve.read(run.folder)
+        rows = run.read_learning_curve()
         if not rows:
             raise ValueError(f"no episode has ended yet in the training in {run.folder}")
         tables.append([np.array([row[name] for row in rows]) for name in (against, "mean_return")])
-    start, end = max(places[0] for places, _ in tables), min(places[-1] for places, _ in tables)
+    start, end = max(x[0] for x, _ in tables), min(x[-1] for x, _ in tables)
     if start > end:
-        raise ValueError(f"trainings of {first.algorithm} have nothing in common: go on with those not finished")
-    place = np.linspace(start, end, POINTS)
-    values = np.array([np.interp(place, places, returns) for places, returns in tables])
+        raise ValueError(f"the curves of {first.algorithm} do not overlap: resume the unfinished trainings")
+    x = np.linspace(start, end, POINTS)
+    values = np.array([np.interp(x, steps, returns) for steps, returns in tables])
     low, high = interval(values)
-    return Curve(len(runs), place, values.mean(axis=0), low, high)
+    return Curve(len(runs), x, values.mean(axis=0), low, high)
 
 
 def interval(values: Floats) -> tuple[Floats, Floats]:
-    """Percentile bootstrap interval of the mean over the first axis (training seeds), one per entry of the second."""
+    """Return the percentile bootstrap interval of the mean over axis 0 (training seeds), one per entry of axis 1."""
     count = len(values)
     resamples = np.random.default_rng(KEY).integers(count, size=(RESAMPLES, count))
     weights = np.stack([(resamples == seed).mean(axis=1) for seed in range(count)], axis=1)
@@ -99,13 +96,13 @@ def interval(values: Floats) -> tuple[Floats, Floats]:
 
 
 def draw(found: Mapping[str, Curve], levels: Mapping[str, float], against: str) -> Figure:
-    """One field with a line per algorithm and per level; called within ``style.for_print``."""
+    """Return a figure with a line per algorithm and per level; call it within ``style.for_print``."""
     figure = Figure(figsize=(style.DOUBLE, 4.4), layout="constrained")
     axes: Axes = figure.subplots()
     for (name, curve), (colour, dashes) in zip(found.items(), style.LINES, strict=False):
         seeds = f"{curve.seeds} seed{'s' if curve.seeds > 1 else ''}"
-        axes.fill_between(curve.place, curve.low, curve.high, color=colour, alpha=0.2, linewidth=0.0)
-        axes.plot(curve.place, curve.mean, color=colour, linestyle=dashes, label=f"{name}, {seeds}")
+        axes.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.2, linewidth=0.0)
+        axes.plot(curve.x, curve.mean, color=colour, linestyle=dashes, label=f"{name}, {seeds}")
     for name, level in levels.items():
         axes.axhline(level, color=style.GREY, linewidth=0.8, linestyle=":", zorder=0)
         axes.annotate(
@@ -116,7 +113,7 @@ def draw(found: Mapping[str, Curve], levels: Mapping[str, float], against: str) 
             textcoords="offset points",
             color=style.GREY,
         )
-    # Logarithmic away from 0: agents begin many times farther from it than they end apart.
+    # Logarithmic away from 0: first returns are many times larger than the final differences.
     axes.set_yscale("symlog", linthresh=100)
     axes.yaxis.set_major_locator(SymmetricalLogLocator(base=10, linthresh=100, subs=(1.0, 2.0, 3.0, 5.0)))
     axes.yaxis.set_major_formatter("{x:.0f}")
@@ -130,10 +127,10 @@ def draw(found: Mapping[str, Curve], levels: Mapping[str, float], against: str) 
 
 
 def _level(text: str) -> tuple[str, float]:
-    """A name and its return [s] from ``NAME=VALUE``.
+    """Return the name and the return [s] of ``NAME=VALUE``.
 
     Raises:
-        ValueError: the text is nothing of that kind.
+        ValueError: the text has another form.
     """
     name, separator, value = text.rpartition("=")
     try:
@@ -149,10 +146,10 @@ def _level(text: str) -> tuple[str, float]:
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m train.curves", **described(__doc__))
-    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN_FOLDER", help="trainings on one task")
+    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN_FOLDER", help="folders of trainings on one task")
     out_help = "PNG, SVG or PDF by its suffix; default: %(default)s"
     parser.add_argument("--out", type=Path, default=Path("docs/learning_curves.png"), metavar="PICTURE", help=out_help)
-    parser.add_argument("--level", action="append", default=[], metavar="NAME=VALUE", help="a return [s] to compare with")
+    parser.add_argument("--level", action="append", default=[], metavar="NAME=VALUE", help="a return [s] for comparison")
     parser.add_argument("--against", choices=list(AXES), default="steps", help="default: %(default)s")
     parsed = parser.parse_args(arguments)
     levels = dict(map(_level, parsed.level))

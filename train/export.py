@@ -1,10 +1,10 @@
-"""Writes finished agents as ONNX files, which play without PyTorch: see ``agent_file.py``.
+"""Export finished agents as ONNX files, which play without PyTorch: see ``train/agents/agent_file.py``.
 
     python -m train.export runs/RoughTurning-v0/rough_turning/ppo-seed0 --out agents/RoughTurning-v0/rough_turning
 
-A file is only written if it acts as the agent does, on observations drawn from the whole observation space and on those of play.
+A file is only written if it acts as the agent does, on observations sampled from the observation space and on those of episodes.
 
-``python -m train.export --nc --help`` tells how to write what agents and rules command as programs for a lathe's control.
+Run ``python -m train.export --nc --help`` to export what agents and controllers command as part programs for a lathe's control.
 """
 
 import argparse
@@ -14,7 +14,7 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -42,10 +42,10 @@ from turning_env.score.policy import Actions, Observations, Policy
 from turning_env.score.seeds import tuning_seeds
 
 OPSET = 20
-LANES, STEPS = 50, 100
-"""Of each of the two kinds of observations that are compared."""
+NUM_ENVS, STEPS = 50, 100
+"""Environments and steps of each of the two comparisons of agent and file."""
 MAX_DIFFERENCE = 1e-5
-"""Between an agent's action and its file's."""
+"""Largest difference between an agent's action and its file's."""
 TIMED_CALLS = 2_000
 _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
 
@@ -59,9 +59,9 @@ class Exported:
     """SHA-256 of the file."""
     size: int  # [bytes]
     observations: int
-    """On how many it has been compared with the agent."""
+    """Number of observations on which it was compared with the agent."""
     largest_difference: float
-    """Between an action of the agent and of the file, where both are in -1..1."""
+    """Between actions of the agent and of the file, both in -1..1."""
     latency: float
     """Median time of a call with one observation [s]."""
 
@@ -70,7 +70,7 @@ def export(folder: Path, out: Path) -> Exported:
     """Write the finished agent of one of your own runs into the folder ``out``, named by algorithm and training seed.
 
     Raises:
-        ValueError: there is no finished training, its network cannot be written as ONNX, or the file does not act as it does.
+        ValueError: training is not finished, the network cannot be written as ONNX, or the file does not act as the agent.
         OSError: the file cannot be written.
     """
     torch.set_num_threads(1)
@@ -80,26 +80,21 @@ def export(folder: Path, out: Path) -> Exported:
         content = to_onnx(actor, metadata(run))
     try:
         file = agent_file.checked(content)
-        spaces = file.metadata.observation_space, file.metadata.action_space
-        entries, actions = (len(space.low) for space in spaces)
+        entries, actions = (len(space.low) for space in (file.metadata.observation_space, file.metadata.action_space))
         session = tried(content, entries, actions, file.memory_size)
     except ValueError as error:
         raise ValueError(f"the agent in {folder} cannot be exported: {error}") from error
-
-    def from_file(num_envs: int) -> OnnxPolicy:
-        return OnnxPolicy(session, file.memory_size, num_envs)
-
-    difference = largest_difference(actor, from_file(LANES), run.scenario)
+    difference = largest_difference(actor, OnnxPolicy(session, file.memory_size, NUM_ENVS), run.scenario)
     if not difference <= MAX_DIFFERENCE:
         raise ValueError(f"the agent in {folder} cannot be exported: its file acts otherwise, by up to {difference:g}")
     path = out / f"{file.label}{ONNX_SUFFIX}"
     replace_file(path, lambda partial: partial.write_bytes(content))
-    seconds = latency(from_file(1), len(file.metadata.observation_space.low))
-    return Exported(str(path), file.digest, len(content), 2 * LANES * STEPS, difference, seconds)
+    seconds = latency(OnnxPolicy(session, file.memory_size, 1), entries)
+    return Exported(str(path), file.digest, len(content), 2 * NUM_ENVS * STEPS, difference, seconds)
 
 
 def metadata(run: Run) -> Metadata:
-    """What the file of a run's agent says of it."""
+    """Return the metadata of the file of a run's agent."""
     return Metadata(
         format=FORMAT,
         algorithm=run.algorithm,
@@ -116,33 +111,33 @@ def metadata(run: Run) -> Metadata:
 
 
 class _WithoutMemory(torch.nn.Module):
-    """An actor whose action is a function of the observation, as a network of one input and one output."""
+    """An actor without memory as a network of one input and one output."""
 
     def __init__(self, actor: Actor) -> None:
         super().__init__()
         self._actor = actor
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
-        """Actions."""
+        """Return actions."""
         action, _ = self._actor(observation, observation.new_zeros((observation.shape[0], 0)))
         result: torch.Tensor = action
         return result
 
 
 def to_onnx(actor: Actor, about: Metadata) -> bytes:
-    """An actor as an ONNX file's content: the same bytes every time.
+    """Return the content of an actor's ONNX file: the same bytes every time.
 
     Raises:
         ValueError: PyTorch cannot write this actor as ONNX.
     """
-    # Two lanes: what is one when a network is traced is taken to be one always.
+    # Two environments: a size of one would be taken for a constant.
     arguments: tuple[torch.Tensor, ...] = (torch.zeros(2, len(about.observation_space.low)),)
     network: torch.nn.Module = _WithoutMemory(actor)
     inputs, outputs = ["observation"], ["action"]
     if actor.memory_size:
         arguments += (torch.zeros(2, actor.memory_size),)
         network, inputs, outputs = actor, [*inputs, "memory"], [*outputs, "next_memory"]
-    lanes = torch.export.Dim("lanes", min=1)
+    num_envs = torch.export.Dim("lanes", min=1)  # the name of the axis in the file
     try:
         with _quietly():
             program = torch.onnx.export(
@@ -151,11 +146,11 @@ def to_onnx(actor: Actor, about: Metadata) -> bytes:
                 dynamo=True,
                 input_names=inputs,
                 output_names=outputs,
-                dynamic_shapes=tuple({0: lanes} for _ in arguments),
+                dynamic_shapes=tuple({0: num_envs} for _ in arguments),
                 opset_version=OPSET,
                 verbose=False,
             )
-    except Exception as error:  # the exporter's are of many types
+    except Exception as error:  # the exporter raises many types
         raise ValueError(f"PyTorch cannot write {type(actor).__name__} as ONNX: {str(error).strip().splitlines()[0]}") from error
     assert program is not None
     model = program.model_proto
@@ -166,7 +161,7 @@ def to_onnx(actor: Actor, about: Metadata) -> bytes:
 
 @contextmanager
 def _quietly() -> Iterator[None]:
-    """Without what the exporter says of itself: that it calls deprecated functions, and what is not installed."""
+    """Silence the exporter's warnings about its own deprecated calls and missing optional packages."""
     disabled = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
@@ -178,7 +173,7 @@ def _quietly() -> Iterator[None]:
 
 
 def _strip(model: onnx.ModelProto) -> None:
-    """Take away what tells of the exporter's machine: stack traces and the names of its files."""
+    """Remove stack traces and file names of the exporting machine."""
     graph = model.graph
     for part in (model, graph, *graph.node, *graph.initializer, *graph.value_info, *graph.input, *graph.output):
         part.ClearField("doc_string")
@@ -186,59 +181,54 @@ def _strip(model: onnx.ModelProto) -> None:
 
 
 def largest_difference(actor: Actor, policy: Policy, scenario: Scenario) -> float:
-    """By how much the actions of an actor and of a policy of ``LANES`` lanes differ at most, on the same observations.
+    """Return the largest difference between the actions of an actor and of a policy of ``NUM_ENVS`` environments.
 
-    Half of these are drawn from the observation space, and half come of the actor's own play on tuning draws. Each of the two
-    remembers for itself.
+    Both see the same observations and keep their own memories. Half of the observations are sampled from the observation space,
+    half come from episodes on tuning seeds in which the actor acts.
     """
-    original = ActorPolicy(actor, LANES)
+    original = ActorPolicy(actor, NUM_ENVS)
     largest = 0.0
-    for world in (_Drawn(scenario), _Played(scenario)):
-        observations, started = world.observations, np.ones(LANES, np.bool_)
+    for observations_of in (_sampled, _played):
+        source = observations_of(scenario)
+        observations, begins = next(source)
         for _ in range(STEPS):
-            original.reset(started)
-            policy.reset(started)
+            original.reset(begins)
+            policy.reset(begins)
             mine, its = original.act(observations), policy.act(observations)
             if not np.isfinite(its).all():
                 return math.inf
             largest = max(largest, float(np.max(np.abs(mine - its))))
-            observations, started = world.after(mine)
+            observations, begins = source.send(mine)
     return largest
 
 
-class _Drawn:
-    """Observations drawn evenly from the observation space, in episodes without an end."""
-
-    def __init__(self, scenario: Scenario) -> None:
-        box = observation_space(scenario)
-        assert isinstance(box, Box)
-        self._box, self._generator = box, np.random.default_rng(0)
-        self.observations = self._draw()
-
-    def _draw(self) -> Observations:
-        box = self._box
-        return self._generator.uniform(box.low, box.high, (LANES, *box.shape)).astype(np.float32)
-
-    def after(self, actions: Actions) -> tuple[Observations, NDArray[np.bool_]]:
-        """The next observations, and of which lanes they are the first."""
-        return self._draw(), np.zeros(LANES, np.bool_)
+ObservationSource = Generator[tuple[Observations, NDArray[np.bool_]], Actions, None]
+"""Yields observations and whether they are an episode's first; is sent the actions."""
 
 
-class _Played:
-    """Observations of episodes that are played."""
+def _sampled(scenario: Scenario) -> ObservationSource:
+    """Yield observations sampled from the observation space, in episodes without an end."""
+    box, generator = observation_space(scenario), np.random.default_rng(0)
+    assert isinstance(box, Box)
+    begins = np.ones(NUM_ENVS, np.bool_)
+    while True:
+        yield generator.uniform(box.low, box.high, (NUM_ENVS, *box.shape)).astype(np.float32), begins
+        begins = np.zeros(NUM_ENVS, np.bool_)
 
-    def __init__(self, scenario: Scenario) -> None:
-        self._env = RoughTurningVectorEnv(LANES, scenario, AutoresetMode.SAME_STEP)
-        self.observations, _ = self._env.reset(seed=tuning_seeds(LANES))
 
-    def after(self, actions: Actions) -> tuple[Observations, NDArray[np.bool_]]:
-        """The next observations, and of which lanes they are the first."""
-        observations, _, terminated, truncated, _ = self._env.step(actions)
-        return observations, terminated | truncated
+def _played(scenario: Scenario) -> ObservationSource:
+    """Yield observations of episodes."""
+    env = RoughTurningVectorEnv(NUM_ENVS, scenario, AutoresetMode.SAME_STEP)
+    observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
+    begins = np.ones(NUM_ENVS, np.bool_)
+    while True:
+        actions = yield observations, begins
+        observations, _, terminated, truncated, _ = env.step(actions)
+        begins = terminated | truncated
 
 
 def latency(policy: Policy, entries: int) -> float:
-    """Median time [s] of a call of a policy of one lane with an observation of so many entries."""
+    """Return the median time [s] of a call of a policy with one observation of ``entries`` entries."""
     observation = np.zeros((1, entries), np.float32)
     times = []
     for _ in range(TIMED_CALLS):
@@ -248,7 +238,7 @@ def latency(policy: Policy, entries: int) -> float:
     return float(np.median(times))
 
 
-@exits(ValueError, interrupted="interrupted: the files named above are whole, and the same command writes all again")
+@exits(ValueError, interrupted="interrupted: the files named above are complete; the same command writes all again")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
@@ -256,25 +246,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from train.nc.command import main as nc
 
         return nc(arguments[1:])
-    parser = argparse.ArgumentParser(
-        prog="python -m train.export",
-        **described(__doc__),
-    )
-    parser.add_argument("folders", nargs="+", type=Path, metavar="RUN_FOLDER", help="finished trainings of your own")
-    parser.add_argument("--out", required=True, type=Path, metavar="FOLDER", help="where the files are written")
+    parser = argparse.ArgumentParser(prog="python -m train.export", **described(__doc__))
+    parser.add_argument("folders", nargs="+", type=Path, metavar="RUN_FOLDER", help="folders of finished trainings of your own")
+    parser.add_argument("--out", required=True, type=Path, metavar="FOLDER", help="folder of the files")
     parser.add_argument("--json", action="store_true", help="print one line of JSON per file")
     parsed = parser.parse_args(arguments)
     for folder in tqdm(parsed.folders, unit="agent", disable=None, leave=False):
         exported = export(folder, parsed.out)
-        tqdm.write(json.dumps(asdict(exported)) if parsed.json else _line(exported))
+        line = (
+            f"{exported.path}: {exported.size} bytes, {1e6 * exported.latency:.0f} us per call, "
+            f"largest difference {exported.largest_difference:.1e} on {exported.observations} observations"
+        )
+        tqdm.write(json.dumps(asdict(exported)) if parsed.json else line)
     return 0
-
-
-def _line(exported: Exported) -> str:
-    return (
-        f"{exported.path}: {exported.size} bytes, {1e6 * exported.latency:.0f} us per call, "
-        f"largest difference {exported.largest_difference:.1e} on {exported.observations} observations"
-    )
 
 
 if __name__ == "__main__":

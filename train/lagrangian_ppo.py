@@ -1,17 +1,18 @@
-"""PPO that is given an allowance of overload in place of its price: train one agent for one training seed.
+"""PPO with an allowance of overload in place of its price: train one agent for one training seed.
 
     python -m train.lagrangian_ppo --seed 0
 
-The reward's term for overload is left out. In its place every second of severe overload costs a multiplier, which rises after a
-rollout in which the share of cutting time severely overloaded is above its target, and falls after one in which it is below: dual
-ascent on the logarithm of the multiplier (Ray, Achiam and Amodei 2019, "Benchmarking safe exploration in deep reinforcement
-learning", section 5.2). The target is a share of ``limits.overload_allowance``, which leaves room for the confidence limit that
-admits a policy. Running the same command again resumes an interrupted training, and does nothing if it is finished. What a run's
-folder holds: ``train/training.py``.
+The reward's overload term is left out. Instead, a second of severe overload costs a multiplier. After a rollout the multiplier
+rises if the severely overloaded share of cutting time is above its target, and falls if it is below: dual ascent on the logarithm
+of the multiplier (Ray, Achiam and Amodei 2019, "Benchmarking safe exploration in deep reinforcement learning", section 5.2). The
+target is a share of ``limits.overload_allowance``; the rest is the margin for the confidence limit by which a policy is judged
+feasible. The same command resumes an interrupted training, and does nothing if training is finished. Files: see
+``train/training.py``.
 """
 
 import math
 import sys
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,34 +21,34 @@ from optuna.distributions import FloatDistribution
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
-from train import command, ppo
+from train import ppo
 from train.run import Run
-from train.training import Algorithm
-from train.vec_env import RoughTurningVecEnv, of_interval
+from train.training import Algorithm, command_line
+from train.vec_env import RoughTurningVecEnv, info_at_end_of_step
 
 
 class AllowanceVecEnv(RoughTurningVecEnv):
-    """Lathes that charge a multiplier for severe overload; the returns told at an episode's end remain the environment's own."""
+    """Environments that charge a multiplier for severe overload; the returns in ``infos`` remain the environment's own."""
 
     multiplier = 1.0
-    """What a second of severe overload costs [s]."""
+    """Cost of a second of severe overload [s]."""
     severe_share = 0.0
-    """Share of cutting time severely overloaded, up to the last adaptation from the one before."""
+    """Share of cutting time severely overloaded between the last two adaptations [-]."""
     _severe_time = 0.0  # since the last adaptation [s]
     _engaged_time = 0.0  # likewise
     _has_overloaded = False
 
-    def learned_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
-        """Rewards without the price of overload, but with the multiplier's."""
-        overload, severe, engaged = (of_interval(infos, name) for name in _TERMS)
+    def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
+        """Return rewards without the price of overload, less the multiplier times the severe overload time."""
+        overload, severe, engaged = (info_at_end_of_step(infos, name) for name in _TERMS)
         self._severe_time += float(severe.sum())
         self._engaged_time += float(engaged.sum())
         return rewards - overload - self.multiplier * severe
 
     def adapt(self, target: float, rate: float) -> None:
-        """Let the multiplier follow the severe share since the last adaptation.
+        """Multiply the multiplier by exp(rate * (severe share since the last adaptation - target)).
 
-        It stays as it is until anything has been severely overloaded: where nothing can be, there is nothing to weigh.
+        It stays constant until the first severe overload: where overload is impossible, no price needs to be found.
         """
         if self._engaged_time > 0.0:
             self.severe_share = self._severe_time / self._engaged_time
@@ -72,21 +73,21 @@ class DualAscent(BaseCallback):
         return True
 
     def _on_rollout_end(self) -> None:
-        lathes: Any = self.training_env
-        lathes.adapt(self._target, self._rate)
+        vec_env: Any = self.training_env
+        vec_env.adapt(self._target, self._rate)
         for name, value in columns(self.model).items():
             self.logger.record(f"overload/{name}", value)
 
 
-def new_model(run: Run, lathes: RoughTurningVecEnv) -> PPO:
-    """An untrained model of PPO, and the multiplier at its start."""
-    assert isinstance(lathes, AllowanceVecEnv)
-    lathes.multiplier = run.parameters["initial_multiplier"]
-    return ppo.new_model(run, lathes)
+def new_model(run: Run, vec_env: RoughTurningVecEnv) -> PPO:
+    """Return an untrained PPO model, and set the initial multiplier."""
+    assert isinstance(vec_env, AllowanceVecEnv)
+    vec_env.multiplier = run.parameters["initial_multiplier"]
+    return ppo.new_model(run, vec_env)
 
 
 def columns(model: Any) -> dict[str, float]:
-    """How far the adaptation has come."""
+    """Return the multiplier [s/s] and the severe share [-] for the learning curve."""
     return {"multiplier": model.env.multiplier, "severe_share": model.env.severe_share}
 
 
@@ -99,16 +100,13 @@ SEARCH = ppo.SEARCH | {
 
 ALGORITHM = Algorithm(
     *("lagrangian_ppo", "Lagrangian PPO", PPO, new_model, actor, SEARCH),
-    lathes=AllowanceVecEnv,
+    vec_env=AllowanceVecEnv,
     callbacks=lambda run: [DualAscent(run)],
     columns=columns,
 )
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    return command.main(ALGORITHM, arguments)
-
+main = partial(command_line, ALGORITHM)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,15 +1,15 @@
-"""What an interval earned for what was commanded in it, as a differentiable function of the commands.
+"""The teacher of the analytic-gradient agent: the gain of a step as a differentiable function of its commands.
 
-The tool has to travel the whole way along the bars, and metal is paid by volume: what can be gained is to pay less on the way. So
-an agent is taught to travel each stretch at the least
+The tool has to travel the whole way along the bars, and metal is paid by volume, so an agent can only gain by paying less on the
+way. It is trained to travel each stretch at the least
 
-    (time + price of overload x excess + p(D) x life used) per distance,
+    (time + price of overload * excess + p(D) * life used) per distance,
 
-where p(D) is the price of the edge's life by dynamic programming (``baselines/models/edge_value.py``) in place of the flat one that the
-reward charges: both come to the same over a whole edge. In hindsight the true depth, hardness and wear of every stretch are
-known, and so is the gradient of its cost with respect to speed and feed, by the machinability models and the drives' lags. The
-highest force of an interval is charged the breakage that it makes likely, of an edge that nothing is known of. (Analytic
-gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the flat charge replaced: potential-based shaping, Ng et
+where p(D) is the price of the edge's life by dynamic programming (``baselines/models/edge_value.py``) in place of the flat price
+in the reward; over a whole edge the two differ by a constant. After a step, the simulator tells the hidden depth, hardness and
+wear (``HindsightVecEnv``); machinability models and the drives' lags give the gradient of the step's cost with respect to speed
+and feed. The highest force of a step is charged the expected cost of breakage, for an edge of unknown strength. (Analytic
+gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat charge: potential-based shaping, Ng et
 al. 1999. The combination is this project's.)
 """
 
@@ -23,61 +23,88 @@ from numpy.typing import NDArray
 from torch.nn.functional import softplus
 
 from baselines.models.edge_value import USED_LIVES, worth
-from train.hindsight import FIELDS
+from train.vec_env import RoughTurningVecEnv, info_at_end_of_step
 from turning_env import PowerLaw, Scenario
 from turning_env.scenario.power_law import log_response
 
 Tensor = torch.Tensor
+Array = NDArray[np.float64]
 
+FIELDS = ("path", "depth_of_cut", "hardness", "used_life")
+"""Hidden quantities at the start and the end of every step, in the units of ``info``; depth and hardness are 0 in air."""
 POINTS = 5
-"""Points in time of an interval at which its costs are taken."""
+"""Points in time of a step at which its costs are taken."""
 MIN_USED_LIFE = 1e-6
-"""Taken for an edge that has not cut [-]: the laws know no unworn edge."""
+"""Used life of a fresh edge [-]: the laws are not defined at 0."""
+
+
+class HindsightVecEnv(RoughTurningVecEnv):
+    """``RoughTurningVecEnv`` that also keeps the hidden state of the last step. A teacher may use it; an agent never sees it."""
+
+    before: Array
+    """``FIELDS`` at the start of the step, shape (len(FIELDS), num_envs)."""
+    after: Array
+    """``FIELDS`` at its end, likewise; if the edge was changed in the step, those of the fresh edge."""
+    changed: NDArray[np.bool_]
+    """Whether the edge was changed in the step, shape (num_envs,)."""
+    failed: NDArray[np.bool_]
+    """Whether it was changed because it was found worn out or broken, likewise."""
+
+    def __init__(self, scenario: Scenario, num_envs: int, reward_scale: float = 1.0) -> None:
+        super().__init__(scenario, num_envs, reward_scale)
+        self._now = np.zeros((len(FIELDS), num_envs))
+        self._commands_changes = scenario.control.edge_changes == "commanded"
+
+    def reset(self) -> NDArray[np.float32]:
+        """Return first observations. The tool stands in the air before the first bar."""
+        self._now = np.zeros_like(self._now)
+        return super().reset()
+
+    def training_rewards(self, rewards: Array, infos: dict[str, Any]) -> Array:
+        """Keep the hidden state, and return the rewards unchanged."""
+        self.before = self._now
+        self.after = np.stack([info_at_end_of_step(infos, name) for name in FIELDS])
+        self.changed = info_at_end_of_step(infos, "stopped_time") > 0.0
+        commanded = self._actions[:, -1] > 0.0 if self._commands_changes else False
+        self.failed = self.changed & ~np.asarray(commanded)
+        self._now = np.stack([infos[name] for name in FIELDS])
+        return rewards
 
 
 class Truth:
-    """True states at the points of intervals, from what was true at their ends; a field has shape (intervals, lanes, POINTS)."""
+    """Hidden states at ``POINTS`` points of each step, interpolated; fields have shape (steps, num_envs, POINTS)."""
 
     def __init__(
-        self,
-        scenario: Scenario,
-        before: NDArray[np.float64],
-        after: NDArray[np.float64],
-        changed: NDArray[np.bool_],
-        failed: NDArray[np.bool_],
+        self, scenario: Scenario, before: Array, after: Array, changed: NDArray[np.bool_], failed: NDArray[np.bool_]
     ) -> None:
-        """``before``, ``after``: shape (intervals, len(FIELDS), lanes); the others (intervals, lanes). See ``hindsight.py``."""
+        """``before``, ``after``: shape (steps, len(FIELDS), num_envs); the others (steps, num_envs). See ``HindsightVecEnv``."""
         work = scenario.workpiece
         pitch = work.bar_length + work.approach
-        place = {name: number for number, name in enumerate(FIELDS)}
         share = (np.arange(POINTS) + 0.5) / POINTS
-
-        def ends(name: str) -> tuple[Any, Any]:
-            return before[:, place[name], :, np.newaxis], after[:, place[name], :, np.newaxis]
-
-        start, end = ends("path")
+        ends = {name: (before[:, i, :, np.newaxis], after[:, i, :, np.newaxis]) for i, name in enumerate(FIELDS)}
+        start, end = ends["path"]
         path = start + (end - start) * share
         bar = np.floor(path / pitch)
         # A field is known at an end that lies in the metal of the same bar, and linear between two that do.
         weights = [
             np.where((depth > 0.0) & (np.floor(at / pitch) == bar), near + 1e-3, 0.0)
-            for depth, at, near in zip(ends("depth_of_cut"), (start, end), (1.0 - share, share), strict=True)
+            for depth, at, near in zip(ends["depth_of_cut"], (start, end), (1.0 - share, share), strict=True)
         ]
         total = weights[0] + weights[1]
         cutting = (path - pitch * bar >= work.approach) & (total > 0.0) & ~changed[..., np.newaxis]
 
-        def field(name: str, in_air: float) -> Tensor:
-            first, last = ends(name)
+        def log_field(name: str, in_air: float) -> Tensor:
+            first, last = ends[name]
             mean = np.divide(weights[0] * first + weights[1] * last, total, out=np.full(path.shape, in_air), where=total > 0.0)
             return _tensor(np.log(np.where(cutting, mean, in_air)))
 
-        first, last = ends("used_life")
+        first, last = ends["used_life"]
         last = np.where(changed[..., np.newaxis], first, last)  # of the edge that was in use at the start
-        self.log_depth = field("depth_of_cut", work.depth_of_cut)  # [log mm]
-        self.log_hardness = field("hardness", 1.0)  # [-]
+        self.log_depth = log_field("depth_of_cut", work.depth_of_cut)  # [log mm]
+        self.log_hardness = log_field("hardness", 1.0)  # [-]
         self.used_life = _tensor(np.clip(first + (last - first) * share, MIN_USED_LIFE, 1.0))  # [-]
         self.cutting = _tensor(cutting)  # 0 or 1
-        self.changed = _tensor(changed)  # 0 or 1, shape (intervals, lanes)
+        self.changed = _tensor(changed)  # 0 or 1, shape (steps, num_envs)
         self.failed = _tensor(failed)  # 0 or 1, likewise
 
 
@@ -86,11 +113,7 @@ def _tensor(values: Any) -> Tensor:
 
 
 class ModelGain:
-    """The gain of intervals for the cutting speeds and feeds commanded in them.
-
-    Args:
-        scenario: what is played; set by the interval, with removal as its aim.
-    """
+    """The gain of steps for the cutting speeds and feeds commanded in them, in a scenario whose aim is removal."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
@@ -107,7 +130,7 @@ class ModelGain:
         self._log_criterion, self._life_exponent = math.log(tool.wear_criterion), material.wear.time
         self._log_strength = math.log(tool.edge_strength / limits.thrust_force)
         worths = worth(scenario, economics.overload_price)
-        # A job that is finished long before its edge pays for life what is charged for it.
+        # A job that ends long before its edge pays the flat price for life.
         flat = scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end"
         edge_price = 60.0 * (economics.edge_cost + economics.edge_change_time)
         prices = np.full(len(USED_LIVES), edge_price) if flat else worths.life
@@ -117,17 +140,16 @@ class ModelGain:
         self._edge_price, self._downtime = edge_price, 60.0 * economics.breakage_downtime
 
     def __call__(self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth) -> tuple[Tensor, Tensor]:
-        """Of every interval, its gain [s] less what no command could have changed, and what going on with the edge earned [s].
+        """Return each step's gain [s], up to a constant, and what going on with the edge earned [s], without a gradient.
 
-        Both have shape (intervals, lanes); the second has no gradient. An edge that was changed is taken to have met a bar as
-        drawn, had it stayed.
+        Both have shape (steps, num_envs). A changed edge is taken to have met a nominal bar, had it stayed.
 
         Args:
-            log_speed: commanded cutting speed [log m/min], shape (intervals, lanes).
+            log_speed: commanded cutting speed [log m/min], shape (steps, num_envs).
             log_feed: commanded feed [log mm/rev], likewise.
-            speed: actual cutting speed at the interval's start [m/min], likewise.
-            feed: actual feed at the interval's start [mm/rev], likewise.
-            truth: what was true.
+            speed: actual cutting speed at the step's start [m/min], likewise.
+            feed: actual feed at the step's start [mm/rev], likewise.
+            truth: the hidden states.
         """
         scenario = self._scenario
         speeds, feeds = self._follow(log_speed.exp(), speed, 0), self._follow(log_feed.exp(), feed, 1)
@@ -141,60 +163,59 @@ class ModelGain:
         cost = self._time_price + truth.cutting * (overload + price * life_rate)
         velocity = (speeds * feeds).mean(dim=-1)
         interval = scenario.control.interval
-        # The way is as long as it was: who is faster has left it sooner.
+        # The distance is fixed: at higher velocity it takes less time.
         gain: Tensor = -interval * cost.mean(dim=-1) * (velocity.detach() / velocity)
         risk = torch.special.ndtr((log_force - self._log_strength) / max(scenario.tool.edge_strength_spread, 1e-3))
         lost = self._downtime + self._edge_price * (1.0 - truth.used_life)
         gain = gain - (truth.cutting * risk * lost).amax(dim=-1)
         metal = speeds * feeds * truth.log_depth.exp() / scenario.economics.reference_removal_rate
-        # While life has a price, metal earns just that beyond what time and overload cost, in the mean over bars.
+        # While life has a price, metal earns on average that price beyond the cost of time and overload.
         earned = torch.where(price > 0.0, price * life_rate, metal - overload - self._time_price)
         going_on = interval * (torch.maximum(truth.cutting, truth.changed.unsqueeze(-1)) * earned).mean(dim=-1)
         return gain, torch.where(truth.failed > 0.0, -self._stop, going_on).detach()
 
-    def of_changing(self, leaning: Tensor, going_on: Tensor) -> Tensor:
-        """To be made the most of, so that edges are changed where ``leaning`` is above 0; all of shape (intervals, lanes).
+    def edge_change_gain(self, score: Tensor, going_on: Tensor) -> Tensor:
+        """Return an objective whose maximum makes ``score`` positive where the edge should be changed; all (steps, num_envs).
 
-        Who goes on may still change the edge an interval later: it is best changed as soon as an interval more is expected to
-        lose, as that never gets better (optimal stopping in the monotone case, Chow and Robbins 1961). What going on earns in an
-        interval [s] is seldom known before; a logistic loss weighed by it is least where ``leaning`` has the sign of
-        its expectation, reversed.
+        An edge is best changed as soon as one more step with it is expected to lose (optimal stopping in the monotone case, Chow
+        and Robbins 1961). The earnings ``going_on`` [s] of that step are uncertain beforehand; a logistic loss weighted by them
+        is least where ``score`` has the opposite sign of their expectation.
         """
-        return -(torch.relu(going_on) * softplus(leaning) + torch.relu(-going_on) * softplus(-leaning))
+        return -(torch.relu(going_on) * softplus(score) + torch.relu(-going_on) * softplus(-score))
 
     def price(self, used_life: Tensor) -> Tensor:
-        """Price p(D) of a whole life [s] at used shares [-] of it."""
-        steps = len(self._prices) - 1
-        place = used_life.clamp(0.0, 1.0) * steps
-        node = place.floor().clamp(max=steps - 1)
+        """Return the price p(D) of a whole life [s] at used lives D [-]."""
+        last = len(self._prices) - 1
+        position = used_life.clamp(0.0, 1.0) * last
+        node = position.floor().clamp(max=last - 1)
         low = node.long()
-        return torch.lerp(self._prices[low], self._prices[low + 1], place - node)
+        return torch.lerp(self._prices[low], self._prices[low + 1], position - node)
 
     def _follow(self, commanded: Tensor, actual: Tensor, drive: int) -> Tensor:
-        """What the drive made of its commands at the points of every interval, shape (intervals, lanes, POINTS).
+        """Return the actual values at the points of every step, shape (steps, num_envs, POINTS), for one drive's commands.
 
-        ``actual`` is what was measured at the intervals' starts. Its gradient is carried from interval to interval: a command
-        counts beyond its own, as far as the drive lags.
+        ``actual`` is measured at the starts of the steps. The gradient is carried from step to step: a command acts beyond its
+        own step, as far as the drive lags.
         """
         at_points, at_end = self._left[drive]
         carried = torch.zeros_like(actual[0])
         values = []
-        for number in range(len(commanded)):
-            deviation = actual[number] + carried - commanded[number]
-            values.append(commanded[number].unsqueeze(-1) + deviation.unsqueeze(-1) * at_points)
-            end = commanded[number] + deviation * at_end
+        for command, measured in zip(commanded, actual, strict=True):
+            deviation = measured + carried - command
+            values.append(command.unsqueeze(-1) + deviation.unsqueeze(-1) * at_points)
+            end = command + deviation * at_end
             carried = end - end.detach()
         return torch.stack(values)
 
 
 class _Law:
-    """Logarithm of a response over what it may be, for tensors of logarithms."""
+    """Logarithm of a response over its limit, for tensors of logarithms."""
 
-    def __init__(self, law: PowerLaw, log_most: float) -> None:
-        # Plain floats: a record of NumPy's would turn tensors into arrays.
+    def __init__(self, law: PowerLaw, log_limit: float) -> None:
+        # Plain floats: a NumPy record would turn tensors into arrays.
         record = law.record()
         self._law = SimpleNamespace(**{name: float(record[name]) for name in record.dtype.names})
-        self._law.log_coefficient -= log_most
+        self._law.log_coefficient -= log_limit
 
     def __call__(self, log_speed: Tensor, log_feed: Tensor, log_depth: Tensor, log_wear: Any, log_hardness: Tensor) -> Tensor:
         factors = (log_speed, log_feed, log_depth, 0.0, log_wear, log_hardness)

@@ -3,11 +3,12 @@
     python -m train.ppo --seed 0
     python -m train.ppo --env RoughTurning-v0 --scenario forging --seed 1 --steps 8000000
 
-Running the same command again resumes an interrupted training, and does nothing if it is finished. What a run's folder holds:
-``train/training.py``. (Schulman et al. 2017, arXiv 1707.06347.)
+The same command resumes an interrupted training, and does nothing if training is finished. Files: see ``train/training.py``.
+(Schulman et al. 2017, arXiv 1707.06347.)
 """
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +17,14 @@ from optuna.distributions import FloatDistribution, IntDistribution
 from stable_baselines3 import PPO
 from stable_baselines3.common.utils import LinearSchedule
 
-from train import command
-from train.feedforward import Feedforward
+from train.actor import Feedforward
 from train.run import Run
-from train.training import ACTIVATIONS, Algorithm
+from train.training import ACTIVATIONS, Algorithm, command_line
 from train.vec_env import RoughTurningVecEnv
 
 
 def settings(run: Run) -> dict[str, Any]:
-    """A run's hyperparameters by the names that Stable-Baselines3 gives them in every kind of PPO."""
+    """Return a run's hyperparameters under the names that Stable-Baselines3 gives them in all kinds of PPO."""
     p = run.parameters
     return {
         "learning_rate": LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),
@@ -48,9 +48,9 @@ def settings(run: Run) -> dict[str, Any]:
     }
 
 
-def new_model(run: Run, lathes: RoughTurningVecEnv) -> PPO:
-    """An untrained model, whose first actions vary about 0, or about what the hyperparameters say."""
-    model = PPO("MlpPolicy", lathes, **settings(run))
+def new_model(run: Run, vec_env: RoughTurningVecEnv) -> PPO:
+    """Return an untrained model; its first actions vary about 0, or about ``initial_actions`` of the hyperparameters."""
+    model = PPO("MlpPolicy", vec_env, **settings(run))
     means = run.parameters.get("initial_actions", [])
     last_layer: Any = model.policy.action_net
     with torch.no_grad():
@@ -59,7 +59,7 @@ def new_model(run: Run, lathes: RoughTurningVecEnv) -> PPO:
 
 
 def actor(path: Path) -> Feedforward:
-    """The finished agent in a ``policy.zip`` of your own."""
+    """Load the finished agent from a ``policy.zip`` of your own."""
     policy = PPO.load(path, device="cpu").policy
     return Feedforward(policy.mlp_extractor.policy_net, policy.action_net)
 
@@ -74,10 +74,7 @@ SEARCH = {
 ALGORITHM = Algorithm("ppo", "PPO", PPO, new_model, actor, SEARCH)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    return command.main(ALGORITHM, arguments)
-
+main = partial(command_line, ALGORITHM)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,12 +1,13 @@
-"""PPO with a memory (LSTM), for what a single observation does not tell: train one agent for one training seed.
+"""PPO with an LSTM, which remembers earlier observations: train one agent for one training seed.
 
     python -m train.recurrent_ppo --seed 0
 
-Running the same command again resumes an interrupted training, and does nothing if it is finished. What a run's folder holds:
-``train/training.py``. (Hochreiter and Schmidhuber 1997, doi 10.1162/neco.1997.9.8.1735; Schulman et al. 2017, arXiv 1707.06347.)
+The same command resumes an interrupted training, and does nothing if training is finished. Files: see ``train/training.py``.
+(Hochreiter and Schmidhuber 1997, doi 10.1162/neco.1997.9.8.1735; Schulman et al. 2017, arXiv 1707.06347.)
 """
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +16,15 @@ from optuna.distributions import CategoricalDistribution, FloatDistribution, Int
 from sb3_contrib import RecurrentPPO
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 
-from train import command
 from train.actor import Actor
 from train.ppo import settings
 from train.run import Run
-from train.training import Algorithm
+from train.training import Algorithm, command_line
 from train.vec_env import RoughTurningVecEnv
 
 
 class RecurrentActor(Actor):
-    """Layers behind one layer of LSTM; the memory is its hidden state and its cell state side by side."""
+    """Layers behind an LSTM of one layer; the memory is its hidden state and its cell state side by side."""
 
     def __init__(self, policy: RecurrentActorCriticPolicy) -> None:
         super().__init__()
@@ -33,21 +33,21 @@ class RecurrentActor(Actor):
         self.memory_size = 2 * self.lstm.hidden_size
 
     def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        # The LSTM wants an axis of time before each observation and of layers before each state.
+        # The LSTM expects a time axis in front of the observations and a layer axis in front of the states.
         hidden, cell = (state.contiguous() for state in memory.unsqueeze(0).chunk(2, dim=2))
         output, (hidden, cell) = self.lstm(observation.unsqueeze(0), (hidden, cell))
         return self.layers(output.squeeze(0)).clamp(-1.0, 1.0), torch.cat((hidden, cell), dim=2).squeeze(0)
 
 
-def new_model(run: Run, lathes: RoughTurningVecEnv) -> RecurrentPPO:
-    """An untrained model."""
+def new_model(run: Run, vec_env: RoughTurningVecEnv) -> RecurrentPPO:
+    """Return an untrained model."""
     p, values = run.parameters, settings(run)
     values["policy_kwargs"] |= {"lstm_hidden_size": p["memory_cells"], "enable_critic_lstm": p["critic_has_memory"]}
-    return RecurrentPPO("MlpLstmPolicy", lathes, **values)
+    return RecurrentPPO("MlpLstmPolicy", vec_env, **values)
 
 
 def actor(path: Path) -> RecurrentActor:
-    """The finished agent in a ``policy.zip`` of your own."""
+    """Load the finished agent from a ``policy.zip`` of your own."""
     policy: Any = RecurrentPPO.load(path, device="cpu").policy
     return RecurrentActor(policy)
 
@@ -59,13 +59,12 @@ SEARCH = {
     "memory_cells": CategoricalDistribution([16, 32, 64]),
 }
 
-ALGORITHM = Algorithm("recurrent_ppo", "recurrent PPO", RecurrentPPO, new_model, actor, SEARCH, kept=("_last_lstm_states",))
+ALGORITHM = Algorithm(
+    "recurrent_ppo", "recurrent PPO", RecurrentPPO, new_model, actor, SEARCH, extra_state=("_last_lstm_states",)
+)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    return command.main(ALGORITHM, arguments)
-
+main = partial(command_line, ALGORITHM)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,5 +1,6 @@
-"""One training run: what was asked for, and where its files lie."""
+"""One training run: its settings, and where its files lie."""
 
+import csv
 import json
 import sys
 import tomllib
@@ -11,17 +12,20 @@ from turning_env import Scenario
 from turning_env.files import replace_file
 
 HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
+CURVE_COLUMNS = ("steps", "wall_time", "mean_return")
+"""Columns of a learning curve: environment steps; seconds of training without interruptions; mean return [s] of the last 100
+episodes, in which the agent explores. An algorithm may add columns of its own."""
 
 
 def hyperparameters(algorithm: str, env_id: str) -> dict[str, Any]:
-    """An algorithm's hyperparameters for an id: the file's defaults, and what it says of that id."""
+    """Return an algorithm's hyperparameters for an id: the defaults of its file, updated with the table of the id."""
     tables = tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8"))
     values: dict[str, Any] = tables["default"] | tables.get(env_id, {})
     return values
 
 
 def warn_of_pickle(path: Path) -> None:
-    """Say on standard error what loading a pickle means."""
+    """Warn on standard error that loading a pickle can run code."""
     print(f"warning: {path} is a pickle, which can run code: load only what you have trained yourself", file=sys.stderr)
 
 
@@ -43,13 +47,13 @@ class Run:
     def plan(
         cls, algorithm: str, env_id: str, scenario: Scenario, seed: int, runs: Path, command: str, overrides: dict[str, Any]
     ) -> "Run":
-        """A run in its own folder below ``runs``, with the hyperparameter file's values but for ``overrides``."""
+        """Return a run in its own folder below ``runs``, with the hyperparameter file's values updated with ``overrides``."""
         folder = runs / env_id / scenario.name / f"{algorithm}-seed{seed}"
         return cls(algorithm, env_id, scenario, seed, hyperparameters(algorithm, env_id) | overrides, command, folder)
 
     @classmethod
     def read(cls, folder: Path) -> "Run":
-        """The run that a folder holds.
+        """Return the run that a folder holds.
 
         Raises:
             ValueError: the folder holds no run, or one whose description cannot be read.
@@ -66,7 +70,7 @@ class Run:
 
     @property
     def checkpoint(self) -> Path:
-        """Where an unfinished training stands."""
+        """The state of an unfinished training."""
         return self.folder / "checkpoint.zip"
 
     @property
@@ -75,15 +79,38 @@ class Run:
         return self.folder / "policy.zip"
 
     @property
+    def learning_curve(self) -> Path:
+        """The learning curve, with at least the columns ``CURVE_COLUMNS``."""
+        return self.folder / "learning_curve.csv"
+
+    @property
     def label(self) -> str:
-        """For people."""
+        """Name in progress bars."""
         return f"{self.algorithm}, seed {self.seed}"
 
-    def begin(self) -> None:
-        """Make the folder and write down what is asked for.
+    def read_learning_curve(self) -> list[dict[str, float]]:
+        """Return the rows of the learning curve, in the order of time.
 
         Raises:
-            ValueError: the folder holds a run of other settings, which it would be wrong to resume or overwrite.
+            ValueError: the folder holds no learning curve, or a damaged one.
+        """
+        path = self.learning_curve
+        if not path.is_file():
+            raise ValueError(f"{self.folder} holds no {path.name}: train it anew")
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.DictReader(file)
+            if missing := set(CURVE_COLUMNS) - set(reader.fieldnames or ()):
+                raise ValueError(f"{path} lacks the column {', '.join(sorted(missing))}")
+            try:
+                return [{name: float(value) for name, value in row.items()} for row in reader]
+            except (TypeError, ValueError) as error:
+                raise ValueError(f"{path} holds a row that is not numbers: {error}") from error
+
+    def begin(self) -> None:
+        """Make the folder and write ``run.json``.
+
+        Raises:
+            ValueError: the folder holds a run with other settings, which it would be wrong to resume or overwrite.
         """
         if (self.folder / "run.json").exists():
             found = Run.read(self.folder)

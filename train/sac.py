@@ -1,14 +1,14 @@
-"""SAC, which learns from all that it remembers: train one agent for one training seed.
+"""SAC, off-policy with a replay buffer: train one agent for one training seed.
 
     python -m train.sac --seed 0
 
-All lathes make a step, then so many batches are drawn from the memory of past steps. Running the same command again resumes an
-interrupted training, and does nothing if it is finished. What a run's folder holds: ``train/training.py``. (Haarnoja et al. 2018,
-arXiv 1812.05905.)
+After each step of all environments, batches are sampled from the replay buffer. The same command resumes an interrupted training,
+and does nothing if training is finished. Files: see ``train/training.py``. (Haarnoja et al. 2018, arXiv 1812.05905.)
 """
 
 import math
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +17,14 @@ from optuna.distributions import FloatDistribution
 from stable_baselines3 import SAC
 from stable_baselines3.common.utils import LinearSchedule
 
-from train import command
-from train.feedforward import Feedforward
+from train.actor import Feedforward
 from train.run import Run
-from train.training import ACTIVATIONS, Algorithm
+from train.training import ACTIVATIONS, Algorithm, command_line
 from train.vec_env import RoughTurningVecEnv
 
 
-def settings(run: Run, lathes: RoughTurningVecEnv) -> dict[str, Any]:
-    """A run's hyperparameters by the names that Stable-Baselines3 gives them in SAC and in TQC."""
+def settings(run: Run, vec_env: RoughTurningVecEnv) -> dict[str, Any]:
+    """Return a run's hyperparameters under the names that Stable-Baselines3 gives them in SAC and TQC."""
     p = run.parameters
     return {
         "learning_rate": LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),
@@ -37,7 +36,7 @@ def settings(run: Run, lathes: RoughTurningVecEnv) -> dict[str, Any]:
         "train_freq": 1,
         "gradient_steps": p["batches_per_step"],
         "ent_coef": f"auto_{p['initial_entropy_coefficient']}",
-        "target_entropy": p["target_entropy_per_action"] * math.prod(lathes.action_space.shape or ()),
+        "target_entropy": p["target_entropy_per_action"] * math.prod(vec_env.action_space.shape or ()),
         "policy_kwargs": {"net_arch": p["hidden_layers"], "activation_fn": ACTIVATIONS[p["activation"]]},
         "tensorboard_log": str(run.folder / "tensorboard"),
         "seed": run.seed,
@@ -45,18 +44,18 @@ def settings(run: Run, lathes: RoughTurningVecEnv) -> dict[str, Any]:
     }
 
 
-def new_model(run: Run, lathes: RoughTurningVecEnv) -> SAC:
-    """An untrained model."""
-    return SAC("MlpPolicy", lathes, **settings(run, lathes))
+def new_model(run: Run, vec_env: RoughTurningVecEnv) -> SAC:
+    """Return an untrained model."""
+    return SAC("MlpPolicy", vec_env, **settings(run, vec_env))
 
 
 def actor(path: Path) -> Feedforward:
-    """The finished agent in a ``policy.zip`` of your own."""
+    """Load the finished agent from a ``policy.zip`` of your own."""
     return squashed(SAC.load(path, device="cpu").actor)
 
 
 def squashed(network: Any) -> Feedforward:
-    """The most likely action of SAC's, and of TQC's, network."""
+    """Return the most likely action of a network of SAC or TQC as an actor."""
     return Feedforward(network.latent_pi, network.mu, torch.nn.Tanh())
 
 
@@ -67,13 +66,10 @@ SEARCH = {
     "target_entropy_per_action": FloatDistribution(-3.0, -0.5),
 }
 
-ALGORITHM = Algorithm("sac", "SAC", SAC, new_model, actor, SEARCH, kept=("replay_buffer",), log_interval=100)
+ALGORITHM = Algorithm("sac", "SAC", SAC, new_model, actor, SEARCH, extra_state=("replay_buffer",), log_interval=100)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    return command.main(ALGORITHM, arguments)
-
+main = partial(command_line, ALGORITHM)
 
 if __name__ == "__main__":
     sys.exit(main())

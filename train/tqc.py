@@ -1,34 +1,34 @@
-"""TQC, SAC that knows how returns are distributed and leaves out the highest: train one agent for one training seed.
+"""TQC, SAC with distributional critics whose highest quantiles are dropped: train one agent for one training seed.
 
     python -m train.tqc --seed 0
 
-Running the same command again resumes an interrupted training, and does nothing if it is finished. What a run's folder holds:
-``train/training.py``. (Kuznetsov et al. 2020, arXiv 2005.04269.)
+The same command resumes an interrupted training, and does nothing if training is finished. Files: see ``train/training.py``.
+(Kuznetsov et al. 2020, arXiv 2005.04269.)
 """
 
 import sys
+from functools import partial
 from pathlib import Path
 
 from optuna.distributions import FloatDistribution, IntDistribution
 from sb3_contrib import TQC
 
-from train import command
-from train.feedforward import Feedforward
+from train.actor import Feedforward
 from train.run import Run
 from train.sac import settings, squashed
-from train.training import Algorithm
+from train.training import Algorithm, command_line
 from train.vec_env import RoughTurningVecEnv
 
 
-def new_model(run: Run, lathes: RoughTurningVecEnv) -> TQC:
-    """An untrained model."""
-    p, values = run.parameters, settings(run, lathes)
+def new_model(run: Run, vec_env: RoughTurningVecEnv) -> TQC:
+    """Return an untrained model."""
+    p, values = run.parameters, settings(run, vec_env)
     values["policy_kwargs"] |= {"n_critics": p["critics"], "n_quantiles": p["quantiles"]}
-    return TQC("MlpPolicy", lathes, top_quantiles_to_drop_per_net=p["dropped_quantiles"], **values)
+    return TQC("MlpPolicy", vec_env, top_quantiles_to_drop_per_net=p["dropped_quantiles"], **values)
 
 
 def actor(path: Path) -> Feedforward:
-    """The finished agent in a ``policy.zip`` of your own."""
+    """Load the finished agent from a ``policy.zip`` of your own."""
     return squashed(TQC.load(path, device="cpu").actor)
 
 
@@ -39,13 +39,10 @@ SEARCH = {
     "target_entropy_per_action": FloatDistribution(-3.0, -0.5),
 }
 
-ALGORITHM = Algorithm("tqc", "TQC", TQC, new_model, actor, SEARCH, kept=("replay_buffer",), log_interval=100)
+ALGORITHM = Algorithm("tqc", "TQC", TQC, new_model, actor, SEARCH, extra_state=("replay_buffer",), log_interval=100)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    return command.main(ALGORITHM, arguments)
-
+main = partial(command_line, ALGORITHM)
 
 if __name__ == "__main__":
     sys.exit(main())

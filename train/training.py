@@ -1,10 +1,15 @@
-"""What is the same whichever algorithm learns: lathes of its own for every seed, progress, and going on after an interruption.
+"""Training, whichever algorithm learns: environments of its own for every seed, progress, checkpoints, the command line.
 
-A run's folder holds ``run.json`` (what was asked for), ``checkpoint.zip`` (everything needed to go on exactly where it stopped),
-``learning_curve.csv``, ``policy.zip`` (the finished agent) and TensorBoard logs. Only load such files from your own trainings:
-they are pickles, which can run code.
+A run's folder holds ``run.json`` (what was asked for), ``checkpoint.zip`` (all that is needed to resume exactly where training
+stopped), ``learning_curve.csv``, ``policy.zip`` (the finished agent) and TensorBoard logs. Load such files from your own
+trainings only: they are pickles, which can run code.
 """
 
+import argparse
+import csv
+import shlex
+import sys
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,53 +23,95 @@ from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
 from train.actor import Actor
-from train.learning_curve import LearningCurve
-from train.run import Run, warn_of_pickle
+from train.run import CURVE_COLUMNS, Run, warn_of_pickle
 from train.vec_env import RoughTurningVecEnv
-from turning_env import Scenario
+from turning_env import IDS, Scenario
+from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.locks import exclusive_lock
 from turning_env.score.seeds import TUNING_START
 
 SEED_STRIDE = 1_000_000
-"""Lane i of training seed s plays the episodes of seed s * SEED_STRIDE + i, so that no two trainings share bars."""
+"""Environment i of training seed s plays the episodes of seed s * SEED_STRIDE + i, so that no two trainings share bars."""
 SEEDS = TUNING_START // SEED_STRIDE
 """Training seeds are below this."""
+CURVE_ROWS = 200
+"""Approximate number of rows of a learning curve."""
 
 ACTIVATIONS: dict[str, type[torch.nn.Module]] = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
 
 
 @dataclass(frozen=True)
 class Algorithm:
-    """A way to learn."""
+    """A learning algorithm and all that training, tuning and export need to know of it."""
 
     name: str
-    """Of its Python file, of its hyperparameters' file, and in ``run.json``."""
+    """The name of its Python file and its hyperparameter file, and in ``run.json``."""
     title: str
-    """For people."""
+    """The name in help texts."""
     model: type[BaseAlgorithm]
     new_model: Callable[[Run, RoughTurningVecEnv], BaseAlgorithm]
-    """Makes an untrained model for a run on given lathes."""
+    """Returns an untrained model for a run on given environments."""
     actor: Callable[[Path], Actor]
     """Loads the finished agent from its file."""
     search: Mapping[str, BaseDistribution]
-    """The hyperparameters that are tuned, and between what."""
-    lathes: Callable[..., RoughTurningVecEnv] = RoughTurningVecEnv
-    """Makes the lathes to learn from; takes scenario, number of lanes and reward scale."""
-    kept: tuple[str, ...] = ()
-    """What belongs into a checkpoint beside what Stable-Baselines3 saves of a model."""
+    """The hyperparameters that are tuned, and their ranges."""
+    vec_env: Callable[..., RoughTurningVecEnv] = RoughTurningVecEnv
+    """Makes the environments to train on from scenario, number of environments and reward scale."""
+    extra_state: tuple[str, ...] = ()
+    """Attributes that belong into a checkpoint beside those that Stable-Baselines3 saves."""
     callbacks: Callable[[Run], list[BaseCallback]] = lambda run: []
-    """What is done besides while a run is trained."""
+    """Further callbacks during training."""
     columns: Callable[[Any], dict[str, float]] = lambda model: {}
-    """Its own columns of the learning curve."""
+    """Further columns of the learning curve."""
     plays: Callable[[Scenario], bool] = lambda scenario: True
     """Whether it can learn on a scenario."""
     log_interval: int = 5
-    """Rollouts, or off-policy episodes, between entries in the TensorBoard logs."""
+    """Rollouts (off-policy: episodes) between entries in the TensorBoard logs."""
+
+
+class LearningCurve(BaseCallback):
+    """Writes the learning curve during training; a resumed run goes on from its checkpoint."""
+
+    def __init__(self, run: Run, columns: Callable[[Any], dict[str, float]]) -> None:
+        super().__init__()
+        self._run, self._columns = run, columns
+        self._rows: list[dict[str, float]] = []
+        self._start = 0.0
+
+    def _on_training_start(self) -> None:
+        known = self._run.read_learning_curve() if self._run.learning_curve.exists() else []
+        # Rows beyond the checkpoint are trained again.
+        self._rows = [row for row in known if row["steps"] <= self.num_timesteps]
+        self._start = time.monotonic() - (self._rows[-1]["wall_time"] if self._rows else 0.0)
+        replace_file(self._run.learning_curve, self._write)
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_end(self) -> None:
+        self._add_row(self._run.parameters["steps"] / CURVE_ROWS)
+
+    def _on_training_end(self) -> None:
+        self._add_row(1)
+
+    def _add_row(self, min_steps: float) -> None:
+        episodes = self.model.ep_info_buffer
+        if not episodes or self.num_timesteps - (self._rows[-1]["steps"] if self._rows else 0.0) < min_steps:
+            return
+        values = self.num_timesteps, time.monotonic() - self._start, np.mean([episode["r"] for episode in episodes])
+        self._rows.append(dict(zip(CURVE_COLUMNS, map(float, values), strict=True)) | self._columns(self.model))
+        replace_file(self._run.learning_curve, self._write)
+
+    def _write(self, path: Path) -> None:
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, self._rows[0] if self._rows else CURVE_COLUMNS)
+            writer.writeheader()
+            writer.writerows(self._rows)
 
 
 class Progress(BaseCallback):
-    """Shows a progress bar, and keeps a checkpoint before each rollout that is due one."""
+    """Shows a progress bar, and writes a checkpoint before a rollout when one is due."""
 
     def __init__(self, run: Run, algorithm: Algorithm, checkpoint_every: int) -> None:
         super().__init__()
@@ -75,9 +122,7 @@ class Progress(BaseCallback):
     def _on_training_start(self) -> None:
         self.last_checkpoint = self.num_timesteps
         total = self.run.parameters["steps"]
-        self.bar = tqdm(
-            total=total, initial=self.num_timesteps, unit="interval", unit_scale=True, desc=self.run.label, disable=None
-        )
+        self.bar = tqdm(total=total, initial=self.num_timesteps, unit="step", unit_scale=True, desc=self.run.label, disable=None)
 
     def _on_rollout_start(self) -> None:
         if self.num_timesteps - self.last_checkpoint >= self.checkpoint_every:
@@ -85,7 +130,7 @@ class Progress(BaseCallback):
             save_checkpoint(self.model, self.run, self.algorithm)
 
     def _on_step(self) -> bool:
-        # The last rollout is finished whole, a little beyond what was asked for.
+        # The last rollout is completed, a little beyond the steps asked for.
         self.bar.update(min(self.num_timesteps, self.bar.total) - self.bar.n)
         return True
 
@@ -99,82 +144,109 @@ class Progress(BaseCallback):
 
 
 def save_checkpoint(model: Any, run: Run, algorithm: Algorithm) -> None:
-    """Write the model with the lathes and all generators' states beside it: all of it or nothing."""
-    model.beside = {
-        "lathes": model.get_env(),
-        "torch_state": torch.get_rng_state(),
-        "numpy_state": np.random.get_state(),  # noqa: NPY002 - SB3 shuffles with it
-        # Loading seeds the action space anew, from which off-policy algorithms draw their first actions.
-        "attributes": {name: getattr(model, name) for name in ("action_space", *algorithm.kept)},
+    """Write the model with its environments and the states of all random generators, atomically."""
+    model.resume_state = {
+        "vec_env": model.get_env(),
+        "torch": torch.get_rng_state(),
+        "numpy": np.random.get_state(),  # noqa: NPY002 - SB3 shuffles with it
+        # Loading seeds the action space anew, from which off-policy algorithms sample their first actions.
+        "attributes": {name: getattr(model, name) for name in ("action_space", *algorithm.extra_state)},
     }
     replace_file(run.checkpoint, model.save)
 
 
 def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
-    """The model of the last checkpoint, ready to go on as if it had never stopped.
+    """Return the model of the last checkpoint, ready to go on as if it had never stopped.
 
     Raises:
-        ValueError: it has been damaged since it was written.
+        ValueError: the checkpoint is damaged.
     """
     warn_of_pickle(run.checkpoint)
     try:
         model: Any = algorithm.model.load(run.checkpoint, device="cpu")
-    except Exception as error:  # there is nothing that garbled bytes cannot lead to
+        state = model.resume_state
+    except Exception as error:  # garbled bytes can raise anything
         raise ValueError(f"{run.checkpoint} cannot be read: {error}; delete it to begin the training anew") from error
-    beside = model.beside
-    model.set_env(beside["lathes"], force_reset=False)
-    for name, value in beside["attributes"].items():
+    model.set_env(state["vec_env"], force_reset=False)
+    for name, value in state["attributes"].items():
         setattr(model, name, value)
-    torch.set_rng_state(beside["torch_state"])
-    np.random.set_state(beside["numpy_state"])  # noqa: NPY002
+    torch.set_rng_state(state["torch"])
+    np.random.set_state(state["numpy"])  # noqa: NPY002
     return model
 
 
 def new_model(run: Run, algorithm: Algorithm) -> Any:
-    """An untrained model on freshly seeded lathes."""
-    lathes = algorithm.lathes(run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"])
-    model = algorithm.new_model(run, lathes)
-    lathes.seed(run.seed * SEED_STRIDE)
+    """Return an untrained model on freshly seeded environments."""
+    vec_env = algorithm.vec_env(run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"])
+    model = algorithm.new_model(run, vec_env)
+    vec_env.seed(run.seed * SEED_STRIDE)
     return model
 
 
 def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait: bool = False) -> Path:
-    """Train, or resume, or find the work done; return the path of the finished agent.
+    """Train or resume, unless training is finished; return the path of the finished agent.
 
     Args:
         run: what to train; its folder is made if need be.
-        algorithm: how.
+        algorithm: the algorithm that learns.
         checkpoint_every: environment steps between checkpoints.
-        wait: where another process trains in the run's folder, wait until it has done; without, that is an error.
+        wait: whether to wait while another process trains in the run's folder; otherwise that is an error.
 
     Raises:
-        ValueError: the folder holds a run of other settings or what cannot be read, another process trains in it, or the
-            algorithm cannot learn on the scenario.
-        OSError: something cannot be written; what was written before stands.
+        ValueError: the folder holds a run with other settings or unreadable files, another process trains in it, or the algorithm
+            cannot learn on the scenario.
+        OSError: a file cannot be written; what was written before stands.
     """
     if not algorithm.plays(run.scenario):
-        raise ValueError(
-            f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}, whose actions or aim it does not know"
-        )
+        raise ValueError(f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}: it lacks its actions or its aim")
     with exclusive_lock(run.folder, wait):
         run.begin()
-        return run.policy if run.policy.exists() else _train(run, algorithm, checkpoint_every)
+        if run.policy.exists():
+            return run.policy
+        torch.set_num_threads(1)
+        resumed = run.checkpoint.exists()
+        model = load_checkpoint(run, algorithm) if resumed else new_model(run, algorithm)
+        callbacks = [*algorithm.callbacks(run), LearningCurve(run, algorithm.columns), Progress(run, algorithm, checkpoint_every)]
+        model.learn(
+            run.parameters["steps"] - model.num_timesteps,
+            callback=callbacks,
+            log_interval=algorithm.log_interval,
+            tb_log_name=algorithm.name,
+            reset_num_timesteps=not resumed,
+        )
+        model.env = None
+        model.__dict__.pop("resume_state", None)
+        replace_file(run.policy, model.save)
+        run.checkpoint.unlink(missing_ok=True)
+        return run.policy
 
 
-def _train(run: Run, algorithm: Algorithm, checkpoint_every: int) -> Path:
-    torch.set_num_threads(1)
-    resumed = run.checkpoint.exists()
-    model = load_checkpoint(run, algorithm) if resumed else new_model(run, algorithm)
-    callbacks = [*algorithm.callbacks(run), LearningCurve(run, algorithm.columns), Progress(run, algorithm, checkpoint_every)]
-    model.learn(
-        run.parameters["steps"] - model.num_timesteps,
-        callback=callbacks,
-        log_interval=algorithm.log_interval,
-        tb_log_name=algorithm.name,
-        reset_num_timesteps=not resumed,
-    )
-    model.env = None
-    model.__dict__.pop("beside", None)
-    replace_file(run.policy, model.save)
-    run.checkpoint.unlink(missing_ok=True)
-    return run.policy
+_HELP = """Train an agent with {title} for one training seed.
+
+    {program} --seed 1
+    {program} --env RoughTurning-v0 --scenario forging --seed 1 --steps 8000000
+
+The same command resumes an interrupted training, and does nothing if training is finished. Prints the path of the agent.
+"""
+
+
+@exits(ValueError, interrupted="interrupted: run the same command again to resume from the last checkpoint")
+def command_line(algorithm: Algorithm, arguments: list[str] | None = None) -> int:
+    """Run an algorithm's command line: train one agent for one training seed; return the exit status."""
+    program = f"python -m train.{algorithm.name}"
+    parser = argparse.ArgumentParser(prog=program, **described(_HELP.format(title=algorithm.title, program=program)))
+    parser.add_argument("--env", default="RoughTurning-v0", choices=list(IDS), help="environment id (default: %(default)s)")
+    parser.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
+    parser.add_argument("--seed", type=int, default=0, help="training seed (default: %(default)s)")
+    parser.add_argument("--steps", type=int, help="environment steps (default: from the hyperparameter file)")
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
+    parsed = parser.parse_args(arguments)
+    if not 0 <= parsed.seed < SEEDS:
+        parser.error(f"--seed is {parsed.seed}, but must be 0 to {SEEDS - 1}")
+    if parsed.steps is not None and parsed.steps < 1:
+        parser.error(f"--steps is {parsed.steps}, but must be at least 1")
+    command = f"{program} {shlex.join(sys.argv[1:] if arguments is None else arguments)}".strip()
+    scenario = Scenario.load(parsed.scenario or IDS[parsed.env])
+    overrides = {} if parsed.steps is None else {"steps": parsed.steps}
+    print(train(Run.plan(algorithm.name, parsed.env, scenario, parsed.seed, parsed.runs, command, overrides), algorithm))
+    return 0

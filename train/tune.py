@@ -1,16 +1,16 @@
-"""Tunes an algorithm's hyperparameters on tuning draws, and prints the winner as a table for its hyperparameter file.
+"""Tune an algorithm's hyperparameters on tuning seeds, and print the best as a table for its hyperparameter file.
 
     python -m train.tune --algorithm sac --trials 20 --steps 500000
 
-A trial trains an agent for each of some training seeds, and plays them all on the same tuning draws. The best mean return wins
-among the settings that are feasible at the leaderboard's confidence limit; where none is, among all. The first trial is what
-the hyperparameter file says; a tree-structured Parzen estimator chooses the others, within ``SEARCH`` in the algorithm's file.
+A trial trains an agent for each of some training seeds, and plays them all on the same tuning seeds. The best mean return wins
+among the feasible trials (at the leaderboard's confidence limit), or among all if none is feasible. The first trial takes the
+values of the hyperparameter file; a tree-structured Parzen estimator chooses the others, within ``SEARCH`` of the algorithm.
 
-The trials are kept in ``RUNS/tuning``, so that the same command goes on where it stopped, and one with more trials adds to them.
-With ``--storage`` they are kept where several such commands, on one machine or on many, work on the same search at the same time;
-with ``--scheduler`` the workers of a Dask cluster train (docs/scaling.md).
+The trials are kept in ``RUNS/tuning``: the same command resumes an interrupted study, and one with more trials continues it.
+With ``--storage`` several such commands, on one machine or on many, work on the same study at the same time; with ``--scheduler``
+the workers of a Dask cluster train (docs/scaling.md).
 
-The table is printed and not written: the files are kept by hand, with what is to be said of each value.
+The table is printed and not written, because the hyperparameter files are kept by hand, with a comment on each value.
 """
 
 import argparse
@@ -29,15 +29,16 @@ import optuna
 import tomli_w
 from optuna.exceptions import StorageInternalError
 from optuna.samplers import TPESampler
-from optuna.storages import BaseStorage
+from optuna.storages import BaseStorage, JournalStorage, RDBStorage
+from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 from optuna.trial import FrozenTrial, TrialState
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy import URL, make_url
+from sqlalchemy.exc import ArgumentError, IntegrityError, SQLAlchemyError
 from tqdm import tqdm
 
 from baselines.tune.journal import cut_off_half_line
 from train.actor import ActorPolicy
 from train.run import Run, hyperparameters
-from train.storage import opened, shown
 from train.training import SEEDS, Algorithm, train
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
@@ -48,63 +49,65 @@ from turning_env.score.seeds import tuning_seeds
 from turning_env.score.workers import cluster, processes
 
 ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
-"""Those that can be tuned."""
-DRAWS = 64
-"""Tuning draws that each agent plays."""
+NUM_EPISODES = 64
+"""Tuning seeds that each agent plays."""
+SQLITE_TIMEOUT = 60.0
+"""How long to wait for another process that writes the SQLite file [s]."""
 
 _OVERLOAD = "overload"  # name of the constraint in the journal
 _ENDED = (TrialState.COMPLETE, TrialState.PRUNED)
+_ATTEMPTS = 5  # at creating the tables of a database
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is tuned, and on what."""
+    """What is tuned, and on which environment."""
 
     algorithm: str
     env_id: str
     scenario: Scenario
     steps: int
-    """Of each training."""
+    """Environment steps of each training."""
     seeds: int
-    """Trainings per trial: those of the training seeds 0, 1, ..."""
+    """Trainings per trial, with the training seeds 0, 1, ..."""
     runs: Path
 
     @property
     def known(self) -> dict[str, Any]:
-        """The hyperparameter file's values."""
+        """The values of the hyperparameter file."""
         return hyperparameters(self.algorithm, self.env_id) | {"steps": self.steps}
 
     @property
     def name(self) -> str:
-        """Of all that the trials have in common; a journal's trials of another task are let be."""
+        """Name of the study: a digest of all that its trials have in common."""
         searched = algorithm_of(self.algorithm).search
         fixed = {name: value for name, value in self.known.items() if name not in searched}
-        return _digest([self.algorithm, self.env_id, self.scenario.digest(), fixed, self.seeds, DRAWS])
+        return _digest([self.algorithm, self.env_id, self.scenario.digest(), fixed, self.seeds, NUM_EPISODES])
 
     @property
     def folder(self) -> Path:
-        """Where the trials are kept."""
+        """Where trials are kept."""
         return self.runs / "tuning" / self.algorithm
 
 
 @dataclass(frozen=True)
-class Played:
-    """What a setting reached on the tuning draws."""
+class Evaluation:
+    """Result of a setting on the tuning seeds."""
 
     mean_return: float
-    """[s], over draws and training seeds."""
+    """Mean return over tuning seeds and training seeds [s]."""
     severe_limit: float
-    """Upper confidence limit of the severely overloaded share of cutting time: see ``turning_env/score/overload.py``."""
+    """Upper confidence limit of the severely overloaded share of cutting time [-], see ``turning_env/score/overload.py``."""
 
 
 def algorithm_of(name: str) -> Algorithm:
-    """The algorithm of a name."""
+    """Return the algorithm with a name."""
     algorithm: Algorithm = importlib.import_module(f"train.{name}").ALGORITHM
     return algorithm
 
 
-def evaluate(task: Task, setting: dict[str, Any]) -> Played | str:
-    """Train with a setting and play the agents; the reason, if that comes to nothing, as when a number is not finite any more."""
+def evaluate(task: Task, setting: dict[str, Any]) -> Evaluation | str:
+    """Train with a setting and play the agents; return the reason instead if training fails, as with numbers that diverge."""
     algorithm = algorithm_of(task.algorithm)
     runs = task.folder / _digest([task.name, setting])
     episodes = []
@@ -112,67 +115,107 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Played | str:
         command = f"a trial of python -m train.tune --algorithm {task.algorithm}"
         run = Run.plan(task.algorithm, task.env_id, task.scenario, seed, runs, command, task.known | setting)
         with exclusive_lock(run.folder, wait=True):
-            run.begin()  # a folder of other settings is no matter of the setting
+            run.begin()  # outside the try: a folder with other settings is no fault of this setting
         try:
             make = partial(ActorPolicy, algorithm.actor(train(run, algorithm, wait=True)).eval())
-            episodes.append(play(make, task.scenario, tuning_seeds(DRAWS)))
+            episodes.append(play(make, task.scenario, tuning_seeds(NUM_EPISODES)))
         except ValueError as error:
             return str(error)
     returns, severe, engaged = (
         np.concatenate([each[name] for each in episodes]) for name in ("return", "severe_overload_time", "engaged_time")
     )
-    return Played(float(returns.mean()), severe_limit(severe, engaged))
+    return Evaluation(float(returns.mean()), severe_limit(severe, engaged))
 
 
-def search(task: Task, trials: int, side_by_side: int, scheduler: str | None = None, storage: str | None = None) -> FrozenTrial:
-    """Find the best setting in so many trials; goes on with a search that was interrupted.
+def open_storage(where: str) -> BaseStorage:
+    """Open a database by its URL (``sqlite:///trials.db``, ``postgresql://host/name``), or a journal by its file.
+
+    Raises:
+        ValueError: it cannot be reached, read or written; says why, without the password.
+    """
+    if "://" not in where:
+        try:
+            Path(where).parent.mkdir(parents=True, exist_ok=True)
+            return JournalStorage(JournalFileBackend(where, JournalFileOpenLock(where)))
+        except (
+            OSError,
+            ValueError,
+            LookupError,
+            TypeError,
+            AttributeError,
+        ) as error:  # the last three: it is no journal
+            raise ValueError(f"a study cannot be kept in {where}: {error}") from error
+    url = _url(where)
+    # A database closes connections that are not used while an agent is trained.
+    options: dict[str, Any] = (
+        {"connect_args": {"timeout": SQLITE_TIMEOUT}} if url.get_backend_name() == "sqlite" else {"pool_pre_ping": True}
+    )
+    for attempt in range(1, _ATTEMPTS + 1):
+        try:
+            return RDBStorage(where, options)
+        except (SQLAlchemyError, StorageInternalError, ImportError, RuntimeError) as error:
+            # Two processes that open an empty database at the same time both create its tables, and one of them fails.
+            created_meanwhile = isinstance(error, IntegrityError) or "already exists" in str(error)
+            if not created_meanwhile or attempt == _ATTEMPTS:
+                raise ValueError(f"a study cannot be kept in {url}: {str(error).strip().splitlines()[0]}") from error
+    raise AssertionError
+
+
+def _url(where: str) -> URL:
+    try:
+        return make_url(where)
+    except (ArgumentError, ValueError) as error:
+        raise ValueError("a study cannot be kept there: it is not the URL of a database") from error
+
+
+def search(task: Task, trials: int, parallel: int, scheduler: str | None = None, storage: str | None = None) -> FrozenTrial:
+    """Return the best trial of a study, after resuming or extending it to ``trials`` trials.
 
     Args:
         task: what is tuned.
-        trials: how many trials end in all; of searches that share a storage a few more, as none gives up what it has begun.
-        side_by_side: how many of them run at a time, each in a process of its own.
-        scheduler: address of a Dask cluster whose workers train; without, processes of this machine do.
-        storage: where the trials are kept and shared with other searches, see ``train/storage.py``; without, in the task's
-            folder, and not shared.
+        trials: number of ended trials; processes that share a storage may add a few more, because each completes what it began.
+        parallel: number of trials at a time, each in a process of its own.
+        scheduler: address of a Dask cluster whose workers train; None: processes of this machine.
+        storage: where trials are shared with other processes, see ``open_storage``; None: a journal in the task's folder.
 
     Raises:
-        ValueError: every training came to nothing, the storage cannot be used, there are no workers, or another process works
-            on this search, which is not shared.
+        ValueError: all trainings failed, the storage cannot be used, there are no workers, or another process works on this
+            study, which is not shared.
     """
     if storage:
-        return _search(task, trials, side_by_side, scheduler, opened(storage), shared=True)
+        return _search(task, trials, parallel, scheduler, open_storage(storage), shared=True)
     journal = task.folder / "journal.log"
     with file_lock(task.folder / f".{task.name}.lock"):
         cut_off_half_line(journal)
-        return _search(task, trials, side_by_side, scheduler, opened(str(journal)), shared=False)
+        return _search(task, trials, parallel, scheduler, open_storage(str(journal)), shared=False)
 
 
-def _search(task: Task, trials: int, side_by_side: int, scheduler: str | None, kept: BaseStorage, shared: bool) -> FrozenTrial:
+def _search(task: Task, trials: int, parallel: int, scheduler: str | None, opened: BaseStorage, shared: bool) -> FrozenTrial:
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    study = optuna.create_study(storage=kept, study_name=task.name, direction="maximize", load_if_exists=True)
+    study = optuna.create_study(storage=opened, study_name=task.name, direction="maximize", load_if_exists=True)
     distributions = dict(algorithm_of(task.algorithm).search)
     if not shared:
         for unfinished in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
-            study.tell(unfinished.number, state=TrialState.FAIL)  # killed; the sampler must not heed it
+            study.tell(unfinished.number, state=TrialState.FAIL)  # killed; the sampler must ignore it
     if not study.get_trials(deepcopy=False, states=(*_ENDED, TrialState.WAITING, TrialState.RUNNING)):
         study.enqueue_trial({name: task.known[name] for name in distributions})
     ended = _ended(study)
     running: list[optuna.Trial] = []
     with (
-        cluster(scheduler) if scheduler else processes(side_by_side) as over,
+        cluster(scheduler) if scheduler else processes(parallel) as over,
         tqdm(total=max(trials, ended), initial=ended, desc=f"tuning {task.algorithm}", unit="trial", disable=None) as bar,
     ):
         try:
             while running or ended < trials:
-                while len(running) < min(side_by_side, trials - ended):
-                    # A sampler per trial, as its random numbers must not depend on how often the search was interrupted.
-                    # Those of searches that share their trials must differ.
+                while len(running) < min(parallel, trials - ended):
+                    # A sampler per trial: its random numbers must not depend on interruptions.
+                    # Those of processes that share a study must differ.
                     study.sampler = TPESampler(seed=None if shared else ended + len(running), n_startup_trials=5)
                     running.append(study.ask(distributions))
                     over.start(running[-1], evaluate, task, running[-1].params)
-                trial, played = over.finished()
+                trial, evaluation = over.finished()
                 running.remove(trial)
-                _tell(study, trial, played, task)
+                _tell(study, trial, evaluation, task)
                 ended = _ended(study)
                 bar.update(ended - bar.n)
         finally:
@@ -180,28 +223,28 @@ def _search(task: Task, trials: int, side_by_side: int, scheduler: str | None, k
                 study.tell(trial, state=TrialState.FAIL)  # interrupted
     complete = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
     if not complete:
-        raise ValueError(f"none of {ended} trials came to anything")
+        raise ValueError(f"all {ended} trials failed")
     return max(complete, key=_merit)
 
 
-def _tell(study: optuna.Study, trial: optuna.Trial, played: Played | str, task: Task) -> None:
-    if isinstance(played, str):
+def _tell(study: optuna.Study, trial: optuna.Trial, evaluation: Evaluation | str, task: Task) -> None:
+    if isinstance(evaluation, str):
         study.tell(trial, state=TrialState.PRUNED)
-        tqdm.write(f"trial {trial.number}: came to nothing with {trial.params}: {played}", sys.stderr)
+        tqdm.write(f"trial {trial.number}: failed with {trial.params}: {evaluation}", sys.stderr)
         return
-    trial.set_constraint(_OVERLOAD, played.severe_limit - task.scenario.limits.overload_allowance)
-    study.tell(trial, played.mean_return)
-    share = f"severely overloaded for at most {100 * played.severe_limit:.2f} % of cutting time"
-    tqdm.write(f"trial {trial.number}: mean return {played.mean_return:.1f} s, {share}, with {trial.params}", sys.stderr)
+    trial.set_constraint(_OVERLOAD, evaluation.severe_limit - task.scenario.limits.overload_allowance)
+    study.tell(trial, evaluation.mean_return)
+    share = f"severely overloaded for at most {100 * evaluation.severe_limit:.2f} % of cutting time"
+    tqdm.write(f"trial {trial.number}: mean return {evaluation.mean_return:.1f} s, {share}, with {trial.params}", sys.stderr)
 
 
 def feasible(trial: FrozenTrial) -> bool:
-    """Whether a trial's setting holds the allowance of overload."""
+    """Return whether a trial's setting keeps the overload allowance."""
     return trial.constraints[_OVERLOAD] <= 0.0
 
 
 def _merit(trial: FrozenTrial) -> tuple[bool, float]:
-    assert trial.value is not None  # it has finished
+    assert trial.value is not None  # it is complete
     return feasible(trial), trial.value
 
 
@@ -217,25 +260,25 @@ def _digest(values: list[Any]) -> str:
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m train.tune", **described(__doc__))
-    parser.add_argument("--algorithm", required=True, choices=ALGORITHMS, help="what is tuned")
+    parser.add_argument("--algorithm", required=True, choices=ALGORITHMS, help="algorithm to tune")
     parser.add_argument("--env", default="RoughTurning-v0", choices=list(IDS), help="environment id (default: %(default)s)")
     parser.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
-    parser.add_argument("--trials", type=int, default=20, help="settings tried in all (default: 20)")
+    parser.add_argument("--trials", type=int, default=20, help="number of trials in all (default: 20)")
     parser.add_argument("--seeds", type=int, default=1, help="trainings per trial (default: 1)")
-    parser.add_argument("--steps", type=int, help="environment steps per training (default: the hyperparameter file's)")
-    parser.add_argument("--workers", type=int, default=1, help="trials side by side (default: 1)")
-    parser.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster train, such as tcp://host:8786")
-    kept = "journal file or database URL that several searches share (default: a journal in RUNS/tuning, not shared)"
-    parser.add_argument("--storage", metavar="FILE_OR_URL", help=kept)
+    parser.add_argument("--steps", type=int, help="environment steps per training (default: from the hyperparameter file)")
+    parser.add_argument("--workers", type=int, default=1, help="trials at the same time (default: 1)")
+    parser.add_argument("--scheduler", metavar="URL", help="train on the workers of a Dask cluster, such as tcp://host:8786")
+    shared = "journal file or database URL shared by several processes (default: a journal in RUNS/tuning, not shared)"
+    parser.add_argument("--storage", metavar="FILE_OR_URL", help=shared)
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parsed = parser.parse_args(arguments)
-    for name, most in (("trials", 100_000), ("seeds", SEEDS), ("steps", 10**12), ("workers", 1000)):
+    for name, largest in (("trials", 100_000), ("seeds", SEEDS), ("steps", 10**12), ("workers", 1000)):
         value = getattr(parsed, name)
-        if value is not None and not 1 <= value <= most:
-            parser.error(f"--{name} is {value}, but must be 1 to {most}")
+        if value is not None and not 1 <= value <= largest:
+            parser.error(f"--{name} is {value}, but must be 1 to {largest}")
     command = "python -m train.tune " + shlex.join(sys.argv[1:] if arguments is None else arguments)
-    if parsed.storage:
-        command = command.replace(shlex.quote(parsed.storage), shlex.quote(shown(parsed.storage)))
+    if parsed.storage and "://" in parsed.storage:  # without the password
+        command = command.replace(shlex.quote(parsed.storage), shlex.quote(str(_url(parsed.storage))))
     scenario = Scenario.load(parsed.scenario or IDS[parsed.env])
     steps = parsed.steps or hyperparameters(parsed.algorithm, parsed.env)["steps"]
     task = Task(parsed.algorithm, parsed.env, scenario, steps, parsed.seeds, parsed.runs)
@@ -247,6 +290,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    from train import tune  # under the name by which workers know it
+    from train import tune  # under the name that workers import
 
     sys.exit(tune.main())

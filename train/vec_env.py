@@ -1,4 +1,4 @@
-"""The vector environment as Stable-Baselines3 wants it, without a Python loop over lanes."""
+"""The vector environment behind the interface of Stable-Baselines3, without a Python loop over environments."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -10,27 +10,32 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from turning_env import RoughTurningVectorEnv, Scenario
 
+Indices = int | Iterable[int] | None
+
 
 class RoughTurningVecEnv(VecEnv):
-    """``count`` lathes behind Stable-Baselines3's ``VecEnv``.
+    """``num_envs`` environments behind Stable-Baselines3's ``VecEnv``.
 
-    An episode's end puts ``terminal_observation``, ``TimeLimit.truncated`` and ``episode`` (return [s of machine time] and
-    length, unscaled) into that lane's info; all other infos are empty. Rewards are multiplied by ``reward_scale``. A subclass
-    from which something else is to be learned gives it as ``learned_rewards``.
+    At an episode's end, an environment's info holds ``terminal_observation``, ``TimeLimit.truncated`` and ``episode`` (return
+    [s of machine time] and length, unscaled); all other infos are empty. Rewards are multiplied by ``reward_scale``. A subclass
+    that trains on other rewards overrides ``training_rewards``.
     """
 
-    def __init__(self, scenario: Scenario, count: int, reward_scale: float = 1.0) -> None:
-        self.lathes_env = RoughTurningVectorEnv(count, scenario, AutoresetMode.SAME_STEP)
+    def __init__(self, scenario: Scenario, num_envs: int, reward_scale: float = 1.0) -> None:
+        self.vector_env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
         self.reward_scale = reward_scale
-        self._actions: NDArray[np.float32] = np.zeros(self.lathes_env.action_space.shape or (), np.float32)
-        self._returns = np.zeros(count)
-        self._lengths = np.zeros(count, np.int64)
-        super().__init__(count, self.lathes_env.single_observation_space, self.lathes_env.single_action_space)
+        self._actions: NDArray[np.float32] = np.zeros(self.vector_env.action_space.shape or (), np.float32)
+        self._returns = np.zeros(num_envs)
+        self._lengths = np.zeros(num_envs, np.int64)
+        super().__init__(num_envs, self.vector_env.single_observation_space, self.vector_env.single_action_space)
 
     def reset(self) -> NDArray[np.float32]:
-        """First observations, shape (count, 11). Lane i plays the seed given to ``seed`` plus i, else a random one."""
+        """Return first observations, shape (num_envs, entries).
+
+        Environment i plays the seed given to ``seed`` plus i; without one, a random seed.
+        """
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
-        observations, _ = self.lathes_env.reset(seed=seeds)
+        observations, _ = self.vector_env.reset(seed=seeds)
         self._reset_seeds()
         self._returns[:] = 0.0
         self._lengths[:] = 0
@@ -40,45 +45,43 @@ class RoughTurningVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        observations, rewards, terminated, truncated, infos = self.lathes_env.step(self._actions)
-        learned = self.learned_rewards(rewards, infos)
+        observations, rewards, terminated, truncated, infos = self.vector_env.step(self._actions)
+        training_rewards = self.training_rewards(rewards, infos)
         ended = terminated | truncated
         self._returns += rewards
         self._lengths += 1
-        lane_infos: list[dict[str, Any]] = [{}] * self.num_envs  # one dictionary for all that have nothing to say
-        for lane in np.flatnonzero(ended).tolist():
-            lane_infos[lane] = {
-                "terminal_observation": infos["final_obs"][lane],
-                "TimeLimit.truncated": bool(truncated[lane]),
-                "episode": {"r": float(self._returns[lane]), "l": int(self._lengths[lane])},
+        env_infos: list[dict[str, Any]] = [{}] * self.num_envs  # one empty dictionary for all whose episode goes on
+        for index in np.flatnonzero(ended).tolist():
+            env_infos[index] = {
+                "terminal_observation": infos["final_obs"][index],
+                "TimeLimit.truncated": bool(truncated[index]),
+                "episode": {"r": float(self._returns[index]), "l": int(self._lengths[index])},
             }
         self._returns[ended] = 0.0
         self._lengths[ended] = 0
-        return observations, (learned * self.reward_scale).astype(np.float32), ended, lane_infos
+        return observations, (training_rewards * self.reward_scale).astype(np.float32), ended, env_infos
 
-    def learned_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
-        """What is learned from, shape (count,) [s], for an interval's rewards and infos: here the rewards themselves."""
+    def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
+        """Return the rewards to train on, shape (num_envs,) [s], for a step's rewards and infos: here the rewards themselves."""
         return rewards
 
     def close(self) -> None:
-        self.lathes_env.close()
+        self.vector_env.close()
 
-    def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
-        return [getattr(self.lathes_env, attr_name)] * len(list(self._get_indices(indices)))
+    def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
+        return [getattr(self.vector_env, attr_name)] * len(list(self._get_indices(indices)))
 
-    def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
-        raise NotImplementedError("all lanes share one scenario: make a new environment instead")
+    def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
+        raise NotImplementedError("all environments share one scenario: make a new vector environment instead")
 
-    def env_method(
-        self, method_name: str, *method_args: Any, indices: int | Iterable[int] | None = None, **method_kwargs: Any
-    ) -> list[Any]:
-        raise NotImplementedError("the lanes are not environments of their own: they have no methods to call")
+    def env_method(self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any) -> list[Any]:
+        raise NotImplementedError("the batch has no separate environments whose methods could be called")
 
-    def env_is_wrapped(self, wrapper_class: type[Any], indices: int | Iterable[int] | None = None) -> list[bool]:
+    def env_is_wrapped(self, wrapper_class: type[Any], indices: Indices = None) -> list[bool]:
         return [False] * len(list(self._get_indices(indices)))
 
 
-def of_interval(infos: dict[str, Any], name: str) -> NDArray[np.float64]:
-    """An entry of the vector environment's infos as it was when the interval ended, also where the next episode has begun."""
+def info_at_end_of_step(infos: dict[str, Any], name: str) -> NDArray[np.float64]:
+    """Return an entry of ``infos`` at the end of the step, also where the next episode has already begun; shape (num_envs,)."""
     values: NDArray[np.float64] = infos[name]
     return np.where(infos["_final_info"], infos["final_info"][name], values) if "final_info" in infos else values

@@ -13,7 +13,7 @@ from tests.train import onnx_agents
 def of_nodes(
     nodes: Sequence[onnx.NodeProto], constants: Mapping[str, NDArray[np.generic]] | None = None, memory: int = 0
 ) -> bytes:
-    """A file of nodes that make ``action``, and with a memory ``next_memory``, of ``observation`` and ``memory``."""
+    """A file of nodes from ``observation`` (and ``memory``) to ``action`` (and ``next_memory``)."""
 
     def value(name: str, entries: int) -> onnx.ValueInfoProto:
         return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["lanes", entries])
@@ -31,7 +31,7 @@ def of_nodes(
 
 
 def of_load(*nodes: onnx.NodeProto, **constants: NDArray[np.generic]) -> bytes:
-    """A file that acts by the first two observations, after nodes that make ``change`` of them, shape (lanes, 2)."""
+    """A file that acts by the first two observations, after nodes that turn them into ``change``, shape (num_envs, 2)."""
     first = helper.make_node("Slice", ["observation", "start", "stop", "axis"], ["first"])
     bounds = {"start": [0], "stop": [2], "axis": [1]}
     given = {name: np.array(where, np.int64) for name, where in bounds.items()} | {"small": np.array([0.1], np.float32)}
@@ -51,14 +51,14 @@ def unbounded() -> bytes:
 
 
 def sociable() -> bytes:
-    """What it does in a lane depends on the others."""
+    """Acts in an environment by the others."""
     axes = np.array([0], np.int64)
     mean = helper.make_node("ReduceMean", ["first", "axes"], ["mean"], keepdims=1)
     return of_load(mean, helper.make_node("Sub", ["first", "mean"], ["change"]), axes=axes)
 
 
 def counting() -> bytes:
-    """What it does in a lane depends on which one it is."""
+    """Acts in an environment by its index."""
     nodes = [
         helper.make_node("Mul", ["first", "zero"], ["nothing"]),
         helper.make_node("Add", ["nothing", "one"], ["ones"]),
@@ -70,7 +70,7 @@ def counting() -> bytes:
 
 
 def few() -> bytes:
-    """Acts once for all lanes."""
+    """Acts once for all environments."""
     axes = np.array([0], np.int64)
     return of_load(helper.make_node("ReduceMax", ["first", "axes"], ["change"], keepdims=1), axes=axes)
 
@@ -98,7 +98,7 @@ def toiling(products: int = 60, size: int = 900) -> bytes:
 
 
 def swelling() -> bytes:
-    """Asks for four megabytes per lane, eight times at once."""
+    """Asks for four megabytes per environment, eight times at once."""
     wide = np.zeros((1, 1_000_000), np.float32)
     nodes = [helper.make_node("ReduceSum", ["first", "axes"], ["sum"], keepdims=1)]
     nodes += [helper.make_node("Add", ["sum", f"wide{k}"], [f"swollen{k}"]) for k in range(2)]

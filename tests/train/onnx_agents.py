@@ -5,9 +5,8 @@ from pathlib import Path
 
 import torch
 
-from train.actor import Actor
+from train.actor import Actor, Feedforward
 from train.export import metadata, to_onnx
-from train.feedforward import Feedforward
 from train.run import Run
 from turning_env import Scenario
 

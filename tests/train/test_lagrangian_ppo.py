@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from tests.train.small import SCENARIO, small_run
-from train import learning_curve
 from train.lagrangian_ppo import ALGORITHM, AllowanceVecEnv
 from train.training import train
-from train.vec_env import RoughTurningVecEnv
+from train.vec_env import RoughTurningVecEnv, info_at_end_of_step
 from turning_env import RoughTurningVectorEnv, Scenario
 
 OVERLOADING = Scenario.model_validate({"name": "weak", "tool": {"wear_criterion": 0.1}, "limits": {"thrust_force": 300.0}})
@@ -20,25 +19,23 @@ FASTER = np.ones((4, 2), np.float32)
 
 def test_severe_overload_costs_the_multiplier_in_place_of_its_price() -> None:
     ours, theirs = AllowanceVecEnv(OVERLOADING, 4, 0.5), RoughTurningVecEnv(OVERLOADING, 4)
-    single = RoughTurningVectorEnv(4, OVERLOADING, "SameStep")
+    reference = RoughTurningVectorEnv(4, OVERLOADING, "SameStep")
     ours.multiplier = 7.0
     for each in (ours, theirs):
         each.seed(5)
         each.reset()
-    single.reset(seed=5)
+    reference.reset(seed=5)
     ends, severe_time, engaged_time = 0, 0.0, 0.0
     for _ in range(300):
         _, rewards, dones, infos = ours.step(FASTER)
         _, full_rewards, _, full_infos = theirs.step(FASTER)
-        *_, terms = single.step(FASTER)
-        overload, severe, engaged = (
-            np.where(dones, terms["final_info"][name], terms[name]) if dones.any() else terms[name]
-            for name in ("reward_overload", "severe_overload_time", "engaged_time")
-        )
+        *_, terms = reference.step(FASTER)
+        names = ("reward_overload", "severe_overload_time", "engaged_time")
+        overload, severe, engaged = (info_at_end_of_step(terms, name) for name in names)
         np.testing.assert_allclose(rewards, 0.5 * (full_rewards - overload - 7.0 * severe), rtol=1e-5, atol=1e-4)
         severe_time, engaged_time = severe_time + severe.sum(), engaged_time + engaged.sum()
-        for lane in np.flatnonzero(dones):
-            assert infos[lane]["episode"] == full_infos[lane]["episode"]  # the environment's own return
+        for index in np.flatnonzero(dones):
+            assert infos[index]["episode"] == full_infos[index]["episode"]  # the environment's own return
             ends += 1
     assert ends > 3
     assert severe_time > 0.0
@@ -47,19 +44,20 @@ def test_severe_overload_costs_the_multiplier_in_place_of_its_price() -> None:
     assert ours.multiplier == pytest.approx(7.0 * math.exp(2.0 * (severe_time / engaged_time - 0.04)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scenario", "moves"), [(OVERLOADING, True), (UNLIMITED, False)], ids=["overloading", "unlimited"])
 def test_the_multiplier_moves_only_where_something_overloads(scenario: Scenario, moves: bool, tmp_path: Path) -> None:
     run = small_run(ALGORITHM, tmp_path, scenario, initial_multiplier=3.0)
     train(run, ALGORITHM)
-    multipliers = [row["multiplier"] for row in learning_curve.read(run.folder)]
+    multipliers = [row["multiplier"] for row in run.read_learning_curve()]
     assert multipliers
     assert (multipliers[-1] > 3.0) if moves else set(multipliers) == {3.0}
 
 
 def test_too_little_overload_lets_the_multiplier_fall() -> None:
-    lathes = AllowanceVecEnv(SCENARIO, 1)
-    lathes._severe_time, lathes._engaged_time = 1.0, 100.0
-    lathes.adapt(target=0.05, rate=1.0)
-    assert lathes.multiplier == pytest.approx(math.exp(-0.04))
-    lathes.adapt(target=0.05, rate=1.0)  # nothing was cut since
-    assert lathes.multiplier == pytest.approx(math.exp(-0.04))
+    vec_env = AllowanceVecEnv(SCENARIO, 1)
+    vec_env._severe_time, vec_env._engaged_time = 1.0, 100.0
+    vec_env.adapt(target=0.05, rate=1.0)
+    assert vec_env.multiplier == pytest.approx(math.exp(-0.04))
+    vec_env.adapt(target=0.05, rate=1.0)  # nothing was cut since
+    assert vec_env.multiplier == pytest.approx(math.exp(-0.04))

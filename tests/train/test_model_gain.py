@@ -1,149 +1,267 @@
-"""The differentiable gain against what the lathes themselves report."""
+"""The differentiable gain against its formula, written out for single steps, and against what the environment charges."""
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from numpy.typing import NDArray
+from scipy.stats import norm
 
-from train.commands import Commands
-from train.hindsight import HindsightVecEnv
-from train.model_gain import ModelGain, Truth
-from train.vec_env import of_interval
+from train.analytic_actor import ACTUAL, TargetCommands
+from train.model_gain import FIELDS, POINTS, HindsightVecEnv, ModelGain, Truth
+from train.vec_env import info_at_end_of_step
 from turning_env import Scenario
 
-BASE = Scenario.load("rough_turning")
-LANES, INTERVALS = 16, 240
+BASE, SHIFT, OVERRIDE = (Scenario.load(preset) for preset in ("rough_turning", "shift", "override"))
+JOB = BASE.model_copy(update={"workpiece": BASE.workpiece.model_copy(update={"bars": 3})})
+PATH, DEPTH, HARDNESS, USED_LIFE = range(len(FIELDS))
+PITCH, APPROACH = BASE.workpiece.bar_length + BASE.workpiece.approach, BASE.workpiece.approach
+GAINS: dict[str, ModelGain] = {}  # prices take seconds to compute
+SHARE = (np.arange(POINTS) + 0.5) / POINTS
 
 
-class Told(HindsightVecEnv):
-    """Keeps what the vector environment reports, too."""
-
-    infos: dict[str, Any]
-
-    def learned_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
-        self.infos = {name: of_interval(infos, name) for name in ("reward_overload", "time", "engaged_time", "used_life")}
-        return super().learned_rewards(rewards, infos)
+def state(path: float, depth: float = 3.0, hardness: float = 1.0, used_life: float = 0.5) -> list[float]:
+    return [path, depth, hardness, used_life]
 
 
-@pytest.fixture(scope="module")
-def played() -> dict[str, Any]:
-    """Random set points, held for a while each."""
-    env, commands = Told(BASE, LANES), Commands(BASE)
+def truth_of(first: list[float], last: list[float], changed: bool = False, failed: bool = False) -> Truth:
+    """The truth of one step of one environment."""
+    before, after = (np.array(each).reshape(1, len(FIELDS), 1) for each in (first, last))
+    return Truth(BASE, before, after, np.array([[changed]]), np.array([[failed]]))
+
+
+def points(field: torch.Tensor) -> list[float]:
+    return [float(each) for each in field[0, 0]]
+
+
+def test_hidden_states_are_interpolated_within_a_bar() -> None:
+    truth = truth_of(state(100.0, 3.0, 1.0, 0.5), state(110.0, 4.0, 1.2, 0.6))
+    expected = (3.0 * (1 - SHARE + 1e-3) + 4.0 * (SHARE + 1e-3)) / 1.002
+    assert np.exp(points(truth.log_depth)) == pytest.approx(expected, rel=1e-6)
+    assert np.exp(points(truth.log_hardness)) == pytest.approx(1.0 + 0.2 * (expected - 3.0), rel=1e-6)
+    assert points(truth.used_life) == pytest.approx(0.5 + 0.1 * SHARE)
+    assert points(truth.cutting) == [1.0] * POINTS
+    assert points(truth_of(state(1.0, used_life=0.0), state(1.1, used_life=0.0)).used_life) == pytest.approx([1e-6] * POINTS)
+    assert points(truth_of(state(1.0, used_life=1.1), state(1.1, used_life=1.2)).used_life) == [1.0] * POINTS
+
+
+@pytest.mark.parametrize("bar", [0, 1])
+def test_metal_begins_behind_the_approach_and_ends_with_the_bar(bar: int) -> None:
+    face = bar * PITCH + APPROACH
+    entering = truth_of(state(face - 0.4, 0.0, 0.0), state(face + 0.6, 3.5, 1.1))
+    assert points(entering.cutting) == [0, 0, 1, 1, 1]
+    assert np.exp(points(entering.log_depth)[2:]) == pytest.approx([3.5] * 3)  # not a mean with the air
+    assert np.exp(points(entering.log_depth)[:2]) == pytest.approx([BASE.workpiece.depth_of_cut] * 2)
+    assert points(entering.log_hardness)[:2] == [0.0, 0.0]
+    early = truth_of(state(face - 0.05, 0.0, 0.0), state(face + 0.95, 3.5, 1.1))
+    assert points(early.cutting) == [1] * POINTS
+    assert np.exp(points(early.log_depth)) == pytest.approx([3.5] * POINTS)
+    second = truth_of(state(PITCH - 0.45, 3.5), state(PITCH + 0.55, 0.0, 0.0))
+    assert points(second.cutting) == [1, 1, 0, 0, 0]
+    across = truth_of(state(PITCH - 0.4 * APPROACH, 3.5), state(PITCH + 0.6 * APPROACH * 4, 2.0))
+    assert points(across.cutting)[0] == 1.0
+    assert np.exp(points(across.log_depth)[0]) == pytest.approx(3.5)
+    assert np.exp(points(across.log_depth)[-1]) == pytest.approx(2.0)  # of the next bar alone
+
+
+def test_a_changed_edge_cuts_nothing_and_keeps_the_used_life_of_the_old_one() -> None:
+    truth = truth_of(state(100.0, used_life=0.9), state(110.0, used_life=0.0), changed=True)
+    assert points(truth.cutting) == [0.0] * POINTS
+    assert points(truth.used_life) == pytest.approx([0.9] * POINTS)
+    assert (float(truth.changed), float(truth.failed)) == (1.0, 0.0)
+
+
+def expected_gain(
+    scenario: Scenario, gain: ModelGain, speed: float, feed: float, depth: float, hardness: float, used: float
+) -> Any:
+    """The gain in two parts, its derivatives by log speed and log feed, and what going on earned: the formula, without lags."""
+    material, limits, tool, economics = scenario.material, scenario.limits, scenario.tool, scenario.economics
+
+    def cost(v: float, f: float) -> tuple[float, float, float]:
+        """Cost per time, life used per time and expected cost of breakage."""
+        wear = tool.wear_criterion * used**material.wear.time
+        force = material.thrust_force(v, f, depth, wear=wear, hardness=hardness) / limits.thrust_force
+        power = material.power(v, f, depth, wear=wear, hardness=hardness) / limits.power
+        per_minute = (material.wear(v, f, depth, hardness=hardness) / tool.wear_criterion) ** (1.0 / material.wear.time)
+        price = float(np.interp(used, np.linspace(0, 1, len(gain._prices)), gain._prices.numpy()))
+        overload = economics.overload_price * (max(force - 1.0, 0.0) + max(power - 1.0, 0.0))
+        time_price = gain._time_price
+        strength = math.log(tool.edge_strength / limits.thrust_force)
+        risk = norm.cdf((math.log(force) - strength) / tool.edge_strength_spread)
+        edge = 60.0 * (economics.edge_cost + economics.edge_change_time)
+        lost = 60.0 * economics.breakage_downtime + edge * (1.0 - used)
+        earned = price * per_minute / 60.0
+        if price <= 0.0:
+            earned = v * f * depth / economics.reference_removal_rate - overload - time_price
+        return time_price + overload + price * per_minute / 60.0, risk * lost, earned
+
+    rate, breakage, earned = cost(speed, feed)
+    interval, h = scenario.control.interval, 1e-4
+
+    def travelling(v: float, f: float) -> float:
+        """Gain of covering the step's distance at other speeds and feeds."""
+        rate, breakage, _ = cost(v, f)
+        return -interval * rate * speed * feed / (v * f) - breakage
+
+    slopes = [
+        (travelling(speed * math.exp(a), feed * math.exp(b)) - travelling(speed * math.exp(-a), feed * math.exp(-b))) / (2 * h)
+        for a, b in ((h, 0.0), (0.0, h))
+    ]
+    return -interval * rate, -breakage, slopes[0], slopes[1], interval * earned
+
+
+def gain_of(scenario: Scenario) -> ModelGain:
+    """The gain on a scenario's machine with drives that do not lag."""
+    if scenario.digest() not in GAINS:
+        machine = scenario.machine.model_copy(update={"spindle_time_constant": 0.0, "feed_time_constant": 0.0})
+        GAINS[scenario.digest()] = ModelGain(scenario.model_copy(update={"machine": machine}))
+    return GAINS[scenario.digest()]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "speed", "feed", "depth", "hardness", "used"),
+    [
+        pytest.param(BASE, 120.0, 0.3, 3.0, 1.0, 0.3, id="within the limits"),
+        pytest.param(BASE, 190.0, 0.6, 4.0, 1.3, 0.8, id="over both limits and near breakage"),
+        pytest.param(BASE, 80.0, 0.6, 4.5, 1.4, 0.2, id="over the force limit"),
+        pytest.param(SHIFT, 160.0, 0.12, 3.0, 1.0, 0.5, id="shift, life has a price"),
+        pytest.param(SHIFT, 160.0, 0.5, 3.0, 1.2, 0.97, id="shift, life has none"),
+        pytest.param(OVERRIDE, 120.0, 0.5, 3.0, 1.3, 0.4, id="override, short steps"),
+        pytest.param(JOB, 120.0, 0.3, 3.0, 1.0, 0.6, id="a job pays the flat price"),
+    ],
+)
+def test_the_gain_is_its_formula(
+    scenario: Scenario, speed: float, feed: float, depth: float, hardness: float, used: float
+) -> None:
+    gain = gain_of(scenario)
+    commands = torch.tensor([[[math.log(speed)]], [[math.log(feed)]]], requires_grad=True)
+    ends = state(100.0, depth, hardness, used)
+    found, going_on = gain(commands[0], commands[1], torch.full((1, 1), 50.0), torch.full((1, 1), 0.1), truth_of(ends, ends))
+    found.sum().backward()  # type: ignore[no-untyped-call]
+    assert commands.grad is not None
+    assert not going_on.requires_grad
+    numbers = found.item(), *commands.grad.flatten().tolist(), going_on.item()
+    cost, breakage, *others = expected_gain(scenario, gain, speed, feed, depth, hardness, used)
+    assert numbers == pytest.approx((cost + breakage, *others), rel=2e-3, abs=2e-3)
+
+
+def test_a_step_costs_the_mean_of_its_points_and_the_worst_risk() -> None:
+    gain = gain_of(BASE)
+    log_speed, log_feed = torch.full((1, 1), math.log(190.0)), torch.full((1, 1), math.log(0.6))
+    now = torch.full((1, 1), 100.0), torch.full((1, 1), 0.1)
+    entering = truth_of(state(APPROACH - 0.4, 0.0, 0.0, 0.8), state(APPROACH + 0.6, 4.0, 1.3, 0.8))
+    found, going_on = (each.item() for each in gain(log_speed, log_feed, *now, entering))
+    cost, breakage, _, _, earned = expected_gain(BASE, gain, 190.0, 0.6, 4.0, 1.3, 0.8)
+    in_air = -BASE.control.interval * gain._time_price
+    assert breakage < -0.1
+    assert found == pytest.approx(0.4 * in_air + 0.6 * cost + breakage, rel=1e-3)
+    assert going_on == pytest.approx(0.6 * earned, rel=1e-3)
+
+
+def test_prices_and_going_on_with_changed_edges() -> None:
+    economics = BASE.economics
+    flat = 60.0 * (economics.edge_cost + economics.edge_change_time)
+    assert gain_of(JOB).price(torch.tensor([0.0, 0.7, 1.0])).tolist() == pytest.approx([flat] * 3)
+    gain = gain_of(BASE)
+    nodes = gain._prices.numpy()
+    assert float(gain.price(torch.tensor(2.25 / (len(nodes) - 1)))) == pytest.approx(0.75 * nodes[2] + 0.25 * nodes[3], rel=1e-5)
+    assert gain.price(torch.tensor([-1.0, 0.0])).tolist() == [nodes[0], nodes[0]]
+    assert gain.price(torch.tensor([1.0, 2.0])).tolist() == [nodes[-1], nodes[-1]]
+
+    gain = gain_of(SHIFT)
+    commands = torch.full((1, 1), math.log(160.0)), torch.full((1, 1), math.log(0.12))
+    now = torch.full((1, 1), 160.0), torch.full((1, 1), 0.12)
+    worn, fresh, air = state(100.0, used_life=0.97), state(110.0, used_life=0.0), state(1.0, 0.0, 0.0, 0.97)
+    _, had_it_stayed = gain(*commands, *now, truth_of(worn, fresh, changed=True))
+    nominal = state(100.0, BASE.workpiece.depth_of_cut, 1.0, 0.97)
+    _, stays = gain(*commands, *now, truth_of(nominal, nominal))
+    assert float(had_it_stayed) == pytest.approx(float(stays)) != 0.0
+    _, found_worn = gain(*commands, *now, truth_of(worn, fresh, changed=True, failed=True))
+    assert float(found_worn) == pytest.approx(-60.0 * SHIFT.economics.unplanned_stop * gain._time_price)
+    assert float(gain(*commands, *now, truth_of(air, air))[1]) == 0.0
+
+
+def test_an_edge_is_changed_where_going_on_loses_on_average() -> None:
+    gain = gain_of(SHIFT)
+    for outcomes in ([0.2, 0.1, -0.2], [0.2, -0.1, -0.2]):
+        score = torch.zeros(1, requires_grad=True)
+        gain.edge_change_gain(score, torch.tensor(outcomes)).sum().backward()  # type: ignore[no-untyped-call]
+        assert score.grad is not None
+        assert score.grad.item() == pytest.approx(-0.5 * sum(outcomes))
+    value = gain.edge_change_gain(torch.tensor([1.0, 1.0]), torch.tensor([2.0, -2.0])).tolist()
+    assert value == pytest.approx([-2.0 * math.log1p(math.e), -2.0 * math.log1p(math.exp(-1.0))])
+
+
+def test_drives_follow_their_commands_with_their_lags() -> None:
+    scenario = OVERRIDE  # its steps are short
+    gain, machine, interval = ModelGain(scenario), scenario.machine, scenario.control.interval
+    for drive, lag in enumerate((machine.spindle_time_constant, machine.feed_time_constant)):
+        commanded = torch.full((3, 1), 100.0, requires_grad=True)
+        followed = gain._follow(commanded, torch.full((3, 1), 80.0), drive)
+        assert followed[2, 0].tolist() == pytest.approx(list(100.0 - 20.0 * np.exp(-SHARE * interval / lag)), rel=1e-5)
+        (slope,) = torch.autograd.grad(followed[2].sum(), commanded)
+        left = np.exp(-SHARE * interval / lag).sum()
+        carried = math.exp(-interval / lag)
+        expected = [left * carried * (1 - carried), left * (1 - carried), POINTS - left]
+        assert slope[:, 0].tolist() == pytest.approx(expected, rel=1e-4)
+
+
+def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None:
+    """Random set points, held for a while each, on lagging drives."""
+
+    class Reporting(HindsightVecEnv):
+        overload: Any
+
+        def training_rewards(self, rewards: Any, infos: dict[str, Any]) -> Any:
+            self.overload = -info_at_end_of_step(infos, "reward_overload")
+            return super().training_rewards(rewards, infos)
+
+    num_envs = 16
+    env, commands, random = Reporting(BASE, num_envs), TargetCommands(BASE), np.random.default_rng(1)
     env.seed(5)
     observations = env.reset()
-    random = np.random.default_rng(1)
-    kept: dict[str, list[Any]] = {name: [] for name in ("seen", "wanted", "before", "after", "changed", "failed", "overload")}
-    for interval in range(INTERVALS):
-        if interval % 15 == 0:
-            wanted = torch.tensor(random.uniform([0.2, -0.2], [0.9, 0.6], (LANES, 2)), dtype=torch.float32)
+    steps: list[tuple[Any, ...]] = []
+    last, ends = np.zeros((len(FIELDS), num_envs)), 0
+    for step in range(240):
+        if step % 15 == 0:
+            target = torch.tensor(random.uniform([0.2, -0.2], [0.9, 0.6], (num_envs, 2)), dtype=torch.float32)
         seen = torch.from_numpy(observations)
-        observations, _, _, _ = env.step(commands.action(wanted, seen).numpy())
-        values = (seen, wanted, env.before, env.after, env.changed, env.failed, -env.infos["reward_overload"])
-        for name, value in zip(kept, values, strict=True):
-            kept[name].append(value)
-    return {name: torch.stack(rows) if torch.is_tensor(rows[0]) else np.stack(rows) for name, rows in kept.items()}
-
-
-def gains(played: dict[str, Any], scenario: Scenario, wanted: torch.Tensor | None = None) -> torch.Tensor:
-    commands = Commands(scenario)
-    truth = Truth(scenario, *(played[name] for name in ("before", "after", "changed", "failed")))
-    log_speed, log_feed = commands.commanded(played["wanted"] if wanted is None else wanted, played["seen"])
-    return ModelGain(scenario)(log_speed, log_feed, *commands.actual(played["seen"]), truth)[0]
-
-
-def without(**economics: float) -> Scenario:
-    return BASE.model_copy(update={"economics": BASE.economics.model_copy(update=economics)})
-
-
-def test_overload_is_charged_as_the_lathe_charges_it(played: dict[str, Any]) -> None:
-    free = without(overload_price=0.0)
-    # The price of life depends on that of overload, so both are computed with the same.
-    difference = ModelGain(BASE)
-    difference._scenario, priced = free, gains(played, BASE)
-    commands = Commands(BASE)
-    truth = Truth(BASE, *(played[name] for name in ("before", "after", "changed", "failed")))
-    log_speed, log_feed = commands.commanded(played["wanted"], played["seen"])
-    charged = (difference(log_speed, log_feed, *commands.actual(played["seen"]), truth)[0] - priced).numpy()
-    reported = played["overload"]
+        observations, _, ended, _ = env.step(commands.action(target, seen).numpy())
+        np.testing.assert_array_equal(env.before, last)  # a step starts where the one before has ended
+        last, ends = np.where(ended, 0.0, env.after), ends + ended.sum()
+        steps.append((seen, target, env.before, env.after, env.changed, env.failed, env.overload))
+    *tensors, before, after, changed, failed, overload = zip(*steps, strict=True)
+    seen, target = (torch.stack(each) for each in tensors)
+    before, after, reported = np.stack(before), np.stack(after), np.stack(overload)
+    truth = Truth(BASE, before, after, np.stack(changed), np.stack(failed))
+    log_speed, log_feed = commands.commanded(target, seen)
+    given = log_speed, log_feed, *commands.speed_and_feed(seen, ACTUAL), truth
+    gain, free, dear = ModelGain(BASE), ModelGain(BASE), ModelGain(BASE)
+    free._scenario = BASE.model_copy(update={"economics": BASE.economics.model_copy(update={"overload_price": 0.0})})
+    dear._prices = dear._prices + 1000.0
+    charged = (free(*given)[0] - gain(*given)[0]).numpy()
     assert reported.max() > 1.0
-    inside = (played["before"][:, 1] > 0) & (played["after"][:, 1] > 0)  # entries and exits are known to a fifth of an interval
+    inside = (before[:, DEPTH] > 0) & (after[:, DEPTH] > 0)  # entries and exits are known to a fifth of a step
     np.testing.assert_allclose(charged[inside], reported[inside], atol=0.25)
     assert abs(charged.sum() / reported.sum() - 1.0) < 0.05
+    life = (gain(*given)[0] - dear(*given)[0]).sum(0).numpy() / 1000.0
+    used = (after[:, USED_LIFE] - before[:, USED_LIFE]).sum(0)
+    assert 0.7 < np.median(life / used) < 1.4  # inserts wear more or less than the nominal one
 
 
-def test_life_is_charged_at_its_price(played: dict[str, Any]) -> None:
-    expensive = ModelGain(BASE)
-    expensive._prices = expensive._prices + 1000.0
-    commands = Commands(BASE)
-    truth = Truth(BASE, *(played[name] for name in ("before", "after", "changed", "failed")))
-    log_speed, log_feed = commands.commanded(played["wanted"], played["seen"])
-    charged = gains(played, BASE) - expensive(log_speed, log_feed, *commands.actual(played["seen"]), truth)[0]
-    used = played["after"][:, 3] - played["before"][:, 3]
-    # Inserts wear more or less than the nominal, at which life is priced.
-    ratio = charged.sum(0).numpy() / 1000.0 / used.sum(0)
-    assert 0.7 < np.median(ratio) < 1.4
-
-
-def test_more_feed_pays_far_from_the_limits_and_not_beyond_them(played: dict[str, Any]) -> None:
-    wanted = played["wanted"].clone().requires_grad_()
-    gains(played, BASE, wanted).sum().backward()
-    assert wanted.grad is not None
-    by_feed = wanted.grad[:, :, 1].numpy()
-    inside = (played["before"][:, 1] > 0) & (played["after"][:, 1] > 0)
-    idle, overloaded = inside & (played["overload"] == 0.0), inside & (played["overload"] > 2.0)
-    assert (by_feed[idle] > 0).mean() > 0.9
-    assert (by_feed[overloaded] < 0).mean() > 0.9
-
-
-def test_a_command_counts_as_long_as_the_drives_lag() -> None:
-    gain = ModelGain(BASE)
-    commanded = torch.full((3, 1), 100.0, requires_grad=True)
-    followed = gain._follow(commanded, torch.full((3, 1), 80.0), 0)
-    (slope,) = torch.autograd.grad(followed[2].sum(), commanded)
-    lag = BASE.machine.spindle_time_constant
-    assert slope[0] > 0
-    assert slope[1] / slope[0] == pytest.approx(np.exp(1.0 / lag), rel=1e-4)
-
-
-def test_a_job_pays_the_flat_price_of_life() -> None:
-    override = Scenario.load("override")
-    price = 60.0 * (override.economics.edge_cost + override.economics.edge_change_time)
-    assert ModelGain(override).price(torch.tensor([0.0, 0.3, 1.0])).tolist() == pytest.approx([price] * 3)
-
-
-def test_going_on_earns_what_life_is_worth_or_else_what_the_metal_leaves_and_a_failure_costs_the_stop() -> None:
-    shift = Scenario.load("shift")
-    gain = ModelGain(shift)
-    depth, pitch = shift.workpiece.depth_of_cut, shift.workpiece.bar_length + shift.workpiece.approach
-    # Lanes: in a bar with life left; without; the same and the edge changed; found worn out; in the air.
-    before = np.array([[pitch - 100.0] * 4 + [1.0], [depth] * 4 + [0.0], [1.0] * 4 + [0.0], [0.5, 0.95, 0.95, 0.999, 0.95]])
-    after = before + np.array([[1.0], [0.0], [0.0], [0.0]])
-    after[3, :4] = [0.501, 0.951, 0.0, 0.0]
-    changed, failed = np.array([[False, False, True, True, False]]), np.array([[False, False, False, True, False]])
-    truth = Truth(shift, before[np.newaxis], after[np.newaxis], changed, failed)
-    speed, feed = torch.full((1, 5), 160.0), torch.full((1, 5), 0.12)
-    _, (going_on,) = gain(speed.log(), feed.log(), speed, feed, truth)
-
-    wear = shift.material.wear(160.0, 0.12, depth) / shift.tool.wear_criterion
-    life_rate = wear ** (1.0 / shift.material.wear.time) / 60.0
-    assert gain.price(torch.tensor(0.95)) == 0.0
-    assert going_on[0] == pytest.approx(float(gain.price(torch.tensor(0.5005))) * life_rate, rel=1e-3)
-    assert going_on[1] == pytest.approx(
-        160.0 * 0.12 * depth / shift.economics.reference_removal_rate - gain._time_price, rel=1e-3
-    )
-    assert going_on[1] < 0.0
-    assert going_on[2] == pytest.approx(float(going_on[1]), rel=1e-3)
-    assert going_on[3] == pytest.approx(-gain._stop)
-    assert going_on[4] == 0.0
-
-
-def test_an_edge_is_changed_where_going_on_loses_in_the_mean() -> None:
-    gain = ModelGain(Scenario.load("shift"))
-    # The best leaning for what going on may earn, all alike likely.
-    for outcomes in ([0.2, 0.1, -0.2], [0.2, -0.1, -0.2]):
-        leaning = torch.zeros(1, requires_grad=True)
-        gain.of_changing(leaning, torch.tensor(outcomes)).sum().backward()
-        assert leaning.grad is not None
-        assert np.sign(leaning.grad.item()) == -np.sign(sum(outcomes))
+def test_edges_that_are_changed_on_command_have_not_failed() -> None:
+    env = HindsightVecEnv(SHIFT, 2)
+    env.seed(3)
+    env.reset()
+    for step in range(1200):
+        change = [0.2 if step == 50 else -1.0, -1.0]
+        env.step(np.stack([[0.02, 0.02], [0.02, 0.02], change], axis=1).astype(np.float32))
+        if step == 50:
+            assert env.changed.tolist() == [True, False]
+            assert not env.failed.any()
+            assert env.after[USED_LIFE, 0] < env.before[USED_LIFE, 0]
+        if env.failed.any():
+            assert (env.changed >= env.failed).all()
+            return
+    raise AssertionError("no edge was worn out")

@@ -1,28 +1,31 @@
 """The command line writes programs that were read back and played, or nothing."""
 
 import json
+import re
+import shlex
 from pathlib import Path
 
 import pytest
 
 from train import export
-from train.nc import command
+from train.nc import interval_table
 from turning_env.programs import simulate
 from turning_env.programs.read import read_file
-from turning_env.programs.schedule import Sums
+from turning_env.programs.schedule import Totals
 from turning_env.programs.write import WARNING
 
-AGENTS = Path(__file__).parents[2] / "agents"
+ROOT = Path(__file__).parents[2]
 
 
 def run(*arguments: str) -> int:
     return export.main(["--nc", *arguments])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "scenario"),
     [
-        (("schedule", "--rule", "fixed_handbook", "--draw", "1"), "rough_turning"),
+        (("schedule", "--rule", "fixed_handbook", "--tuning-seed", "1"), "rough_turning"),
         (("schedule", "--rule", "omative", "--scenario", "override", "--seed", "5"), "override"),
         (("table", "--interval", "2"), "rough_turning"),
         (("law", "--rule", "iadapts"), "override"),
@@ -50,9 +53,10 @@ def test_programs_are_written_with_a_summary(
     assert "largest difference: " in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_an_agents_file_plays_its_own_scenario_or_another_that_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "bar.mpf"
-    agent = str(AGENTS / "RoughTurning-v0" / "rough_turning" / "ppo-seed0.onnx")
+    agent = str(ROOT / "agents" / "RoughTurning-v0" / "rough_turning" / "ppo-seed0.onnx")
     for arguments, scenario in (((), "rough_turning"), (("--scenario", "ck45"), "ck45")):
         assert run("schedule", "--agent", agent, *arguments, "--out", str(path), "--json") == 0
         assert json.loads(capsys.readouterr().out)["largest_difference"] < 0.01
@@ -68,7 +72,7 @@ def test_an_agents_file_plays_its_own_scenario_or_another_that_fits(tmp_path: Pa
         (("schedule", "--rule", "nobody"), "no controller is called 'nobody'"),
         (("schedule", "--rule", "grid_search", "--scenario", "shift"), "control.edge_changes is 'commanded'"),
         (("schedule", "--rule", "parts_pv", "--scenario", "batch_casting"), 'control.action is "part"'),
-        (("schedule", "--rule", "grid_search", "--draw", "-1"), "--draw is -1"),
+        (("schedule", "--rule", "grid_search", "--tuning-seed", "-1"), "--tuning-seed is -1"),
         (("schedule", "--rule", "grid_search", "--seed", "-1"), "seed -1 "),
         (("schedule", "--rule", "grid_search", "--bars", "0"), "0 bars asked for, but there must be 1 to 1000"),
         (("schedule", "--rule", "grid_search", "--tolerance", "nan"), "--tolerance is nan"),
@@ -87,7 +91,7 @@ def test_a_users_mistakes_are_named_and_nothing_is_written(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(command.interval_table, "MOST_INTERVALS", 1000)
+    monkeypatch.setattr(interval_table, "MAX_INTERVALS", 1000)
     assert run(*arguments, "--out", str(tmp_path / "program.mpf")) == 2
     captured = capsys.readouterr()
     assert captured.err.startswith("error: ")
@@ -99,7 +103,7 @@ def test_a_users_mistakes_are_named_and_nothing_is_written(
 def test_a_program_that_does_otherwise_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(simulate, "simulate", lambda program, scenario, seed: Sums(1.0, 1.0, 0.1))
+    monkeypatch.setattr(simulate, "simulate", lambda program, scenario, seed: Totals(1.0, 1.0, 0.1))
     assert run("schedule", "--rule", "fixed_handbook", "--out", str(tmp_path / "bar.mpf")) == 2
     assert "nothing was written" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
@@ -108,7 +112,7 @@ def test_a_program_that_does_otherwise_is_not_written(
 def test_interrupted_it_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupt(*arguments: object) -> Sums:
+    def interrupt(*arguments: object) -> Totals:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(simulate, "simulate", interrupt)
@@ -133,3 +137,31 @@ def test_help_says_what_it_is_not_for(capsys: pytest.CaptureFixture[str]) -> Non
             run(*arguments, "--help")
         assert left.value.code == 0
         assert "not for a machine without review" in " ".join(capsys.readouterr().out.split())
+
+
+NUMBER = re.compile(r"-?\d+\.\d+")
+
+
+def same_program_line(line: str, other: str) -> bool:
+    """Whether lines differ by no more than two units of the last decimal: fitted coefficients depend on the processor's BLAS."""
+    numbers, others = NUMBER.findall(line), NUMBER.findall(other)
+    return NUMBER.sub("#", line) == NUMBER.sub("#", other) and all(
+        abs(float(a) - float(b)) <= 2.5 * 10.0 ** -len(a.partition(".")[2]) if len(a) > 10 else a == b
+        for a, b in zip(numbers, others, strict=True)
+    )
+
+
+@pytest.mark.slow
+def test_excerpts_in_the_documentation_are_what_its_commands_write(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "to_the_control.md").read_text("utf-8")
+    commands = re.findall(r"^python -m train.export (--nc .*--out (\S+))$", text, re.MULTILINE)
+    written = []
+    for line, name in [*commands, ("--nc law --rule one_line_law --out one_line.mpf", "one_line.mpf")]:
+        arguments = shlex.split(line.replace(f"--out {name}", "").replace("agents/", f"{ROOT}/agents/"))
+        assert export.main([*arguments, "--out", str(tmp_path / name)]) == 0
+        written.append((tmp_path / name).read_text("ascii").splitlines())
+    excerpts = re.findall(r"```nc\n(.*?)```", text, re.DOTALL)
+    assert len(written) == len(excerpts) == 4
+    for excerpt in excerpts:
+        lines = [line for line in excerpt.splitlines() if line != "..."]
+        assert any(all(any(same_program_line(line, each) for each in program) for line in lines) for program in written), excerpt

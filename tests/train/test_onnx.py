@@ -1,11 +1,10 @@
-"""An agent's file acts as the agent, says what it is, and nothing but such a file is loaded."""
+"""An agent's file acts as the agent, says what it is, and no other file is loaded."""
 
 import json
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnx
@@ -16,11 +15,10 @@ from onnx import helper, numpy_helper
 
 from tests.train import onnx_agents, small
 from train import export
-from train.actor import Actor, ActorPolicy
+from train.actor import Actor, ActorPolicy, Feedforward
 from train.agents import agent_file, onnx_policy
 from train.agents import run_folder as agent
 from train.agents.session import OnnxPolicy, session_of, tried
-from train.feedforward import Feedforward
 from train.training import Algorithm, new_model
 from turning_env import Scenario
 
@@ -40,7 +38,7 @@ def policy(num_envs: int, memory: bool) -> OnnxPolicy:
 
 
 @pytest.mark.parametrize("memory", [False, True])
-def test_a_file_acts_as_the_agent_and_forgets_lane_by_lane(memory: bool) -> None:
+def test_a_file_acts_as_the_agent_and_forgets_each_environment_by_itself(memory: bool) -> None:
     original, exported = ActorPolicy(ACTORS[memory](), 5), policy(5, memory)
     for step, observation in enumerate(observations(20)):
         started = np.arange(5) == step % 7
@@ -49,14 +47,6 @@ def test_a_file_acts_as_the_agent_and_forgets_lane_by_lane(memory: bool) -> None
         mine, its = original.act(observation), exported.act(observation)
         assert (its.shape, its.dtype) == ((5, 2), np.float32)
         np.testing.assert_allclose(its, mine, rtol=0, atol=1e-6)
-
-
-@pytest.mark.parametrize("memory", [False, True])
-def test_a_lane_acts_alike_whatever_plays_beside_it(memory: bool) -> None:
-    together, alone = policy(5, memory), [policy(1, memory) for _ in range(5)]
-    for observation in observations(10):
-        separate = [each.act(observation[lane : lane + 1]) for lane, each in enumerate(alone)]
-        np.testing.assert_array_equal(together.act(observation), np.concatenate(separate))
 
 
 def test_the_same_agent_gives_the_same_bytes() -> None:
@@ -75,6 +65,7 @@ def test_a_file_says_what_it_is_and_nothing_of_where_it_was_made(tmp_path: Path)
     assert b".py" not in onnx_agents.content()
 
 
+@pytest.mark.slow
 def test_exporting_writes_files_that_were_compared(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -101,6 +92,7 @@ def test_exporting_writes_files_that_were_compared(
     assert "largest difference" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", small.ALGORITHMS.values(), ids=small.ALGORITHMS)
 def test_agents_of_every_algorithm_can_be_exported(algorithm: Algorithm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(export, "STEPS", 10)
@@ -183,7 +175,7 @@ def wider(model: onnx.ModelProto) -> None:
     model.graph.input[0].type.tensor_type.shape.dim[1].dim_value = 12
 
 
-def fixed_lanes(model: onnx.ModelProto) -> None:
+def fixed_batch(model: onnx.ModelProto) -> None:
     model.graph.input[0].type.tensor_type.shape.dim[0].dim_value = 4
 
 
@@ -223,7 +215,10 @@ REFUSED: dict[str, tuple[Callable[[onnx.ModelProto], object], str]] = {
     "an impossible scenario": (retold("scenario", '{"limits": {"power": -1.0}}'), "metadata scenario.limits.power: "),
     "another space": (retold("action_space", '{"low": [0.0], "high": [1.0]}'), "action_space is not that of"),
     "another width": (wider, "has inputs {'observation': 12}, but must have {'observation': 11}"),
-    "a fixed number of lanes": (fixed_lanes, r"'observation' must be float32 of shape \(any number of lanes, entries\)"),
+    "a fixed number of environments": (
+        fixed_batch,
+        "'observation' must be float32 of shape",
+    ),
     "another output": (renamed, "has outputs {'deed': 2}, but must have {'action': 2}"),
     "weights elsewhere": (elsewhere, "keeps its weights .* in another file"),
     "a loop": (insert(helper.make_node("Loop", ["", ""], ["x"], body=BRANCH)), "uses the operator 'Loop'"),
@@ -233,7 +228,7 @@ REFUSED: dict[str, tuple[Callable[[onnx.ModelProto], object], str]] = {
     "an old operator set": (lambda model: setattr(model.opset_import[0], "version", 7), "uses operator sets"),
     "functions": (lambda model: model.functions.add(name="f"), "holds functions"),
     "many nodes": (insert(*[helper.make_node("Relu", ["observation"], ["y"])] * 2_001), "has 2.* nodes, but may have 2000"),
-    "a value too large": (bomb, "value 'huge' has more than 1000000 entries per lane"),
+    "a value too large": (bomb, "value 'huge' has more than 1000000 entries per environment"),
     "a value from nowhere": (insert(helper.make_node("Relu", ["nowhere"], ["y"])), "is not valid ONNX"),
     "actions that are no numbers": (unclipped, "which are not two actions"),
 }
@@ -241,6 +236,21 @@ REFUSED: dict[str, tuple[Callable[[onnx.ModelProto], object], str]] = {
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_other_files_are_refused_with_the_reason(case: str, tmp_path: Path) -> None:
+    change, message = REFUSED[case]
+    path = tmp_path / "agent.onnx"
+    path.write_bytes(changed(change))
+    with pytest.raises(ValueError, match=message):
+        check_and_try(path)
+
+
+def check_and_try(path: Path) -> None:
+    file = agent_file.read(path)
+    tried(file.content, 11, 2, file.memory_size)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["metadata deep", "weights elsewhere", "a value too large", "actions that are no numbers"])
+def test_the_sandbox_refuses_other_files_with_the_reason(case: str, tmp_path: Path) -> None:
     change, message = REFUSED[case]
     path = tmp_path / "agent.onnx"
     path.write_bytes(changed(change))
@@ -259,6 +269,7 @@ def test_what_is_no_onnx_is_refused(content: bytes, message: str, tmp_path: Path
         onnx_policy.load(tmp_path / "agent.onnx")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [False, True])
 def test_damaged_files_are_refused_or_act(memory: bool, tmp_path: Path) -> None:
     content, generator = onnx_agents.content(memory), np.random.default_rng(2)
@@ -293,13 +304,6 @@ def test_an_agent_plays_other_scenarios_that_mean_the_same(tmp_path: Path) -> No
         agent.check_fits(Scenario.load("override"))
     with pytest.raises(ValueError, match=r"control\.edge_changes"):
         agent.check_fits(Scenario.load("shift"))
-
-
-def test_wrong_observations_are_refused() -> None:
-    wrong: Any
-    for wrong in (np.zeros((5, 12), np.float32), np.zeros((5, 11))):
-        with pytest.raises(ValueError, match="cannot act on these observations"):
-            policy(5, False).act(wrong)
 
 
 def test_playing_a_file_needs_no_torch() -> None:

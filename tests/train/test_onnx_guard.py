@@ -1,4 +1,4 @@
-"""A stranger's network plays in a process of its own that may do nothing but act; what it gives is checked, and it is limited."""
+"""A stranger's network runs in a process of its own, within limits, and what it answers is checked."""
 
 import os
 import signal
@@ -12,20 +12,19 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.train import networks, onnx_agents
-from train.agents import agent_file, onnx_policy
-from train.agents import sandbox as onnx_guard
+from train.agents import agent_file, onnx_policy, sandbox
 from train.agents.sandbox import GuardedPolicy, Limits
-from train.agents.session import OnnxPolicy, session_of, tried
+from train.agents.session import OnnxPolicy, session_of
 
-LANES = 6
+NUM_ENVS = 6
 linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
 
-def observations(steps: int, num_envs: int = LANES) -> NDArray[np.float32]:
+def observations(steps: int, num_envs: int = NUM_ENVS) -> NDArray[np.float32]:
     return np.random.default_rng(1).uniform(-1, 1, (steps, num_envs, 11)).astype(np.float32)
 
 
-def guarded(content: bytes, num_envs: int = LANES, limits: Limits = onnx_guard.LIMITS) -> GuardedPolicy:
+def guarded(content: bytes, num_envs: int = NUM_ENVS, limits: Limits = sandbox.LIMITS) -> GuardedPolicy:
     return GuardedPolicy(agent_file.checked(content), num_envs, limits)
 
 
@@ -33,15 +32,16 @@ def child_of(policy: GuardedPolicy) -> "subprocess.Popen[bytes]":
     return policy._child._process
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [False, True])
 def test_it_acts_there_bit_for_bit_as_here(memory: bool) -> None:
     content = onnx_agents.content(memory)
     file = agent_file.checked(content)
-    here, there = OnnxPolicy(session_of(content), file.memory_size, LANES), guarded(content)
+    here, there = OnnxPolicy(session_of(content), file.memory_size, NUM_ENVS), guarded(content)
     for step, given in enumerate(observations(80)):
         if step % 7 == 0:
             for each in (here, there):
-                each.reset(np.arange(LANES) == step % LANES)
+                each.reset(np.arange(NUM_ENVS) == step % NUM_ENVS)
         actions = there.act(given)
         assert actions.tobytes() == here.act(given).tobytes()
         actions[:] = 0.0  # they are the caller's own
@@ -73,8 +73,8 @@ def test_its_process_holds_no_variables_and_no_files_of_this_one(monkeypatch: py
     limits = {line[:20].strip(): line[26:].split()[0] for line in (place / "limits").read_text().splitlines()}
     assert limits["Max open files"] == "3"
     assert limits["Max file size"] == limits["Max core file size"] == "0"
-    assert limits["Max cpu time"] == str(onnx_guard.LIMITS.computing)
-    assert limits["Max address space"] == str(onnx_guard.LIMITS.memory * 2**20)
+    assert limits["Max cpu time"] == str(sandbox.LIMITS.computing)
+    assert limits["Max address space"] == str(sandbox.LIMITS.memory * 2**20)
 
 
 @linux
@@ -91,15 +91,16 @@ def test_its_process_holds_no_variables_and_no_files_of_this_one(monkeypatch: py
 )
 def test_what_is_limited_can_open_and_ask_for_nothing(attempt: str, error: str, tmp_path: Path) -> None:
     program = f"import os, socket, resource; from train.agents.sandbox_child import limit; limit(512, 10)\n{attempt}"
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(Path(onnx_guard.__file__).parents[2])}
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(Path(sandbox.__file__).parents[2])}
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, cwd=tmp_path)
     assert ended.returncode == 1
     assert error in ended.stderr
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_who_takes_too_long_is_ended() -> None:
-    policy = guarded(networks.toiling(), lanes=2, limits=Limits(answer=1.0))
+    policy = guarded(networks.toiling(), num_envs=2, limits=Limits(answer=1.0))
     process = child_of(policy)
     with pytest.raises(ValueError, match="gives no answer within 1 s"):
         policy.act(observations(1, 2)[0])
@@ -109,29 +110,34 @@ def test_who_takes_too_long_is_ended() -> None:
 
 
 @linux
+@pytest.mark.slow
 def test_who_computes_too_much_is_ended() -> None:
-    policy = guarded(networks.toiling(), lanes=2, limits=Limits(computing=1))
+    policy = guarded(networks.toiling(), num_envs=2, limits=Limits(computing=1))
     with pytest.raises(ValueError, match="needs more than the 1 s of processor time that it may have"):
         policy.act(observations(1, 2)[0])
 
 
 @linux
+@pytest.mark.slow
 def test_who_asks_for_too_much_memory_is_refused() -> None:
     limits = Limits(memory=400)
-    assert guarded(networks.swelling(), lanes=1, limits=limits).act(observations(1, 1)[0]).shape == (1, 2)
+    assert guarded(networks.swelling(), num_envs=1, limits=limits).act(observations(1, 1)[0]).shape == (1, 2)
     with pytest.raises(ValueError, match=r"lloc|memory"):
-        guarded(networks.swelling(), lanes=100, limits=limits).act(observations(1, 100)[0])
+        guarded(networks.swelling(), num_envs=100, limits=limits).act(observations(1, 100)[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("content", "lanes", "message"),
+    ("content", "num_envs", "message"),
     [
-        (networks.sociable, LANES, "gives a lane other actions or memories when other lanes play beside it"),
-        (networks.counting, LANES, "gives a lane other actions or memories when other lanes play beside it"),
-        (networks.few, LANES, "gives 1 actions and . memories for . lanes"),
+        (networks.sociable, NUM_ENVS, "an environment's actions or memory depend on the other environments"),
+        (networks.counting, NUM_ENVS, "an environment's actions or memory depend on the other environments"),
+        (networks.few, NUM_ENVS, "gives 1 actions and . memories for . environments"),
     ],
 )
-def test_what_looks_at_other_lanes_is_refused(content: Callable[[], bytes], num_envs: int, message: str, tmp_path: Path) -> None:
+def test_what_looks_at_other_environments_is_refused(
+    content: Callable[[], bytes], num_envs: int, message: str, tmp_path: Path
+) -> None:
     (tmp_path / "agent.onnx").write_bytes(content())
     with pytest.raises(ValueError, match=message):
         onnx_policy.load(tmp_path / "agent.onnx")
@@ -164,14 +170,15 @@ def test_who_does_not_act_alike_is_refused() -> None:
 
 def test_wrong_observations_do_not_even_travel() -> None:
     policy = guarded(networks.plain())
-    for wrong in (np.zeros((LANES, 12), np.float32), np.zeros((LANES, 11)), np.zeros((1, 11), np.float32)):
+    for wrong in (np.zeros((NUM_ENVS, 12), np.float32), np.zeros((NUM_ENVS, 11)), np.zeros((1, 11), np.float32)):
         with pytest.raises(ValueError, match=r"must be float32 of shape \(6, 11\)"):
             policy.act(wrong)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="lanes to forget must be bool"):
-        policy.reset(np.ones(LANES - 1, np.bool_))
-    assert policy.act(observations(1)[0]).shape == (LANES, 2)
+    with pytest.raises(ValueError, match="the mask must be bool"):
+        policy.reset(np.ones(NUM_ENVS - 1, np.bool_))
+    assert policy.act(observations(1)[0]).shape == (NUM_ENVS, 2)
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_is_an_error_and_one_that_is_not_needed_ends() -> None:
     policy = guarded(networks.plain())
     process = child_of(policy)
@@ -202,9 +209,9 @@ def test_a_process_that_lies_is_not_believed(lie: str, monkeypatch: pytest.Monke
     said, message = LIES[lie]
     program = "import socket, struct; wire = socket.socket(fileno=0); wire.recv(5)\n"
     program += f"send = lambda kind, length: wire.sendall(struct.pack('<cQ', kind, length))\n{said}"
-    monkeypatch.setattr(onnx_guard, "_PROGRAM", program)
+    monkeypatch.setattr(sandbox, "_PROGRAM", program)
     with pytest.raises(ValueError, match=message):
-        onnx_guard.examined(b"content")
+        sandbox.examined(b"content")
 
 
 def test_links_pipes_devices_and_folders_are_no_files(tmp_path: Path) -> None:
@@ -219,9 +226,3 @@ def test_links_pipes_devices_and_folders_are_no_files(tmp_path: Path) -> None:
             onnx_policy.load(tmp_path / name)
     with pytest.raises(ValueError, match="is not an ordinary file"):
         onnx_policy.load(Path("/dev/zero"))
-
-
-def test_what_is_tried_here_is_what_is_tried_there() -> None:
-    tried(networks.plain(), 11, 2, 0)
-    with pytest.raises(ValueError, match="other lanes"):
-        tried(networks.counting(), 11, 2, 0)

@@ -1,4 +1,6 @@
 import io
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -6,22 +8,30 @@ import numpy as np
 import pytest
 import torch
 
+from tests.train import onnx_agents
 from tests.train.small import ALGORITHMS, small_run
-from train import learning_curve, training
-from train.agents import run_folder as agent
+from train import ppo, training
+from train.agents import run_folder
 from train.run import Run
-from train.training import Algorithm, train
+from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
 from turning_env import IDS, Scenario
-from turning_env.batch.driver import action_space, observation_space
+from turning_env.batch.driver import Lathes, action_space, observation_space
+from turning_env.score.seeds import TUNING_START
 
+ROOT = Path(__file__).parents[2]
+PPO = ALGORITHMS["ppo"]
 every_algorithm = pytest.mark.parametrize("algorithm", ALGORITHMS.values(), ids=ALGORITHMS)
+every_algorithm_if_slow = pytest.mark.parametrize(
+    "algorithm",
+    [pytest.param(each, id=name, marks=() if name == "ppo" else pytest.mark.slow) for name, each in ALGORITHMS.items()],
+)
 
 
 class Killed(Exception):
     pass
 
 
-@every_algorithm
+@every_algorithm_if_slow
 def test_a_killed_training_resumes_to_the_very_same_agent(
     algorithm: Algorithm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -47,7 +57,7 @@ def test_a_killed_training_resumes_to_the_very_same_agent(
 
     expected, found = (algorithm.model.load(each.policy, device="cpu").get_parameters() for each in (undisturbed, run))
     assert _bytes(expected) == _bytes(found)
-    rows, resumed_rows = (learning_curve.read(each.folder) for each in (undisturbed, run))
+    rows, resumed_rows = (each.read_learning_curve() for each in (undisturbed, run))
     assert rows[-1]["steps"] == 2048
     for row, resumed_row in zip(rows, resumed_rows, strict=True):
         assert row | {"wall_time": 0.0} == resumed_row | {"wall_time": 0.0}
@@ -55,18 +65,31 @@ def test_a_killed_training_resumes_to_the_very_same_agent(
 
 
 def _bytes(parameters: Any) -> bytes:
-    """Weights and optimisers' states as one string of bytes."""
+    """Weights and optimisers' states."""
     stream = io.BytesIO()
     torch.save(parameters, stream)
     return stream.getvalue()
 
 
-@every_algorithm
-def test_a_loaded_agent_does_what_its_model_predicts(algorithm: Algorithm, tmp_path: Path) -> None:
+@every_algorithm_if_slow
+def test_a_loaded_agent_acts_as_its_model_and_was_trained_on_its_own_seeds(
+    algorithm: Algorithm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: set[int] = set()
+    seed = Lathes.seed
+
+    def watched(self: Lathes, mask: Any, seeds: Any) -> None:
+        given.update(int(number) for number in seeds)
+        seed(self, mask, seeds)
+
+    monkeypatch.setattr(Lathes, "seed", watched)
     run = small_run(algorithm, tmp_path, steps=1024)
     path = train(run, algorithm)
+    assert given
+    assert given <= set(range(run.seed * SEED_STRIDE, run.seed * SEED_STRIDE + 1000))
+
     model: Any = algorithm.model.load(path, device="cpu")
-    loaded = agent.load(run.folder)
+    loaded = run_folder.load(run.folder)
     assert (loaded.name, loaded.seed, loaded.command) == (algorithm.name, 3, "a command")
     policy = loaded.make(6)
     policy.reset(np.ones(6, np.bool_))
@@ -83,6 +106,7 @@ def test_a_loaded_agent_does_what_its_model_predicts(algorithm: Algorithm, tmp_p
 
 
 @every_algorithm
+@pytest.mark.slow
 def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_path: Path) -> None:
     for preset in IDS.values():
         scenario = Scenario.load(preset)
@@ -91,7 +115,7 @@ def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_
             with pytest.raises(ValueError, match=f"{algorithm.name} cannot learn on scenario"):
                 train(run, algorithm)
             continue
-        model = algorithm.new_model(run, algorithm.lathes(scenario, run.parameters["num_envs"]))
+        model = algorithm.new_model(run, algorithm.vec_env(scenario, run.parameters["num_envs"]))
         model.save(tmp_path / "policy.zip")
         actor = algorithm.actor(tmp_path / "policy.zip")
         observation = torch.from_numpy(observation_space(scenario).sample()[None])
@@ -100,42 +124,82 @@ def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_
         assert memory.shape == (1, actor.memory_size)
 
 
-def test_a_finished_training_is_not_repeated(tmp_path: Path) -> None:
-    algorithm = ALGORITHMS["ppo"]
-    run = small_run(algorithm, tmp_path, steps=512)
-    path = train(run, algorithm)
+def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_alone(tmp_path: Path) -> None:
+    run = small_run(PPO, tmp_path, steps=512)
+    path = train(run, PPO)
     before = path.stat().st_mtime_ns
-    assert train(run, algorithm) == path
+    assert train(run, PPO) == path
     assert path.stat().st_mtime_ns == before
     assert not run.checkpoint.exists()
+    with pytest.raises(ValueError, match="holds a training with other settings"):
+        train(small_run(PPO, tmp_path, steps=512, discount=0.9), PPO)
 
 
 def test_there_is_no_agent_before_a_training_is_finished(tmp_path: Path) -> None:
-    run = small_run(ALGORITHMS["ppo"], tmp_path)
+    run = small_run(PPO, tmp_path)
     with pytest.raises(ValueError, match="holds no training run"):
-        agent.load(run.folder)
+        run_folder.load(run.folder)
     run.begin()
     with pytest.raises(ValueError, match="not finished"):
-        agent.load(run.folder)
+        run_folder.load(run.folder)
 
 
-def test_a_folder_of_other_settings_is_left_alone(tmp_path: Path) -> None:
-    algorithm = ALGORITHMS["ppo"]
-    train(small_run(algorithm, tmp_path, steps=512), algorithm)
-    with pytest.raises(ValueError, match="holds a training with other settings"):
-        train(small_run(algorithm, tmp_path, steps=512, discount=0.9), algorithm)
-
-
-def test_an_agent_is_small_and_holds_no_lathes(tmp_path: Path) -> None:
+def test_an_agent_is_small_and_holds_no_environments(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["sac"]
-    run = small_run(algorithm, tmp_path, memory=1_000_000, steps=64)
-    path = train(run, algorithm)
+    path = train(small_run(algorithm, tmp_path, memory=1_000_000, steps=64), algorithm)
     assert path.stat().st_size < 1_000_000
-    assert not hasattr(algorithm.model.load(path, device="cpu"), "beside")
+    assert not hasattr(algorithm.model.load(path, device="cpu"), "resume_state")
 
 
-def test_trainings_never_see_the_bars_of_tuning_or_scoring() -> None:
-    most_lanes = 100_000
-    last_seed = (training.SEEDS - 1) * training.SEED_STRIDE + most_lanes
-    assert most_lanes <= training.SEED_STRIDE
-    assert last_seed < training.TUNING_START
+def test_trainings_never_see_tuning_or_held_out_seeds() -> None:
+    assert SEEDS * SEED_STRIDE <= TUNING_START
+
+
+@pytest.mark.parametrize("means", [[], [-0.8, 0.5]])
+def test_first_actions_of_ppo_vary_about_initial_actions(means: list[float], tmp_path: Path) -> None:
+    run = small_run(PPO, tmp_path)
+    model = new_model(replace(run, parameters=run.parameters | {"initial_actions": means}), PPO)
+    actions, _ = model.predict(model.env.reset(), deterministic=True)
+    np.testing.assert_allclose(actions, np.broadcast_to(means or [0.0, 0.0], actions.shape), atol=0.05)
+
+
+def test_pickles_are_loaded_with_a_warning_by_algorithms_and_to_resume_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    models = r"(?:\w*PPO|SAC|TQC|AnalyticGradient|model)"
+    loaders = rf"(pickle\.loads?|torch\.load|joblib\.load|\b{models}\.load)\(|allow_pickle=True"
+    paths = [path for package in ("turning_env", "baselines", "train", "leaderboard") for path in (ROOT / package).rglob("*.py")]
+    found = {str(path.relative_to(ROOT)) for path in paths if re.search(loaders, path.read_text("utf-8"))}
+    assert found == {"train/training.py", *(f"train/{name}.py" for name in ALGORITHMS if name != "lagrangian_ppo")}
+
+    run = onnx_agents.run(tmp_path / "run")
+    run.begin()
+    run.policy.touch()
+    monkeypatch.setattr("train.ppo.actor", lambda path: onnx_agents.memoryless())
+    run_folder.load(run.folder)
+    warning = f"warning: {run.policy} is a pickle, which can run code: load only what you have trained yourself\n"
+    assert capsys.readouterr().err == warning
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--seed", "-1"], "--seed is -1, but must be 0 to 999"),
+        (["--steps", "0"], "--steps is 0"),
+        (["--env", "Pendulum-v1"], "RoughTurning-v0"),
+    ],
+)
+def test_wrong_arguments_are_refused(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        ppo.main(arguments)
+    assert message in capsys.readouterr().err
+
+
+def test_the_command_trains_any_id(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert ppo.main(["--scenario", "nowhere", "--runs", str(tmp_path)]) == 2
+    assert "presets: " in capsys.readouterr().err
+    arguments = ["--env", "RoughTurning-Paper-v0", "--steps", "100", "--runs", str(tmp_path)]
+    assert ppo.main(arguments) == 0
+    path = Path(capsys.readouterr().out.strip())
+    assert path == tmp_path / "RoughTurning-Paper-v0" / "paper" / "ppo-seed0" / "policy.zip"
+    assert run_folder.load(path.parent).command == "python -m train.ppo " + " ".join(arguments)

@@ -1,4 +1,4 @@
-"""The agent file (ONNX): what it holds, how it is checked, and how it is played in a sandbox.
+"""The agent file (ONNX): its content, its checks, and the sandbox in which it is played.
 
-How an agent learns belongs in ``train``, one file per algorithm.
+Learning algorithms belong in ``train``, one file each.
 """

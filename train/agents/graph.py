@@ -1,6 +1,6 @@
-"""What an agent's network may consist of: arithmetic on its inputs and on weights that it holds itself, of moderate size.
+"""Check that an agent's network is nothing but arithmetic of moderate size on its inputs and on weights inside the file.
 
-Needs ONNX and nothing else of the project, as strangers' files are looked at in a process of their own: see ``onnx_child.py``.
+Imports ONNX and nothing of the project, because strangers' files are checked in a process of their own: ``sandbox_child.py``.
 """
 
 import math
@@ -11,75 +11,42 @@ import onnx
 MAX_BYTES = 20_000_000
 MAX_NODES = 2_000
 MAX_ENTRIES = 1_000_000
-"""Of any value on the way from input to output, per lane."""
+"""Of any intermediate value, per environment."""
 MAX_MEMORY = 65_536
-"""Entries per lane."""
+"""Entries of the memory, per environment."""
 MAX_METADATA = 1_000_000
+"""Characters."""
 OPSETS = range(18, 25)
-OPERATORS = frozenset(
-    (
-        *(
-            "Abs",
-            "Add",
-            "And",
-            "ArgMax",
-            "Cast",
-            "Clip",
-            "Concat",
-            "Constant",
-            "Conv",
-            "CumSum",
-            "Div",
-            "Einsum",
-            "Elu",
-            "Equal",
-            "Erf",
-        ),
-        *("Exp", "Expand", "Flatten", "GRU", "Gather", "GatherElements", "Gelu", "Gemm", "Greater", "GreaterOrEqual"),
-        *("HardSigmoid", "HardTanh"),
-        *(
-            "Identity",
-            "LSTM",
-            "LayerNormalization",
-            "LeakyRelu",
-            "Less",
-            "LessOrEqual",
-            "Log",
-            "LogSoftmax",
-            "MatMul",
-            "Max",
-            "Min",
-            "Mish",
-        ),
-        *("Mul", "Neg", "Not", "Or", "Pow", "RNN", "Reciprocal", "ReduceMax", "ReduceMean", "ReduceMin", "ReduceSum", "Relu"),
-        *("Reshape", "Selu", "Shape", "Sigmoid", "Sign", "Slice", "Softmax", "Softplus", "Softsign", "Split", "Sqrt"),
-        *("Squeeze", "Sub", "Sum", "Swish", "Tanh", "Transpose", "Unsqueeze", "Where"),
-    )
-)
-"""Those that a network may consist of: arithmetic whose result is as large as shape inference says beforehand."""
+_OPERATORS = """
+Abs Add And ArgMax Cast Clip Concat Constant Conv CumSum Div Einsum Elu Equal Erf Exp Expand Flatten GRU Gather GatherElements
+Gelu Gemm Greater GreaterOrEqual HardSigmoid HardTanh Identity LSTM LayerNormalization LeakyRelu Less LessOrEqual Log LogSoftmax
+MatMul Max Min Mish Mul Neg Not Or Pow RNN Reciprocal ReduceMax ReduceMean ReduceMin ReduceSum Relu Reshape Selu Shape Sigmoid
+Sign Slice Softmax Softplus Softsign Split Sqrt Squeeze Sub Sum Swish Tanh Transpose Unsqueeze Where
+"""
+OPERATORS = frozenset(_OPERATORS.split())
+"""Allowed operators: arithmetic whose output size shape inference knows beforehand."""
 
 
 class Outline(NamedTuple):
-    """What a file says of itself."""
+    """Metadata and shapes of a file."""
 
     properties: dict[str, str]
-    """Its metadata."""
     inputs: dict[str, int]
-    """Of each input the entries per lane."""
+    """Entries per environment of each input."""
     outputs: dict[str, int]
 
 
 def read(content: bytes) -> tuple[onnx.ModelProto, Outline]:
-    """The network of a file's content, if it is plain; its sizes are yet to be checked.
+    """Return the network of a file's content, and its outline; ``check_sizes`` is still to be called.
 
     Raises:
-        ValueError: it is none, or not plain; says why.
+        ValueError: it is no network, or not plain arithmetic; says why.
     """
     if len(content) > MAX_BYTES:
         raise ValueError(f"is larger than {MAX_BYTES} bytes")
     try:
         model = onnx.load_model_from_string(content)
-    except Exception as error:  # whatever a parser throws at bytes of any kind
+    except Exception as error:  # a parser can raise anything on garbled bytes
         raise ValueError(f"is no ONNX file: {error}") from error
     if not model.HasField("graph"):
         raise ValueError("is no ONNX file: it has no graph")
@@ -89,12 +56,12 @@ def read(content: bytes) -> tuple[onnx.ModelProto, Outline]:
         raise ValueError("metadata names something twice")
     if sum(len(text) for entry in properties.items() for text in entry) > MAX_METADATA:
         raise ValueError(f"metadata holds more than {MAX_METADATA} characters")
-    rows = [{value.name: _row(value) for value in values} for values in (model.graph.input, model.graph.output)]
-    return model, Outline(properties, *rows)
+    shapes = [{value.name: _entries(value) for value in values} for values in (model.graph.input, model.graph.output)]
+    return model, Outline(properties, *shapes)
 
 
 def _check_plain(model: onnx.ModelProto) -> None:
-    """See that the model is nothing but arithmetic on weights that it holds itself."""
+    """Check that the model is nothing but arithmetic on weights that it holds itself."""
     graph = model.graph
     opsets = [(opset.domain, opset.version) for opset in model.opset_import]
     if len(opsets) != 1 or opsets[0][0] not in ("", "ai.onnx") or opsets[0][1] not in OPSETS:
@@ -119,35 +86,35 @@ def _check_plain(model: onnx.ModelProto) -> None:
             raise ValueError(f"holds weights {tensor.name!r} of impossible size")
 
 
-def _row(value: onnx.ValueInfoProto) -> int:
-    """Entries per lane of a float32 value of shape (any number of lanes, entries)."""
+def _entries(value: onnx.ValueInfoProto) -> int:
+    """Return the entries per environment of a float32 value of shape (any number of environments, entries)."""
     tensor = value.type.tensor_type
     sizes = tensor.shape.dim
     if tensor.elem_type != onnx.TensorProto.FLOAT or len(sizes) != 2 or sizes[0].HasField("dim_value"):
-        raise ValueError(f"{value.name!r} must be float32 of shape (any number of lanes, entries)")
+        raise ValueError(f"{value.name!r} must be float32 of shape (any number of environments, entries)")
     return int(sizes[1].dim_value)
 
 
 def check_sizes(model: onnx.ModelProto) -> None:
-    """See that for one lane every value's size is known beforehand, and moderate.
+    """Check that for one environment the size of every value is known beforehand, and moderate.
 
     Raises:
-        ValueError: it is not, or the network is not valid; says why.
+        ValueError: it is not, or the network is invalid; says why.
     """
-    lane = onnx.ModelProto()
-    lane.CopyFrom(model)
-    del lane.graph.value_info[:]
-    for value in [*lane.graph.input, *lane.graph.output]:
+    single = onnx.ModelProto()
+    single.CopyFrom(model)
+    del single.graph.value_info[:]
+    for value in [*single.graph.input, *single.graph.output]:
         value.type.tensor_type.shape.dim[0].dim_value = 1
     try:
-        onnx.checker.check_model(lane)
-        graph = onnx.shape_inference.infer_shapes(lane, check_type=True, strict_mode=True, data_prop=True).graph
+        onnx.checker.check_model(single)
+        graph = onnx.shape_inference.infer_shapes(single, check_type=True, strict_mode=True, data_prop=True).graph
     except Exception as error:  # of several unrelated types
         raise ValueError(f"is not valid ONNX: {str(error).strip().splitlines()[0]}") from error
     sizes = {value.name: value.type.tensor_type.shape for value in [*graph.value_info, *graph.output]}
     for name in (name for node in graph.node for name in node.output if name):
         dimensions = sizes[name].dim if name in sizes else None
         if dimensions is None or not all(size.HasField("dim_value") for size in dimensions):
-            raise ValueError(f"value {name!r} is of a size that depends on more than the number of lanes")
+            raise ValueError(f"value {name!r} is of a size that depends on more than the number of environments")
         if math.prod(size.dim_value for size in dimensions) > MAX_ENTRIES:
-            raise ValueError(f"value {name!r} has more than {MAX_ENTRIES} entries per lane")
+            raise ValueError(f"value {name!r} has more than {MAX_ENTRIES} entries per environment")

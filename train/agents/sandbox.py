@@ -1,7 +1,6 @@
-"""Keeps strangers' networks in processes of their own: see ``onnx_child.py`` for what such a process may do.
+"""Runs strangers' networks in processes of their own; ``sandbox_child.py`` says what such a process may do.
 
-This side sends observations and takes actions, which it checks, and waits for no answer longer than it says. It never looks into
-the file itself.
+This side sends observations, receives and checks actions, and limits how long it waits. It never looks into the file itself.
 """
 
 import os
@@ -18,12 +17,10 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from train.agents import agent_file
-from train.agents import wire as onnx_wire
+from train.agents import sandbox_child as child
 from train.agents.agent_file import AgentFile
 from train.agents.graph import MAX_BYTES, MAX_METADATA, Outline
-from train.agents.sandbox_child import CHECK, PLAY
 from train.agents.session import check_actions
-from train.agents.wire import Wire
 from turning_env.score.policy import Actions, Observations
 
 _PROGRAM = """
@@ -31,10 +28,10 @@ import os, sys
 sys.path.insert(0, sys.argv[1])
 from train.agents.sandbox_child import main
 main(sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
-os._exit(0)  # nothing is to be tidied up, by libraries that can open nothing
+os._exit(0)  # skip the clean-up of libraries that can open nothing
 """
 _MAX_OUTLINE = 6 * MAX_METADATA + 1_000_000  # bytes: JSON may need six for a character
-_MAX_SAID = 2_000
+_MAX_ERROR = 2_000  # bytes
 _KEPT_VARIABLES = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
 _OUTLINE = TypeAdapter(Outline)
 
@@ -44,31 +41,30 @@ class Limits:
     """What a network may use."""
 
     answer: float = 60.0
-    """Time until an answer [s], by the clock: generous, as the machine may be busy otherwise."""
+    """Wall-clock time until an answer [s]: generous, as the machine may be busy."""
     start: float = 120.0
-    """Time until its process is ready, likewise."""
+    """Wall-clock time until its process is ready [s]."""
     computing: int = 3600
-    """Processor time altogether [s]."""
+    """Total processor time [s]."""
     memory: int = 3072
-    """Memory [MiB], ONNX Runtime's own included."""
+    """Memory [MiB], including ONNX Runtime's own."""
 
 
 LIMITS = Limits()
 
 
 class Child:
-    """A process for one file. It is ended when this object is no longer used.
+    """A process for one file. It ends when this object is garbage-collected.
 
     Args:
-        purpose: ``onnx_child.CHECK`` or ``onnx_child.PLAY``.
+        purpose: ``sandbox_child.CHECK`` or ``sandbox_child.PLAY``.
         limits: what it may use.
     """
 
     def __init__(self, purpose: str, limits: Limits) -> None:
         self._limits = limits
         ours, its = socket.socketpair()
-        root = str(Path(__file__).parents[2])
-        arguments = [root, purpose, str(limits.memory), str(limits.computing)]
+        arguments = [str(Path(__file__).parents[2]), purpose, str(limits.memory), str(limits.computing)]
         kept = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
         with its:
             self._process = subprocess.Popen(
@@ -77,42 +73,42 @@ class Child:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 env=kept | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-                start_new_session=True,  # an interruption is for the process that waits to handle
+                start_new_session=True,  # Ctrl-C is for the parent to handle
             )
-        self._wire = Wire(ours, limits.start)
-        self.close = weakref.finalize(self, _end, self._process, self._wire)
+        self._connection = child.Connection(ours, limits.start)
+        self.close = weakref.finalize(self, _end, self._process, self._connection)
 
     def send(self, kind: bytes, content: bytes = b"") -> None:
-        """Tell it something.
+        """Send a message.
 
         Raises:
-            ValueError: it is gone, or does not listen.
+            ValueError: the process is gone, or does not listen.
         """
         try:
-            self._wire.send(kind, content)
+            self._connection.send(kind, content)
         except OSError as error:
-            raise ValueError(self._what_happened()) from error
+            raise ValueError(self._end_reason()) from error
 
-    def answer(self, most: int, starting: bool = False) -> bytes:
-        """What it says, at most so many bytes; it may take longer where it is still ``starting``.
+    def answer(self, max_bytes: int, starting: bool = False) -> bytes:
+        """Return its answer; ``starting`` allows the time of a start.
 
         Raises:
-            ValueError: it says why it cannot, nothing in time, or is gone.
+            ValueError: it answers with an error, with more than ``max_bytes`` or not in time, or is gone.
         """
-        patience = self._limits.start if starting else self._limits.answer
+        timeout = self._limits.start if starting else self._limits.answer
         try:
-            kind, content = self._wire.receive(max(most, _MAX_SAID), patience)
+            kind, content = self._connection.receive(max(max_bytes, _MAX_ERROR), timeout)
         except TimeoutError as error:
             self.close()
-            raise ValueError(f"gives no answer within {patience:g} s") from error
+            raise ValueError(f"gives no answer within {timeout:g} s") from error
         except (OSError, EOFError) as error:
-            raise ValueError(self._what_happened()) from error
-        if kind == onnx_wire.ANSWER and len(content) <= most:
+            raise ValueError(self._end_reason()) from error
+        if kind == child.ANSWER and len(content) <= max_bytes:
             return content
-        said = "".join(each if each.isprintable() else "?" for each in content[:_MAX_SAID].decode("utf-8", "replace"))
-        raise ValueError(said if kind == onnx_wire.ERROR else "gives an answer to nothing that was asked")
+        text = "".join(each if each.isprintable() else "?" for each in content[:_MAX_ERROR].decode("utf-8", "replace"))
+        raise ValueError(text if kind == child.ERROR else "gives an answer to nothing that was asked")
 
-    def _what_happened(self) -> str:
+    def _end_reason(self) -> str:
         try:
             status = self._process.wait(1.0)
         except subprocess.TimeoutExpired:
@@ -123,14 +119,14 @@ class Child:
         return f"its process has ended (status {status}), perhaps for more than the {self._limits.memory} MiB of memory allowed"
 
 
-def _end(process: "subprocess.Popen[bytes]", wire: Wire) -> None:
-    wire.close()
+def _end(process: "subprocess.Popen[bytes]", connection: child.Connection) -> None:
+    connection.close()
     process.kill()
     process.wait()
 
 
 class GuardedPolicy:
-    """An agent's file that controls ``lanes`` lanes from a process of its own.
+    """The policy of an agent's file, for ``num_envs`` environments, run in a process of its own.
 
     Raises:
         ValueError: the network cannot be run within the limits.
@@ -138,54 +134,54 @@ class GuardedPolicy:
 
     def __init__(self, file: AgentFile, num_envs: int, limits: Limits = LIMITS) -> None:
         spaces = file.metadata.observation_space, file.metadata.action_space
-        self._given, self._wanted = ((num_envs, len(space.low)) for space in spaces)
-        self._child = Child(PLAY, limits)
-        self._child.send(onnx_wire.CONTENT, file.content)
-        self._child.send(onnx_wire.LANES, np.array([*self._given, file.memory_size], np.int64).tobytes())
+        self._observations, self._actions = ((num_envs, len(space.low)) for space in spaces)
+        self._child = Child(child.PLAY, limits)
+        self._child.send(child.CONTENT, file.content)
+        self._child.send(child.SIZES, np.array([*self._observations, file.memory_size], np.int64).tobytes())
         self._child.answer(0, starting=True)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget these lanes."""
-        if mask.shape != self._given[:1] or mask.dtype != np.bool_:
-            raise ValueError(f"lanes to forget must be bool of shape {self._given[:1]}, got {mask.dtype} of {mask.shape}")
-        self._child.send(onnx_wire.RESET, mask.tobytes())
+        """Forget the environments of the mask, shape (num_envs,)."""
+        if mask.shape != self._observations[:1] or mask.dtype != np.bool_:
+            raise ValueError(f"the mask must be bool of shape {self._observations[:1]}, got {mask.dtype} of {mask.shape}")
+        self._child.send(child.RESET, mask.tobytes())
 
     def act(self, observations: Observations) -> Actions:
-        """Actions for observations, both float32 and of one row per lane.
+        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32.
 
         Raises:
-            ValueError: the observations are not of the shape or type that the agent takes; what it gives are not actions, or not
-                always the same; it uses more than it may, or its process is gone.
+            ValueError: the observations have another shape or type; the answer is not actions, or not reproducible; the process
+                exceeds its limits, or is gone.
         """
-        if observations.shape != self._given or observations.dtype != np.float32:
-            wanted = f"float32 of shape {self._given}, got {observations.dtype} of {observations.shape}"
+        if observations.shape != self._observations or observations.dtype != np.float32:
+            wanted = f"float32 of shape {self._observations}, got {observations.dtype} of {observations.shape}"
             raise ValueError(f"the agent cannot act on these observations: they must be {wanted}")
-        self._child.send(onnx_wire.ACT, observations.tobytes())
-        size = 4 * self._wanted[0] * self._wanted[1]
-        told = self._child.answer(size)
-        if len(told) != size:
-            raise ValueError(f"gives {len(told)} bytes, which are not actions of shape {self._wanted}")
-        actions = np.frombuffer(told, np.float32).reshape(self._wanted).copy()
-        check_actions(actions, self._wanted)
+        self._child.send(child.ACT, observations.tobytes())
+        size = 4 * self._actions[0] * self._actions[1]
+        content = self._child.answer(size)
+        if len(content) != size:
+            raise ValueError(f"gives {len(content)} bytes, which are not actions of shape {self._actions}")
+        actions = np.frombuffer(content, np.float32).reshape(self._actions).copy()
+        check_actions(actions, self._actions)
         return actions
 
 
 def examined(content: bytes, limits: Limits = LIMITS) -> AgentFile:
-    """The agent of a file's content, looked at and tried in a process of its own.
+    """Return the agent of a file's content, checked and tried in a process of its own.
 
     Raises:
         ValueError: it is not an agent's file, or one that is not trusted; says why.
     """
-    child = Child(CHECK, limits)
+    process = Child(child.CHECK, limits)
     try:
-        child.send(onnx_wire.CONTENT, content[: MAX_BYTES + 1])
+        process.send(child.CONTENT, content[: MAX_BYTES + 1])
         try:
-            outline = _OUTLINE.validate_json(child.answer(_MAX_OUTLINE, starting=True), strict=True)
+            outline = _OUTLINE.validate_json(process.answer(_MAX_OUTLINE, starting=True), strict=True)
         except ValidationError as error:
             raise ValueError("tells nothing of itself that can be understood") from error
         file = agent_file.of_outline(content, outline)
-        child.send(onnx_wire.GO_ON)
-        child.answer(0)
+        process.send(child.GO_ON)
+        process.answer(0)
     finally:
-        child.close()
+        process.close()
     return file

@@ -1,109 +1,161 @@
-"""The process in which a stranger's network is looked at and run. It holds that file, observations and actions, and nothing else.
+"""The process in which a stranger's network is checked and run. It holds that file, observations and actions, and nothing else.
 
-It is started afresh, with none of the environment's variables, and limits itself before it sees the file: in memory and
-computing time, to writing no file, and to opening nothing, neither files nor connections. It imports nothing of the
-environment, which it must not know. See ``onnx_guard.py`` for the other side, which starts ``main``.
+It starts with an empty environment and, before it sees the file, limits itself: its memory and processor time, no writing, and no
+opening of files or connections. It imports nothing of the project's environment, which it must not know. ``sandbox.py`` is the
+parent, which starts ``main``; ``Connection`` is how the two talk.
 """
 
 import contextlib
 import json
 import socket
+import struct
+import time
 
 import numpy as np
 
-from train.agents import wire as onnx_wire
-from train.agents.wire import Wire
-
 CHECK, PLAY = "check", "play"
-"""What a child is for: to look at a file, or to act by it."""
-_MAX_ASKED = 2**31
-_SURE = 2
-"""So many first actions are checked."""
-_RARELY = 32
-"""Of later ones, one of so many, which no network can foresee."""
+"""What a child is for: to check a file, or to act."""
+ANSWER, ERROR = b"K", b"E"
+"""Kinds of messages of the child: an answer, or why there is none."""
+CONTENT, GO_ON, SIZES, RESET, ACT = b"C", b"G", b"L", b"R", b"A"
+"""Kinds of messages of the parent; ``RESET`` is not answered."""
+
+_HEAD = struct.Struct("<cQ")  # kind and length
+_MAX_REQUEST = 2**31  # [bytes]
+_FIRST_CHECKS = 2  # the first actions are checked ...
+_CHECK_EVERY = 32  # ... and then one of so many at random, which no network can foresee
+
+
+class Connection:
+    """One end of a connection that carries messages: a kind and bytes. Neither side trusts the other to be quick.
+
+    Args:
+        connection: a connected socket.
+        send_timeout: time until a message must be taken [s]; None: no limit.
+    """
+
+    def __init__(self, connection: socket.socket, send_timeout: float | None = None) -> None:
+        self._connection, self._send_timeout = connection, send_timeout
+
+    def send(self, kind: bytes, content: bytes = b"") -> None:
+        """Send a message.
+
+        Raises:
+            TimeoutError: the other side does not take it in time.
+            OSError: the other side is gone.
+        """
+        self._connection.settimeout(self._send_timeout)
+        self._connection.sendall(_HEAD.pack(kind, len(content)) + content)
+
+    def receive(self, max_bytes: int, timeout: float | None = None) -> tuple[bytes, bytes]:
+        """Return the kind and the content of the next message; ``timeout`` [s] covers the whole message, None: no limit.
+
+        Raises:
+            TimeoutError: the message has not arrived completely in time.
+            EOFError: the other side is gone.
+            OSError: the other side is gone, or the message is longer than ``max_bytes``.
+        """
+        deadline = None if timeout is None else time.monotonic() + timeout
+        kind, length = _HEAD.unpack(self._receive(_HEAD.size, deadline))
+        if length > max_bytes:
+            raise OSError(f"a message of {length} bytes, where at most {max_bytes} are allowed")
+        return kind, self._receive(length, deadline)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._connection.close()
+
+    def _receive(self, count: int, deadline: float | None) -> bytes:
+        content = bytearray(count)
+        view, received = memoryview(content), 0
+        while received < count:
+            self._connection.settimeout(None if deadline is None else max(deadline - time.monotonic(), 1e-3))
+            more = self._connection.recv_into(view[received:])
+            if not more:
+                raise EOFError("the other side has closed the connection")
+            received += more
+        return bytes(content)
 
 
 def main(purpose: str, memory: int, computing: int) -> None:
-    """Serve the process that has started this one, by the socket that is its standard input, until that is closed.
+    """Serve the parent process, over the socket on standard input, until that is closed.
 
     Args:
         purpose: ``CHECK`` or ``PLAY``.
-        memory: MiB that may be used.
-        computing: seconds of processor time that may be used.
+        memory: allowed memory [MiB].
+        computing: allowed processor time [s].
     """
-    wire = Wire(socket.socket(fileno=0))
+    parent = Connection(socket.socket(fileno=0))
     try:
-        from train.agents import session as onnx_session
+        from train.agents import session
 
-        onnx_session.runtime()  # before nothing can be opened any more
+        session.runtime()  # while files can still be opened
         if purpose == CHECK:
-            from train.agents import graph as plain_graph  # noqa: F401
+            from train.agents import graph  # noqa: F401
         limit(memory, computing)
         try:
-            (_check if purpose == CHECK else _play)(wire)
+            (_check if purpose == CHECK else _play)(parent)
         except ValueError as error:
-            wire.send(onnx_wire.ERROR, onnx_session.first_line(error).encode())
+            parent.send(ERROR, session.first_line(error).encode())
     except EOFError:
         return
     except MemoryError:
-        wire.send(onnx_wire.ERROR, f"needs more than the {memory} MiB of memory that it may have".encode())
+        parent.send(ERROR, f"needs more than the {memory} MiB of memory that it may have".encode())
     except Exception as error:
-        wire.send(onnx_wire.ERROR, f"{type(error).__name__}: {error}"[:500].encode())
+        parent.send(ERROR, f"{type(error).__name__}: {error}"[:500].encode())
 
 
 def limit(memory: int, computing: int) -> None:
-    """Allow this process so many MiB of memory and seconds of processor time, and to open or write nothing."""
+    """Limit this process's memory [MiB] and processor time [s], and forbid it to open or write anything."""
     try:
         import resource
-    except ImportError:  # not on Windows: there the waiting process alone sees to the time
+    except ImportError:  # on Windows the parent limits the time alone
         return
-    np.random.default_rng().permutation(2)  # what it needs to open, if anything, is opened
+    np.random.default_rng().permutation(2)  # opens what it needs now
     limits = {
         resource.RLIMIT_AS: (memory * 2**20, memory * 2**20),
-        resource.RLIMIT_CPU: (computing, computing + 5),  # ended at the first by a signal that says why
+        resource.RLIMIT_CPU: (computing, computing + 5),  # the soft limit ends it with a signal that says why
         resource.RLIMIT_CORE: (0, 0),
         resource.RLIMIT_FSIZE: (0, 0),
         resource.RLIMIT_NOFILE: (3, 3),
     }
-    for what, most in limits.items():
-        with contextlib.suppress(ValueError, OSError):  # where a system lacks one: macOS has none of memory
-            resource.setrlimit(what, most)
+    for kind, values in limits.items():
+        with contextlib.suppress(ValueError, OSError):  # macOS has no limit of memory
+            resource.setrlimit(kind, values)
 
 
-def _check(wire: Wire) -> None:
-    """Say what a file says of itself; if that is right, see that it can be run."""
-    from train.agents import graph as plain_graph
-    from train.agents import session as onnx_session
+def _check(parent: Connection) -> None:
+    """Send the outline of a file; if the parent accepts it, check that the network can be run."""
+    from train.agents import graph, session
 
-    _, content = wire.receive(plain_graph.MAX_BYTES + 1)
-    model, outline = plain_graph.read(content)
-    wire.send(onnx_wire.ANSWER, json.dumps(outline._asdict()).encode())
-    wire.receive(0)
-    plain_graph.check_sizes(model)
+    _, content = parent.receive(graph.MAX_BYTES + 1)
+    model, outline = graph.read(content)
+    parent.send(ANSWER, json.dumps(outline._asdict()).encode())
+    parent.receive(0)
+    graph.check_sizes(model)
     del model
-    memory_size = outline.inputs.get("memory", 0)
-    onnx_session.tried(content, outline.inputs["observation"], outline.outputs["action"], memory_size)
-    wire.send(onnx_wire.ANSWER)
+    session.tried(content, outline.inputs["observation"], outline.outputs["action"], outline.inputs.get("memory", 0))
+    parent.send(ANSWER)
 
 
-def _play(wire: Wire) -> None:
-    """Act on observations."""
+def _play(parent: Connection) -> None:
+    """Answer observations with actions."""
     from train.agents.session import OnnxPolicy, session_of
 
-    _, content = wire.receive(_MAX_ASKED)
+    _, content = parent.receive(_MAX_REQUEST)
     session = session_of(content)
-    _, told = wire.receive(24)
-    lanes, entries, memory_size = (int(number) for number in np.frombuffer(told, np.int64))
-    policy = OnnxPolicy(session, memory_size, lanes)
-    wire.send(onnx_wire.ANSWER)
-    generator, acts = np.random.default_rng(), 0
+    _, sizes = parent.receive(24)
+    num_envs, entries, memory_size = (int(number) for number in np.frombuffer(sizes, np.int64))
+    policy = OnnxPolicy(session, memory_size, num_envs)
+    parent.send(ANSWER)
+    generator, calls = np.random.default_rng(), 0
     while True:
-        kind, told = wire.receive(_MAX_ASKED)
-        if kind == onnx_wire.RESET:
-            policy.reset(np.frombuffer(told, np.bool_))
+        kind, content = parent.receive(_MAX_REQUEST)
+        if kind == RESET:
+            policy.reset(np.frombuffer(content, np.bool_))
             continue
-        observations = np.frombuffer(told, np.float32).reshape(lanes, entries)
-        acts += 1
-        checked = acts <= _SURE or generator.integers(_RARELY) == 0
+        observations = np.frombuffer(content, np.float32).reshape(num_envs, entries)
+        calls += 1
+        checked = calls <= _FIRST_CHECKS or generator.integers(_CHECK_EVERY) == 0
         actions = policy.act_checked(observations, generator) if checked else policy.act(observations)
-        wire.send(onnx_wire.ANSWER, np.ascontiguousarray(actions, np.float32).tobytes())
+        parent.send(ANSWER, np.ascontiguousarray(actions, np.float32).tobytes())

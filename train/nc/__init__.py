@@ -1,1 +1,4 @@
-"""Programs for a lathe's control: what a controller did or would do, as NC blocks, and read back and played."""
+"""Part programs from policies: the command line, the override laws of controllers, the interval table of the grid search.
+
+Programs as such (read, write, play) belong in ``turning_env/programs``.
+"""

@@ -21,27 +21,27 @@ from turning_env.files import replace_file
 from turning_env.programs import schedule, simulate
 from turning_env.programs.program import NcError, Program
 from turning_env.programs.read import read, read_file
-from turning_env.programs.schedule import Sums
+from turning_env.programs.schedule import Totals
 from turning_env.programs.write import write
 from turning_env.score.policy import PolicyFactory
 from turning_env.score.seeds import tuning_seeds
 
 PROGRAM = "python -m train.export --nc"
 MAX_DIFFERENCE = 0.02
-"""Between what a program read back and what it was made from come to: removed metal, time and wear, as a share."""
+"""Largest relative difference of removed metal, time and wear between a program read back and its original."""
 MAX_OVERRIDE_DIFFERENCE = 0.5
-"""Between a law read back and the rule that it was made from [percentage points of override]."""
+"""Largest difference between a law read back and its controller [percentage points of override]."""
 REVIEW = (
     "Tool, zero offset, clamping, retraction, coolant, limits and every value must be checked by whoever is responsible for the "
     "machine."
 )
 CAUTION = f"Simulation output: not for a machine without review. {REVIEW}"
 EXAMPLES = f"""\
-{PROGRAM} schedule --agent agents/RoughTurning-v0/rough_turning/analytic_gradient-seed0.onnx --draw 0 --out bar.mpf
+{PROGRAM} schedule --agent agents/RoughTurning-v0/rough_turning/analytic_gradient-seed0.onnx --tuning-seed 0 --out bar.mpf
 {PROGRAM} schedule --rule rescaled_grid_search --seed 7 --bars 3 --tolerance 0.05 --out bars.mpf
 {PROGRAM} table --interval 1 --out edge.mpf
 {PROGRAM} law --rule modified_fuzzy_override --out override.mpf
-{PROGRAM} check bar.mpf --draw 0"""
+{PROGRAM} check bar.mpf --tuning-seed 0"""
 
 
 @exits(KeyError, ValueError, interrupted="interrupted: nothing was written")
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    about = f"Write what a controller commands as a program for a SINUMERIK lathe, read it back and play it. {CAUTION}"
+    about = f"Write the commands of a policy as a part program for a SINUMERIK lathe, read it back and play it. {CAUTION}"
     parser = argparse.ArgumentParser(prog=PROGRAM, **described(f"{about}\n\n{EXAMPLES}"))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
@@ -69,18 +69,20 @@ def _parser() -> argparse.ArgumentParser:
     def written(added: argparse.ArgumentParser) -> None:
         added.add_argument("--out", required=True, type=Path, metavar="FILE", help="the program, such as bar.mpf")
 
-    def drawn(added: argparse.ArgumentParser) -> None:
+    def seeded(added: argparse.ArgumentParser) -> None:
         seeds = added.add_mutually_exclusive_group()
-        seeds.add_argument("--draw", type=int, default=0, metavar="N", help="bars and edge of the tuning draw N (default: 0)")
-        seeds.add_argument("--seed", type=int, metavar="S", help="bars and edge of a seed of your own")
+        seeds.add_argument(
+            "--tuning-seed", type=int, default=0, metavar="N", help="bars and edge of the tuning seed number N (default: 0)"
+        )
+        seeds.add_argument("--seed", type=int, metavar="S", help="bars and edge of any seed")
 
-    added = command("schedule", _schedule, "the speeds and feeds that a controller played on given bars, as blocks along Z")
-    who = added.add_mutually_exclusive_group(required=True)
-    who.add_argument("--agent", type=Path, metavar="FILE", help="an agent's ONNX file")
-    who.add_argument("--rule", metavar="NAME", help=f"a rule: {', '.join(catalogue.RULES)}")
+    added = command("schedule", _schedule, "the speeds and feeds that a policy commanded on given bars, as blocks along Z")
+    policy = added.add_mutually_exclusive_group(required=True)
+    policy.add_argument("--agent", type=Path, metavar="FILE", help="an agent's ONNX file")
+    policy.add_argument("--rule", metavar="NAME", help=f"a controller: {', '.join(catalogue.RULES)}")
     added.add_argument("--scenario", help="preset or TOML file (default: the agent's own, or rough_turning)")
-    drawn(added)
-    added.add_argument("--bars", type=int, default=1, metavar="N", help="the first N bars of the draw (default: 1)")
+    seeded(added)
+    added.add_argument("--bars", type=int, default=1, metavar="N", help="the first N bars of the seed (default: 1)")
     added.add_argument(
         "--tolerance",
         type=float,
@@ -97,50 +99,48 @@ def _parser() -> argparse.ArgumentParser:
     )
     written(added)
 
-    added = command("law", _law, "a rule from spindle load to feed override, as synchronized actions")
+    added = command("law", _law, "a controller from spindle load to feed override, as synchronized actions")
     added.add_argument("--rule", required=True, metavar="NAME", help=f"one of {', '.join(laws.LAWS)}")
     added.add_argument("--scenario", default="override", help="preset or TOML file (default: %(default)s)")
-    drawn(added)
+    seeded(added)
     written(added)
 
     added = command("check", _check, "read a program of this subset and play it on given bars")
     added.add_argument("file", type=Path, metavar="FILE", help="the program")
     added.add_argument("--scenario", default="rough_turning", help="preset or TOML file (default: %(default)s)")
-    drawn(added)
+    seeded(added)
     return parser
 
 
 def _seed(parsed: argparse.Namespace) -> int:
     if parsed.seed is not None:
         return int(parsed.seed)
-    if parsed.draw < 0:
-        raise NcError(f"--draw is {parsed.draw}, but must be 0 or more")
-    return tuning_seeds(parsed.draw + 1)[-1]
+    if parsed.tuning_seed < 0:
+        raise NcError(f"--tuning-seed is {parsed.tuning_seed}, but must be 0 or more")
+    return tuning_seeds(parsed.tuning_seed + 1)[-1]
 
 
 def _schedule(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
-    name, make, scenario = _controller(parsed)
+    name, make, scenario = _policy(parsed)
     if not 0.0 <= parsed.tolerance <= 1.0:
         raise NcError(f"--tolerance is {parsed.tolerance}, but must be 0 to 1")
     seed = _seed(parsed)
-    row = scenario.workpiece.approach + scenario.workpiece.bar_length
-    with tqdm(total=parsed.bars * row, unit="mm", unit_scale=True, disable=None, leave=False) as progress:
-        program, original = schedule.played(
+    pitch = scenario.workpiece.approach + scenario.workpiece.bar_length
+    with tqdm(total=parsed.bars * pitch, unit="mm", unit_scale=True, disable=None, leave=False) as progress:
+        program, original = schedule.play_schedule(
             make, scenario, seed, parsed.bars, parsed.tolerance, lambda path: progress.update(path - progress.n)
         )
     comments = [
-        f"{name} on scenario {scenario.name}, seed {seed}, as played; speeds and feeds within "
-        f"{100.0 * parsed.tolerance:g} % are one block"
+        f"{name} on scenario {scenario.name}, seed {seed}; speeds and feeds within {100.0 * parsed.tolerance:g} % are one block"
     ]
     if program.bars[-1][-1].z > 1e-3 - scenario.workpiece.bar_length or len(program.bars) < parsed.bars:
-        comments.append(f"the edge or the time limit ended the play in bar {len(program.bars)}: the program ends there")
+        comments.append(f"the edge or the time limit ended the episode in bar {len(program.bars)}: the program ends there")
     text, program = _text_of(program, comments, command)
-    simulated = simulate.simulate(program, scenario, seed)
-    told = _agreeing(original, simulated)
-    return _written(parsed.out, text, program) | told
+    totals = _agreeing(original, simulate.simulate(program, scenario, seed))
+    return _written(parsed.out, text, program) | totals
 
 
-def _controller(parsed: argparse.Namespace) -> tuple[str, PolicyFactory, Scenario]:
+def _policy(parsed: argparse.Namespace) -> tuple[str, PolicyFactory, Scenario]:
     if parsed.agent is None:
         scenario = Scenario.load(parsed.scenario or "rough_turning")
         return parsed.rule, catalogue.entry(parsed.rule, scenario).make, scenario
@@ -159,8 +159,8 @@ def _table(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
         "sections go by the cutting time of the edge, which their lengths take at their speeds and feeds",
     ]
     text, program = _text_of(program, comments, command)
-    told = _agreeing(original, simulate.simulate(program, interval_table.as_drawn(scenario), 0))
-    return _written(parsed.out, text, program) | {"sections": len(rows)} | told
+    totals = _agreeing(original, simulate.simulate(program, interval_table.without_spreads(scenario), 0))
+    return _written(parsed.out, text, program) | {"sections": len(rows)} | totals
 
 
 def _law(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
@@ -179,35 +179,35 @@ def _law(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
             f"{MAX_OVERRIDE_DIFFERENCE} are allowed, and nothing was written"
         )
     assert program.law is not None
-    told = {
+    summary = {
         "polynomials": len(program.law.polynomials),
         "actions": len(program.law.actions),
         "steps": compared.steps,
         "mean_override_difference": compared.mean_difference,
         "largest_override_difference": compared.largest_difference,
     }
-    agreeing = _agreeing(compared.original, compared.simulated)
-    return _written(parsed.out, text, program) | told | agreeing
+    totals = _agreeing(compared.original, compared.simulated)
+    return _written(parsed.out, text, program) | summary | totals
 
 
 def _check(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
     scenario = Scenario.load(parsed.scenario)
     program = read_file(parsed.file)
     play = simulate.simulate if program.law is None else simulate_law.simulate_law
-    sums = play(program, scenario, _seed(parsed))
-    return {"path": str(parsed.file), "bars": len(program.bars), "blocks": program.blocks, "simulated": asdict(sums)}
+    totals = play(program, scenario, _seed(parsed))
+    return {"path": str(parsed.file), "bars": len(program.bars), "blocks": program.blocks, "simulated": asdict(totals)}
 
 
 def _text_of(program: Program, comments: list[str], command: str) -> tuple[str, Program]:
-    """A program's text, and the program as it is read back from that."""
+    """Return a program's text, and the program that is read back from it."""
     text = write(program, (REVIEW, f"made by rough-turning {version('rough-turning')}: {command}", *comments))
-    back = read(text)
-    if back != program:
+    read_back = read(text)
+    if read_back != program:
         raise NcError("the program reads back as another: nothing was written")
-    return text, back
+    return text, read_back
 
 
-def _agreeing(original: Sums, simulated: Sums) -> dict[str, Any]:
+def _agreeing(original: Totals, simulated: Totals) -> dict[str, Any]:
     difference = simulated.difference(original)
     if not difference <= MAX_DIFFERENCE:
         raise NcError(
@@ -228,11 +228,13 @@ def _lines(done: dict[str, Any]) -> str:
     lines = [f"{done['path']}: {counts}"]
     if "steps" in done:
         largest, mean = done["largest_override_difference"], done["mean_override_difference"]
-        lines.append(f"override: {largest:.3f} percentage points off the rule at most, {mean:.3f} in the mean of {done['steps']}")
+        lines.append(
+            f"override: at most {largest:.3f} percentage points off the controller, mean {mean:.3f} over {done['steps']} steps"
+        )
     for name, of in (("original", "original"), ("simulated", "read back and played")):
         if name in done:
-            sums = done[name]
-            lines.append(f"{of}: {sums['removed']:.2f} cm3 removed in {sums['time']:.3f} min, wear {sums['wear']:.4f} mm")
+            totals = done[name]
+            lines.append(f"{of}: {totals['removed']:.2f} cm3 removed in {totals['time']:.3f} min, wear {totals['wear']:.4f} mm")
     if "largest_difference" in done:
         lines.append(f"largest difference: {100.0 * done['largest_difference']:.3f} %")
     return "\n".join(lines)

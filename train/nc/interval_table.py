@@ -1,7 +1,7 @@
-"""The grid search's table of intervals (Alaskari and Oraby 2018): which speed and feed from when to when, as a program.
+"""The interval table of the grid search (Alaskari and Oraby 2018) as a program: speed and feed over an edge's cutting time.
 
-The table follows from the nominal models alone: one edge from fresh to worn out, interval by interval of its cutting time, the
-pair that ``baselines.grid_search`` chooses. It ends, as the paper's, with the first interval that no pair survives.
+The table follows from the nominal models alone: for every interval of an edge's cutting time, from fresh to worn out, the pair
+that ``baselines.grid_search`` chooses. As in the paper, it ends with the first interval that no pair survives.
 """
 
 import math
@@ -14,9 +14,8 @@ from turning_env.action import sets_speed_and_feed
 from turning_env.numerics.functions import exp
 from turning_env.physics.records import parameter_records
 from turning_env.physics.wear import log_wear
-from turning_env.programs.course import Piece, bars_of
 from turning_env.programs.program import NcError, Program
-from turning_env.programs.schedule import Sums, job
+from turning_env.programs.schedule import Segment, Totals, bars_of, with_bars
 from turning_env.scenario.sections import Mismatch
 
 MAX_INTERVALS = 1_000_000
@@ -24,7 +23,7 @@ MAX_INTERVALS = 1_000_000
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table."""
+    """A row of the table."""
 
     start: float  # cutting time of the edge [min]
     end: float  # [min]
@@ -34,17 +33,17 @@ class Row:
 
 
 def interval_table(scenario: Scenario, interval: float | None = None) -> list[Row]:
-    """The table of a scenario; successive intervals of the same pair are one row.
+    """Return the table of a scenario; successive intervals with the same pair are one row.
 
     Args:
-        scenario: whose nominal models, grid and limits are used; of its lot nothing.
-        interval: how long a pair is kept at least [min]; without, the scenario's control interval.
+        scenario: gives the nominal models, the grid and the limits; its model mismatch is ignored.
+        interval: shortest time for which a pair is kept [min]; None: the scenario's control interval.
 
     Raises:
         NcError: the scenario's actions do not set speed and feed, a load falls with feed, the interval is not above 0 or so short
             that a table has more than ``MAX_INTERVALS``, or no pair keeps the limits.
     """
-    job(scenario, 1)
+    with_bars(scenario, 1)  # raises if no program can be written
     if not sets_speed_and_feed(scenario) or any(law.feed < 0 for _, law in scenario.material):
         raise NcError(f"the grid search cannot play scenario {scenario.name!r}")
     step = scenario.control.interval / 60.0 if interval is None else interval
@@ -77,19 +76,19 @@ def _intervals(scenario: Scenario, step: float) -> Iterator[Row]:
     raise NcError(f"an interval of {step} min is too short: the table would have more than {MAX_INTERVALS} intervals")
 
 
-def program_of(scenario: Scenario, rows: list[Row]) -> tuple[Program, Sums]:
-    """A section of blocks per row, over as many bars as these are long; and what the nominal models say comes of it.
+def program_of(scenario: Scenario, rows: list[Row]) -> tuple[Program, Totals]:
+    """Return a program with a section of blocks per row, over as many bars as needed, and the totals by the nominal models.
 
-    Air before a bar is crossed at the speed and feed of the row that is under way.
+    Air before a bar is crossed at the speed and feed of the current row.
     """
-    course = list(_course(scenario, rows))
-    program = Program.of(scenario, bars_of(scenario, course, 0.0))
+    segments = list(_segments(scenario, rows))
+    program = Program.of(scenario, bars_of(scenario, segments, 0.0))
     depth = scenario.workpiece.depth_of_cut
     removed = sum((row.end - row.start) * row.cutting_speed * row.feed * depth for row in rows)
-    return program, Sums(removed, sum(piece.time for piece in course) / 60.0, rows[-1].wear)
+    return program, Totals(removed, sum(segment.time for segment in segments) / 60.0, rows[-1].wear)
 
 
-def _course(scenario: Scenario, rows: list[Row]) -> Iterator[Piece]:
+def _segments(scenario: Scenario, rows: list[Row]) -> Iterator[Segment]:
     workpiece = scenario.workpiece
     metal_left = 0.0  # of the bar [mm]
     for number, row in enumerate(rows, 1):
@@ -100,18 +99,17 @@ def _course(scenario: Scenario, rows: list[Row]) -> Iterator[Piece]:
             if metal_left <= 1e-9:
                 metal_left = workpiece.bar_length
                 if workpiece.approach > 0.0:
-                    air = Piece(workpiece.approach, 60.0 * workpiece.approach / velocity, row.cutting_speed, row.feed, note)
-                    yield air
+                    yield Segment(workpiece.approach, 60.0 * workpiece.approach / velocity, row.cutting_speed, row.feed, note)
                     note = ""
             length = min(left, metal_left)
-            yield Piece(length, 60.0 * length / velocity, row.cutting_speed, row.feed, note)
+            yield Segment(length, 60.0 * length / velocity, row.cutting_speed, row.feed, note)
             note = ""
             left -= length
             metal_left -= length
 
 
-def as_drawn(scenario: Scenario) -> Scenario:
-    """A scenario whose bars, edges and lot are the nominal ones, on which a table can be checked."""
+def without_spreads(scenario: Scenario) -> Scenario:
+    """Return the scenario without spreads and model mismatch, on which a table can be checked."""
     workpiece = {name: 0.0 for name in type(scenario.workpiece).model_fields if name.endswith("_spread")}
     tool = {name: 0.0 for name in type(scenario.tool).model_fields if name.endswith("_spread")}
     return scenario.model_copy(

@@ -1,4 +1,4 @@
-"""Feed overrides of ``baselines`` as synchronized actions, which the control runs in every interpolation cycle.
+"""Override laws of controllers as synchronized actions, which the control runs in every interpolation cycle.
 
 ``one_line_law`` is a function of the load: one polynomial into the override. The other laws go from the present override to the
 next. That is kept in ``STATE``, and what depends on the load is tabulated: polynomials of third degree between loads, into
@@ -23,10 +23,9 @@ from baselines.omative import ENTRY_TIME
 from baselines.rule import Parameters
 from turning_env import Scenario
 from turning_env.physics.drives import lag_share
-from turning_env.programs.expression import parse
-from turning_env.programs.numbers import as_written, number_text
+from turning_env.programs.expression import as_written, number_text, parse
 from turning_env.programs.program import FEED_DECIMALS, SPEED_DECIMALS, Block, NcError, Program, rounded_within
-from turning_env.programs.schedule import job
+from turning_env.programs.schedule import with_bars
 from turning_env.programs.synchronous import (
     LOAD,
     MAX_OVERRIDE,
@@ -44,17 +43,17 @@ from turning_env.programs.synchronous import (
 
 STATE, GAIN, WANTED, TIME_IN_METAL = (f"$AC_PARAM[{index}]" for index in range(4))
 AIR_LOAD = 1.0
-"""Load below which the tool is taken to be in air [%] (assumption): a control sees no more of that."""
+"""Load below which the tool is taken to be in air [%] (assumption): the control has no other sign of it."""
 MAX_LOAD = 200.0
-"""Up to which a law is tabulated [%]; beyond, it stays what it is there."""
+"""Load up to which a law is tabulated [%]; beyond, it is constant."""
 GAIN_TOLERANCE = 0.002
-"""Most that a tabulated gain is off: of what it is, or of 1 where it is less."""
+"""Largest error of a tabulated gain: relative, or absolute for gains below 1."""
 
 Function = Callable[[float], float]
 
 
 class _Writer:
-    """Collects polynomials and actions, numbered as they come."""
+    """Collects polynomials and actions, and numbers them."""
 
     def __init__(self) -> None:
         self.polynomials: list[Polynomial] = []
@@ -71,16 +70,16 @@ class _Writer:
         self._append(Evaluate(number, output, LOAD), conditions)
 
     def table(self, function: Function, first: float, last: float, *, beyond: bool) -> None:
-        """A function of the load [%] from ``first`` to ``last``, into the gain; ``beyond``, it stays what it is at ``last``."""
+        """Tabulate a function of the load [%] from ``first`` to ``last`` into the gain; ``beyond``: constant above ``last``."""
         for low, high, coefficients in fitted(function, as_written(first), as_written(last)):
-            least, most = sorted((function(low), function(high)))
-            self.polynomial(coefficients, least, most, GAIN, f"{LOAD}>={number_text(low)}", f"{LOAD}<{number_text(high)}")
+            lowest, highest = sorted((function(low), function(high)))
+            self.polynomial(coefficients, lowest, highest, GAIN, f"{LOAD}>={number_text(low)}", f"{LOAD}<{number_text(high)}")
         if beyond:
             value = function(last)
             self.polynomial((value, 0.0, 0.0, 0.0), value, value, GAIN, f"{LOAD}>={number_text(last)}")
 
     def law(self, low: float, high: float) -> Law:
-        """What was collected, with the state kept within limits [%] and put into force."""
+        """Return the law, which clips the state to limits [%] and writes it to the override."""
         for comparison, limit in (("<", low), (">", high)):
             self.act(f"{STATE}={number_text(limit)}", f"{STATE}{comparison}{number_text(limit)}")
         self.act(f"{OVERRIDE}={STATE}")
@@ -99,22 +98,20 @@ def _condition(text: str) -> Condition:
 
 
 def fitted(function: Function, low: float, high: float) -> list[tuple[float, float, tuple[float, ...]]]:
-    """Cubic polynomials (from, to, a0 to a3) that together follow a function within ``GAIN_TOLERANCE``, halving where needed."""
+    """Return cubic polynomials (from, to, a0 to a3) that fit a function within ``GAIN_TOLERANCE``, by bisection."""
     nodes = 0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.pi * (np.arange(4) + 0.5) / 4)
     fit = Fitted.fit(nodes, [function(node) for node in nodes], 3, domain=[low, high])
-    places = np.linspace(low, high, 41)
-    if all(abs(fit(x) - y) <= GAIN_TOLERANCE * max(1.0, abs(y)) for x, y in ((x, function(x)) for x in places)):
-        coefficients = np.zeros(4)
-        found = fit.convert().coef
-        coefficients[: len(found)] = found
-        return [(low, high, tuple(coefficients.tolist()))]
+    xs = np.linspace(low, high, 41)
+    if all(abs(fit(x) - y) <= GAIN_TOLERANCE * max(1.0, abs(y)) for x, y in ((x, function(x)) for x in xs)):
+        coefficients = fit.convert().coef.tolist()
+        return [(low, high, (*coefficients, *[0.0] * (4 - len(coefficients))))]
     middle = as_written(0.5 * (low + high))
     return fitted(function, low, middle) + fitted(function, middle, high)
 
 
 @dataclass(frozen=True)
 class _Range:
-    """What an override may be [%], so that neither it nor the feed leaves its limits."""
+    """The range of overrides [%] within which neither override nor feed leaves its limits."""
 
     low: float
     high: float
@@ -126,7 +123,7 @@ class _Range:
         high = 100.0 * min(part.override_max, machine.feed_max / feed)
         if high > MAX_OVERRIDE + 1e-9:
             raise NcError(f"control.override_max is {part.override_max}, but a control's override goes to {MAX_OVERRIDE} %")
-        # To the inside: a feed below the lowest by the last decimal would be one too low.
+        # Rounded to the inside: the feed must not be below its lowest value by a last decimal.
         return cls(math.ceil(1e8 * machine.feed_min / feed - 1e-6) / 1e6, math.floor(high * 1e6 + 1e-6) / 1e6)
 
 
@@ -169,19 +166,19 @@ def _air_gap(part: PartProgram, parameters: Parameters) -> Law:
     share = lag_share(interval, 1.0 / parameters["rise"])
     limits, writer = _Range.of(part), _Writer()
     in_air, in_metal = (f"{LOAD}{comparison}{number_text(AIR_LOAD)}" for comparison in ("<", ">="))
-    least, most = (number_text(value) for value in (max(100.0 * LOWEST_OVERRIDE, limits.low), limits.high))
+    lowest, highest = (number_text(value) for value in (max(100.0 * LOWEST_OVERRIDE, limits.low), limits.high))
     feed = rounded_within(part.feed, scenario.machine.feed_min, scenario.machine.feed_max, FEED_DECIMALS)
     writer.act(f"{TIME_IN_METAL}=0.0", in_air)
     writer.table(lambda load: (target / load) ** (1.0 / exponent), AIR_LOAD, MAX_LOAD, beyond=True)
     writer.act(f"{WANTED}={GAIN}*100.0*{PATH_VELOCITY}/({SPINDLE_SPEED}*{number_text(feed)})", in_metal)
-    writer.act(f"{WANTED}={least}", f"{WANTED}<{least}")
-    writer.act(f"{WANTED}={most}", f"{WANTED}>{most}")
+    writer.act(f"{WANTED}={lowest}", f"{WANTED}<{lowest}")
+    writer.act(f"{WANTED}={highest}", f"{WANTED}>{highest}")
     writer.act(f"{STATE}={STATE}+{number_text(share)}*({WANTED}-{STATE})", in_metal, f"{WANTED}>{STATE}")
     writer.act(f"{STATE}={WANTED}", in_metal, f"{WANTED}<={STATE}")
     entering = f"{TIME_IN_METAL}<{number_text(ENTRY_TIME)}"
     writer.act(f"{STATE}={number_text(100.0 * parameters['entry'])}", in_metal, entering)
     writer.act(f"{TIME_IN_METAL}={TIME_IN_METAL}+{number_text(interval)}", in_metal)
-    writer.act(f"{STATE}={most}", in_air)
+    writer.act(f"{STATE}={highest}", in_air)
     return writer.law(limits.low, limits.high)
 
 
@@ -192,26 +189,26 @@ LAWS: dict[str, Callable[[PartProgram, Parameters], Law]] = {
     "iadapts": _constant_load,
     "omative": _air_gap,
 }
-"""The rules that can be written as synchronized actions, by name."""
+"""Controllers that can be written as synchronized actions, by name."""
 
 
 def law_program(name: str, scenario: Scenario) -> Program:
-    """One cut along one bar at the programmed speed and feed, under a rule's override.
+    """Return a program of one cut along one bar at the programmed speed and feed, under a controller's override law.
 
     Raises:
-        KeyError: there is no such rule.
-        NcError: the rule is not one of ``LAWS``, or the scenario does not set the override of a programmed feed.
-        ValueError: the rule cannot play the scenario, or has not been tuned for it.
+        KeyError: there is no such controller.
+        NcError: the controller is not one of ``LAWS``, or the scenario does not set the override of a programmed feed.
+        ValueError: the controller cannot play the scenario, or has not been tuned for it.
     """
     entry = catalogue.entry(name, scenario)
     if name not in LAWS:
         raise NcError(f"{name} cannot be written as synchronized actions; those that can are {', '.join(LAWS)}")
-    job(scenario, 1)
+    with_bars(scenario, 1)  # raises if no program can be written
     if not on_override(scenario):
         raise NcError(f"scenario {scenario.name!r} does not set the override of a programmed feed")
-    machine, told = scenario.machine, scenario.nominal()
+    machine = scenario.machine
     parameters = {key: float(value) for key, value in entry.parameters.items()}  # type: ignore[arg-type]
-    part = PartProgram(told, parameters)
+    part = PartProgram(scenario.nominal(), parameters)
     block = Block(
         -scenario.workpiece.bar_length,
         rounded_within(part.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max, SPEED_DECIMALS),

@@ -1,7 +1,9 @@
-"""Plays an override law as the control would run it, and compares it with the rule that it was made from."""
+"""Play an override law as the control would run it, and compare it with its controller."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +12,13 @@ from train.nc.laws import STATE
 from turning_env import Reading, RoughTurningEnv, Scenario, read
 from turning_env.action import towards
 from turning_env.programs.program import NcError, Program
-from turning_env.programs.schedule import Sums, job
+from turning_env.programs.schedule import Totals, with_bars
 from turning_env.programs.synchronous import LOAD, PATH_VELOCITY, SPINDLE_SPEED
 from turning_env.score.policy import Actions, Observations, PolicyFactory
 
 
 class LawPolicy:
-    """One lane under a program's law, which runs once per control interval."""
+    """A program's law as the policy of one environment; it runs once per step."""
 
     def __init__(self, program: Program, scenario: Scenario) -> None:
         if program.law is None:
@@ -28,11 +30,11 @@ class LawPolicy:
         self._variables = self._law.variables()
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """The program begins anew."""
+        """Restart the program."""
         self._variables = self._law.variables()
 
     def override(self, reading: Reading, present: float | None = None) -> float:
-        """The override [%] for what is measured, after ``present`` [%] where that is not to be the program's own last one.
+        """Return the next override [%] for a reading; ``present`` [%] replaces the program's own present override.
 
         Raises:
             NcError: the feed would be outside the machine's range, or an expression divides by 0.
@@ -54,7 +56,7 @@ class LawPolicy:
         return override
 
     def act(self, observations: Observations) -> Actions:
-        """Actions, shape (1, 1), for observations, shape (1, entries)."""
+        """Return actions, shape (1, 1), for observations, shape (1, entries)."""
         reading = read(observations, self._scenario)
         feed = np.array([0.01 * self.override(reading) * self._feed])
         return towards(reading, self._scenario, np.array([self._speed]), feed)
@@ -62,52 +64,46 @@ class LawPolicy:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A law beside the rule that it was made from."""
+    """An override law compared with its controller."""
 
     steps: int
-    """On how many the rule's and the law's next overrides were compared, from the same measurements and present override."""
-    mean_difference: float
-    """Between these [percentage points]."""
+    """Number of steps on which the next overrides of both were compared, from the same measurements and present override."""
+    mean_difference: float  # [percentage points]
     largest_difference: float  # [percentage points]
-    original: Sums
-    """Of the rule's play."""
-    simulated: Sums
-    """Of the law's own."""
+    original: Totals
+    """Totals of the controller's episode."""
+    simulated: Totals
+    """Totals of the law's own episode."""
 
 
 def compare(program: Program, make_policy: PolicyFactory, scenario: Scenario, seed: int) -> Comparison:
-    """Play a rule on the first bar of a draw with the law beside it, and then the law alone.
+    """Play a controller on the first bar of a seed, and compare the law's override in every step; then play the law alone.
 
     Raises:
-        NcError: the program is not one for this scenario, has no law, or one that leaves the machine's range.
+        NcError: the program is not one for this scenario, or its law is missing or leaves the machine's range.
     """
     program.check(scenario)
-    scenario = job(scenario, 1)
+    scenario = with_bars(scenario, 1)
     law = LawPolicy(program, scenario)
-    env = RoughTurningEnv(scenario)
-    observation, _ = env.reset(seed=seed)
     policy = make_policy(1)
     policy.reset(np.ones(1, np.bool_))
-    feed, differences = program.bars[0][0].feed, []
-    removed = time = 0.0
-    ended = False
-    while not ended:
-        reading = read(observation[None], scenario)
-        mine = law.override(reading, 100.0 * float(reading.commanded_feed[0]) / feed)
-        observation, _, terminated, truncated, info = env.step(policy.act(observation[None])[0])
-        differences.append(abs(mine - 100.0 * info["commanded_feed"] / feed))
-        removed, time, ended = removed + info["removed"], time + info["time"] / 60.0, terminated or truncated
-    return Comparison(
-        len(differences),
-        float(np.mean(differences)),
-        max(differences),
-        Sums(removed, time, info["wear"]),
-        simulate_law(program, scenario, seed),
-    )
+    feed = program.bars[0][0].feed
+    overrides: list[float] = []
+
+    def act(observations: Observations) -> Actions:
+        reading = read(observations, scenario)
+        overrides.append(law.override(reading, 100.0 * float(reading.commanded_feed[0]) / feed))
+        return policy.act(observations)
+
+    commanded: list[float] = []
+    original = _play(scenario, seed, act, lambda info: commanded.append(info["commanded_feed"]))
+    differences = [abs(mine - 100.0 * its / feed) for mine, its in zip(overrides, commanded, strict=True)]
+    simulated = simulate_law(program, scenario, seed)
+    return Comparison(len(differences), float(np.mean(differences)), max(differences), original, simulated)
 
 
-def simulate_law(program: Program, scenario: Scenario, seed: int) -> Sums:
-    """Play a program's law on the first bar of a draw.
+def simulate_law(program: Program, scenario: Scenario, seed: int) -> Totals:
+    """Play a program's law on the first bar of a seed; return the totals.
 
     Raises:
         NcError: see ``compare``.
@@ -115,12 +111,21 @@ def simulate_law(program: Program, scenario: Scenario, seed: int) -> Sums:
     program.check(scenario)
     if len(program.bars) != 1 or len(program.bars[0]) != 1 or scenario.control.action != "override":
         raise NcError("a law is played in one block along one bar, of a scenario whose action is the override")
-    env = RoughTurningEnv(job(scenario, 1))
+    return _play(with_bars(scenario, 1), seed, LawPolicy(program, scenario).act, lambda info: None)
+
+
+def _play(
+    scenario: Scenario,
+    seed: int,
+    act: Callable[[Observations], Actions],
+    on_step: Callable[[dict[str, Any]], None],
+) -> Totals:
+    env = RoughTurningEnv(scenario)
     observation, _ = env.reset(seed=seed)
-    law = LawPolicy(program, scenario)
     removed = time = 0.0
     ended = False
     while not ended:
-        observation, _, terminated, truncated, info = env.step(law.act(observation[None])[0])
+        observation, _, terminated, truncated, info = env.step(act(observation[None])[0])
+        on_step(info)
         removed, time, ended = removed + info["removed"], time + info["time"] / 60.0, terminated or truncated
-    return Sums(removed, time, info["wear"])
+    return Totals(removed, time, info["wear"])

@@ -1,4 +1,4 @@
 """Part programs for a lathe's control: write, read and play them.
 
-Controllers' override laws belong to the clone (``train/nc``), beside the controllers that they come from.
+Override laws made from controllers belong in ``train/nc``, which the wheel does not contain.
 """

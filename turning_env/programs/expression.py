@@ -1,14 +1,16 @@
-"""Arithmetic of synchronized actions: numbers, variables, + - * / and parentheses."""
+"""Numbers and arithmetic in programs: plain decimals, variables, + - * / and parentheses."""
 
 import operator
 import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
-from turning_env.programs.numbers import NUMBER, number_text
-
-DEEPEST = 20
-"""Parentheses within parentheses that are read."""
+DECIMALS = 12
+"""Of coefficients: the third power of a load of 200 % times half of the last decimal is 4e-6."""
+NUMBER = rf"\d{{1,12}}(?:\.\d{{0,{DECIMALS}}})?|\.\d{{1,{DECIMALS}}}"
+"""Regular expression of a number without sign; exponents are not read alike by all controls."""
+MAX_DEPTH = 20
+"""Deepest nesting of parentheses that is read."""
 _TOKEN = re.compile(rf"\s*(?:({NUMBER})|(\$[A-Z_]+(?:\[[A-Z0-9]+\])?)|([-+*/()]))")
 _OPERATIONS: dict[str, Callable[[float, float], float]] = {
     "+": operator.add,
@@ -17,17 +19,29 @@ _OPERATIONS: dict[str, Callable[[float, float], float]] = {
     "/": operator.truediv,
 }
 _RANK = {"+": 0, "-": 0, "*": 1, "/": 1}
-"""Which operation comes first, of equals the left one."""
+"""Precedence; of equals the left one comes first."""
+
+
+def number_text(value: float) -> str:
+    """Return a number as a decimal with 1 to ``DECIMALS`` decimals, without needless zeros."""
+    whole, _, decimals = f"{value:.{DECIMALS}f}".partition(".")
+    text = f"{whole}.{decimals.rstrip('0') or '0'}"
+    return text.removeprefix("-") if float(text) == 0.0 else text
+
+
+def as_written(value: float) -> float:
+    """Return the number that a program holds for a value."""
+    return float(number_text(value))
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number, which is not negative: the sign is an operation."""
+    """A number that is not negative: the sign is an operation."""
 
     number: float
 
     def value(self, variables: Mapping[str, float]) -> float:
-        """Itself."""
+        """Return the number."""
         return self.number
 
     def __str__(self) -> str:
@@ -41,7 +55,7 @@ class Variable:
     name: str
 
     def value(self, variables: Mapping[str, float]) -> float:
-        """What it is now."""
+        """Return the variable's value."""
         return variables[self.name]
 
     def __str__(self) -> str:
@@ -50,14 +64,14 @@ class Variable:
 
 @dataclass(frozen=True)
 class Operation:
-    """Two expressions and what is done with them. Its text has the parentheses that it needs, and no others."""
+    """Two expressions and an operator. Its text has no needless parentheses."""
 
     left: "Expression"
     sign: str
     right: "Expression"
 
     def value(self, variables: Mapping[str, float]) -> float:
-        """Its result.
+        """Return the result.
 
         Raises:
             ZeroDivisionError: it divides by 0.
@@ -79,10 +93,10 @@ def _rank(expression: Expression) -> int:
 
 
 def parse(text: str, readable: Collection[str]) -> Expression:
-    """The expression of a text, in which the variables ``readable`` may stand.
+    """Return the expression of a text, which may contain the variables ``readable``.
 
     Raises:
-        ValueError: it is none; says why.
+        ValueError: it is no expression; says why.
     """
     parser = _Parser(_tokens(text), readable)
     expression = parser.sum(0)
@@ -103,7 +117,7 @@ def _tokens(text: str) -> list[str]:
 
 
 class _Parser:
-    """Takes tokens from the front, product before sum."""
+    """Recursive descent; consumes tokens from the front."""
 
     def __init__(self, tokens: list[str], readable: Collection[str]) -> None:
         self.tokens = tokens
@@ -126,8 +140,8 @@ class _Parser:
             raise ValueError("an expression ends where a number or a variable must stand")
         token = self.tokens.pop(0)
         if token == "(":
-            if depth == DEEPEST:
-                raise ValueError(f"parentheses are nested more than {DEEPEST} deep")
+            if depth == MAX_DEPTH:
+                raise ValueError(f"parentheses are nested more than {MAX_DEPTH} deep")
             expression = self.sum(depth + 1)
             if not self.tokens or self.tokens.pop(0) != ")":
                 raise ValueError("a parenthesis is not closed")

@@ -1,6 +1,6 @@
-"""What a program of the subset says: blocks of one cutting speed and feed along Z, bar by bar, and an override law.
+"""A program: blocks of one cutting speed and feed along Z, bar by bar, and possibly an override law.
 
-Positions as a turning program has them: X is a diameter, Z is 0 at the bar's face and falls towards the chuck.
+Positions are those of turning programs: X is a diameter, Z is 0 at the bar's face and falls towards the chuck.
 """
 
 import math
@@ -22,14 +22,14 @@ class NcError(ValueError):
 
 @dataclass(frozen=True)
 class Block:
-    """One feed block."""
+    """A feed block."""
 
     z: float
-    """Where it ends [mm]."""
+    """Position of its end [mm]."""
     cutting_speed: float  # [m/min]
     feed: float  # [mm/rev]
     note: str = field(default="", compare=False)
-    """A comment on what begins with it."""
+    """Comment on what begins with the block."""
 
 
 @dataclass(frozen=True)
@@ -37,27 +37,27 @@ class Program:
     """A turning program: the same cut on one bar after another, each with its own blocks."""
 
     diameter: float
-    """At which is cut [mm]."""
+    """Diameter of the cut [mm]."""
     start: float
-    """Where every bar's first block begins, in the air before the face [mm]."""
-    most_spindle_speed: float  # [rev/min]
+    """Start of every bar's first block, in the air before the face [mm]."""
+    max_spindle_speed: float  # [rev/min]
     bars: tuple[tuple[Block, ...], ...]
     law: Law | None = None
-    """From measured load to feed override, if there is one."""
+    """Law from measured load to feed override, if there is one."""
 
     @classmethod
     def of(cls, scenario: Scenario, bars: tuple[tuple[Block, ...], ...], law: Law | None = None) -> Self:
-        """A program for a scenario's machine and bars.
+        """Return a program for a scenario's machine and bars.
 
         Raises:
             NcError: see ``check``.
         """
         workpiece = scenario.workpiece
-        most = _revolutions(scenario.machine.cutting_speed_max, workpiece.diameter)
+        highest = _spindle_speed(scenario.machine.cutting_speed_max, workpiece.diameter)
         program = cls(
             round(workpiece.diameter, LENGTH_DECIMALS),
             round(workpiece.approach, LENGTH_DECIMALS),
-            rounded_within(most, 0.0, most, LIMIT_DECIMALS),
+            rounded_within(highest, 0.0, highest, LIMIT_DECIMALS),
             bars,
             law,
         )
@@ -65,7 +65,7 @@ class Program:
         return program
 
     def check(self, scenario: Scenario) -> None:
-        """See that a scenario's machine can run it and that its bars are the program's.
+        """Check that a scenario's machine can run the program and that the bars are the program's.
 
         Raises:
             NcError: a speed or feed is outside the machine's range, or a position is not the scenario's; names bar and block.
@@ -77,15 +77,15 @@ class Program:
         ):
             if abs(mine - its) > 0.5 * 10.0**-LENGTH_DECIMALS + 1e-9:
                 raise NcError(f"the program's {what} is {mine} mm, but that of scenario {scenario.name!r} is {its} mm")
-        most = _revolutions(machine.cutting_speed_max, workpiece.diameter)
-        if self.most_spindle_speed > most * (1.0 + 1e-9):
-            raise NcError(f"LIMS is {self.most_spindle_speed} rev/min, but the machine's highest is {most:.1f}")
+        highest = _spindle_speed(machine.cutting_speed_max, workpiece.diameter)
+        if self.max_spindle_speed > highest * (1.0 + 1e-9):
+            raise NcError(f"LIMS is {self.max_spindle_speed} rev/min, but the machine's highest is {highest:.1f}")
         if not self.bars or not all(self.bars):
             raise NcError("a program must cut at least one bar, and every bar in at least one block")
         for number, blocks in enumerate(self.bars, 1):
             position = self.start
-            for place, block in enumerate(blocks, 1):
-                where = f"bar {number}, feed block {place}"
+            for index, block in enumerate(blocks, 1):
+                where = f"bar {number}, feed block {index}"
                 _within(where, "cutting speed", block.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)
                 _within(where, "feed", block.feed, machine.feed_min, machine.feed_max)
                 if not -workpiece.bar_length - 1e-3 <= block.z < position:
@@ -96,12 +96,12 @@ class Program:
 
     @property
     def blocks(self) -> int:
-        """How many feed blocks there are."""
+        """Number of feed blocks."""
         return sum(len(bar) for bar in self.bars)
 
 
 def rounded_within(value: float, low: float, high: float, decimals: int) -> float:
-    """The nearest value of a control's resolution that lies within a range.
+    """Return the nearest value of a control's resolution within a range.
 
     Raises:
         NcError: the range holds none.
@@ -113,7 +113,7 @@ def rounded_within(value: float, low: float, high: float, decimals: int) -> floa
     return float(round(min(max(round(value * scale), first), last) / scale, decimals))
 
 
-def _revolutions(cutting_speed: float, diameter: float) -> float:
+def _spindle_speed(cutting_speed: float, diameter: float) -> float:
     return 1000.0 * cutting_speed / (math.pi * diameter)
 
 

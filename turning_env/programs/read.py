@@ -1,10 +1,10 @@
-"""Reads the subset that ``write.py`` writes, by whomever it was written, and refuses all else with block number and reason."""
+"""Read the subset that ``write.py`` writes, whoever wrote it; refuse all else with block number and reason."""
 
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from turning_env.programs.numbers import NUMBER
+from turning_env.programs.expression import NUMBER
 from turning_env.programs.program import (
     FEED_DECIMALS,
     LENGTH_DECIMALS,
@@ -32,7 +32,7 @@ _DECIMALS = {
 
 
 def read(text: str) -> Program:
-    """The program of a text.
+    """Return the program of a text.
 
     Raises:
         NcError: it is not of the subset; names the block (or, where it has none, the line) and the reason.
@@ -41,10 +41,10 @@ def read(text: str) -> Program:
         raise NcError(f"the program has {len(text)} characters, but {MAX_BYTES} at most are read")
     reader = _Reader()
     last = 0
-    for line, place in _lines(text):
+    for count, line in _lines(text):
         match = _BLOCK.fullmatch(line)
         if match is None:
-            raise NcError(f"{place}: {line[:60]!r} is no block: it must begin with N and its number")
+            raise NcError(f"line {count}: {line[:60]!r} is no block: it must begin with N and its number")
         number, body = int(match[1]), match[2].strip()
         if number <= last:
             raise NcError(f"N{number}: block numbers must rise, but it follows N{last}")
@@ -60,7 +60,7 @@ def read(text: str) -> Program:
 
 
 def read_file(path: Path) -> Program:
-    """The program in a file.
+    """Return the program in a file.
 
     Raises:
         NcError: see ``read``; names the file.
@@ -75,44 +75,34 @@ def read_file(path: Path) -> Program:
         raise NcError(f"{path}: {error}") from error
 
 
-def _lines(text: str) -> Iterator[tuple[str, str]]:
-    """Lines without comments, where anything is left of them, and their places."""
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    """Yield the numbers and texts of lines, without comments and empty lines."""
     for count, line in enumerate(text.split("\n"), 1):
-        place = f"line {count}"
         if len(line) > MAX_LINE:
-            raise NcError(f"{place}: has {len(line)} characters, but {MAX_LINE} at most are read")
-        block = line.partition(";")[0].strip()
-        if block:
-            yield block, place
+            raise NcError(f"line {count}: has {len(line)} characters, but {MAX_LINE} at most are read")
+        if block := line.partition(";")[0].strip():
+            yield count, block
 
 
 class _Reader:
-    """Takes blocks in the one order that the subset has."""
+    """A state machine that takes blocks in the order of the subset; ``take`` is the method for the next block."""
 
     def __init__(self) -> None:
         self._law = LawReader()
-        self._expects = self._safe_start
+        self.take = self._safe_start
         self._limit = self._speed = self._feed = self._position = self._across = 0.0
         self._diameter: float | None = None
         self._start: float | None = None
         self._bars: list[tuple[Block, ...]] = []
         self._blocks: list[Block] = []
 
-    def take(self, body: str) -> None:
-        """Take the next block in.
-
-        Raises:
-            ValueError: it is not of the subset, or not at this place.
-        """
-        self._expects(body)
-
     def program(self) -> Program:
-        """What has been read.
+        """Return the program that has been read.
 
         Raises:
             ValueError: the program does not end with M30.
         """
-        if self._expects != self._nothing:
+        if self.take != self._nothing:
             raise ValueError("the program does not end with M30")
         assert self._diameter is not None
         assert self._start is not None
@@ -121,11 +111,11 @@ class _Reader:
     def _safe_start(self, body: str) -> None:
         if sorted(body.split()) != sorted(SAFE_START.split()):
             raise ValueError(f"a program must begin with {SAFE_START}, in any order and whole, not with {body!r}")
-        self._expects = self._tool
+        self.take = self._tool
 
     def _tool(self, body: str) -> None:
         _exactly(body, TOOL)
-        self._expects = self._law_or_spindle
+        self.take = self._law_or_spindle
 
     def _law_or_spindle(self, body: str) -> None:
         if not self._law.take(body):
@@ -139,7 +129,7 @@ class _Reader:
             raise ValueError(f"a bar must begin with G96 and M03, not with {body!r}")
         self._limit = _above_zero(words["LIMS="], "LIMS") if first else self._limit
         self._speed, self._feed = _above_zero(words["S"], "S"), _above_zero(words["F"], "F")
-        self._expects = self._approach
+        self.take = self._approach
 
     def _approach(self, body: str) -> None:
         words = _words(body, "G X Z")
@@ -150,7 +140,7 @@ class _Reader:
         if self._start not in (None, z):
             raise ValueError(f"every bar must be approached at Z{self._start}, as the first, not at Z{z}")
         self._across, self._start, self._position = _above_zero(words["X"], "X"), z, z
-        self._expects = self._engage
+        self.take = self._engage
 
     def _engage(self, body: str) -> None:
         words = _words(body, "G X")
@@ -160,7 +150,7 @@ class _Reader:
             raise ValueError(f"every bar must be cut at X{self._diameter}, as the first, not at X{x}")
         self._diameter = x
         self._check_clear(self._across)
-        self._expects = self._first_feed
+        self.take = self._first_feed
 
     def _check_clear(self, x: float) -> None:
         assert self._diameter is not None
@@ -174,7 +164,7 @@ class _Reader:
         words = _words(body, "G Z", "S F")
         _is(words["G"], 1.0, "the approach must be followed by a feed block, G01")
         self._cut(words)
-        self._expects = self._feed_or_retract
+        self.take = self._feed_or_retract
 
     def _feed_or_retract(self, body: str) -> None:
         if body.split()[0] in ("G0", "G00"):
@@ -195,32 +185,32 @@ class _Reader:
     def _retract(self, body: str) -> None:
         words = _words(body, "G X")
         self._check_clear(words["X"])
-        self._expects = self._return
+        self.take = self._return
 
     def _return(self, body: str) -> None:
         words = _words(body, "G Z")
         if (words["G"], words["Z"]) != (0.0, self._start):
             raise ValueError(f"the tool must return with G00 to Z{self._start}, not {body!r}")
-        self._expects = self._stop
+        self.take = self._stop
 
     def _stop(self, body: str) -> None:
         _is(_words(body, "M")["M"], 5.0, "the spindle must be stopped with M05")
         self._bars.append(tuple(self._blocks))
         self._blocks = []
-        self._expects = self._next_bar_or_end
+        self.take = self._next_bar_or_end
 
     def _next_bar_or_end(self, body: str) -> None:
         code = _words(body, "M")["M"]
         if code not in (0.0, 30.0):
             raise ValueError(f"after the spindle's stop M00 or M30 must follow, not {body!r}")
-        self._expects = self._spindle if code == 0.0 else self._nothing
+        self.take = self._spindle if code == 0.0 else self._nothing
 
     def _nothing(self, body: str) -> None:
         raise ValueError(f"nothing may follow M30, but {body!r} does")
 
 
 def _words(body: str, needed: str, allowed: str = "") -> dict[str, float]:
-    """The words of a block by address, of which some must and others may be there, each once."""
+    """Return the words of a block by address; those of ``needed`` must and of ``allowed`` may be there, each once."""
     words: dict[str, float] = {}
     for text in body.split():
         match = _WORD.fullmatch(text)

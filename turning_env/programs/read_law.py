@@ -1,9 +1,8 @@
-"""Reads the part of a program that holds synchronized actions."""
+"""Read the part of a program that holds synchronized actions."""
 
 import re
 
-from turning_env.programs.expression import parse
-from turning_env.programs.numbers import NUMBER
+from turning_env.programs.expression import NUMBER, parse
 from turning_env.programs.synchronous import (
     COMPARISONS,
     LOAD,
@@ -26,7 +25,7 @@ _CONDITION = re.compile(r"([^<>=]+)(<=|>=|<|>)([^<>=]+)", re.ASCII)
 
 
 class LawReader:
-    """Takes those blocks in that belong to a law, in the order of the subset: first values, polynomials, actions."""
+    """Takes the blocks of a law, in the order of the subset: first values, polynomials, actions."""
 
     def __init__(self) -> None:
         self._stopped = False
@@ -35,7 +34,7 @@ class LawReader:
         self._actions: list[Action] = []
 
     def take(self, body: str) -> bool:
-        """Take a block in, or return false if it is no part of a law.
+        """Take a block; return whether it is part of a law.
 
         Raises:
             ValueError: it is part of a law, but not of the subset, or not at this place.
@@ -55,7 +54,7 @@ class LawReader:
         return True
 
     def check(self) -> None:
-        """See that something is done with what is defined.
+        """Check that actions use what is defined.
 
         Raises:
             ValueError: there are polynomials or first values, but no actions.
@@ -64,7 +63,7 @@ class LawReader:
             raise ValueError("there are first values or polynomials, but no synchronized action uses them")
 
     def law(self) -> Law | None:
-        """What has been read, if anything."""
+        """Return the law that has been read, if any."""
         if not self._actions:
             return None
         return Law(tuple(self._polynomials.values()), tuple(self._initial.items()), tuple(self._actions))

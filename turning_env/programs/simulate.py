@@ -1,4 +1,4 @@
-"""Plays a program on a draw's bars: its set points, switched where its blocks end."""
+"""Play a program on the bars of a seed: its set points, switched where its blocks end."""
 
 import bisect
 import math
@@ -8,34 +8,34 @@ import numpy as np
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.action import set_point_action
 from turning_env.programs.program import NcError, Program
-from turning_env.programs.schedule import Sums, job
+from turning_env.programs.schedule import Totals, with_bars
 
 MIN_INTERVAL = 0.001
 """Shortest control interval that a scenario allows [s]."""
 
 
-def simulate(program: Program, scenario: Scenario, seed: int) -> Sums:
-    """Play a program's blocks on the first bars of a draw, to the end of the program or of the edge.
+def simulate(program: Program, scenario: Scenario, seed: int) -> Totals:
+    """Play a program's blocks on the first bars of a seed, to the end of the program or of the edge; return the totals.
 
-    The control looks where the tool is in every sub-step of the scenario's integration, and commands that block's speed and feed;
-    the drives follow as in any play. Between bars no time passes, as in the row that a controller plays.
+    The control reads the tool's position in every sub-step of the scenario's integration, and commands the speed and feed of the
+    block there; the drives follow as in any episode. No time passes between bars.
 
     Raises:
-        NcError: the program has a law, which must be played as such, or is not one for this scenario.
+        NcError: the program has an override law, or is not one for this scenario.
     """
     if program.law is not None:
         raise NcError("the program has an override law: what it does depends on the measured load, not on its blocks alone")
     program.check(scenario)
     machine, workpiece = scenario.machine, scenario.workpiece
-    env = RoughTurningEnv(_stepwise(job(scenario, len(program.bars))))
-    row = workpiece.approach + workpiece.bar_length
+    env = RoughTurningEnv(_stepwise(with_bars(scenario, len(program.bars))))
+    pitch = workpiece.approach + workpiece.bar_length
     blocks = [block for bar in program.bars for block in bar]
-    ends = [number * row + program.start - block.z for number, bar in enumerate(program.bars) for block in bar]
-    most_speed = program.most_spindle_speed * math.pi * program.diameter / 1000.0
+    ends = [number * pitch + program.start - block.z for number, bar in enumerate(program.bars) for block in bar]
+    max_speed = program.max_spindle_speed * math.pi * program.diameter / 1000.0
     actions = [
         np.array(
             (
-                _action(min(block.cutting_speed, most_speed), machine.cutting_speed_min, machine.cutting_speed_max),
+                _action(min(block.cutting_speed, max_speed), machine.cutting_speed_min, machine.cutting_speed_max),
                 _action(block.feed, machine.feed_min, machine.feed_max),
             ),
             np.float32,
@@ -45,13 +45,13 @@ def simulate(program: Program, scenario: Scenario, seed: int) -> Sums:
     _, info = env.reset(seed=seed)
     removed = time = 0.0
     while info["path"] < ends[-1] - 1e-6:
-        place = min(bisect.bisect_right(ends, info["path"] + 1e-9), len(blocks) - 1)
-        _, _, terminated, truncated, info = env.step(actions[place])
+        index = min(bisect.bisect_right(ends, info["path"] + 1e-9), len(blocks) - 1)
+        _, _, terminated, truncated, info = env.step(actions[index])
         removed += info["removed"]
         time += info["time"]
         if terminated or truncated:
             break
-    return Sums(removed, time / 60.0, info["wear"])
+    return Totals(removed, time / 60.0, info["wear"])
 
 
 def _action(value: float, low: float, high: float) -> float:
@@ -59,7 +59,7 @@ def _action(value: float, low: float, high: float) -> float:
 
 
 def _stepwise(scenario: Scenario) -> Scenario:
-    """The same lathe under set points, with an interval for each of its sub-steps."""
+    """Return the scenario with set points as actions, and a control interval for each of its sub-steps."""
     control = scenario.control
     interval = control.interval / control.sub_steps
     finer = {"interval": interval, "sub_steps": 1} if interval >= MIN_INTERVAL else {}

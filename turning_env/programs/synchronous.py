@@ -1,4 +1,4 @@
-"""Synchronized actions: what the control does in every interpolation cycle, from measured load to feed override.
+"""Synchronized actions, which the control runs in every interpolation cycle, from measured load to feed override.
 
 The subset of SINUMERIK's synchronized actions that is written and read here (Programming Guide Advanced, edition 04.00, chapter
 10): ``FCTDEF`` defines a polynomial of third degree with limits, ``SYNFCT`` evaluates it on a variable into another, assignments
@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from turning_env.programs.expression import Expression
 
 OVERRIDE, LOAD = "$AC_OVR", "$AA_LOAD[S1]"
-"""Feed override of the path [%], which is written; load of the spindle's drive [%], which is measured."""
+"""Feed override of the path [%], an output; load of the spindle's drive [%], measured."""
 PATH_VELOCITY, SPINDLE_SPEED = "$AC_VACTB", "$AA_S[1]"
-"""Actual velocity along the path [mm/min] and of the spindle [rev/min], which are measured."""
+"""Actual velocity along the path [mm/min] and of the spindle [rev/min], measured."""
 PARAMETERS = tuple(f"$AC_PARAM[{index}]" for index in range(10))
 """Variables to compute with."""
 READABLE = (LOAD, PATH_VELOCITY, SPINDLE_SPEED, *PARAMETERS)
@@ -41,27 +41,27 @@ class Polynomial:
     coefficients: tuple[float, float, float, float]
 
     def __call__(self, x: float) -> float:
-        """Its value."""
+        """Return its value at x."""
         a0, a1, a2, a3 = self.coefficients
         return min(max(a0 + x * (a1 + x * (a2 + x * a3)), self.low), self.high)
 
 
 @dataclass(frozen=True)
 class Condition:
-    """One variable compared with another or with a number."""
+    """A comparison of a variable with an expression."""
 
     variable: str
     comparison: str
     value: Expression
 
     def holds(self, variables: Mapping[str, float]) -> bool:
-        """Whether it does."""
+        """Return whether the condition holds."""
         return COMPARISONS[self.comparison](variables[self.variable], self.value.value(variables))
 
 
 @dataclass(frozen=True)
 class Evaluate:
-    """``SYNFCT``: a polynomial of one variable into another."""
+    """``SYNFCT``: assigns a polynomial of one variable to another."""
 
     polynomial: int
     output: str
@@ -70,7 +70,7 @@ class Evaluate:
 
 @dataclass(frozen=True)
 class Assign:
-    """A variable becomes an expression's value."""
+    """Assigns an expression to a variable."""
 
     output: str
     expression: Expression
@@ -95,14 +95,14 @@ class Law:
     actions: tuple[Action, ...]
 
     def variables(self) -> dict[str, float]:
-        """The variables as the program begins: 0 where it says nothing, and an override of 100 %."""
+        """Return the variables at the start of the program: 0 by default, and an override of 100 %."""
         return dict.fromkeys(READABLE, 0.0) | {OVERRIDE: 100.0} | dict(self.initial)
 
     def cycle(self, variables: MutableMapping[str, float]) -> float:
-        """Run one interpolation cycle on the variables; return the override [%], which is 100 where nothing writes it.
+        """Run one interpolation cycle on the variables; return the override [%], 100 unless it is written.
 
         Raises:
-            ZeroDivisionError: an expression divides by 0, on which a control stops.
+            ZeroDivisionError: an expression divides by 0, which stops a control.
         """
         polynomials = {polynomial.number: polynomial for polynomial in self.polynomials}
         variables[OVERRIDE] = 100.0

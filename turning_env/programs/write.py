@@ -1,9 +1,9 @@
-"""Programs as text, for a SINUMERIK control in its own language."""
+"""Write programs in the language of a SINUMERIK control."""
 
 import textwrap
 from collections.abc import Iterable, Iterator
 
-from turning_env.programs.numbers import number_text
+from turning_env.programs.expression import number_text
 from turning_env.programs.program import (
     FEED_DECIMALS,
     LENGTH_DECIMALS,
@@ -29,10 +29,10 @@ COMMENT_WIDTH = 100
 
 
 def write(program: Program, comments: Iterable[str] = ()) -> str:
-    """The text of a program: the warning, comments, units, and then numbered blocks."""
+    """Return the text of a program: the warning, comments, units, and then numbered blocks."""
     lines = [f"; {line}" for text in (WARNING, *comments, UNITS) for line in textwrap.wrap(_plain(text), COMMENT_WIDTH) or [""]]
-    for place, block in enumerate(_blocks(program), 1):
-        lines.append(f"N{NUMBER_STEP * place} {block}")
+    for index, block in enumerate(_blocks(program), 1):
+        lines.append(f"N{NUMBER_STEP * index} {block}")
     return "\n".join(lines) + "\n"
 
 
@@ -41,7 +41,7 @@ def _blocks(program: Program) -> Iterator[str]:
     yield TOOL
     if program.law is not None:
         yield from _law_blocks(program.law)
-    limit = f" LIMS={program.most_spindle_speed:.{LIMIT_DECIMALS}f}"
+    limit = f" LIMS={program.max_spindle_speed:.{LIMIT_DECIMALS}f}"
     across = f"{program.diameter + 2.0 * RETRACTION:.{LENGTH_DECIMALS}f}"
     start = f"{program.start:.{LENGTH_DECIMALS}f}"
     for number, blocks in enumerate(program.bars):
@@ -78,7 +78,7 @@ def _note(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """A comment's text as any control shows it: one line of ASCII."""
+    """Return a comment's text as one line of ASCII, which any control shows."""
     return " ".join(text.encode("ascii", "replace").decode().split())
 
 

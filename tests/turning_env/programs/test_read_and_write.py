@@ -6,8 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from turning_env.programs.expression import Expression, Number, Operation, Variable, parse
-from turning_env.programs.numbers import as_written, number_text
+from turning_env.programs.expression import Expression, Number, Operation, Variable, as_written, number_text, parse
 from turning_env.programs.program import Block, NcError, Program, rounded_within
 from turning_env.programs.read import read
 from turning_env.programs.synchronous import (
@@ -68,7 +67,7 @@ def programs(draw: st.DrawFn) -> Program:
 
 @given(programs(), st.text(max_size=200))
 def test_what_is_written_reads_back_equal(program: Program, comment: str) -> None:
-    program = Program(round(program.diameter, 3), program.start, program.most_spindle_speed, program.bars, program.law)
+    program = Program(round(program.diameter, 3), program.start, program.max_spindle_speed, program.bars, program.law)
     text = write(program, [comment])
     assert read(text) == program
     assert text.startswith(f"; {WARNING}\n")
