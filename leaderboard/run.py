@@ -33,7 +33,7 @@ from leaderboard.standings import check_alike
 from leaderboard.trajectories import RECORDED_DRAWS, Trajectories, Trajectory, record
 from train.agents.trained import ONNX_SUFFIX
 from turning_env import Scenario
-from turning_env.locks import exclusive_lock, shared_lock
+from turning_env.files import exclusive_lock, shared_lock
 from turning_env.score.play import Episodes
 from turning_env.score.workers import Workers, spread
 

@@ -22,8 +22,7 @@ from train.learning_curve import LearningCurve
 from train.run import Run, warn_of_pickle
 from train.vec_env import RoughTurningVecEnv
 from turning_env import Scenario
-from turning_env.files import replace_file
-from turning_env.locks import exclusive_lock
+from turning_env.files import exclusive_lock, replace_file
 from turning_env.score.seeds import TUNING_START
 
 SEED_STRIDE = 1_000_000
