@@ -22,6 +22,8 @@ from signal import SIG_IGN, SIGINT, signal
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
+from turning_env.physics import MODEL_VERSION
+
 CONNECTING = 10.0
 """Time to wait for a scheduler, and then for its first worker [s]."""
 PATIENCE = 60.0
@@ -275,8 +277,8 @@ def _do(wanted: dict[str, str], work: Callable[..., Any], *arguments: Any) -> An
 
 
 def _versions() -> dict[str, str]:
-    """Return the versions of the packages on which results depend."""
-    versions = dict.fromkeys(_PACKAGES, "none")
+    """Return the versions of the model and of the packages on which results depend."""
+    versions = {"model": str(MODEL_VERSION)} | dict.fromkeys(_PACKAGES, "none")
     for name in _PACKAGES:
         with suppress(PackageNotFoundError):
             versions[name] = version(name)
