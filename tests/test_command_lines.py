@@ -14,7 +14,7 @@ import pytest
 
 from tests.walking import ROOT, blocks, commands
 
-PACKAGES = ("turning_env", "baselines", "train", "leaderboard", "benchmarks")
+PACKAGES = ("turning_env", "baselines", "train", "leaderboard", "papers", "benchmarks")
 
 # Of every command, by module and subcommand, arguments with a mistake in a name, a number or a file: none of them exists.
 MISTAKES: dict[str, list[str]] = {

@@ -110,7 +110,7 @@ def save(figure: Figure, path: Path) -> None:
     """
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
-        raise ValueError(f"{str(path)!r} must end in .{', .'.join(FORMATS)}")
+        raise ValueError(f"{path}: its suffix must be .{' or .'.join(FORMATS)}")
     if kind == "png":
         replace_file(path, lambda partial: _save_png(figure, partial))
     else:
