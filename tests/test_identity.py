@@ -1,13 +1,12 @@
 """What changes an identity and what does not, tried on a copy of the repository: versions and values do, words do not."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tests.walking import copy_to
+from tests.walking import copy_to, run, walk
 
 pytestmark = pytest.mark.slow
 
@@ -25,11 +24,13 @@ for path in sorted(Path("agents").glob("*/*/*.onnx")):
 """
 
 
-@pytest.fixture(scope="module")
-def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("copy")
-    copy_to(folder)
-    return folder
+@pytest.fixture
+def copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the repository, run interpreted: nothing has to be compiled for a change that is tried once."""
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    copy_to(tmp_path)
+    return tmp_path
 
 
 def edit(path: Path, old: str, new: str) -> None:
@@ -39,9 +40,8 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 def python(copy: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    """Run Python in the copy, interpreted: nothing has to be compiled for a change that is tried once."""
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(copy)}
-    return subprocess.run([sys.executable, *arguments], cwd=copy, env=environment, capture_output=True, text=True)
+    """Run Python in the copy."""
+    return run([sys.executable, *arguments], copy)
 
 
 def golden(copy: Path) -> "subprocess.CompletedProcess[str]":
@@ -49,28 +49,23 @@ def golden(copy: Path) -> "subprocess.CompletedProcess[str]":
     return python(copy, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests)
 
 
-def test_neutral_fields_words_and_new_controllers_change_no_identity(copy: Path) -> None:
-    sections = copy / "turning_env" / "scenario" / "sections.py"
-    coolant = "class Coolant(Section):\n    flow: float = quantity(0, 0, 1000, 'l/min', 'flow')\n\n\n"
-    edit(sections, "class Workpiece(Section):", f"{coolant}class Workpiece(Section):")
-    stiffness = "    stiffness: float = quantity(0, 0, 1e9, 'N/mm', 'stiffness of the spindle; 0: rigid')\n"
-    edit(sections, "    rated_power: float =", f"{stiffness}    rated_power: float =")
-    scenario = copy / "turning_env" / "scenario" / "scenario.py"
-    edit(scenario, "    Control,\n", "    Control,\n    Coolant,\n")
-    edit(scenario, "    limits: Limits = Limits()\n", "    limits: Limits = Limits()\n    coolant: Coolant = Coolant()\n")
+def test_words_fields_controllers_disturbances_and_entries_invalidate_nothing(copy: Path) -> None:
+    """The recipes, followed word for word: each page runs its own test, the golden trajectories and ``verify --check``."""
     edit(copy / "turning_env" / "physics" / "wear.py", '"""', '"""Edited. ')
     edit(copy / "baselines" / "fixed.py", '"""', '"""Edited. ')
-    controller = (copy / "baselines" / "fixed.py").read_text("utf-8").replace('"fixed_', '"steady_')
-    (copy / "baselines" / "steady.py").write_text(controller, "utf-8")
-    edit(copy / "baselines" / "catalogue.py", '    "fixed",\n', '    "fixed",\n    "steady",\n')
+    for page in ("change_the_lathe", "add_a_controller"):
+        text = (copy / "docs" / "tutorials" / f"{page}.md").read_text("utf-8")
+        plays = ("python -m baselines.tune", "python -m leaderboard run")  # tests/test_pages.py runs these
+        walk(text, copy, {}, done=[line for line in text.splitlines() if line.startswith(plays)])
     checked = python(copy, "-c", CHECK)
     assert checked.returncode == 0, checked.stderr
     verified = python(copy, "-m", "leaderboard", "verify", "--check")
     assert verified.returncode == 0, verified.stdout + verified.stderr
     assert "every result is valid" in verified.stdout
-    assert "steady_handbook" in python(copy, "-c", "from baselines.catalogue import RULES; print(*RULES)").stdout
-    played = golden(copy)
-    assert played.returncode == 0, played.stdout
+    assert "steady_load" in python(copy, "-c", "from baselines.catalogue import RULES; print(*RULES)").stdout
+    changed = python(copy, "-m", "turning_env", "show", "rough_turning").stdout
+    assert "chatter_gain" in changed
+    assert "torque = false" in changed
 
 
 def test_another_law_fails_its_golden_trajectory_and_says_what_to_raise(copy: Path) -> None:
