@@ -105,7 +105,7 @@ def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
     right.set_ylim(cuts.feed.min(), cuts.feed.max())
     ends = np.interp(levels, rates[:, -1], cuts.feed[:, -1])
     right.set_yticks(ends, [f"{level:g}" for level in levels], color=GREY)
-    right.set_ylabel("removal rate of the line that ends here [cm³/min]", color=GREY)
+    right.set_ylabel("removal rate (MRR) of the line that ends here [cm³/min]", color=GREY)
 
 
 def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
@@ -177,7 +177,7 @@ def _legend(scenario: Scenario) -> list[Any]:
         Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"),
         Line2D([], [], color=VERMILLION, linewidth=2.2, label=force[0].format(scenario.limits.thrust_force)),
         Line2D([], [], color=BLUE, linewidth=2.2, linestyle=(0, (6, 1.5)), label=power[0].format(scenario.limits.power)),
-        Line2D([], [], color=GREY, linewidth=0.8, label="removal rate, labelled at the right"),
+        Line2D([], [], color=GREY, linewidth=0.8, label="MRR, labelled at the right"),
         Line2D([], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out [min]"),
-        Line2D([], [], color="black", marker="o", linestyle="none", label="highest removal rate within the limits"),
+        Line2D([], [], color="black", marker="o", linestyle="none", label="highest MRR within limits"),
     ]
