@@ -84,7 +84,7 @@ class Machine(Section):
 
 
 class FeedDrive(Section):
-    """Ball screw and permanent-magnet motor of the feed drive (servo current paper, equations 1 to 9). All values: assumptions."""
+    """Ball screw and permanent-magnet motor of the feed drive (servo current paper, eq. 1 to 9). All values: assumptions."""
 
     guide_friction: float = quantity(200, 0, 1e6, "N", "friction force of the guides, F_0")
     screw_lead: float = quantity(10, 0.1, 1000, "mm", "travel per revolution of the screw, L_0")
