@@ -27,9 +27,9 @@ def replace_file(target: Path, write: Callable[[Path], object]) -> None:
     """
     # Named by process, so that two processes that write the same target do not fill the same file.
     partial = target.with_name(f"{_PARTIAL}{os.getpid()}-{target.name}")
+    target.parent.mkdir(parents=True, exist_ok=True)
     try:
         try:
-            target.parent.mkdir(parents=True, exist_ok=True)
             write(partial)
             with partial.open("rb+") as file:
                 os.fsync(file.fileno())
