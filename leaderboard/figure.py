@@ -8,43 +8,40 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import SymmetricalLogLocator
 
+from leaderboard.gallery import save
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import ResultError
 from leaderboard.standings import comparators
 from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
-from turning_env.files import replace_file
 from turning_env.workshop.plot_style import BLUE, GREY, ORANGE, VERMILLION
 
 
-def write(board: Leaderboard, path: Path) -> None:
-    """Draw a board as a PNG, all of it or nothing.
+def write(leaderboard: Leaderboard, path: Path) -> None:
+    """Draw a leaderboard as a PNG, whole or not at all.
 
     Raises:
         ResultError: fewer than two trajectories were recorded, or the file cannot be written.
     """
-    recorded = board.trajectories.episodes if board.trajectories else []
+    recorded = leaderboard.trajectories.episodes if leaderboard.trajectories else []
     episodes = [episode for episode in recorded if episode.seed == recorded[0].seed]
     if len(episodes) < 2:
-        what = f"{board.task.env_id} on scenario {board.task.scenario.name}"
+        what = f"{leaderboard.task.env_id} on scenario {leaderboard.task.scenario.name}"
         raise ResultError(f"two trajectories are needed; python -m leaderboard run records those of {what}")
     # The first of the ranking against the published controller, or against the next.
-    published = comparators(board.task.scenario).published
+    published = comparators(leaderboard.task.scenario).published
     second = next((episode for episode in episodes[1:] if episode.policy.name == published), episodes[1])
-    figure = Figure(figsize=(10, max(4.2, 1.2 + 0.26 * len(board.standings))), layout="constrained")
+    figure = Figure(figsize=(10, max(4.2, 1.2 + 0.26 * len(leaderboard.standings))), layout="constrained")
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.1))[0]
-    _intervals(left.subplots(), board)
-    _same_bar(right.subplots(3, 1, sharex=True), (episodes[0], second), board.task.scenario)
-    try:
-        replace_file(path, lambda partial: figure.savefig(partial, dpi=200, format="png"))
-    except OSError as error:
-        raise ResultError(f"{path} cannot be written: {error.strerror}") from error
+    _draw_ranking(left.subplots(), leaderboard)
+    _draw_same_bar(right.subplots(3, 1, sharex=True), (episodes[0], second), leaderboard.task.scenario)
+    save(figure, path)
 
 
-def _intervals(axes: Axes, board: Leaderboard) -> None:
-    fixed = comparators(board.task.scenario).fixed
-    # References first: nobody can be better.
-    standings = sorted(board.standings, key=lambda standing: standing.kind != "oracle")
+def _draw_ranking(axes: Axes, leaderboard: Leaderboard) -> None:
+    fixed = comparators(leaderboard.task.scenario).fixed
+    # Oracles first: nobody can be better.
+    standings = sorted(leaderboard.standings, key=lambda standing: standing.kind != "oracle")
     for place, standing in enumerate(standings):
         estimate, colour = standing.mean_return, BLUE if standing.feasible else VERMILLION
         colour = GREY if standing.kind == "oracle" else colour
@@ -58,13 +55,13 @@ def _intervals(axes: Axes, board: Leaderboard) -> None:
     # Logarithmic away from 0: the poorest policies lie many times farther off than the best lie apart.
     axes.set_xscale("symlog", linthresh=100)
     axes.xaxis.set_major_locator(SymmetricalLogLocator(base=10, linthresh=100, subs=(1.0,)))
-    lowest = min(standing.mean_return.low for standing in board.standings)
-    highest = max(standing.mean_return.high for standing in board.standings)
+    lowest = min(standing.mean_return.low for standing in leaderboard.standings)
+    highest = max(standing.mean_return.high for standing in leaderboard.standings)
     axes.set_xlim(lowest - 0.2 * abs(lowest), highest + 0.2 * abs(highest))
     axes.xaxis.set_major_formatter("{x:.0f}")
     axes.set_xlabel("mean return with 95 % interval [s], log scale")
     axes.set_title(
-        f"{len(board.task.seeds)} held-out draws\nhollow: not feasible; grey: references", loc="left", fontsize="small"
+        f"{len(leaderboard.task.seeds)} held-out seeds\nhollow: not feasible; grey: oracles", loc="left", fontsize="small"
     )
     axes.grid(axis="x", linewidth=0.4)
     axes.spines[["top", "right", "left"]].set_visible(False)
@@ -72,8 +69,8 @@ def _intervals(axes: Axes, board: Leaderboard) -> None:
     axes.tick_params(axis="x", labelsize="small")
 
 
-def _same_bar(panels: Sequence[Axes], episodes: tuple[Trajectory, Trajectory], scenario: Scenario) -> None:
-    """Feed, thrust force and power of two policies along one bar, half-way through the shorter run."""
+def _draw_same_bar(panels: Sequence[Axes], episodes: tuple[Trajectory, Trajectory], scenario: Scenario) -> None:
+    """Draw feed, thrust force and power of two policies along one bar, half-way through the shorter trajectory."""
     pitch = scenario.workpiece.bar_length + scenario.workpiece.approach
     bar = int(min(episode.series["path"][-1] for episode in episodes) / 2.0 // pitch)
     subjects = (

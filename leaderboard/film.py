@@ -1,4 +1,4 @@
-"""Writes frames as a video, an animated GIF or a still, by the file's suffix; whole or not at all."""
+"""Write frames as a video, an animated GIF or a still, by the file's suffix; whole or not at all."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,29 +15,24 @@ Frame = NDArray[np.uint8]
 
 
 def write(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
-    """Write all frames (of a still only the last) to a file ending in ``.mp4``, ``.gif`` or ``.png``.
+    """Write all frames, or of a still the last, to a file ending in ``.mp4``, ``.gif`` or ``.png``.
 
     Raises:
         ResultError: the file ends otherwise, cannot be written, or what writes it is not installed.
     """
-    write_file = writer(path)
+    check_suffix(path)
     try:
-        replace_file(path, lambda partial: write_file(frames, partial, frames_per_second))
+        replace_file(path, lambda partial: _WRITERS[path.suffix](frames, partial, frames_per_second))
     except OSError as error:
         raise ResultError(f"{path} cannot be written: {error.strerror or error}") from error
     except ModuleNotFoundError as error:
         raise ResultError(f'{error.name} is not installed: pip install "rough-turning[render,ecosystem]"') from error
 
 
-def writer(path: Path) -> Callable[[Iterator[Frame], Path, int], None]:
-    """What writes a file of such a name.
-
-    Raises:
-        ResultError: nothing does.
-    """
+def check_suffix(path: Path) -> None:
+    """Raise ResultError if no film can be written to a file of such a name."""
     if path.suffix not in _WRITERS:
         raise ResultError(f"{path} must end in one of {', '.join(_WRITERS)}")
-    return _WRITERS[path.suffix]
 
 
 def _write_video(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
@@ -65,14 +60,14 @@ def _write_gif(frames: Iterator[Frame], path: Path, frames_per_second: int) -> N
         return frame.quantize(palette=palette, dither=Image.Dither.NONE)
 
     rest = (reduced(Image.fromarray(frame)) for frame in frames)
-    # Viewers take no pause shorter than 2/100 s for meant.
+    # Viewers ignore pauses shorter than 2/100 s.
     pause = max(1000 // frames_per_second, 20)
     with path.open("wb") as file:  # Pillow alone would leave it open when interrupted
         reduced(first).save(file, "GIF", save_all=True, append_images=rest, duration=pause, loop=0, optimize=False)
 
 
 def _colours() -> list[tuple[int, int, int]]:
-    """Those of which frames consist: of one frame's alone, later ones would lack some."""
+    """Return the colours of which frames consist: one frame alone would lack some of later ones."""
     from turning_env.rendering import theme
 
     paints = [theme.BLUE, theme.ORANGE, theme.GREEN, theme.VERMILLION, theme.PURPLE, theme.INSERT, theme.LAND, theme.CHIP]

@@ -1,4 +1,4 @@
-"""Have a policy play, or two of them the same bars, and film it or show it in a window.
+"""Film a policy, or two with the same seed side by side, or show one in a window.
 
 python -m leaderboard.watch --env RoughTurning-v0 --policy rescaled_grid_search --beside grid_search --out cut.mp4
 """
@@ -27,41 +27,41 @@ _GAP = 8
 
 
 class Show:
-    """One policy at one episode, seen interval by interval.
+    """One policy's episode, seen step by step.
 
     Args:
-        contestant: who plays.
-        env_id: which environment.
-        scenario: what is played.
-        seed: the draw.
+        spec: the policy.
+        env_id: of the environment.
+        scenario: of the environment.
+        seed: determines the edge and the bars.
         render_mode: "rgb_array" or "human".
 
     Attributes:
-        ended: whether the episode has.
+        ended: whether the episode has ended.
     """
 
-    def __init__(self, contestant: PolicySpec, env_id: str, scenario: Scenario, seed: int, render_mode: str) -> None:
-        self._label = contestant.label
+    def __init__(self, spec: PolicySpec, env_id: str, scenario: Scenario, seed: int, render_mode: str) -> None:
+        self._label = spec.label
         self.env: Any = gymnasium.make(env_id, scenario=scenario, render_mode=render_mode)
-        self._controller = contestant.make(1)
+        self._policy = spec.make(1)
         self._observation, _ = self.env.reset(seed=seed)
-        self._controller.reset(np.ones(1, np.bool_))
+        self._policy.reset(np.ones(1, np.bool_))
         self.ended = False
 
     def advance(self) -> None:
-        """Play one interval.
+        """Play one step.
 
         Raises:
             ResultError: the policy's action has the wrong shape or is not finite.
         """
         try:
-            self._observation, _, terminated, truncated, _ = self.env.step(self._controller.act(self._observation[None])[0])
+            self._observation, _, terminated, truncated, _ = self.env.step(self._policy.act(self._observation[None])[0])
         except ValueError as error:
             raise ResultError(f"{self._label} cannot play: {error}") from error
         self.ended = terminated or truncated
 
     def frame(self) -> Frame:
-        """The lathe as it is now, under its policy's name."""
+        """Return a frame of the present state, under the policy's name."""
         from PIL import Image
 
         from turning_env.rendering.theme import PAPER, write
@@ -74,7 +74,7 @@ class Show:
 
 @exits(ValueError, gymnasium.error.Error, interrupted="interrupted; nothing was written")
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status."""
     options = _parser().parse_args(arguments)
     try:
         _watch(options)
@@ -87,12 +87,12 @@ def _watch(options: argparse.Namespace) -> None:
     if options.human and options.beside:
         raise ResultError("--human shows one policy: give --out to see two beside each other")
     if not options.human:
-        film.writer(options.out)  # a name that cannot be written is found before anything is played
+        film.check_suffix(options.out)  # before anything is played
     scenario = Scenario.load(options.scenario or IDS[options.env])
     names = [options.agent or options.policy, *([options.beside] if options.beside else [])]
-    contestants = [contestant(name, scenario) for name in names]
+    specs = [policy(name, scenario) for name in names]
     mode = "human" if options.human else "rgb_array"
-    shows = [Show(each, options.env, scenario, options.seed, mode) for each in contestants]
+    shows = [Show(spec, options.env, scenario, options.seed, mode) for spec in specs]
     try:
         if options.human:
             for _ in steps(shows, options.steps, 1):
@@ -106,25 +106,25 @@ def _watch(options: argparse.Namespace) -> None:
             show.env.close()
 
 
-def contestant(name: str, scenario: Scenario) -> PolicySpec:
-    """The rule of a name, or the agent of an ONNX file or a run's folder.
+def policy(name: str, scenario: Scenario) -> PolicySpec:
+    """Return the rule of a name, or the agent of an ONNX file or a run's folder.
 
     Raises:
-        ResultError: there is none, it cannot play the scenario, or it acts on more than observations.
+        ResultError: there is none, it cannot play the scenario, or it is an oracle, which knows more than observations.
     """
     if name.endswith(ONNX_SUFFIX) or Path(name).is_dir():
         return run.agent(Path(name), scenario)
-    (player,) = run.named([name], scenario)
-    if not isinstance(player, PolicySpec):
+    (spec,) = run.named([name], scenario)
+    if spec.kind == "oracle":
         raise ResultError(f"{name} cannot be watched: only what acts on observations can")
-    return player
+    return spec
 
 
 def steps(shows: Sequence[Show], most: int | None, every: int) -> Iterator[int]:
     """Play until all have ended, at most so many steps; yields at the start, after every so many, and at the end."""
     yield 0
     done = 0
-    with tqdm(total=most, unit="interval", dynamic_ncols=True, disable=None) as bar:
+    with tqdm(total=most, unit="step", dynamic_ncols=True, disable=None) as bar:
         while done != most and not all(show.ended for show in shows):
             for show in shows:
                 if not show.ended:
@@ -136,16 +136,13 @@ def steps(shows: Sequence[Show], most: int | None, every: int) -> Iterator[int]:
 
 
 def frames(shows: Sequence[Show], most: int | None, every: int, width: int | None = None) -> Iterator[Frame]:
-    """What is seen, side by side, scaled to a width [pixels] if one is given; who has ended stands still."""
+    """Yield frames side by side, scaled to a width [pixels] if one is given; an episode that has ended stands still."""
     from PIL import Image
 
     for _ in steps(shows, most, every):
         pictures = [show.frame() for show in shows]
         gap = np.full((len(pictures[0]), _GAP, 3), 255, np.uint8)
-        joined = [pictures[0]]
-        for picture in pictures[1:]:
-            joined += [gap, picture]
-        frame: Frame = np.concatenate(joined, axis=1)
+        frame: Frame = np.concatenate([part for picture in pictures for part in (gap, picture)][1:], axis=1)
         if width is not None:
             height = 2 * round(0.5 * frame.shape[0] * width / frame.shape[1])  # even, as videos need it
             frame = np.asarray(Image.fromarray(frame).resize((width, height), Image.Resampling.LANCZOS))
@@ -165,18 +162,15 @@ def _width(text: str) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m leaderboard.watch",
-        **described(__doc__),
-    )
+    parser = argparse.ArgumentParser(prog="python -m leaderboard.watch", **described(__doc__))
     parser.add_argument("--env", choices=IDS, default="RoughTurning-v0", help="the environment's id (default: RoughTurning-v0)")
     parser.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own preset")
     who = parser.add_mutually_exclusive_group(required=True)
     who.add_argument("--policy", metavar="NAME", help="a rule-based controller")
     who.add_argument("--agent", metavar="AGENT", help="an agent: an ONNX file, or a run folder of your own")
     parser.add_argument("--beside", metavar="NAME_OR_AGENT", help="another policy or agent, on the same bars, beside the first")
-    parser.add_argument("--seed", type=int, default=0, help="which edge and bars (default: 0)")
-    parser.add_argument("--steps", type=_positive, metavar="N", help="at most so many control steps (default: the episode)")
+    parser.add_argument("--seed", type=int, default=0, help="determines the edge and the bars (default: 0)")
+    parser.add_argument("--steps", type=_positive, metavar="N", help="at most so many steps (default: the episode)")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--out", type=Path, metavar="FILE", help="an .mp4 or .gif of it all, or a .png of its end")
     where.add_argument("--human", action="store_true", help="show it in a window")

@@ -13,7 +13,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from leaderboard import columns, generalisation
-from leaderboard.page.courses import chart_data
+from leaderboard.page.charts import chart_data
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import write_whole
 from leaderboard.standings import highest
@@ -25,7 +25,7 @@ COLUMN_GROUPS = {
     "Return": columns.RETURNS,
     "Score": columns.SCORE,
     "Limits": columns.LIMITS,
-    "Compared on the same draws": columns.COMPARISONS,
+    "Compared on the same seeds": columns.COMPARISONS,
     "In the workshop": columns.WORKSHOP,
 }
 SHOWN_AT_FIRST = ("Return", "Score", "Limits")
@@ -33,33 +33,28 @@ _HERE = Path(__file__).parent
 _SCRIPTS = ("tables.js", "charts.js", "start.js")
 
 
-def write(boards: Sequence[Leaderboard], path: Path) -> None:
-    """Write the page of some boards, all of it or nothing.
+def write(leaderboards: Sequence[Leaderboard], path: Path) -> None:
+    """Write the page of some leaderboards, whole or not at all.
 
     Raises:
         ResultError: the file cannot be written.
     """
-    write_whole(path, render(boards))
+    write_whole(path, render(leaderboards))
 
 
-def render(boards: Sequence[Leaderboard]) -> str:
-    """The page as HTML. It needs nothing beside itself."""
-    templates = Environment(
-        loader=FileSystemLoader(_HERE),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+def render(leaderboards: Sequence[Leaderboard]) -> str:
+    """Return the page as HTML, which needs no other file."""
+    loader = FileSystemLoader(_HERE)
+    templates = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     templates.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
     templates.filters["number"] = lambda text: str(text).replace("-", "\N{MINUS SIGN}")
     templates.filters["unit"] = lambda text: str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
     script = "\n".join(["'use strict';", *((_HERE / name).read_text("utf-8") for name in _SCRIPTS)])
-    sections = [_section(board) for board in boards]
+    sections = [_section(each) for each in leaderboards]
     return templates.get_template("page.html.j2").render(
         sections=sections,
-        tasks={env_id: list(group) for env_id, group in groupby(sections, lambda section: section["board"].task.env_id)},
-        across=generalisation.across(boards),
+        tasks={env_id: list(group) for env_id, group in groupby(sections, lambda section: section["leaderboard"].task.env_id)},
+        across=generalisation.across(leaderboards),
         column_groups=list(COLUMN_GROUPS),
         shown_at_first=SHOWN_AT_FIRST,
         confidence=f"{100 * CONFIDENCE:g} %",
@@ -71,36 +66,36 @@ def render(boards: Sequence[Leaderboard]) -> str:
     )
 
 
-def _section(board: Leaderboard) -> dict[str, Any]:
-    shown = {heading: columns.applying(group, board.standings) for heading, group in COLUMN_GROUPS.items()}
-    place = f"{board.task.env_id}/{board.task.scenario.name}"
+def _section(leaderboard: Leaderboard) -> dict[str, Any]:
+    shown = {heading: columns.applying(group, leaderboard.standings) for heading, group in COLUMN_GROUPS.items()}
+    place = f"{leaderboard.task.env_id}/{leaderboard.task.scenario.name}"
     return {
         "place": place,
         "link": quote(place),
         "column_groups": {heading: group for heading, group in shown.items() if group},
         "columns": [(heading, column) for heading, group in shown.items() for column in group],
-        "board": board,
-        "versions": board.results[0].versions,
-        "chart_data": chart_data(board),
-        "best_rules": _best_rules(board),
+        "leaderboard": leaderboard,
+        "versions": leaderboard.results[0].versions,
+        "chart_data": chart_data(leaderboard),
+        "best_rules": _best_rules(leaderboard),
         "policies": {
-            standing.name: [result.policy for result in board.results if result.policy.name == standing.name]
-            for standing in board.standings
+            standing.name: [result.policy for result in leaderboard.results if result.policy.name == standing.name]
+            for standing in leaderboard.standings
         },
-        "command": reproducing_command(board),
+        "command": reproducing_command(leaderboard),
     }
 
 
-def _best_rules(board: Leaderboard) -> list[str]:
-    """The best rule, and the one that it is itself compared with."""
-    rules = {standing.name: standing for standing in board.standings if standing.kind == "rule"}
+def _best_rules(leaderboard: Leaderboard) -> list[str]:
+    """Return the best rule, and the one that it is itself compared with."""
+    rules = {standing.name: standing for standing in leaderboard.standings if standing.kind == "rule"}
     best = highest({name: standing.mean_return.value for name, standing in rules.items()})
     return [] if best is None else [name for name in (best, rules[best].best_rule) if name is not None]
 
 
-def reproducing_command(board: Leaderboard) -> str:
-    """The command line that plays the board's results again."""
-    task, policies = board.task, [result.policy for result in board.results]
+def reproducing_command(leaderboard: Leaderboard) -> str:
+    """Return the command line that plays the leaderboard's results again."""
+    task, policies = leaderboard.task, [result.policy for result in leaderboard.results]
     words = ["python", "-m", "leaderboard", "run", "--env", task.env_id]
     tuned_for = {policy.tuned_for.name for policy in policies if policy.kind == "rule" and policy.tuned_for is not None}
     if tuned_for:  # a split: played with the scenario that it is a split of

@@ -1,17 +1,11 @@
 // Draws what was recorded of a policy, and of a second one over it. Names go into the page as text only.
 
-const ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-const GAP = ALPHABET.length ** 2 - 1;
-const DIGIT = new Map([...ALPHABET].map((letter, place) => [letter, place]));
+const LEVELS = 65534;
 const HEIGHT = 170, LEFT = 48, RIGHT = 10, TOP = 8, BOTTOM = 36;
 
 function unpack(text, [low, high]) {
-  const values = [];
-  for (let place = 0; place < text.length; place += 2) {
-    const level = ALPHABET.length * DIGIT.get(text[place]) + DIGIT.get(text[place + 1]);
-    values.push(level === GAP ? NaN : low + (level / (GAP - 1)) * (high - low));
-  }
-  return values;
+  const levels = new Uint16Array(Uint8Array.from(atob(text), letter => letter.charCodeAt(0)).buffer);
+  return Array.from(levels, level => level > LEVELS ? NaN : low + (level / LEVELS) * (high - low));
 }
 
 function element(name, properties = {}, ...children) {
@@ -43,31 +37,31 @@ const present = values => values.filter(value => !isNaN(value));
 const least = values => present(values).reduce((low, value) => Math.min(low, value), Infinity);
 const most = values => present(values).reduce((high, value) => Math.max(high, value), -Infinity);
 
-// What is drawn of a policy on a draw: its series as numbers.
-function courseOf(data, policy, draw) {
-  const packed = data.policies[policy]?.courses[draw];
+// The trajectory of a policy with a seed: its series as numbers, or null.
+function trajectoryOf(data, policy, seed) {
+  const packed = data.policies[policy]?.trajectories[seed];
   if (!packed) return null;
   const series = Object.fromEntries(Object.entries(packed.series).map(([name, text]) => [name, unpack(text, data.ranges[name])]));
-  return { label: data.policies[policy].label, intervals: packed.intervals, series };
+  return { label: data.policies[policy].label, steps: packed.steps, series };
 }
 
-function panel(subject, courses, axis, axisName, width) {
-  const xs = courses.flatMap(course => [least(course.series[axis]), most(course.series[axis])]);
-  const values = courses.flatMap(course => [...course.series[subject.series], ...(subject.reference ? course.series[subject.reference] : [])]);
-  const ends = [...present(values), ...(subject.limit === null ? [] : [subject.limit]), ...(subject.fromZero ? [0] : [])];
+function panel(subject, trajectories, axis, axisName, width) {
+  const xs = trajectories.flatMap(trajectory => [least(trajectory.series[axis]), most(trajectory.series[axis])]);
+  const values = trajectories.flatMap(trajectory => [...trajectory.series[subject.series], ...(subject.reference ? trajectory.series[subject.reference] : [])]);
+  const ends = [...present(values), ...(subject.limit === null ? [] : [subject.limit]), ...(subject.from_zero ? [0] : [])];
   const room = 0.05 * (most(ends) - least(ends)) || 1;
-  const [low, high] = [subject.fromZero ? 0 : least(ends) - room, most(ends) + room];
+  const [low, high] = [subject.from_zero ? 0 : least(ends) - room, most(ends) + room];
   const [start, end] = [least([0, ...xs]), most(xs)];
   const x = value => LEFT + ((value - start) / (end - start || 1)) * (width - LEFT - RIGHT);
   const y = value => HEIGHT - BOTTOM - ((value - low) / (high - low)) * (HEIGHT - TOP - BOTTOM);
 
   const title = `${subject.heading} [${subject.unit}]`;
-  const extent = course => {
-    const seen = course.series[subject.series];
-    return `${course.label} from ${written(least(seen))} to ${written(most(seen))}`;
+  const extent = trajectory => {
+    const seen = trajectory.series[subject.series];
+    return `${trajectory.label} from ${written(least(seen))} to ${written(most(seen))}`;
   };
   const limit = subject.limit === null ? "" : `; limit ${written(subject.limit)}`;
-  const label = `${title} over ${axisName}: ${courses.map(extent).join("; ")}${limit}`;
+  const label = `${title} over ${axisName}: ${trajectories.map(extent).join("; ")}${limit}`;
   const svg = drawing("svg", { viewBox: `0 0 ${width} ${HEIGHT}`, height: HEIGHT, role: "img", "aria-label": label });
   for (const tick of ticks(low, high, 4)) {
     svg.append(drawing("line", { class: "grid", x1: LEFT, x2: width - RIGHT, y1: y(tick), y2: y(tick) }));
@@ -78,16 +72,16 @@ function panel(subject, courses, axis, axisName, width) {
     svg.append(drawing("text", { x: x(tick), y: HEIGHT - BOTTOM + 16, "text-anchor": "middle" }, written(tick)));
   }
   svg.append(drawing("text", { x: width - RIGHT, y: HEIGHT - 5, "text-anchor": "end" }, axisName));
-  const line = (course, name, look) => {
+  const line = (trajectory, name, look) => {
     let moves = "", joined = false;
-    course.series[name].forEach((value, place) => {
-      if (!isNaN(value)) moves += `${joined ? "L" : "M"}${x(course.series[axis][place]).toFixed(1)} ${y(value).toFixed(1)}`;
+    trajectory.series[name].forEach((value, place) => {
+      if (!isNaN(value)) moves += `${joined ? "L" : "M"}${x(trajectory.series[axis][place]).toFixed(1)} ${y(value).toFixed(1)}`;
       joined = !isNaN(value);
     });
     svg.append(drawing("path", { class: look, d: moves }));
   };
-  if (subject.reference) line(courses[0], subject.reference, "followed");
-  courses.forEach((course, place) => line(course, subject.series, place ? "second" : "first"));
+  if (subject.reference) line(trajectories[0], subject.reference, "followed");
+  trajectories.forEach((trajectory, place) => line(trajectory, subject.series, place ? "second" : "first"));
   if (subject.limit !== null) {
     svg.append(drawing("path", { class: "limit", d: `M${LEFT} ${y(subject.limit)}H${width - RIGHT}` }));
   }
@@ -103,10 +97,10 @@ function key(look, ...words) {
 }
 
 // The greatest and the last values, for those who do not see the charts.
-function numbers(subjects, courses) {
+function numbers(subjects, trajectories) {
   const told = subjects.map(subject => ({ ...subject, what: subject.series === "wear" ? "at the end" : "greatest" }));
   const heads = ["policy", "time [min]", "path [mm]", ...told.map(each => `${each.heading}, ${each.what} [${each.unit}]`)];
-  const body = courses.map(({ label, series }) => element("tr", {},
+  const body = trajectories.map(({ label, series }) => element("tr", {},
     element("th", { scope: "row" }, named(label)),
     ...[series.minutes, series.path].map(values => element("td", { textContent: written(values.at(-1)) })),
     ...told.map(each => element("td", { textContent: written(each.series === "wear" ? series.wear.at(-1) : most(series[each.series]), 3) }))));
@@ -121,35 +115,35 @@ function choice(words, entries, chosen) {
   return [element("label", {}, `${words} `, select), select];
 }
 
-// Fills an opened row. The charts are drawn anew when something is chosen or the width changes.
-function showCourses(place, data) {
-  const first = Number(place.dataset.policy), recorded = policy => data.policies[policy]?.courses ?? [];
-  const draws = data.draws.map((draw, number) => [number, draw]).filter(([number]) => recorded(first)[number]);
+// Fill an opened row. The charts are drawn again when something is chosen or the width changes.
+function showTrajectories(place, data) {
+  const first = Number(place.dataset.policy), recorded = policy => data.policies[policy]?.trajectories ?? [];
+  const seeds = data.seeds.map((seed, number) => [number, seed]).filter(([number]) => recorded(first)[number]);
   const others = data.policies.flatMap((policy, number) => policy && number !== first ? [[number, isolated(policy.label)]] : []);
-  const [drawLabel, draw] = choice("Draw", draws, draws[0][0]);
+  const [seedLabel, seed] = choice("Seed", seeds, seeds[0][0]);
   const [secondLabel, second] = choice("Second policy", [["", "none"], ...others], data.second === first ? "" : data.second);
   const [axisLabel, axis] = choice("Along", Object.entries(data.axes), "minutes");
-  const choices = element("div", { className: "choose" }, drawLabel, secondLabel, axisLabel), output = element("div");
+  const choices = element("div", { className: "choose" }, seedLabel, secondLabel, axisLabel), output = element("div");
   choices.setAttribute("role", "group");
   choices.setAttribute("aria-label", "What is drawn");
   place.append(choices, output);
   const redraw = () => {
-    const courses = [courseOf(data, first, draw.value), second.value === "" ? null : courseOf(data, Number(second.value), draw.value)].filter(Boolean);
-    const legend = courses.map((course, number) => key(number ? "second" : "first", named(course.label)));
+    const trajectories = [trajectoryOf(data, first, seed.value), second.value === "" ? null : trajectoryOf(data, Number(second.value), seed.value)].filter(Boolean);
+    const legend = trajectories.map((trajectory, number) => key(number ? "second" : "first", named(trajectory.label)));
     legend.push(key("limit", "limit; of wear, the end of the edge"));
     if (data.subjects.some(subject => subject.reference)) legend.push(key("followed", "reference"));
     const panels = element("div", { className: "panels" });
-    const thinned = courses.filter(course => course.series.minutes.length < course.intervals);
+    const thinned = trajectories.filter(trajectory => trajectory.series.minutes.length < trajectory.steps);
     const note = [
-      second.value !== "" && courses.length < 2 ? "Nothing was recorded of the second policy on this draw." : "",
-      thinned.length ? `Of ${thinned.map(course => course.intervals).join(" and ")} intervals some ${thinned[0].series.minutes.length} are drawn: of neighbours those with the least and the greatest load.` : "",
+      second.value !== "" && trajectories.length < 2 ? "Nothing of the second policy was recorded with this seed." : "",
+      thinned.length ? `Of ${thinned.map(trajectory => trajectory.steps).join(" and ")} steps, some ${thinned[0].series.minutes.length} are drawn: of neighbours those with the least and the greatest load.` : "",
     ].join(" ").trim();
-    output.replaceChildren(element("ul", { className: "legend" }, ...legend), panels, element("p", { className: "note", textContent: note }), numbers(data.subjects, courses));
+    output.replaceChildren(element("ul", { className: "legend" }, ...legend), panels, element("p", { className: "note", textContent: note }), numbers(data.subjects, trajectories));
     const columns = getComputedStyle(panels).gridTemplateColumns.split(" ");
     const width = Math.max(200, Math.floor(parseFloat(columns[0]) || 0));
-    panels.append(...data.subjects.map(subject => panel(subject, courses, axis.value, data.axes[axis.value], width)));
+    panels.append(...data.subjects.map(subject => panel(subject, trajectories, axis.value, data.axes[axis.value], width)));
   };
-  for (const select of [draw, second, axis]) select.addEventListener("change", redraw);
+  for (const select of [seed, second, axis]) select.addEventListener("change", redraw);
   let drawn = 0;
   new ResizeObserver(() => {
     if (!place.clientWidth || place.clientWidth === drawn) return;

@@ -12,8 +12,8 @@ function showSection() {
     if (decodeURIComponent(link.hash.slice(1)) === chosen.id) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  form.hidden = !chosen.classList.contains("board");
-  if (!form.hidden) filterBoard(chosen, form);
+  form.hidden = !chosen.classList.contains("leaderboard");
+  if (!form.hidden) filterPolicies(chosen, form);
 }
 
 const dataOf = new Map();
@@ -26,10 +26,10 @@ function toggle(button) {
   const detail = document.getElementById(button.getAttribute("aria-controls")), opens = detail.hidden;
   button.setAttribute("aria-expanded", String(opens));
   detail.hidden = !opens;
-  const place = detail.querySelector(".courses"), data = dataFor(button.closest("section"));
+  const place = detail.querySelector(".trajectories"), data = dataFor(button.closest("section"));
   if (!opens || place.dataset.drawn || !data?.policies[place.dataset.policy]) return;
   place.dataset.drawn = "yes";
-  showCourses(place, data);
+  showTrajectories(place, data);
 }
 
 document.addEventListener("click", event => {

@@ -19,27 +19,27 @@ function sortBy(head) {
   table.tBodies[0].append(...keyed.flatMap(({ row, detail }) => detail ? [row, detail] : [row]));
 }
 
-function filterBoard(board, form) {
+function filterPolicies(section, form) {
   const text = form.elements.text.value.trim().toLocaleLowerCase();
   const kinds = new Set([...form.querySelectorAll("[name=kind]:checked")].map(box => box.value));
-  const rows = [...board.querySelectorAll("tr.policy")];
+  const rows = [...section.querySelectorAll("tr.policy")];
   let shown = 0;
   for (const row of rows) {
     const named = row.cells[1].textContent.toLocaleLowerCase().includes(text);
-    row.hidden = !named || !kinds.has(row.dataset.kind) || (form.elements.feasible.checked && row.classList.contains("refused"));
+    row.hidden = !named || !kinds.has(row.dataset.kind) || (form.elements.feasible.checked && row.classList.contains("infeasible"));
     const detail = detailOf(row);
     if (detail) detail.hidden = row.hidden || row.querySelector(".open").getAttribute("aria-expanded") !== "true";
     shown += !row.hidden;
   }
-  board.querySelector(".count").textContent = `${shown} of ${rows.length} rows shown`;
-  board.querySelector(".nothing").hidden = shown > 0;
+  section.querySelector(".count").textContent = `${shown} of ${rows.length} policies shown`;
+  section.querySelector(".nothing").hidden = shown > 0;
   for (const box of form.querySelectorAll("[name=columns]")) {
-    for (const cell of board.querySelectorAll(`.${box.value}`)) cell.hidden = !box.checked;
+    for (const cell of section.querySelectorAll(`.${box.value}`)) cell.hidden = !box.checked;
   }
   scaleIntervals(rows.filter(row => !row.hidden));
 }
 
-// Each column's bars share a scale: that of the better half of the feasible rows and references that are shown, for the
+// Each column's bars share a scale: that of the better half of the feasible policies and oracles that are shown, as the
 // poorest lie many times farther off than the best lie apart. Where few are feasible, all count.
 function scaleIntervals(rows) {
   const columns = new Map();
@@ -48,7 +48,7 @@ function scaleIntervals(rows) {
       if (!cell.dataset.low || cell.hidden) continue;
       const numbers = { cell, low: Number(cell.dataset.low), high: Number(cell.dataset.high), at: Number(cell.dataset.value) };
       if (!columns.has(cell.cellIndex)) columns.set(cell.cellIndex, []);
-      columns.get(cell.cellIndex).push({ ...numbers, counts: !row.classList.contains("refused") });
+      columns.get(cell.cellIndex).push({ ...numbers, counts: !row.classList.contains("infeasible") });
     }
   }
   for (const intervals of columns.values()) {

@@ -1,16 +1,16 @@
-"""What correcting the path to the measured blank gains, by kind of blank and rule (Sharmazanashvili 2008)."""
+"""The gain of correcting the path to the measured blank, by kind of blank and rule (Sharmazanashvili 2008)."""
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from baselines.two_limits import TWO_LIMITS
-from papers.figures.plate import Plate
+from papers.figures.paper_figure import PaperFigure
 from papers.reproduce.part_programming import IMPROVED, NOT_NECESSARY, blanks, checks, gain
 from turning_env.workshop import plot_style as style
 
 
 def columns() -> dict[str, tuple[str, ...]]:
-    """The rules by what the paper says of the correction with them."""
+    """Return the rules by what the paper says of the correction with them."""
     said = (*IMPROVED, *NOT_NECESSARY)
     return {
         "improved, says the paper": IMPROVED,
@@ -20,7 +20,7 @@ def columns() -> dict[str, tuple[str, ...]]:
 
 
 def draw() -> Figure:
-    """psi in a table whose cells are the darker the more is gained."""
+    """Draw psi in a table whose cells are darker where more is gained."""
     kinds, groups = blanks(), columns()
     rules = [rule for group in groups.values() for rule in group]
     gains = np.array([[gain(rule, blank)[1] for rule in rules] for blank in kinds])
@@ -50,8 +50,8 @@ def draw() -> Figure:
     return figure
 
 
-PLATES = (
-    Plate(
+FIGURES = (
+    PaperFigure(
         "part_programming_psi",
         "Sharmazanashvili (2008), the gain psi by type of blank",
         "What correcting the path of the tool to the measured blank gains, by kind of blank and by the two limits along which "

@@ -1,118 +1,255 @@
-"""What the grid search knows and finds in one minute of its edge's life: at each cutting speed, and over the whole plane."""
+"""Figures 2 to 10 of Alaskari and Oraby (2018): what the grid search chooses from in one minute of its edge's life."""
 
-import itertools
-import math
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from contourpy import contour_generator
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from baselines.grid_search import highest_feed, predict
-from papers.reproduce.alaskari_oraby import PaperRun, whole_run
+from papers.figures.paper_figure import GRID_SEARCH, PaperFigure, legend, lettered
+from papers.figures.responses import best_at_each_speed, paper_run, plane, responses, sides, wear_before
+from papers.reproduce.alaskari_oraby import rows, table_1, table_2
+from papers.reproduce.checks import Check, claim
+from turning_env.workshop import plot_style as style
 
-Array = NDArray[np.float64]
-FINE = (76, 109)
-"""Cutting speeds and feeds of the plane: two to a step of the search's grid, and the search's own."""
+Look = dict[str, Any]
 
-
-@cache
-def paper_run() -> PaperRun:
-    """The paper's grid, limits and models."""
-    return PaperRun()
-
-
-def wear_before(minute: int) -> float:
-    """Wear of the grid search's edge [mm] at the start of a minute, 1 to 15, of its life."""
-    return 0.0 if minute == 1 else whole_run()[minute - 2].wear
-
-
-@dataclass(frozen=True)
-class Responses:
-    """At the end of a minute, at pairs of cutting speed and feed; arrays of one shape."""
-
-    speed: Array
-    """[m/min]"""
-    feed: Array
-    """[mm/rev]"""
-    wear: Array
-    """[mm]"""
-    thrust_force: Array
-    """[N]"""
-    power: Array
-    """[kW]"""
-
-    @property
-    def removal_rate(self) -> Array:
-        """[cm3/min]"""
-        return self.speed * self.feed * paper_run().scenario.workpiece.depth_of_cut
-
-    @property
-    def within(self) -> NDArray[np.bool_]:
-        """Whether wear, force and power are all within their limits."""
-        scenario = paper_run().scenario
-        held = (self.thrust_force <= scenario.limits.thrust_force) & (self.power <= scenario.limits.power)
-        return np.asarray(held & (self.wear <= scenario.tool.wear_criterion))
+TABLES = {1: ("table1.csv", "wear_mm"), 2: ("table2.csv", "total_wear_mm")}
+"""Printed tables and their columns of wear, by minute."""
+STATED = {1: (150.0, 0.58, "ABCDEFA"), 2: (140.0, 0.58, "ABCDEFA"), 14: (200.0, 0.205, "ABCA")}
+"""Chosen cutting speed [m/min] and feed [mm/rev], and the corners of the feasible region, as the text has them, by minute."""
+RATES = (50, 100, 150, 200, 250)
+"""Contours of removal rate [cm3/min]."""
+_MARKED: Look = style.OURS | {"markersize": 3.4}
+_OPEN: Look = _MARKED | {"markerfacecolor": "white"}
+_RATE: Look = {"color": style.GREY, "linewidth": 0.6}
+_WEAR: Look = {"color": style.GREEN, "linewidth": 1.0, "linestyle": "dotted"}
+_POWER: Look = {"color": style.BLUE, "linewidth": 1.4, "linestyle": (0, (6, 1.5, 1, 1.5))}
+_FORCE: Look = {"color": style.VERMILLION, "linewidth": 1.4, "linestyle": (0, (5, 1.5))}
+_REGION = "#F5E6B8"
+_WITHIN, _BEYOND = style.SKY, "#CCCCCC"
+_COLOURED, _LINED = np.s_[::2, :], np.s_[::12, ::15]
+"""The points of the plane, (feeds, cutting speeds), between which a surface is coloured, and those that carry a line."""
 
 
-def responses(minute: int, speed: Array, feed: Array) -> Responses:
-    """What pairs, arrays of one shape, come to if the minute is cut with them."""
-    run, life = paper_run(), paper_run().used_life(wear_before(minute))
-    found = [
-        predict(run.parameters, float(v), float(f), life, minute - 1.0, float(minute))
-        for v, f in zip(speed.flat, feed.flat, strict=True)
-    ]
-    used, force, power = (np.reshape(column, speed.shape) for column in zip(*found, strict=True))
-    wear = run.scenario.tool.wear_criterion * used**run.scenario.material.wear.time
-    return Responses(speed, feed, wear, force, power)
+def printed(minute: int) -> dict[str, list[float]]:
+    """Return what the paper prints at the 16 cutting speeds, by response; nothing where it has no table."""
+    if minute not in TABLES:
+        return {}
+    file, wear = TABLES[minute]
+    columns = {"thrust_force": "thrust_force_n", "power": "power_kw", "wear": wear, "removal_rate": "mrr_mm3_min"}
+    values = {name: [float(row[column]) for row in rows(file)] for name, column in columns.items()}
+    return values | {"removal_rate": [rate / 1000.0 for rate in values["removal_rate"]]}
 
 
-@cache
-def best_at_each_speed(minute: int) -> Responses:
-    """The search's pair at each of its cutting speeds: that of the highest feed which keeps all limits.
-
-    Where wear allows none, the highest feed that keeps force and power; where they allow none either, the lowest.
-    """
-    run, life, feeds = paper_run(), paper_run().used_life(wear_before(minute)), []
-    force_limit, power_limit, _ = run.limits
-    for speed in run.speeds:
-        for most_life in (1.0, math.inf):
-            limits = (force_limit, power_limit, most_life)
-            index = highest_feed(run.parameters, speed, run.feeds, life, minute - 1.0, float(minute), *limits)
-            if index >= 0:
-                break
-        feeds.append(run.feeds[max(index, 0)])
-    return responses(minute, run.speeds, np.array(feeds))
-
-
-@cache
-def plane(minute: int) -> Responses:
-    """The whole plane, arrays of shape (feeds, cutting speeds)."""
-    run = paper_run()
-    speeds, feeds = (
-        np.linspace(values[0], values[-1], count) for values, count in zip((run.speeds, run.feeds), FINE, strict=True)
+def draw_best(minute: int) -> Figure:
+    """Draw force, power, wear and removal rate at the best feed over cutting speed, with limits and printed points."""
+    found, scenario, points = best_at_each_speed(minute), paper_run().scenario, printed(minute)
+    subjects = (
+        ("thrust_force", "thrust force [N]", scenario.limits.thrust_force),
+        ("power", "power [kW]", scenario.limits.power),
+        ("wear", "wear [mm]", scenario.tool.wear_criterion),
+        ("removal_rate", "removal rate [cm³/min]", None),
     )
-    return responses(minute, *np.meshgrid(speeds, feeds))
+    figure, panels = lettered((style.DOUBLE, 4.3), 2, 2, sharex=True)
+    best = int(np.argmax(np.where(found.within, found.removal_rate, -1.0))) if found.within.any() else None
+    for axes, (name, label, limit) in zip(panels, subjects, strict=True):
+        values = getattr(found, name)
+        axes.plot(found.speed, values, **_OPEN)
+        axes.plot(found.speed[found.within], values[found.within], **_MARKED | {"linestyle": "none"})
+        if name in points:
+            axes.plot(found.speed, points[name], **style.PRINTED)
+        if limit is not None:
+            axes.axhline(limit, **style.LIMIT)
+        if best is not None:
+            axes.plot(found.speed[best], values[best], **style.CHOSEN)
+        axes.set_ylabel(label)
+        axes.margins(y=0.12)
+        axes.tick_params(labelbottom=True)
+        axes.set_xlabel("cutting speed [m/min]")
+    looks: dict[str, Look] = {} if best is None else {"best feed, limits kept": _MARKED}
+    if not found.within.all():
+        looks["no feed keeps the limits"] = _OPEN
+    if points:
+        looks[f"printed in Table {minute}"] = style.PRINTED
+    looks |= {"limit": style.LIMIT} | ({} if best is None else {"chosen pair": style.CHOSEN})
+    legend(figure, looks, len(looks), columnspacing=1.5)
+    return figure
 
 
-def sides(minute: int) -> int:
-    """How many sides the feasible region of the plane has: as many as corners; 0 where nothing is feasible."""
-    found, scenario = plane(minute), paper_run().scenario
-    columns = found.within.any(axis=0)
-    if not columns.any():
-        return 0
-    tops = found.within.shape[0] - 1 - np.argmax(found.within[::-1], axis=0)
-    above = []  # what ends the region upwards, in every column
-    for column in np.flatnonzero(columns):
-        row = tops[column] + 1
-        if row == found.within.shape[0]:
-            above.append("range")
-        elif found.thrust_force[row, column] > scenario.limits.thrust_force:
-            above.append("force")
-        elif found.power[row, column] > scenario.limits.power:
-            above.append("power")
-        else:
-            above.append("wear")
-    upper = 1 + sum(one != other for one, other in itertools.pairwise(above))
-    first, last = np.flatnonzero(columns)[[0, -1]]
-    return int(upper + 1 + (tops[first] > 0) + (tops[last] > 0))
+def limits(minute: int) -> list[tuple[Look, NDArray[np.float64]]]:
+    """Return where force and power reach their limits: looks, and points (cutting speed, feed), shape (points, 2)."""
+    found, most = plane(minute), paper_run().scenario.limits
+    lines = []
+    for values, limit, look in ((found.thrust_force, most.thrust_force, _FORCE), (found.power, most.power, _POWER)):
+        lines += [(look, np.asarray(path)) for path in contour_generator(found.speed, found.feed, values).lines(limit)]
+    return lines
+
+
+def _limit_looks() -> dict[str, Look]:
+    most = paper_run().scenario.limits
+    return {f"thrust force {most.thrust_force:.0f} N": _FORCE, f"power {most.power:g} kW": _POWER}
+
+
+def draw_plane(minute: int) -> Figure:
+    """Draw contours of removal rate and wear, limits of force, power and wear, the feasible region, and the chosen pair."""
+    found = plane(minute)
+    figure = Figure(figsize=(style.SINGLE, 4.0), layout="constrained")
+    axes = figure.subplots()
+    axes.spines[["top", "right"]].set_visible(True)
+    axes.contourf(found.speed, found.feed, found.within, levels=(0.5, 1.5), colors=_REGION)
+    # Contours of wear at three to six round numbers.
+    wear = found.wear[-1]
+    step = next(step for step in (0.001, 0.002, 0.005, 0.01, 0.02, 0.05) if np.ptp(wear) / step < 6.0)
+    wears = np.round(np.arange(np.ceil(wear[0] / step) * step, wear[-1], step), 4).tolist()
+    for values, levels, look in ((found.removal_rate, RATES, _RATE), (found.wear, wears, _WEAR)):
+        contours = {f"{key}s": value for key, value in look.items()}
+        axes.contour(found.speed, found.feed, values, levels=levels, **contours)
+    # Lines are named where they leave the plane: at its highest cutting speed, and at its highest feed.
+    right, top = axes.secondary_yaxis("right"), axes.secondary_xaxis("top")
+    right.set_yticks(np.interp(RATES, found.removal_rate[:, -1], found.feed[:, -1]), [f"{rate:g}" for rate in RATES])
+    right.set_ylabel("removal rate [cm³/min]")
+    top.set_xticks(np.interp(wears, wear, found.speed[-1]), [f"{each:g}" for each in wears])
+    top.set_xlabel("wear [mm]")
+    for look, path in limits(minute):
+        axes.plot(*path.T, **look)
+    looks = {"removal rate (right)": _RATE, "wear (top)": _WEAR} | _limit_looks()
+    pair = paper_run().chosen(wear_before(minute), minute - 1.0)
+    if pair is not None:
+        axes.plot(*pair, **style.CHOSEN, clip_on=False, zorder=5)
+        looks |= {"all limits kept": {"facecolor": _REGION}, "chosen pair": style.CHOSEN}
+    axes.set_xlabel("cutting speed [m/min]")
+    axes.set_ylabel("feed [mm/rev]")
+    legend(figure, looks, 2, columnspacing=1.0, handlelength=2.4)
+    return figure
+
+
+def draw_surfaces(minute: int) -> Figure:
+    """Draw removal rate, wear, force and power over the plane; grey where a limit is exceeded."""
+    found = plane(minute)
+    subjects = {
+        "removal rate [cm³/min]": "removal_rate",
+        "wear [mm]": "wear",
+        "thrust force [N]": "thrust_force",
+        "power [kW]": "power",
+    }
+    pair = paper_run().chosen(wear_before(minute), minute - 1.0)
+    assert pair is not None
+    chosen = responses(minute, *(np.array([value]) for value in pair))
+    edges = [(look, responses(minute, *path.T)) for look, path in limits(minute)]
+    figure = Figure(figsize=(style.DOUBLE, 5.4))
+    figure.subplots_adjust(left=0.03, right=0.97, bottom=0.11, top=1.03, wspace=0.12, hspace=0.05)
+    colours = np.where(found.within[_COLOURED], _WITHIN, _BEYOND)
+    for place, (letter, (label, name)) in enumerate(zip("abcd", subjects.items(), strict=True), 1):
+        axes: Any = figure.add_subplot(2, 2, place, projection="3d", computed_zorder=False)
+        surface, lines = (
+            (found.speed[points], found.feed[points], getattr(found, name)[points]) for points in (_COLOURED, _LINED)
+        )
+        axes.plot_surface(*surface, rstride=1, cstride=1, facecolors=colours, shade=False, linewidth=0.3, rasterized=True)
+        axes.plot_wireframe(*lines, rstride=1, cstride=1, color=style.GREY, linewidth=0.3)
+        for look, edge in edges:
+            axes.plot(edge.speed, edge.feed, getattr(edge, name), **look)
+        axes.plot(*pair, getattr(chosen, name), **style.CHOSEN, zorder=10)
+        axes.view_init(elev=24.0, azim=-128.0)
+        axes.set_box_aspect(None, zoom=0.9)
+        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+            axis.set_pane_color("white")
+        axes.set_xticks((50, 100, 150, 200))
+        axes.set_yticks((0.1, 0.3, 0.5))
+        axes.set_xlabel("cutting speed [m/min]")
+        axes.set_ylabel("feed [mm/rev]")
+        axes.set_zlabel(label, labelpad=6.0)
+        axes.text2D(0.04, 0.88, letter, transform=axes.transAxes, fontweight="bold")
+    within, beyond = ({"facecolor": colour, "edgecolor": style.GREY} for colour in (_WITHIN, _BEYOND))
+    looks = {"all limits kept": within, "force or power beyond": beyond} | _limit_looks() | {"chosen pair": style.CHOSEN}
+    legend(figure, looks, 3, loc="lower center")
+    return figure
+
+
+def best_checks(minute: int) -> Iterable[Check]:
+    """Compare the best feed at each cutting speed with Tables 1 and 2, and with what the text says of Figures 8 and 9."""
+    found, scenario = best_at_each_speed(minute), paper_run().scenario
+    limit = scenario.limits.thrust_force
+    if minute in TABLES:
+        yield from (table_1 if minute == 1 else table_2)(paper_run())
+    elif minute == 14:
+        slow = found.speed <= 100.0
+        yield claim("minute 14: force above its limit up to 100 m/min", bool(np.all(found.thrust_force[slow] > limit)))
+        yield claim("minute 14: force within its limit above 100 m/min", bool(np.all(found.thrust_force[~slow] <= limit)))
+        yield claim("minute 14: power rises with cutting speed", bool(np.all(np.diff(found.power[~slow]) > 0.0)))
+    else:
+        worn = bool(np.all(found.wear > scenario.tool.wear_criterion))
+        yield claim("minute 15: wear above 0.3 mm at all cutting speeds", worn)
+        yield claim("minute 15: power below its limit", bool(np.all(found.power < scenario.limits.power)))
+        yield claim(
+            "minute 15: force well below its limit",
+            bool(np.all(found.thrust_force < 0.95 * limit)),
+            not_reproduced="the paper does not say at what feeds; here they are the highest that keep force and power, "
+            "where any do",
+        )
+
+
+def plane_checks(minute: int) -> Iterable[Check]:
+    """Compare the plane with what the text says of Figures 3, 6, 7 and 10."""
+    if minute not in STATED:
+        found = plane(minute)
+        yield claim(f"minute {minute}: the feasible region has vanished", not found.within.any())
+        worn = bool(np.all(found.wear > paper_run().scenario.tool.wear_criterion))
+        yield claim(f"minute {minute}: wear above its criterion on the whole plane", worn)
+        return
+    speed, feed, letters = STATED[minute]
+    pair = paper_run().chosen(wear_before(minute), minute - 1.0)
+    assert pair is not None
+    yield Check(f"minute {minute}: cutting speed [m/min]", speed, pair[0], 1e-9)
+    yield Check(f"minute {minute}: feed [mm/rev]", feed, pair[1], 1e-9)
+    reason = "the force of a new edge lies below its limit everywhere: ranges and power alone bound the region"
+    what = f"minute {minute}: corners of the feasible region, {letters}"
+    yield Check(what, float(len(letters) - 1), float(sides(minute)), not_reproduced=reason if minute == 1 else "")
+
+
+def _best(number: int, minute: int, what: str) -> PaperFigure:
+    caption = f"The grid search before the {what}: a) thrust force, b) power, c) wear at the end of the minute, d) removal rate."
+    remark = "Panel d is added; the copy used lacks the curves themselves, so that printed tables and text are compared."
+    name, source = f"grid_search_{number:02d}", f"{GRID_SEARCH}, Figure {number}"
+    return PaperFigure(name, source, caption, lambda: draw_best(minute), lambda: best_checks(minute), remark)
+
+
+def _plane(number: int, minute: int, what: str) -> PaperFigure:
+    caption = (
+        f"What {what}: contours of removal rate and of wear at the end of the minute, and the limits of thrust force and power, "
+        "over cutting speed and feed."
+    )
+    remark = "The chosen pair lies on the search's grid (10 m/min, 0.005 mm/rev), so just inside the limit that it meets."
+    name, source = f"grid_search_{number:02d}", f"{GRID_SEARCH}, Figure {number}"
+    checks = lambda: plane_checks(minute)  # noqa: E731
+    return PaperFigure(name, source, caption, lambda: draw_plane(minute), checks, remark if minute in STATED else "")
+
+
+_BEST = "with the highest feed that keeps all limits at each cutting speed"
+_CHOICE = "the grid search chooses from for the"
+FIGURES = (
+    _best(2, 1, f"first minute, {_BEST}"),
+    _best(4, 2, f"second minute, {_BEST}"),
+    _best(8, 14, f"fourteenth minute, the last, {_BEST}; open markers: no feed keeps the force, the lowest is shown"),
+    _best(
+        9,
+        15,
+        "fifteenth minute, where no pair is left, with the highest feed that keeps force and power at each cutting speed, or the "
+        "lowest",
+    ),
+    _plane(3, 1, f"{_CHOICE} first minute"),
+    _plane(6, 2, f"{_CHOICE} second minute"),
+    _plane(7, 14, f"{_CHOICE} fourteenth minute, when the worn edge leaves a corner"),
+    _plane(10, 15, "is left for the fifteenth minute, nothing, as the edge would be worn out at any pair"),
+    PaperFigure(
+        "grid_search_05",
+        f"{GRID_SEARCH}, Figure 5",
+        "Objective and constraints of the second minute over cutting speed and feed: a) removal rate, b) wear at its end, "
+        "c) thrust force, d) power. Diamond: the pair that the grid search chooses, the highest of a) that keeps all limits.",
+        lambda: draw_surfaces(2),
+        remark='The paper draws "transformed data" without saying how they were transformed: here they are as they are. '
+        "Its values at the best feeds are those of Table 2 (grid_search_04).",
+    ),
+)

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from baselines import fuzzy_override, load_override, omative, tmac
 from baselines.rule import Parameters
-from papers.figures.plate import Plate
+from papers.figures.paper_figure import PaperFigure
 from papers.reproduce.fuzzy_override import checks
 from papers.stepped_bar import Course, course, stepped_bar
 from turning_env import Scenario
@@ -41,35 +41,39 @@ _TARGET: dict[str, Any] = {"color": style.GREY, "linewidth": 0.9, "linestyle": "
 
 
 def responses(scenario: Scenario) -> dict[str, Course]:
-    """What each rule of ``SHOWN`` does on a bar, by name."""
-    courses = {}
+    """Return what each rule of ``SHOWN`` does on a bar, by name."""
+    responses = {}
     for name, (_, parameters) in SHOWN.items():
         rule = _RULES[name]
         policy = rule.build(scenario, 1, rule.fixed | parameters)
-        courses[name] = course(lambda num_envs, policy=policy: policy, scenario)  # type: ignore[misc]
-    return courses
+        responses[name] = course(lambda num_envs, policy=policy: policy, scenario)  # type: ignore[misc]
+    return responses
 
 
-def drawn(courses: dict[str, Course], scenario: Scenario) -> Figure:
-    """One field per rule, by name: depth of cut above, override and load below, over time."""
+def draw() -> Figure:
+    """Draw what every rule does on the bar: depth of cut above, override and load below, over time."""
+    scenario = stepped_bar(DEPTHS)
+    responses_by_rule = responses(scenario)
     figure = Figure(figsize=(style.DOUBLE, 6.0), layout="constrained")
     panels = figure.subplots(4, 4, sharex=True, sharey="row", height_ratios=(1, 3, 1, 3))
-    panels[0, 0].set_xlim(0.0, max(run.time[-1] for run in courses.values()))
-    fields = [(panels[row, column], panels[row + 1, column]) for row in (0, 2) for column in range(4)]
-    for (above, below), (name, run) in zip(fields, courses.items(), strict=False):
+    panels[0, 0].set_xlim(0.0, max(run.time[-1] for run in responses_by_rule.values()))
+    pairs = [(panels[row, column], panels[row + 1, column]) for row in (0, 2) for column in range(4)]
+    for (above, below), (name, run) in zip(pairs, responses_by_rule.items(), strict=False):
         _draw_depth(above, run)
         _draw_response(below, run, scenario)
         above.set_title(SHOWN[name][0], fontsize="medium", loc="left")
         below.tick_params(labelbottom=True)
         below.set_xlabel("time [s]")
-    for above, below in fields[::4]:
+    for above, below in pairs[::4]:
         above.set_ylabel("depth\n[mm]")
         below.set_ylabel("override, load [%]")
-    for axes in fields[-1]:
+    for axes in pairs[-1]:
         axes.set_axis_off()
-    _explain(fields[-1][1])
+    looks = {"feed override, commanded": _OVERRIDE, "spindle load; highest value": _LOAD, "target load": _TARGET}
+    handles = [Line2D([], [], label=label, **look) for label, look in looks.items()]
+    pairs[-1][1].legend(handles=handles, loc="upper right", frameon=False).set_in_layout(False)  # else its column would be wider
     figure.align_ylabels()
-    return figure
+    return style.readable(figure)
 
 
 def _draw_depth(axes: Axes, run: Course) -> None:
@@ -77,7 +81,6 @@ def _draw_depth(axes: Axes, run: Course) -> None:
     axes.plot(run.time, run.depth, color=style.GREY, linewidth=0.9, drawstyle="steps-pre")
     axes.set_ylim(0.0, 3.6)
     axes.set_yticks((1, 2, 3))
-    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _draw_response(axes: Axes, run: Course, scenario: Scenario) -> None:
@@ -95,31 +98,10 @@ def _draw_response(axes: Axes, run: Course, scenario: Scenario) -> None:
     )
     axes.set_ylim(0.0, 215.0)
     axes.set_yticks(range(0, 201, 50))
-    axes.spines[["top", "right"]].set_visible(False)
 
 
-def _explain(axes: Axes) -> None:
-    lines = (
-        (_OVERRIDE, "feed override, commanded"),
-        (_LOAD, "spindle load; highest value"),
-        (_TARGET, "target load"),
-    )
-    handles = [Line2D([], [], label=label, **look) for look, label in lines]
-    axes.legend(handles=handles, loc="center", frameon=False)
-
-
-def draw() -> Figure:
-    """What every law of override does on the bar."""
-    scenario = stepped_bar(DEPTHS)
-    figure = drawn(responses(scenario), scenario)
-    legend = next(legend for axes in figure.axes if (legend := axes.get_legend()))
-    legend.set_in_layout(False)  # else its column would be wider than the others
-    legend.set_loc("upper right")
-    return style.readable(figure)
-
-
-PLATES = (
-    Plate(
+FIGURES = (
+    PaperFigure(
         "override_steps",
         "Fuzzy feed override, Figures 5 and 7; FANUC iAdaptS, Caron TMAC and OMATIVE ACM as patents and manuals describe them",
         "What every law of feed override does on the same stepped bar, undisturbed: depth of cut above, commanded override and "

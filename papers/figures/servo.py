@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from papers.figures.plate import Plate
+from papers.figures.paper_figure import PaperFigure, legend, lettered
 from papers.reproduce.servo_current import (
     FEED_VELOCITIES,
     SETTINGS,
@@ -29,31 +28,21 @@ _FILTERED: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.2, "lines
 
 @cache
 def lines() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Forces [N] and currents [A] at five depths of cut; idle currents [A] at the paper's feed velocities."""
+    """Return forces [N] and currents [A] at five depths of cut, and idle currents [A] at the paper's feed velocities."""
     return (*currents_of_depths(), no_load_currents())
 
 
 def draw_current() -> Figure:
-    """Current over force, and idle current over feed velocity."""
+    """Draw current over force, and idle current over feed velocity."""
     forces, currents, idle = lines()
-    figure = Figure(figsize=(style.DOUBLE, 2.5), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    style.letter(left, "a")
+    figure, (left, right) = lettered((style.DOUBLE, 2.5), 1, 2)
     left.plot(forces, currents, **style.OURS | {"linestyle": "none", "markersize": 4.0}, label="mean measured current")
     ends = np.array([0.0, forces[-1]])
-    left.plot(
-        ends,
-        np.polyval(np.polyfit(forces, currents, 1), ends),
-        color=style.GREY,
-        linewidth=0.9,
-        linestyle="--",
-        zorder=0,
-        label="straight line",
-    )
+    fitted = np.polyval(np.polyfit(forces, currents, 1), ends)
+    left.plot(ends, fitted, color=style.GREY, linewidth=0.9, linestyle="--", zorder=0, label="straight line")
     left.set_xlabel("thrust force [N]")
     left.set_ylabel("current [A]")
     left.legend(loc="upper left")
-    style.letter(right, "b")
     right.plot(FEED_VELOCITIES, idle, **style.OURS | {"markersize": 4.0})
     right.set_xlabel("feed velocity [mm/min]")
     right.set_ylabel("current at no load [A]")
@@ -64,17 +53,14 @@ def draw_current() -> Figure:
 
 
 def draw_estimate() -> Figure:
-    """The measured current on the stepped bar, and the force calculated from it, beside the true one."""
+    """Draw the measured current on the stepped bar, and the force calculated from it, beside the true one."""
     kept, interval = stepped(), Scenario.load("override_current").control.interval
     time = interval * np.arange(1, len(kept.force) + 1)
     cutoff, window = SETTINGS[0]
-    figure = Figure(figsize=(style.DOUBLE, 4.0), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.5))
-    style.letter(upper, "a")
+    figure, (upper, lower) = lettered((style.DOUBLE, 4.0), 2, 1, sharex=True, height_ratios=(1.0, 1.5))
     upper.plot(time, kept.current[:, 0], **_PLAIN)
     upper.set_ylabel("current [A]")
     upper.set_ylim(bottom=0.0)
-    style.letter(lower, "b")
     lower.plot(time, kept.plain[:, 0], **_PLAIN)
     lower.plot(time, kept.force[:, 0], **_TRUE)
     lower.plot(time, kept.estimates[0, :, 0], **_FILTERED)
@@ -83,17 +69,13 @@ def draw_estimate() -> Figure:
     lower.set_xlim(0.0, time[-1])
     lower.set_ylim(bottom=0.0)
     figure.align_ylabels()
-    handles = [
-        Line2D([], [], **_PLAIN, label="every sample"),
-        Line2D([], [], **_FILTERED, label=f"filtered, cut-off {cutoff}, {window} samples"),
-        Line2D([], [], **_TRUE, label="true force"),
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    filtered = f"filtered, cut-off {cutoff}, {window} samples"
+    legend(figure, {"every sample": _PLAIN, filtered: _FILTERED, "true force": _TRUE}, 3)
     return figure
 
 
-PLATES = (
-    Plate(
+FIGURES = (
+    PaperFigure(
         "servo_current",
         f"{PAPER}, Figures 11 and 12",
         "Current of the feed's motor: a) over the thrust force at five depths of cut, b) in air over the feed velocity.",
@@ -101,7 +83,7 @@ PLATES = (
         motor_checks,
         "The paper's curves carry no numbers that could be read: the brake's torque stands there for the force.",
     ),
-    Plate(
+    PaperFigure(
         "servo_estimate",
         f"{PAPER}, Figures 7 and 10",
         "Cutting a stepped bar at the programmed feed: a) measured current, b) the thrust force calculated from it, of every "

@@ -8,11 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from leaderboard import run
-from leaderboard.contestants import Contestant, Player
-from leaderboard.result import PolicyRecord, Result, Task, digest_of
+from leaderboard.result import Result, Task
 from turning_env import Scenario
 from turning_env.score.play import EPISODE_FIELDS
-from turning_env.score.policy import Actions, Observations
+from turning_env.score.policy import Actions, Observations, PolicySpec
 
 ENV_ID = "RoughTurning-v0"
 MakeResult = Callable[..., Result]
@@ -33,29 +32,22 @@ class Steady:
         return self._actions
 
 
-def record_of(
-    name: str, seed: int | None = None, parameters: dict[str, float] | None = None, kind: str | None = None
-) -> PolicyRecord:
-    """A rule, with a training seed an agent, or what ``kind`` says."""
-    return PolicyRecord(
+def spec(name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None = None, kind: str | None = None) -> PolicySpec:
+    """A rule that always acts alike; with a training seed an agent, or what ``kind`` says."""
+    return PolicySpec(
         name=name,
         kind=kind or ("rule" if seed is None else "agent"),  # type: ignore[arg-type]
         description="made up",
-        parameters=dict(parameters or {}),
-        digest=digest_of(parameters),
+        parameters={"speed": action[0], "feed": action[1]},
         training_seed=seed,
         command=None if seed is None else f"train {seed}",
+        make=lambda num_envs: Steady(num_envs, action),
     )
 
 
-def contestant(name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None = None) -> Contestant:
-    """A policy that always acts alike."""
-    return Contestant(record_of(name, seed, {"speed": action[0], "feed": action[1]}), lambda num_envs: Steady(num_envs, action))
-
-
-def play_all(task: Task, contestants: Sequence[Player], folder: Path, fresh: bool) -> None:
+def play_all(task: Task, policies: Sequence[PolicySpec], folder: Path, fresh: bool) -> None:
     """Have them all play one task."""
-    run.play_all([run.Round(task, contestants, folder)], fresh)
+    run.play_all([run.TaskRun(task, policies, folder)], fresh)
 
 
 @pytest.fixture(scope="session")
@@ -67,7 +59,7 @@ def scenario() -> Scenario:
 @pytest.fixture(scope="session")
 def task(scenario: Scenario) -> Task:
     """Four episodes."""
-    return Task(env_id=ENV_ID, scenario=scenario, draws=[7, 8, 9, 10])
+    return Task(env_id=ENV_ID, scenario=scenario, seeds=[7, 8, 9, 10])
 
 
 @pytest.fixture
@@ -81,12 +73,10 @@ def make_result(task: Task) -> MakeResult:
     """Makes a result with the given values, and a plain minute of cutting where nothing is given."""
     plain = {"time": 60.0, "engaged_time": 60.0, "removed": 100.0, "used_life": 0.5, "truncated": 1.0}
 
-    def make(
-        name: str, seed: int | None = None, parameters: dict[str, float] | None = None, kind: str | None = None, **values: object
-    ) -> Result:
-        count = len(task.draws)
+    def make(name: str, seed: int | None = None, kind: str | None = None, **values: object) -> Result:
+        count = len(task.seeds)
         episodes = {field: np.broadcast_to(np.float64(plain.get(field, 0.0)), count) for field in EPISODE_FIELDS}
         episodes |= {field: np.broadcast_to(np.asarray(value, np.float64), count) for field, value in values.items()}
-        return Result.of(task, record_of(name, seed, parameters, kind), episodes)
+        return Result.of(task, spec(name, seed=seed, kind=kind), episodes)
 
     return make

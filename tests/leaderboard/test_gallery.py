@@ -1,4 +1,4 @@
-"""The gallery: numbers from courses made by hand, pictures that apply, and the command line."""
+"""The gallery: metrics of episodes made by hand, pictures that apply, and the command line."""
 
 import json
 import math
@@ -11,27 +11,28 @@ import pytest
 
 from leaderboard import behaviour, gallery
 from leaderboard.__main__ import main
-from leaderboard.behaviour import HABITS, Course
-from leaderboard.contestants import Contestant
-from leaderboard.gallery import limits, operating_point
-from leaderboard.oracles import references
+from leaderboard.behaviour import METRICS, Episode, measure
+from leaderboard.gallery import bars, edges
 from leaderboard.result import ResultError
-from leaderboard.trajectories import record
-from tests.leaderboard.conftest import Steady, contestant, record_of
+from tests.leaderboard.conftest import Steady
 from turning_env import Scenario
+from turning_env.score.policy import PolicySpec
 
 BAR = {"bar_length": 100.0, "approach": 5.0}
-MakeCourse = Callable[..., Course]
+MakeEpisode = Callable[..., Episode]
+
+
+def steady(name: str = "steady", action: tuple[float, ...] = (0.0, 0.0), **values: Any) -> PolicySpec:
+    return PolicySpec(name=name, make=lambda num_envs: Steady(num_envs, action), **values)  # type: ignore[arg-type]
 
 
 @pytest.fixture
-def make_course() -> MakeCourse:
-    """A course along three bars, in intervals of 5 mm and a second, at 100 m/min and 0.2 mm/rev but for what is given."""
+def make_episode() -> MakeEpisode:
+    """An episode along three bars, in steps of 5 mm and a second, at 100 m/min and 0.2 mm/rev but for what is given."""
 
-    def make(**series: Any) -> Course:
+    def make(**series: Any) -> Episode:
         path = np.arange(5.0, 3 * 105.0 + 0.1, 5.0)
-        metal = path % 105.0 > 5.0
-        metal |= path % 105.0 == 0.0
+        metal = (path % 105.0 > 5.0) | (path % 105.0 == 0.0)
         plain = {
             "path": path,
             "minutes": np.arange(1, len(path) + 1) / 60.0,
@@ -50,102 +51,96 @@ def make_course() -> MakeCourse:
             "severe_overload_time": 0.0,
         }
         scenario = Scenario.model_validate({"workpiece": BAR})
-        return Course(7, scenario, {name: np.broadcast_to(values, path.shape) for name, values in (plain | series).items()})
+        return Episode(7, scenario, {name: np.broadcast_to(values, path.shape) for name, values in (plain | series).items()})
 
     return make
 
 
-def test_an_edge_is_counted_by_what_is_used_of_it(make_course: MakeCourse) -> None:
-    course = make_course()
-    assert behaviour.habits([course])["minutes_per_edge"] == pytest.approx(63 / 60)
-    assert behaviour.habits([course])["removed_per_edge"] == pytest.approx(2.0 * 60)
-    half = make_course(edges_used=0.5 / 63)
-    assert behaviour.habits([course, half])["minutes_per_edge"] == pytest.approx(2 * 63 / 60 / 1.5)
-    assert math.isnan(behaviour.habits([make_course(edges_used=0.0)])["minutes_per_edge"])
+def test_an_edge_is_counted_by_what_is_used_of_it(make_episode: MakeEpisode) -> None:
+    episode = make_episode()
+    assert measure([episode])["minutes_per_edge"] == pytest.approx(63 / 60)
+    assert measure([episode])["removed_per_edge"] == pytest.approx(2.0 * 60)
+    half = make_episode(edges_used=0.5 / 63)
+    assert measure([episode, half])["minutes_per_edge"] == pytest.approx(2 * 63 / 60 / 1.5)
+    assert math.isnan(measure([make_episode(edges_used=0.0)])["minutes_per_edge"])
 
 
-def test_fifths_are_of_life_and_weighted_by_cutting_time(make_course: MakeCourse) -> None:
+def test_stages_are_of_life_and_weighted_by_cutting_time(make_episode: MakeEpisode) -> None:
     used = np.where(np.arange(63) < 42, 0.1, 0.9)
-    course = make_course(used_life=used, cutting_speed=np.where(used < 0.5, 150.0, 190.0), feed=np.arange(63.0))
-    speeds = behaviour.fifths([course], "cutting_speed")
-    np.testing.assert_allclose(speeds, [150.0, np.nan, np.nan, np.nan, 190.0])
-    of_policy = behaviour.habits([course])
-    assert (of_policy["first_cutting_speed"], of_policy["last_cutting_speed"]) == (150.0, 190.0)
-    engaged = course.cutting * np.where(np.arange(63) == 1, 3.0, 1.0)  # path 10 mm, in metal
-    weighted = make_course(used_life=used, feed=np.arange(63.0), engaged_time=engaged)
-    in_metal = np.flatnonzero(course.cutting & (used < 0.5))
-    assert behaviour.habits([weighted])["first_feed"] == pytest.approx((in_metal.sum() + 2 * 1) / (len(in_metal) + 2))
+    episode = make_episode(used_life=used, cutting_speed=np.where(used < 0.5, 150.0, 190.0), feed=np.arange(63.0))
+    np.testing.assert_allclose(behaviour.by_life_stage([episode], "cutting_speed"), [150.0, np.nan, np.nan, np.nan, 190.0])
+    metrics = measure([episode])
+    assert (metrics["first_cutting_speed"], metrics["last_cutting_speed"]) == (150.0, 190.0)
+    engaged = episode.cutting * np.where(np.arange(63) == 1, 3.0, 1.0)  # path 10 mm, in metal
+    weighted = make_episode(used_life=used, feed=np.arange(63.0), engaged_time=engaged)
+    in_metal = np.flatnonzero(episode.cutting & (used < 0.5))
+    assert measure([weighted])["first_feed"] == pytest.approx((in_metal.sum() + 2 * 1) / (len(in_metal) + 2))
 
 
-def test_overload_is_a_share_of_cutting_time(make_course: MakeCourse) -> None:
+def test_overload_is_a_share_of_cutting_time(make_episode: MakeEpisode) -> None:
     over, severe = np.zeros(63), np.zeros(63)
     over[10:16], severe[10:13] = 1.0, 1.0
-    of_policy = behaviour.habits([make_course(overload_time=over, severe_overload_time=severe), make_course()])
-    assert of_policy["overload_share"] == pytest.approx(100 * 6 / 120)
-    assert of_policy["severe_overload_share"] == pytest.approx(100 * 3 / 120)
+    metrics = measure([make_episode(overload_time=over, severe_overload_time=severe), make_episode()])
+    assert metrics["overload_share"] == pytest.approx(100 * 6 / 120)
+    assert metrics["severe_overload_share"] == pytest.approx(100 * 3 / 120)
 
 
-def test_feed_at_entry_is_that_of_later_bars_at_their_start(make_course: MakeCourse) -> None:
-    path = make_course()["path"]
+def test_feed_at_entry_is_that_of_later_bars_at_their_start(make_episode: MakeEpisode) -> None:
+    path = make_episode()["path"]
     # Bars start at 5, 110 and 215 mm. What is 10 mm before the third, still deep in the second, counts there too.
     deep = (0.4 * 12 - 0.1) / 12 + 0.4
     slow = np.isin(path, [5.0, 110.0, 215.0])
     before = np.isin(path, [100.0, 205.0])
-    of_policy = behaviour.habits([make_course(feed=0.4 - 0.3 * slow - 0.1 * before)])
-    assert of_policy["feed_before_entry"] == pytest.approx(100 * 0.6 / deep)
-    assert of_policy["feed_at_entry"] == pytest.approx(100 * 0.2 / deep)
-    assert of_policy["feed_after_entry"] == pytest.approx(100 * 0.8 / deep)
-    first_bar_only = behaviour.habits([make_course(feed=np.where(path == 5.0, 0.1, 0.4))])
-    assert first_bar_only["feed_at_entry"] == pytest.approx(100.0)
+    metrics = measure([make_episode(feed=0.4 - 0.3 * slow - 0.1 * before)])
+    assert metrics["feed_before_entry"] == pytest.approx(100 * 0.6 / deep)
+    assert metrics["feed_at_entry"] == pytest.approx(100 * 0.2 / deep)
+    assert metrics["feed_after_entry"] == pytest.approx(100 * 0.8 / deep)
+    assert measure([make_episode(feed=np.where(path == 5.0, 0.1, 0.4))])["feed_at_entry"] == pytest.approx(100.0)
 
 
-def test_entries_need_long_bars_and_short_intervals(make_course: MakeCourse) -> None:
-    course = make_course()
-    assert [bar for bar, _, _ in course.entries()] == [1, 2]
-    coarse = Course(7, course.scenario, {name: values[::3] for name, values in course.series.items()})
+def test_entries_need_long_bars_and_short_steps(make_episode: MakeEpisode) -> None:
+    episode = make_episode()
+    assert len(list(episode.entries())) == 2
+    coarse = Episode(7, episode.scenario, {name: values[::3] for name, values in episode.series.items()})
     assert not list(coarse.entries())
     short = Scenario.model_validate({"workpiece": BAR | {"bar_length": 40.0}})
-    assert not list(Course(7, short, course.series).entries())
+    assert not list(Episode(7, short, episode.series).entries())
 
 
-def test_table_and_json_hold_every_number(make_course: MakeCourse) -> None:
-    played = {"one": [make_course()], "two": [make_course(used_life=0.1, feed=0.3)]}
+def test_table_and_json_hold_every_number(make_episode: MakeEpisode) -> None:
+    played = {"one": [make_episode()], "two": [make_episode(used_life=0.1, feed=0.3)]}
     lines = behaviour.render(played).splitlines()
     assert lines[0].split() == ["one", "two"]
-    assert len(lines) == 1 + len(HABITS)
+    assert len(lines) == 1 + len(METRICS)
     assert len(set(map(len, lines))) == 1
-    told = json.loads(json.dumps(behaviour.as_json(played), allow_nan=False))
-    assert told["two"]["first_feed"] == pytest.approx(0.3)
-    assert told["two"]["last_feed"] is None
-    assert set(told["one"]) == {habit.name for habit in HABITS}
+    data = json.loads(json.dumps(behaviour.as_json(played), allow_nan=False))
+    assert data["two"]["first_feed"] == pytest.approx(0.3)
+    assert data["two"]["last_feed"] is None
+    assert set(data["one"]) == set(METRICS)
 
 
-def test_courses_are_what_trajectories_record(scenario: Scenario) -> None:
-    player = contestant("steady", (0.1, 0.2))
-    course = Course.of(player, scenario, 7)
-    recorded = record(player.policy, player.make, scenario, 7).series
-    for name in ("minutes", "path", "feed", "power", "wear"):
-        np.testing.assert_allclose(course[name], recorded[name], rtol=1e-3)
-
-
-def test_every_picture_is_drawn(make_course: MakeCourse, tmp_path: Path) -> None:
-    courses = {"one": [make_course(), make_course()], "two": [make_course(power=8.0)]}
-    written = gallery.write(courses, tmp_path / "new")
+@pytest.mark.slow
+def test_every_picture_is_drawn(make_episode: MakeEpisode, tmp_path: Path) -> None:
+    played = {"one": [make_episode(), make_episode()], "two": [make_episode(power=8.0)]}
+    written = gallery.write(played, tmp_path / "new")
     assert [path.name for path in written] == list(gallery.PICTURES)
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == sorted(gallery.PICTURES)
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResultError, match=r"operating_point\.png cannot be written"):
+        gallery.write(played, tmp_path / "file")
 
 
-def test_titles_say_what_is_seen(make_course: MakeCourse) -> None:
-    moving = make_course(cutting_speed=np.linspace(100.0, 200.0, 63))
-    figure = operating_point.draw({"moves": [moving], "rests": [make_course()]})
+def test_titles_say_what_is_seen(make_episode: MakeEpisode) -> None:
+    moving = make_episode(cutting_speed=np.linspace(100.0, 200.0, 63))
+    figure = edges.draw_operating_points({"moves": [moving], "rests": [make_episode()]})
     assert figure is not None
     titles = [axes.get_title(loc="left") for axes in figure.axes[:2]]
     assert titles[0].startswith("moves\nfrom 11")
     assert titles[1] == "rests\nstays at\n100 m/min, 0.20 mm/rev"
-    figure = limits.draw({"over": [make_course(power=8.0)]})
+    figure = bars.draw_loads({"over": [make_episode(power=8.0)]})
     assert figure is not None
-    texts = [axes.get_legend().get_texts()[0].get_text() for axes in figure.axes]
+    texts = [legend.get_texts()[0].get_text() for axes in figure.axes if (legend := axes.get_legend())]
     assert texts == ["over: 0.0 % above", "over: 100.0 % above"]
 
 
@@ -154,7 +149,7 @@ def test_titles_say_what_is_seen(make_course: MakeCourse) -> None:
     [
         ("override", {"time_limit": 0.02}, 1, {"limits.png", "used_life.png"}),
         ("batch_casting", {}, None, {"used_life.png"}),
-        ("rough_turning", {"time_limit": 0.02}, 2, {"used_life.png"}),  # one interval, in air
+        ("rough_turning", {"time_limit": 0.02}, 2, {"used_life.png"}),  # one step, in air
     ],
 )
 def test_pictures_that_do_not_apply_are_left_out(
@@ -165,52 +160,33 @@ def test_pictures_that_do_not_apply_are_left_out(
     if preset == "rough_turning":
         values["workpiece"]["approach"] = 50.0
     scenario = Scenario.model_validate(values)
-    size = actions or 2 + 2 * scenario.control.passes_max
-    steady = Contestant(record_of("steady"), lambda num_envs: Steady(num_envs, (0.0,) * size))  # type: ignore[arg-type]
-    courses = gallery.play([steady], scenario, [7])
-    assert {path.name for path in gallery.write(courses, tmp_path)} == drawn
+    action = (0.0,) * (actions or 2 + 2 * scenario.control.passes_max)
+    played = gallery.play([steady(action=action)], scenario, [7])
+    assert {path.name for path in gallery.write(played, tmp_path)} == drawn
 
 
 def test_what_cannot_be_drawn_is_refused(scenario: Scenario) -> None:
     with pytest.raises(ResultError, match="nothing to draw"):
         gallery.play([], scenario, [7])
     with pytest.raises(ResultError, match=r"7 policies .* at most 6"):
-        gallery.play([contestant(f"p{number}") for number in range(7)], scenario, [7])
+        gallery.play([steady(f"p{number}") for number in range(7)], scenario, [7])
     with pytest.raises(ResultError, match="causal cannot be drawn"):
-        gallery.play([reference for reference in references(scenario) if reference.policy.name == "causal"], scenario, [7])
+        gallery.play([steady("causal", kind="oracle")], scenario, [7])
     with pytest.raises(ResultError, match="wrong cannot play"):
-        gallery.play([Contestant(record_of("wrong"), lambda num_envs: Steady(num_envs, (math.nan, 0.0)))], scenario, [7])
+        gallery.play([steady("wrong", (math.nan, 0.0))], scenario, [7])
 
 
-def test_a_picture_that_cannot_be_written_is_an_error(make_course: MakeCourse, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ResultError, match=r"operating_point\.png cannot be written"):
-        gallery.write({"one": [make_course()]}, tmp_path / "file")
-
-
+@pytest.mark.slow
 def test_command(scenario: Scenario, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario.save(tmp_path / "short.toml")
-    common = ["gallery", "--scenario", str(tmp_path / "short.toml"), "--draws", "1", "--out", str(tmp_path / "pictures")]
+    common = ["gallery", "--scenario", str(tmp_path / "short.toml"), "--seeds", "1", "--out", str(tmp_path / "pictures")]
     assert main([*common, "--policies", "fixed_handbook"]) == 0
     printed = capsys.readouterr().out
     assert f"wrote {tmp_path / 'pictures' / 'used_life.png'}" in printed
-    assert "not drawn, as there is nothing of it to see: bar_entry.png, bars.png" in printed
+    assert "bar_entry.png, bars.png" in printed
     assert main([*common, "--policies", "fixed_handbook", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["draws"] == [2_000_000_000]
-    assert told["policies"]["fixed_handbook"]["first_feed"] > 0.0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ([], "nothing to draw"),
-        (["--policies", "nonsense"], "no policy is called nonsense"),
-        (["--agents", "nowhere.onnx"], "no agent can be loaded from nowhere.onnx"),
-        (["--scenario", "nonsense"], "nonsense"),
-    ],
-)
-def test_bad_input_gets_a_message(arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["gallery", "--out", str(tmp_path), *arguments]) == 2
-    assert message in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
+    data = json.loads(capsys.readouterr().out)
+    assert data["seeds"] == [2_000_000_000]
+    assert data["policies"]["fixed_handbook"]["first_feed"] > 0.0
+    assert main(common) == 2
+    assert "nothing to draw" in capsys.readouterr().err

@@ -10,33 +10,34 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
 from leaderboard import page
-from leaderboard.board import Board
-from leaderboard.result import PolicyRecord, Task
+from leaderboard.ranking import Leaderboard
+from leaderboard.result import Task
 from leaderboard.standings import rank
 from leaderboard.trajectories import Trajectories, record
-from tests.leaderboard.conftest import ENV_ID, MakeResult, Steady, record_of
+from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
+from turning_env.score.policy import PolicySpec
 
 HOSTILE = "</script><img src=x onerror=\"document.title='owned'\">'&amp;"
 BACKWARDS, LONG = "\u202eexe.gpj \u05d0\u05d1", "long" * 125
 ROWS = 500
 
+pytestmark = pytest.mark.slow
+
 Open = Callable[..., Page]
 
 
-def renamed(policy: PolicyRecord, name: str) -> PolicyRecord:
+def renamed(policy: PolicySpec, name: str) -> PolicySpec:
     """Called and described as no file would let it."""
-    return policy.model_construct(
-        **(dict(policy) | {"name": name, "description": name, "digest": name, "parameters": {name: name}})
-    )
+    return policy.model_construct(**(dict(policy) | {"name": name, "description": name, "parameters": {name: name}}))
 
 
 @pytest.fixture(scope="module")
-def board(task: Task, make_result: MakeResult) -> Board:
-    """Hostile rules, an infeasible agent, a reference, and the published controller, some of them recorded."""
+def leaderboard(task: Task, make_result: MakeResult) -> Leaderboard:
+    """Hostile rules, an infeasible agent, an oracle, and the published controller, some of them recorded."""
     results = [
         make_result("grid_search", **{"return": [1.0, 2.0, 3.0, 5.0]}),
         make_result("fixed_tuned", **{"return": [0.0, 1.0, 2.0, 3.0]}),
-        make_result("oracle", kind="reference", **{"return": 9.0}),
+        make_result("oracle", kind="oracle", **{"return": 9.0}),
         *(make_result("ppo", seed, severe_overload_time=30.0, **{"return": 2.0 * seed}) for seed in (0, 1)),
     ]
     for place, name in enumerate((HOSTILE, BACKWARDS, LONG)):
@@ -44,14 +45,12 @@ def board(task: Task, make_result: MakeResult) -> Board:
         results.append(plain.model_copy(update={"policy": renamed(plain.policy, name)}))
     recorded = {HOSTILE: (7, 8), "grid_search": (7, 8), BACKWARDS: (8,)}
     episodes = [
-        record(record_of("plain"), lambda num_envs: Steady(num_envs, (0.1, 0.1)), task.scenario, draw).model_copy(
-            update={"policy": result.policy}
-        )
+        record(spec("plain", (0.1, 0.1)), task.scenario, seed).model_copy(update={"policy": result.policy})
         for result in results
-        for draw in recorded.get(result.policy.name, ())
+        for seed in recorded.get(result.policy.name, ())
     ]
-    trajectories = Trajectories(task=results[0].digests.task, episodes=[]).model_copy(update={"episodes": episodes})
-    return Board(task, results, rank(results), trajectories, [])
+    trajectories = Trajectories(task=task.digest, episodes=[]).model_copy(update={"episodes": episodes})
+    return Leaderboard(task, results, rank(results), trajectories, [])
 
 
 @pytest.fixture(scope="module")
@@ -67,11 +66,11 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="module")
-def file(board: Board, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of two boards."""
+def file(leaderboard: Leaderboard, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of two leaderboards."""
     path = tmp_path_factory.mktemp("page") / "index.html"
-    scenario = board.task.scenario.model_copy(update={"name": "other"})
-    page.write([board, replace(board, task=board.task.model_copy(update={"scenario": scenario}))], path)
+    scenario = leaderboard.task.scenario.model_copy(update={"name": "other"})
+    page.write([leaderboard, replace(leaderboard, task=leaderboard.task.model_copy(update={"scenario": scenario}))], path)
     return path
 
 
@@ -112,7 +111,7 @@ def width_beyond(shown: Page) -> int:
     return int(shown.evaluate("document.documentElement.scrollWidth - innerWidth"))
 
 
-def test_one_board_is_shown_at_a_time(opened: Open) -> None:
+def test_one_leaderboard_is_shown_at_a_time(opened: Open) -> None:
     shown = opened()
     expect(shown.get_by_role("heading", level=2)).to_have_text([f"{ENV_ID}: rough_turning"])
     shown.get_by_role("link", name="other").click()
@@ -122,14 +121,14 @@ def test_one_board_is_shown_at_a_time(opened: Open) -> None:
     expect(shown.get_by_role("heading", level=2)).to_have_text([f"{ENV_ID}: rough_turning"])
 
 
-def test_headings_sort(opened: Open, board: Board) -> None:
+def test_headings_sort(opened: Open, leaderboard: Leaderboard) -> None:
     shown = opened()
-    ranked = [standing.name for standing in board.standings]
+    ranked = [standing.name for standing in leaderboard.standings]
     assert names(shown) == ranked
     head = shown.get_by_role("columnheader", name="return [s]", exact=True)
     head.get_by_role("button").click()
     expect(head).to_have_attribute("aria-sort", "descending")
-    by_return = [each.name for each in sorted(board.standings, key=lambda each: -each.mean_return.value)]
+    by_return = [each.name for each in sorted(leaderboard.standings, key=lambda each: -each.mean_return.value)]
     assert names(shown) == by_return
     head.get_by_role("button").click()
     expect(head).to_have_attribute("aria-sort", "ascending")
@@ -143,14 +142,14 @@ def test_filters_leave_what_is_asked_for(opened: Open) -> None:
     assert "ppo" not in names(shown)
     shown.get_by_label("rules").uncheck()
     assert names(shown) == ["oracle"]
-    expect(shown.locator("section:visible .count")).to_have_text("1 of 7 rows shown")
+    expect(shown.locator("section:visible .count")).to_have_text("1 of 7 policies shown")
     shown.get_by_label("rules").check()
     shown.get_by_label("Policy").first.fill("GRID")
     assert names(shown) == ["grid_search"]
     shown.get_by_label("Policy").first.fill("nobody")
     expect(shown.locator("section:visible .nothing")).to_be_visible()
     expect(shown.get_by_role("columnheader", name="over fixed [s]")).to_be_hidden()
-    shown.get_by_label("compared on the same draws").check()
+    shown.get_by_label("compared on the same seeds").check()
     expect(shown.get_by_role("columnheader", name="over fixed [s]")).to_be_visible()
 
 
@@ -170,9 +169,9 @@ def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open) -> None:
     assert inner.locator(".panels .second").count() == 0
     assert inner.locator(".panels .first").count() == 5
     inner.get_by_role("combobox", name="Second policy").select_option(label=f"\u2068{BACKWARDS}\u2069")
-    expect(inner.locator(".note")).to_contain_text("Nothing was recorded of the second policy on this draw.")
+    expect(inner.locator(".note")).to_contain_text("Nothing of the second policy was recorded with this seed.")
     before = inner.locator(".panels .first").first.get_attribute("d")
-    inner.get_by_role("combobox", name="Draw").select_option(label="8")
+    inner.get_by_role("combobox", name="Seed").select_option(label="8")
     assert inner.locator(".panels .second").count() == 5
     inner.get_by_role("combobox", name="Along").select_option(label="path [mm]")
     assert inner.locator(".panels .first").first.get_attribute("d") != before
@@ -184,9 +183,9 @@ def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open) -> None:
 def test_a_row_says_what_is_not_recorded(opened: Open) -> None:
     shown = opened()
     assert shown.locator("section:visible tr.policy small", has_text="no trajectory recorded").count() == 4
-    assert shown.locator("section:visible tr.policy small", has_text="some draws only").count() == 1
+    assert shown.locator("section:visible tr.policy small", has_text="some seeds only").count() == 1
     row(shown, "oracle").click()
-    expect(shown.locator(".inner:visible")).to_contain_text("a reference knows what no policy is told")
+    expect(shown.locator(".inner:visible")).to_contain_text("an oracle knows what no policy sees")
     assert shown.locator(".inner:visible svg").count() == 0
 
 
@@ -201,7 +200,7 @@ def test_the_keyboard_is_enough(opened: Open) -> None:
     shown.keyboard.press("Enter")
     expect(target).to_have_attribute("aria-expanded", "true")
     shown.keyboard.press("Tab")
-    expect(shown.locator(".inner:visible").get_by_role("combobox", name="Draw")).to_be_focused()
+    expect(shown.locator(".inner:visible").get_by_role("combobox", name="Seed")).to_be_focused()
     shown.keyboard.press("Escape")
     expect(target).to_have_attribute("aria-expanded", "false")
     expect(target).to_be_focused()
@@ -224,33 +223,29 @@ def test_light_and_dark(opened: Open) -> None:
 @pytest.mark.parametrize("width", [360, 1280])
 def test_the_page_is_no_wider_than_the_screen(opened: Open, width: int) -> None:
     shown = opened(width=width)
+    box = row(shown, LONG).bounding_box()
+    assert box is not None
+    assert box["height"] < 100 or width < 1000
     assert width_beyond(shown) == 0
     row(shown, HOSTILE).click()
     expect(shown.locator(".panels svg").first).to_be_visible()
     assert width_beyond(shown) == 0
-    for heading in ("compared on the same draws", "in the workshop"):
+    for heading in ("compared on the same seeds", "in the workshop"):
         shown.get_by_label(heading).check()
     assert width_beyond(shown) == 0
     inner = shown.locator(".inner:visible").bounding_box()
     assert inner is not None
     assert inner["width"] <= width
-
-
-def test_hostile_names_are_text(opened: Open) -> None:
-    shown = opened()
-    row(shown, HOSTILE).click()
+    # Hostile names are text, and long ones take no more room than others.
     shown.locator(".inner:visible summary").click()
     assert shown.locator("img").count() == 0
     assert shown.title() == "RoughTurning leaderboard"
     assert {HOSTILE, BACKWARDS, LONG} <= set(names(shown))
     expect(shown.locator(".legend bdi").first).to_have_text(HOSTILE)
-    box = row(shown, LONG).bounding_box()
-    assert box is not None
-    assert box["height"] < 100
 
 
-def test_five_hundred_rows_sort_at_once(opened: Open, board: Board, tmp_path: Path) -> None:
-    result, standing = board.results[0], next(each for each in board.standings if each.name == "grid_search")
+def test_five_hundred_rows_sort_at_once(opened: Open, leaderboard: Leaderboard, tmp_path: Path) -> None:
+    result, standing = leaderboard.results[0], next(each for each in leaderboard.standings if each.name == "grid_search")
     many = [renamed(result.policy, f"policy {place:03}") for place in range(ROWS)]
     results = [result.model_copy(update={"policy": policy}) for policy in many]
     estimate = standing.mean_return
@@ -259,7 +254,7 @@ def test_five_hundred_rows_sort_at_once(opened: Open, board: Board, tmp_path: Pa
         for place, policy in enumerate(many)
     ]
     path = tmp_path / "many.html"
-    page.write([Board(board.task, results, standings, None, [])], path)
+    page.write([Leaderboard(leaderboard.task, results, standings, None, [])], path)
     shown = opened(path)
     taken = shown.evaluate(
         """() => {

@@ -1,4 +1,4 @@
-"""What is true of a bar, and of the passes that an action names: the transition's own functions, on records apart."""
+"""True hardness and allowance along a bar, and the passes of an action: the transition's own functions on separate records."""
 
 from dataclasses import dataclass
 
@@ -50,7 +50,7 @@ def read_passes(states, scratches, action, passes):  # type: ignore[no-untyped-d
 
 @dataclass(frozen=True)
 class Key:
-    """What an episode's bars follow from."""
+    """What determines an episode's bars."""
 
     seed: int
     episode: int
@@ -63,14 +63,14 @@ class Fields:
         self._records = new_records(STATE, 1), scratch_records(scenario)
 
     def along(self, key: Key, bar: int, places: Array) -> tuple[Array, Array]:
-        """Relative hardness [-] and allowance [mm] at places along a bar [mm], without the ripple of run-out."""
+        """Return relative hardness [-] and allowance [mm] at places along a bar [mm], without the ripple of run-out."""
         hardness, depth = np.empty_like(places), np.empty_like(places)
         seed, episode = np.uint64(key.seed), np.uint64(key.episode)
         read_fields(*self._records, seed, episode, float(bar), places, hardness, depth)
         return np.exp(hardness), depth
 
     def passes(self, action: Array) -> list[tuple[float, float, float]]:
-        """Cutting speed [m/min], feed [mm/rev] and depth [mm] of each pass that an action on a whole part names."""
+        """Return cutting speed [m/min], feed [mm/rev] and depth [mm] of each pass that an action on a whole part names."""
         passes = np.zeros((MAX_PASSES, 3))
         count = read_passes(*self._records, action, passes)
         return [tuple(row) for row in passes[:count].tolist()]

@@ -1,17 +1,13 @@
-"""One frame: the cards, what stands still on them, and what moves."""
+"""One frame: its cards, what stands still on them, and what moves."""
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw
 
-from turning_env.rendering.bar_view import BarView
-from turning_env.rendering.dials import Dials
-from turning_env.rendering.edge_view import EdgeView
-from turning_env.rendering.feed_map import FeedMap
-from turning_env.rendering.lane import Lane
-from turning_env.rendering.load_strip import LoadStrip
-from turning_env.rendering.operating_map import OperatingMap
-from turning_env.rendering.readings import Readings
-from turning_env.rendering.theme import HEIGHT, INK, OVER, PAPER, QUIET, WIDTH, Box, Pixels, card, length, put, write
+from turning_env.rendering.bar import BarView, LoadStrip
+from turning_env.rendering.gauges import Dials, EdgeView, Readings
+from turning_env.rendering.history import History
+from turning_env.rendering.maps import FeedMap, OperatingMap
+from turning_env.rendering.theme import CARD, HEIGHT, INK, OVER, PAPER, QUIET, RULE, WIDTH, Box, Pixels, length, put, write
 from turning_env.scenario import Scenario
 
 _BAR: Box = (16, 46, WIDTH - 16, 306)
@@ -21,11 +17,11 @@ _HEADER = (16, 8)
 
 
 class Frame:
-    """The picture of one lathe, drawn anew only where something moves.
+    """The picture of one environment, drawn anew only where something moves.
 
     Args:
-        scenario: what is played.
-        title: what stands at the top.
+        scenario: of the environment.
+        title: stands at the top.
     """
 
     def __init__(self, scenario: Scenario, title: str) -> None:
@@ -36,43 +32,44 @@ class Frame:
         self._views = (self._bar, self._strip, *views, self._map)
         image = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
         for box in (_BAR, _DIALS, _MAP):
-            card(image, box)
+            left, top, right, bottom = box
+            ImageDraw.Draw(image).rounded_rectangle((left, top, right - 1, bottom - 1), 8, fill=CARD, outline=RULE)
         self._bar.draw_axes(image, _BAR)
         self._strip.draw_axes(image, _BAR)
         self._map.draw_axes(image, _MAP)
         self._pixels: Pixels = np.array(image)
 
-    def draw(self, lane: Lane) -> Pixels:
-        """The lathe as it is now: uint8, shape (HEIGHT, WIDTH, 3), which is the caller's own."""
-        self._write_header(lane)
+    def draw(self, history: History) -> Pixels:
+        """Return a picture of the present state, the caller's own: uint8, shape (HEIGHT, WIDTH, 3)."""
+        self._write_header(history)
         for view in self._views:
-            view.draw(self._pixels, lane)
+            view.draw(self._pixels, history)
         return self._pixels.copy()
 
-    def _write_header(self, lane: Lane) -> None:
+    def _write_header(self, history: History) -> None:
         scenario, workpiece = self._scenario, self._scenario.workpiece
         image = Image.new("RGB", (WIDTH - 2 * _HEADER[0], 34), PAPER)
         write(image, (0, 4), self._title, 17)
         x = length(self._title, 17) + 16
-        bad = lane.state in ("edge broken", "edge worn out")
-        number = f"{lane.bar + 1} of {workpiece.bars}" if workpiece.bars else f"{lane.bar + 1}"
+        bad = history.state in ("edge broken", "edge worn out")
+        number = f"{history.bar + 1} of {workpiece.bars}" if workpiece.bars else f"{history.bar + 1}"
         what = "part" if scenario.control.action == "part" else "bar"
-        write(image, (x, 7), lane.state, 14, OVER if bad else INK)
-        write(image, (x + length(lane.state, 14) + 14, 7), f"{what} {number}", 14, QUIET)
+        write(image, (x, 7), history.state, 14, OVER if bad else INK)
+        write(image, (x + length(history.state, 14) + 14, 7), f"{what} {number}", 14, QUIET)
         limit = scenario.control.time_limit
         if limit < 2.0:
-            clock = f"{lane.time:.1f} of {60 * limit:.0f} s"
+            clock = f"{history.time:.1f} of {60 * limit:.0f} s"
         elif scenario.control.interval < 0.1:
-            clock = f"{lane.time:.1f} s"
+            clock = f"{history.time:.1f} s"
         elif scenario.control.action == "part":
-            clock = f"{lane.time / 60.0:.1f} min"
+            clock = f"{history.time / 60.0:.1f} min"
         else:
-            clock = f"{lane.time / 60.0:.1f} of {limit:g} min"
+            clock = f"{history.time / 60.0:.1f} of {limit:g} min"
         name = "profit" if scenario.control.edge_changes == "commanded" else "return"
-        texts = [f"{name} {lane.total:.1f} s", f"{lane.removed:.0f} cm3", clock]
+        texts = [f"{name} {history.total:.1f} s", f"{history.removed:.0f} cm3", clock]
         if scenario.control.edge_changes != "end":
-            broken = f" ({lane.broken:.0f} broken)" if lane.broken else ""
-            texts.insert(1, f"{lane.edges:.1f} edges used{broken}")
+            broken = f" ({history.broken:.0f} broken)" if history.broken else ""
+            texts.insert(1, f"{history.edges:.1f} edges used{broken}")
         right = float(image.width)
         for text in texts:
             write(image, (right, 7), text, 14, INK, "right")

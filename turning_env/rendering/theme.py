@@ -1,7 +1,9 @@
-"""How everything looks: sizes [pixels], colours, letters, and ticks."""
+"""The look of a frame: sizes [pixels], colours, letters, scales and ticks."""
 
 import math
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -10,12 +12,13 @@ from PIL import Image, ImageDraw, ImageFont
 
 Colour = tuple[int, int, int]
 Pixels = NDArray[np.uint8]
+Point = tuple[float, float]
 Box = tuple[int, int, int, int]
 """Left, top, right and bottom; the last two are the first pixels outside."""
 
 WIDTH, HEIGHT = 960, 640
 SCALE = 2
-"""What moves is drawn this much larger and then reduced, as Pillow's lines are not smooth."""
+"""Factor by which moving parts are drawn larger and then reduced, as Pillow's lines are not smooth."""
 
 PAPER: Colour = (246, 245, 241)
 CARD: Colour = (255, 255, 255)
@@ -35,7 +38,7 @@ CHIP: Colour = (150, 92, 52)
 ALLOWANCE: Colour = (222, 219, 211)
 SOFT_TINT: Colour = (236, 240, 244)
 HARD_TINT: Colour = (96, 122, 150)
-"""Of the insert, its worn land, the chip and the bar; the last two tint soft and hard metal."""
+"""Colours of the insert, its wear land, the chip and the bar; the last two tint soft and hard metal."""
 POWER, FORCE, OVER, ALLOWED, SURFACE = BLUE, ORANGE, VERMILLION, GREEN, PURPLE
 """What each stands for everywhere; vermillion is for what lies beyond a limit."""
 
@@ -44,16 +47,19 @@ _SPACE = 0.28
 """Between words, over the size: the font's own space is too narrow for small letters."""
 
 
+_face = lru_cache(ImageFont.load_default)
+
+
 @lru_cache(maxsize=4096)
 def mixed(colour: Colour, share: float, ground: Colour = CARD) -> Colour:
-    """A share of a colour, 0 to 1, on a ground."""
+    """Mix a share of a colour, 0 to 1, with a ground."""
     red, green, blue = (round(share * ours + (1.0 - share) * theirs) for ours, theirs in zip(colour, ground, strict=True))
     return red, green, blue
 
 
 @lru_cache(maxsize=4096)
 def _letters(text: str, size: int) -> tuple[Image.Image, float]:
-    """How much of each pixel the letters cover, from the line's top on, and where what follows begins."""
+    """Return how much of each pixel the letters cover, from the line's top on, and where the next text begins."""
     face, space = _face(size), _SPACE * size
     words = text.split(" ")
     places = [0.0]
@@ -67,21 +73,12 @@ def _letters(text: str, size: int) -> tuple[Image.Image, float]:
 
 
 def _pieces(text: str, size: int) -> list[tuple[Image.Image, float]]:
-    """The words and, as numbers are new in every frame, the single digits of a text."""
+    """Return the words and, as numbers are new in every frame, the single digits of a text."""
     return [_letters(piece, size) for piece in _DIGITS.split(text) if piece]
 
 
-@lru_cache
-def _face(size: int) -> ImageFont.FreeTypeFont:
-    face = ImageFont.load_default(size)
-    assert isinstance(face, ImageFont.FreeTypeFont)
-    return face
-
-
-def write(
-    image: Image.Image, place: tuple[float, float], text: str, size: int = 13, colour: Colour = INK, anchor: str = "left"
-) -> None:
-    """Write a line with its top at a place: beginning there, ending there ("right") or in its middle ("middle")."""
+def write(image: Image.Image, place: Point, text: str, size: int = 13, colour: Colour = INK, anchor: str = "left") -> None:
+    """Write a line of text with its top at a place: beginning there, ending there ("right") or in its middle ("middle")."""
     pieces = _pieces(text, size)
     x = place[0] - {"left": 0.0, "middle": 0.5, "right": 1.0}[anchor] * sum(advance for _, advance in pieces)
     for letters, advance in pieces:
@@ -90,18 +87,12 @@ def write(
 
 
 def length(text: str, size: int) -> float:
-    """How long a line of text is [pixels]."""
+    """Return the length of a line of text [pixels]."""
     return sum(advance for _, advance in _pieces(text, size))
 
 
-def card(image: Image.Image, box: Box) -> None:
-    """A white sheet with a thin border, on which a group stands."""
-    left, top, right, bottom = box
-    ImageDraw.Draw(image).rounded_rectangle((left, top, right - 1, bottom - 1), 8, fill=CARD, outline=RULE)
-
-
 def enlarged(image: Image.Image) -> Image.Image:
-    """The image in the size in which is drawn on it."""
+    """Return the image enlarged by ``SCALE``, to draw on."""
     return image.resize((image.width * SCALE, image.height * SCALE), Image.Resampling.NEAREST)
 
 
@@ -111,8 +102,36 @@ def put(frame: Pixels, image: Image.Image, corner: tuple[int, int]) -> None:
     frame[top : top + image.height, left : left + image.width] = np.asarray(image)
 
 
+def draw_key(image: Image.Image, place: tuple[int, int], entries: Sequence[tuple[str, Colour, int]], gap: int) -> None:
+    """Write a legend in one line: texts, each behind a sample of its colour and height [pixels]."""
+    x, y = place
+    for text, colour, height in entries:
+        top = y + 8 - height // 2
+        ImageDraw.Draw(image).rectangle((x, top, x + 15, top + height - 1), fill=colour)
+        write(image, (x + 20, y), text, 11, QUIET)
+        x += 20 + round(length(text, 11)) + gap
+
+
+@dataclass(frozen=True)
+class Ruler:
+    """A linear scale from quantities to pixels: ``start`` lies at pixel ``first``, ``end`` at ``last``."""
+
+    start: float
+    end: float
+    first: float
+    last: float
+
+    def __call__(self, value: float) -> float:
+        """Return the pixel of a value."""
+        return self.first + (value - self.start) / (self.end - self.start) * (self.last - self.first)
+
+    def within(self, value: float) -> float:
+        """Return the pixel of a value, or the end of the scale beyond which it lies."""
+        return self(min(max(value, self.start), self.end))
+
+
 def round_ticks(low: float, high: float, most: int = 6) -> list[float]:
-    """Round numbers at even distances within a range."""
+    """Return at most so many round numbers at even distances within a range."""
     span = high - low
     for power in range(math.floor(math.log10(span)) - 2, math.ceil(math.log10(span)) + 1):
         for digit in (1, 2, 5):
@@ -124,7 +143,7 @@ def round_ticks(low: float, high: float, most: int = 6) -> list[float]:
 
 
 def log_ticks(low: float, high: float) -> list[float]:
-    """Round numbers within a range, at about even distances on a log scale."""
+    """Return round numbers within a range, at about even distances on a log scale."""
     narrow = high < 8.0 * low
     digits = (1.0, 1.2, 1.4, 1.6, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0) if narrow else (1.0, 2.0, 3.0, 6.0)
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)

@@ -1,79 +1,84 @@
-"""What an environment renders with: the lanes that are looked at, their frames, and a window for human eyes."""
+"""The viewer that an environment renders with: what is looked at, its frames, and a window for ``render_mode="human"``."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from gymnasium.error import ResetNeeded
+from gymnasium.error import DependencyNotInstalled, ResetNeeded
 
 from turning_env.rendering.fields import Fields
-from turning_env.rendering.frame import Frame
-from turning_env.rendering.lane import Lane
-from turning_env.rendering.theme import Pixels
+from turning_env.rendering.history import History
 
 if TYPE_CHECKING:
     from turning_env.batch.driver import Batch
     from turning_env.env import RoughTurningEnv
+    from turning_env.rendering.frame import Frame
+    from turning_env.rendering.theme import Pixels
     from turning_env.rendering.window import Window
     from turning_env.vector_env import RoughTurningVectorEnv
 
 
 class Viewer:
-    """Looks at the first lanes of lathes, interval by interval.
+    """Looks at the first environments of a batch, step by step.
+
+    Pillow, and pygame for a window, are imported when something is drawn for the first time.
 
     Args:
-        env: whose lathes they are.
-        lathes: what is looked at.
-        lanes: how many of them, from the first on.
-        window: where each interval is shown by itself, if there is one.
+        env: what is rendered; with the mode "human" every step is shown in a window.
+        batch: what is looked at.
+        num_envs: how many of its environments, from the first on.
     """
 
-    def __init__(
-        self, env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Batch", num_envs: int, window: "Window | None"
-    ) -> None:
-        self._env, self._window = env, window
-        scenario = env.scenario
-        fields = Fields(scenario)
-        self._lanes = [Lane(scenario, lathes, lane, fields) for lane in range(num_envs)]
+    def __init__(self, env: "RoughTurningEnv | RoughTurningVectorEnv", batch: "Batch", num_envs: int) -> None:
+        self._env = env
+        fields = Fields(env.scenario)
+        self._histories = [History(env.scenario, batch, index, fields) for index in range(num_envs)]
         self._frames: list[Frame] = []
+        self._window: Window | None = None
 
     @property
     def title(self) -> str:
-        """What stands on the frames: the environment's id, if it has one and the scenario's name."""
+        """The title of the frames: the environment's id, if it has one, and the scenario's name."""
         spec, name = self._env.spec, self._env.scenario.name
-        if spec is None:
-            return name
-        return f"{spec.id}, {name}"
+        return name if spec is None else f"{spec.id}, {name}"
 
     def note(self) -> None:
-        """Take down what the last interval gave, and show it where there is a window. To be called after it and after a reset."""
-        for lane in self._lanes:
-            lane.note()
-        if self._window is not None:
-            self.show()
+        """Record what the last step gave, and show it where there is a window; call it after each step and reset."""
+        for history in self._histories:
+            history.note()
+        if self._env.render_mode == "human":
+            self.render()
 
-    def frames(self) -> tuple[Pixels, ...]:
-        """A frame of each lane: uint8, shape (height, width, 3).
+    def frames(self) -> "tuple[Pixels, ...]":
+        """Return a frame of each environment: uint8, shape (height, width, 3).
 
         Raises:
             gymnasium.error.ResetNeeded: there is nothing to see yet.
+            gymnasium.error.DependencyNotInstalled: Pillow is missing.
         """
-        if not all(lane.started for lane in self._lanes):
+        if not all(history.started for history in self._histories):
             raise ResetNeeded("call reset() before render(): no episode is under way")
         if not self._frames:
-            self._frames = [Frame(self._env.scenario, self.title) for _ in self._lanes]
-        return tuple(frame.draw(lane) for frame, lane in zip(self._frames, self._lanes, strict=True))
+            with _named_if_missing():
+                from turning_env.rendering.frame import Frame
+            self._frames = [Frame(self._env.scenario, self.title) for _ in self._histories]
+        return tuple(frame.draw(history) for frame, history in zip(self._frames, self._histories, strict=True))
 
-    def show(self) -> None:
-        """Show the first lane in the window."""
+    def render(self) -> "Pixels | None":
+        """Return the first environment's frame; with a window show it there, and return None.
+
+        Raises:
+            gymnasium.error.DependencyNotInstalled: Pillow, or for a window pygame-ce, is missing.
+        """
         (frame, *_) = self.frames()
-        assert self._window is not None
+        if self._env.render_mode != "human":
+            return frame
+        if self._window is None:
+            with _named_if_missing():
+                from turning_env.rendering.window import Window
+            self._window = Window(self._env.metadata["render_fps"])
         self._window.show(frame, self.title)
-
-    def render(self) -> Pixels | None:
-        """The first lane's frame; with a window nothing, as it is shown there."""
-        if self._window is not None:
-            self.show()
-            return None
-        return self.frames()[0]
+        return None
 
     def close(self) -> None:
         """Close the window, if there is one."""
@@ -82,3 +87,15 @@ class Viewer:
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_frames": []}  # they hold nothing that cannot be drawn again
+
+
+@contextmanager
+def _named_if_missing() -> Iterator[None]:
+    """Say which library is missing, and how to install it."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] not in ("PIL", "pygame"):
+            raise
+        needed = f'{error.name} is not installed, which draws the environment: pip install "rough-turning[render]"'
+        raise DependencyNotInstalled(needed) from error

@@ -1,4 +1,4 @@
-"""The window of human rendering, opened with pygame when there is something to show."""
+"""The window of ``render_mode="human"``, opened with pygame when there is something to show."""
 
 import os
 from typing import Any
@@ -10,11 +10,7 @@ from turning_env.rendering.theme import HEIGHT, WIDTH, Pixels
 
 
 class Window:
-    """Shows frames at a pace.
-
-    Args:
-        frames_per_second: how many at most.
-    """
+    """Shows at most so many frames per second."""
 
     def __init__(self, frames_per_second: int) -> None:
         self._pace = frames_per_second
@@ -22,7 +18,7 @@ class Window:
         self._clock: Any = None
 
     def show(self, frame: Pixels, title: str) -> None:
-        """Show a frame for as long as its pace says.
+        """Show a frame, and wait until the next is due.
 
         Raises:
             gymnasium.error.Error: there is no display to open a window on.

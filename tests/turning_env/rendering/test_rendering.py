@@ -1,4 +1,4 @@
-"""Frames and the window: Gymnasium's conventions, that looking on changes nothing, and that what is drawn is true."""
+"""Frames and the window: Gymnasium's conventions, rendering changes nothing, and what is drawn is true."""
 
 import copy
 import itertools
@@ -12,11 +12,11 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ClosedEnvironmentError, Error, ResetNeeded
-from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import RecordVideo
 
 from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, changed, fixed_actions, play
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario
+from turning_env.physics.records import parameter_records
 from turning_env.physics.wear import wear_by_clock
 from turning_env.rendering.fields import Fields, Key
 from turning_env.rendering.limits import Cut, HalfPlane, border, bound, highest_feed, region, wear_bound
@@ -27,12 +27,13 @@ ROOT = Path(__file__).parents[3]
 
 
 def rendered(scenario, seed, actions):
-    """The environment after these actions."""
+    """Return the environment after these actions."""
     env = RoughTurningEnv(scenario, render_mode="rgb_array")
     play(env, seed, actions)
     return env
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("env_id", IDS)
 def test_every_id_is_drawn_and_moves(env_id):
     env = gymnasium.make(env_id, render_mode="rgb_array")
@@ -46,6 +47,7 @@ def test_every_id_is_drawn_and_moves(env_id):
     assert len(np.unique(frames[-1].reshape(-1, 3), axis=0)) > 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scenario", ["forging_skin", "rough_turning_current", "batch_forging", "ck45", "override_current", SHORT_LIVED]
 )
@@ -59,45 +61,23 @@ def test_presets_are_drawn_through_the_ends_of_episodes(scenario):
             env.reset()
 
 
-@pytest.mark.parametrize("scenario", [SHORT_LIVED, *IDS.values()])
-def test_looking_on_changes_nothing(scenario):
-    actions = fixed_actions(25, 1, scenario)[:, 0]
+@pytest.mark.parametrize("scenario", [SHORT_LIVED, "override", "batch_casting"])
+def test_rendering_every_step_changes_neither_the_episode_nor_later_frames(scenario):
+    actions = fixed_actions(40, 1, scenario)[:, 0]
     env = RoughTurningEnv(scenario, render_mode="rgb_array")
-    step = env.step
-
-    def step_and_render(action):
-        env.render()
-        return step(action)
-
-    env.step = step_and_render
-    assert_same_bytes(play(env, 5, actions), play(RoughTurningEnv(scenario), 5, actions))
-
-
-def test_frames_are_alike_for_alike_episodes_and_the_caller_s_own():
-    actions = fixed_actions(30, 1)[:, 0]
-    env = rendered("rough_turning", 4, actions)
-    kept = env.render()
-    assert np.array_equal(env.render(), kept)
-    assert np.array_equal(rendered("rough_turning", 4, actions).render(), kept)
-    env.step(actions[0])
-    before = kept.copy()
-    env.render()
-    assert np.array_equal(kept, before)
-
-
-def test_what_was_drawn_before_leaves_no_trace():
-    """A frame that is drawn once shows what a frame drawn after every interval does."""
-    actions = fixed_actions(60, 1)[:, 0]
-    env = RoughTurningEnv(SHORT_LIVED, render_mode="rgb_array")
     step, reset = env.step, env.reset
     env.step = lambda action: (step(action), env.render())[0]
     env.reset = lambda **options: (reset(**options), env.render())[0]
-    play(env, 2, actions)
-    assert np.array_equal(env.render(), rendered(SHORT_LIVED, 2, actions).render())
+    assert_same_bytes(play(env, 5, actions), play(RoughTurningEnv(scenario), 5, actions))
+    frame = env.render()
+    assert np.array_equal(frame, rendered(scenario, 5, actions).render())
+    kept = frame.copy()
+    env.reset(seed=6)
+    assert np.array_equal(frame, kept)
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"])
-def test_a_copy_is_drawn_alike_and_goes_on_alone(duplicate):
+def test_a_copy_is_drawn_alike_and_goes_on_by_itself(duplicate):
     env = rendered("rough_turning", 4, fixed_actions(20, 1)[:, 0])
     env.render()
     twin = duplicate(env)
@@ -127,11 +107,12 @@ def test_without_a_mode_nothing_is_rendered_and_that_is_said():
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="render mode"):
         assert env.render() is None
-    lanes = RoughTurningVectorEnv(2)
+    envs = RoughTurningVectorEnv(2)
     with pytest.warns(UserWarning, match="render mode"):
-        assert lanes.render() is None
+        assert envs.render() is None
 
 
+@pytest.mark.slow
 def test_videos_are_recorded(tmp_path):
     scenario = changed(Scenario(), control={"time_limit": 0.1})
     env = RecordVideo(
@@ -145,39 +126,26 @@ def test_videos_are_recorded(tmp_path):
     assert video.stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("mode", list(AutoresetMode))
-def test_lanes_are_drawn_as_single_environments(mode):
+def test_a_batch_is_drawn_as_single_environments():
     actions = fixed_actions(20, 3, SHORT_LIVED)
-    lanes = RoughTurningVectorEnv(3, SHORT_LIVED, AutoresetMode.NEXT_STEP, render_mode="rgb_array")
-    lanes.reset(seed=6)
-    singles = [RoughTurningEnv(SHORT_LIVED, render_mode="rgb_array") for _ in range(3)]
-    for lane, single in enumerate(singles):
-        play(single, 6 + lane, actions[:, lane])
+    envs = RoughTurningVectorEnv(3, SHORT_LIVED, render_mode="rgb_array")
+    envs.reset(seed=6)
     for each in actions:
-        lanes.step(each)
-    frames = lanes.render()
+        envs.step(each)
+    frames = envs.render()
     assert isinstance(frames, tuple)
-    assert len(frames) == 3
-    for frame, single in zip(frames, singles, strict=True):
-        assert np.array_equal(frame, single.render())
-    other = RoughTurningVectorEnv(2, SHORT_LIVED, mode, render_mode="rgb_array")
-    other.reset(seed=6)
-    other.step(actions[0, :2])
-    assert np.array_equal(other.render()[0], _first_frame(actions[:1, 0]))
+    for index, frame in enumerate(frames):
+        assert np.array_equal(frame, rendered(SHORT_LIVED, 6 + index, actions[:, index]).render())
 
 
-def _first_frame(actions):
-    return rendered(SHORT_LIVED, 6, actions).render()
-
-
-def test_as_many_lanes_are_drawn_as_asked():
-    lanes = gymnasium.make_vec("RoughTurning-v0", num_envs=40, render_mode="rgb_array", rendered_lanes=2)
-    lanes.reset(seed=0)
-    lanes.step(lanes.action_space.sample())
-    assert [frame.shape for frame in lanes.render()] == [SHAPE, SHAPE]
+def test_as_many_environments_are_drawn_as_asked():
+    envs = gymnasium.make_vec("RoughTurning-v0", num_envs=40, render_mode="rgb_array", rendered_envs=2)
+    envs.reset(seed=0)
+    envs.step(envs.action_space.sample())
+    assert [frame.shape for frame in envs.render()] == [SHAPE, SHAPE]
     for number in (0, 41):
-        with pytest.raises(ValueError, match=f"rendered_lanes is {number}, but must be None or 1 to num_envs, which is 40"):
-            RoughTurningVectorEnv(40, render_mode="rgb_array", rendered_lanes=number)
+        with pytest.raises(ValueError, match=f"rendered_envs is {number}, but must be None or 1 to num_envs, which is 40"):
+            RoughTurningVectorEnv(40, render_mode="rgb_array", rendered_envs=number)
     with pytest.raises(ValueError, match="render_mode is 'human', but must be None or one of 'rgb_array'"):
         RoughTurningVectorEnv(40, render_mode="human")
 
@@ -212,6 +180,7 @@ def test_without_a_display_the_error_says_what_to_do(monkeypatch):
         RoughTurningEnv(render_mode="human").reset(seed=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mode", "missing"), [("rgb_array", "PIL"), ("human", "pygame")])
 def test_what_is_missing_is_named(mode, missing):
     code = f"""
@@ -219,9 +188,10 @@ import sys
 sys.modules[{missing!r}] = None
 from turning_env import RoughTurningEnv
 from gymnasium.error import DependencyNotInstalled
-RoughTurningEnv()
 try:
-    RoughTurningEnv(render_mode={mode!r})
+    env = RoughTurningEnv(render_mode={mode!r})
+    env.reset()
+    env.render()
 except DependencyNotInstalled as error:
     print(error)
 """
@@ -230,25 +200,26 @@ except DependencyNotInstalled as error:
     assert missing in finished.stdout
 
 
-def test_the_bar_that_is_drawn_is_the_one_that_is_cut():
-    for scenario in (Scenario(), Scenario.load("forging_skin"), Scenario.load("small_diameter")):
-        fields, env = Fields(scenario), RoughTurningEnv(scenario)
-        env.reset(seed=2**64 - 1)
-        env.reset()
-        checked = 0
-        for action in fixed_actions(300, 1)[:, 0]:
-            *_, terminated, truncated, info = env.step(action)
-            pitch = scenario.workpiece.bar_length + scenario.workpiece.approach
-            place = info["path"] - info["bar"] * pitch - scenario.workpiece.approach
-            if info["cutting"] and place > 1.0:
-                hardness, depth = fields.along(Key(2**64 - 1, 1), int(info["bar"]), np.array([place]))
-                # What is reported is the middle of the last sub-step's cut.
-                assert depth[0] == pytest.approx(info["depth_of_cut"], abs=0.03)
-                assert hardness[0] == pytest.approx(info["hardness"], abs=0.01)
-                checked += 1
-            if terminated or truncated:
-                break
-        assert checked > 20
+@pytest.mark.parametrize("preset", ["rough_turning", "forging_skin", "small_diameter"])
+def test_the_bar_that_is_drawn_is_the_one_that_is_cut(preset):
+    scenario = Scenario.load(preset)
+    fields, env = Fields(scenario), RoughTurningEnv(scenario)
+    env.reset(seed=2**64 - 1)
+    env.reset()
+    checked = 0
+    for action in fixed_actions(300, 1)[:, 0]:
+        *_, terminated, truncated, info = env.step(action)
+        pitch = scenario.workpiece.bar_length + scenario.workpiece.approach
+        place = info["path"] - info["bar"] * pitch - scenario.workpiece.approach
+        if info["cutting"] and place > 1.0:
+            hardness, depth = fields.along(Key(2**64 - 1, 1), int(info["bar"]), np.array([place]))
+            # What is reported is the middle of the last sub-step's cut.
+            assert depth[0] == pytest.approx(info["depth_of_cut"], abs=0.03)
+            assert hardness[0] == pytest.approx(info["hardness"], abs=0.01)
+            checked += 1
+        if terminated or truncated:
+            break
+    assert checked > 20
 
 
 def test_passes_are_those_that_the_action_names():
@@ -270,20 +241,13 @@ def test_the_region_is_where_no_limit_is_exceeded():
     for law, most in ((force, 1500.0), (power, 7.0)):
         loads = [float(law(math.exp(speed), math.exp(feed), 2.9, 1.0, 0.21, 1.1)) for speed, feed in allowed]
         assert max(loads) == pytest.approx(most, rel=1e-9)
-    # Its area, against points on a grid (shoelace formula).
-    speeds, feeds = np.meshgrid(np.linspace(math.log(50), math.log(200), 301), np.linspace(math.log(0.06), math.log(0.6), 301))
-    inside = np.ones(speeds.shape, bool)
-    for law, most in ((force, 1500.0), (power, 7.0)):
-        inside &= law(np.exp(speeds), np.exp(feeds), 2.9, 1.0, 0.21, 1.1) <= most
-    area = 0.5 * sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(allowed, [*allowed[1:], allowed[0]], strict=True))
-    assert area / (math.log(4) * math.log(10)) == pytest.approx(inside.mean(), abs=0.01)
     assert region(corners, [bound(force, 1.0, cut)]) == []
     assert border(corners, HalfPlane(1.0, 1.0, 1e3)) is None
 
 
 def test_wear_leaves_what_outlasts_the_interval():
     scenario = Scenario.load("paper")
-    parameters = RoughTurningEnv(scenario)._lathes._parameters[0]
+    parameters = parameter_records(scenario)[0]
     used, minutes = 0.9, 12.0
     limit = wear_bound(scenario, Cut(2.5, 1.0, 0.29), 1.0, used, minutes)
     speed = 150.0

@@ -1,8 +1,8 @@
-"""What is seen of one lathe: how it stands, and what of its past is drawn."""
+"""What is seen of one environment: its present state, and what of its past is drawn."""
 
 import math
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from turning_env.rendering.fields import Fields, Key
 from turning_env.scenario import Scenario
@@ -11,40 +11,58 @@ if TYPE_CHECKING:
     from turning_env.batch.driver import Batch
 
 TRAIL = 90
-"""Intervals of which the operating map shows where they were."""
-_MIN_WEAR = 1e-4  # [mm]: an edge that has not cut has none, of which there is no logarithm
+"""Steps whose operating points the operating map shows."""
+_MIN_WEAR = 1e-4  # [mm]: a fresh edge has none, of which there is no logarithm
 
 
-class Lane:
-    """One lathe as an onlooker sees it.
+class Sample(NamedTuple):
+    """One step along a bar; with parts, one part."""
+
+    place: float
+    """[mm] along the bar; with parts, the part's number."""
+    force: float
+    """Over its limit [-]."""
+    power: float
+    """Over its limit [-]."""
+    roughness: float
+    """Ra [um], 0 with parts."""
+    reference: float
+    """Of Ra [um], 0 with parts."""
+    feed: float
+    """[mm/rev]"""
+    cutting: bool
+    """Whether metal is cut."""
+
+
+class History:
+    """One environment as an onlooker sees it.
 
     Attributes:
-        now: the last interval's report, by the names of ``quantities.INFO``.
+        now: the last step's report, by the names of ``quantities.INFO``.
         time, total, removed, edges, broken: since the episode's start: machine time [s], return [s], metal [cm3], edges used up
             and broken [-].
-        reward: of the last interval [s].
-        bar, along: which bar is shown, and the tool's place from where its metal begins [mm], negative in air.
+        reward: of the last step [s].
+        bar, along: number of the bar that is shown, and the tool's place from where its metal begins [mm], negative in air.
         depth, hardness: of the metal cut last [mm], [-].
-        trail: (cutting speed [m/min], feed [mm/rev]) of the last intervals.
-        course: (place [mm], force over limit, power over limit, Ra [um], its reference [um], feed [mm/rev], metal is cut) of
-            every interval along the present bar; with parts, of every part, at its number.
-        course_number: counts the courses.
+        trail: (cutting speed [m/min], feed [mm/rev]) of the last steps.
+        along_bar: a sample of each step along the present bar; with parts, of each part.
+        bars_seen: how often ``along_bar`` has begun anew.
         passes: with parts, (cutting speed, feed, depth [mm]) of each pass of the last.
-        ended: what has ended the episode, or nothing.
+        ended: what has ended the episode, or an empty text.
     """
 
-    def __init__(self, scenario: Scenario, lathes: "Batch", lane: int, fields: Fields) -> None:
-        self._scenario, self._lathes, self._lane, self.fields = scenario, lathes, lane, fields
+    def __init__(self, scenario: Scenario, batch: "Batch", index: int, fields: Fields) -> None:
+        self._scenario, self._batch, self._index, self.fields = scenario, batch, index, fields
         self._parts = scenario.control.action == "part"
         self.trail: deque[tuple[float, float]] = deque(maxlen=TRAIL)
-        self.course: list[tuple[float, ...]] = []
-        self.course_number = 0
+        self.along_bar: list[Sample] = []
+        self.bars_seen = 0
         self.passes: list[tuple[float, float, float]] = []
         self.started = False
 
     def note(self) -> None:
-        """Take down what the last interval gave, or that an episode has begun."""
-        self.now: dict[str, float] = self._lathes.info(self._lane)
+        """Record what the last step gave, or that an episode has begun."""
+        self.now: dict[str, float] = self._batch.info(self._index)
         begins = int(self._state("step_count")) == 0
         if begins or not self.started:
             self._start(Key(int(self._state("seed")), int(self._state("episode"))))
@@ -52,14 +70,14 @@ class Lane:
         self.nominal_used_life = float(self._state("nominal_used_life"))
         self._find_place()
         if not begins:
-            self._add(self._lathes.reward(self._lane))
+            self._add(self._batch.reward(self._index))
             if self._parts:
-                self.passes = self.fields.passes(self._lathes.action(self._lane))
+                self.passes = self.fields.passes(self._batch.action(self._index))
         self.ended = self._end(bool(self._state("ended")))
-        self._extend_course(begins)
+        self._extend(begins)
 
     def _state(self, field: str) -> Any:
-        return self._lathes.state(self._lane, field)
+        return self._batch.state(self._index, field)
 
     def _start(self, key: Key) -> None:
         self.key = key
@@ -69,11 +87,11 @@ class Lane:
         self.depth, self.hardness = self._scenario.workpiece.depth_of_cut, 1.0
         self.trail.clear()
         self.passes = []
-        self._forget_course()
+        self._start_bar()
 
-    def _forget_course(self) -> None:
-        self.course = []
-        self.course_number += 1
+    def _start_bar(self) -> None:
+        self.along_bar = []
+        self.bars_seen += 1
 
     def _find_place(self) -> None:
         workpiece, now = self._scenario.workpiece, self.now
@@ -84,7 +102,7 @@ class Lane:
         if workpiece.bars:
             bar = min(bar, workpiece.bars - 1)
         if bar != self.bar and not self._parts:
-            self._forget_course()
+            self._start_bar()
         self.bar = bar
         self.along = min(now["path"] - bar * pitch - workpiece.approach, workpiece.bar_length)
 
@@ -97,13 +115,13 @@ class Lane:
         self.edges += now["edges_used"]
         self.broken += now["edges_broken"]
 
-    def _extend_course(self, begins: bool) -> None:
+    def _extend(self, begins: bool) -> None:
         now, limits = self.now, self._scenario.limits
         if self._parts:
             if not begins:
                 self.trail.extend(each[:2] for each in self.passes)
                 shares = (now["mean_thrust_force"] / limits.thrust_force, now["mean_power"] / limits.power)
-                self.course.append((self.bar + 1.0, *shares, 0.0, 0.0, now["feed"], 1.0))
+                self.along_bar.append(Sample(self.bar + 1.0, *shares, 0.0, 0.0, now["feed"], True))
             return
         cutting = now["cutting"] > 0.0 and now["depth_of_cut"] > 0.0
         if cutting:
@@ -111,7 +129,7 @@ class Lane:
         self.trail.append((now["cutting_speed"], now["feed"]))
         shares = (now["thrust_force"] / limits.thrust_force, now["power"] / limits.power)
         surface = (now["roughness"], now["roughness_reference"])
-        self.course.append((self.along, *shares, *surface, now["feed"], float(cutting)))
+        self.along_bar.append(Sample(self.along, *shares, *surface, now["feed"], cutting))
 
     def _end(self, ended: bool) -> str:
         if not ended:
@@ -127,7 +145,7 @@ class Lane:
 
     @property
     def state(self) -> str:
-        """What is going on, in words."""
+        """The present state in words."""
         now = self.now
         if self.ended:
             return self.ended
@@ -146,6 +164,6 @@ class Lane:
 
     @property
     def nominal_wear(self) -> float:
-        """The same as the nominal model has it."""
+        """Flank wear by the nominal model [mm], above 0."""
         tool, exponent = self._scenario.tool, self._scenario.material.wear.time
         return max(tool.wear_criterion * math.pow(self.nominal_used_life, exponent), _MIN_WEAR)

@@ -1,0 +1,85 @@
+"""The recorded trajectories of a leaderboard as data for the page's charts."""
+
+import math
+from base64 import b64encode
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leaderboard.ranking import Leaderboard
+from leaderboard.standings import comparators
+from turning_env import Scenario
+
+LEVELS = 65_534
+"""A packed value is one of 0 to LEVELS, over the series' range."""
+GAP = LEVELS + 1
+"""Stands for a missing value: the load of a tool in air."""
+AXES = {"minutes": "machine time [min]", "path": "path [mm]"}
+"""What a chart is drawn along."""
+
+
+class Subject(NamedTuple):
+    """One panel."""
+
+    series: str
+    heading: str
+    unit: str
+    limit: float | None = None
+    from_zero: bool = True
+    """Whether its axis begins at 0."""
+    reference: str | None = None
+    """The series to be followed."""
+
+
+def subjects(scenario: Scenario) -> list[Subject]:
+    """Return the panels of a scenario."""
+    found = [
+        Subject("cutting_speed", "cutting speed", "m/min", from_zero=False),
+        Subject("feed", "feed", "mm/rev"),
+        Subject("thrust_force", "thrust force", "N", scenario.limits.thrust_force),
+        Subject("power", "power", "kW", scenario.limits.power),
+    ]
+    if scenario.control.aim == "roughness":
+        found.append(Subject("roughness", "roughness Ra", "\N{MICRO SIGN}m", None, False, "roughness_reference"))
+    return [*found, Subject("wear", "flank wear", "mm", scenario.tool.wear_criterion)]
+
+
+def chart_data(leaderboard: Leaderboard) -> dict[str, Any] | None:
+    """Return all that the charts need, as JSON can hold it; None if nothing was recorded.
+
+    Policies stand in the order of the standings, each with a trajectory, or None, for each seed.
+    """
+    if leaderboard.trajectories is None:
+        return None
+    scenario, recorded = leaderboard.task.scenario, leaderboard.trajectories.episodes
+    panels = subjects(scenario)
+    names = [*AXES, *(name for panel in panels for name in (panel.series, panel.reference) if name is not None)]
+    ends = {name: [value for each in recorded for value in (min(each.series[name]), max(each.series[name]))] for name in names}
+    ranges = {name: (min(values), max(values)) for name, values in ends.items()}
+    # The tool's load and surface are nothing in air. After a whole part it may be in air, but force and power are the part's.
+    gaps = () if scenario.control.action == "part" else ("thrust_force", "power", "roughness")
+    seeds = [seed for seed in leaderboard.task.seeds if any(each.seed == seed for each in recorded)]
+    by_policy: dict[str, dict[str, Any]] = {}
+    for each in recorded:
+        air = np.array(each.series["depth_of_cut"]) == 0.0
+        values = {name: np.where(air, math.nan, each.series[name]) if name in gaps else each.series[name] for name in names}
+        series = {name: pack(values[name], *ranges[name]) for name in names}
+        policy = by_policy.setdefault(each.policy.name, {"label": each.policy.label, "trajectories": [None] * len(seeds)})
+        policy["trajectories"][seeds.index(each.seed)] = {"steps": each.steps, "series": series}
+    standings = [standing.name for standing in leaderboard.standings]
+    published = comparators(scenario).published
+    return {
+        "axes": AXES,
+        "seeds": seeds,
+        "ranges": ranges,
+        "subjects": [panel._asdict() for panel in panels],
+        "policies": [by_policy.get(name) for name in standings],
+        "second": standings.index(published) if published in standings else None,
+    }
+
+
+def pack(values: ArrayLike, low: float, high: float) -> str:
+    """Return values between ``low`` and ``high``, with NaN for gaps, as base64 of 16-bit whole numbers."""
+    share = (np.asarray(values, np.float64) - low) / ((high - low) or 1.0)
+    return b64encode(np.where(np.isnan(share), GAP, np.rint(share * LEVELS)).astype("<u2").tobytes()).decode()

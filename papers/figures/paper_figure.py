@@ -1,0 +1,62 @@
+"""A figure of a paper with all that is said of it, and the parts that figures share: lettered panels and a legend."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from papers.reproduce.checks import Check
+from turning_env.workshop import plot_style as style
+
+GRID_SEARCH = "Alaskari and Oraby (2018)"
+
+
+@dataclass(frozen=True)
+class PaperFigure:
+    """One figure."""
+
+    name: str
+    """Of its files, without suffix."""
+    source: str
+    """Paper and figure that it stands for."""
+    caption: str
+    draw: Callable[[], Figure]
+    """Called within ``style.for_print``."""
+    checks: Callable[[], Iterable[Check]] = tuple
+    """What the paper prints or states of it, beside the project's numbers."""
+    remark: str = ""
+    """What cannot be compared, and why."""
+
+    def description(self) -> list[str]:
+        """Return the caption with its source, then what agrees with the paper and what does not, one line each."""
+        lines, checks = [f"{self.caption} ({self.source}.)"], list(self.checks())
+        if checks:
+            agreeing = sum(check.verdict == "ok" for check in checks)
+            lines.append(f"Agrees with the paper: {agreeing} of {len(checks)} figures and claims.")
+        for check in checks:
+            if check.verdict != "ok":
+                values = "" if check.relation == "true" else f" paper {check.paper:.4g}, project {check.ours:.4g};"
+                lines.append(f"{check.verdict.capitalize()}: {check.what}:{values} {check.not_reproduced}".rstrip(" ;") + ".")
+        return [*lines, self.remark] if self.remark else lines
+
+
+def lettered(size: tuple[float, float], rows: int, columns: int, **options: Any) -> tuple[Figure, list[Axes]]:
+    """Return a figure of a size [inch] with panels a, b, ..., row by row; for options see ``Figure.subplots``."""
+    figure = Figure(figsize=size, layout="constrained")
+    panels = list(figure.subplots(rows, columns, squeeze=False, **options).flat)
+    for axes, letter in zip(panels, "abcd", strict=False):
+        style.letter(axes, letter)
+    return figure, panels
+
+
+def legend(figure: Figure, looks: Mapping[str, dict[str, Any]], columns: int, **options: Any) -> None:
+    """Explain looks by their labels below a figure: areas by their face colour, lines and markers otherwise."""
+    handles = [
+        Patch(**look, label=label) if "facecolor" in look else Line2D([], [], **look, label=label)
+        for label, look in looks.items()
+    ]
+    figure.legend(handles=handles, **{"loc": "outside lower center"} | options, ncols=columns)

@@ -1,0 +1,225 @@
+"""Dials of what is limited or held, the edge with its wear land, and readings in numbers."""
+
+import math
+from typing import NamedTuple
+
+from PIL import Image, ImageDraw
+
+from turning_env.rendering.history import History
+from turning_env.rendering.theme import (
+    CARD,
+    FAINT,
+    FORCE,
+    GREEN,
+    INK,
+    INSERT,
+    LAND,
+    OVER,
+    POWER,
+    QUIET,
+    RULE,
+    SCALE,
+    SURFACE,
+    Box,
+    Colour,
+    Pixels,
+    enlarged,
+    mixed,
+    put,
+    write,
+)
+from turning_env.scenario import Scenario
+
+_WIDTH, _HEIGHT = 200, 138
+_RADIUS, _BAND = 74, 12
+_CENTRE = (SCALE * _WIDTH // 2, SCALE * (_RADIUS + 12))
+_ARC = (_CENTRE[0] - SCALE * _RADIUS, _CENTRE[1] - SCALE * _RADIUS, _CENTRE[0] + SCALE * _RADIUS, _CENTRE[1] + SCALE * _RADIUS)
+"""Of the enlarged dial: its centre, and the box around its circle."""
+
+
+class _Dial(NamedTuple):
+    """What one dial shows.
+
+    ``value``, ``measured`` and ``reference`` are names of ``quantities.INFO``, the last two empty where there is none; ``limit``
+    is None for what is held at its reference.
+    """
+
+    title: str
+    unit: str
+    decimals: int
+    colour: Colour
+    value: str
+    measured: str
+    most: float
+    limit: float | None
+    reference: str = ""
+
+
+def _dials(scenario: Scenario) -> tuple[_Dial, _Dial]:
+    """Return the two dials that matter in a scenario."""
+    limits, parts = scenario.limits, scenario.control.action == "part"
+    prefix, of_pass = ("mean_", ", mean of the last pass") if parts else ("", "")
+    sensed = "" if parts or scenario.sensors.force == "servo_current" else "measured_thrust_force"
+    most = limits.thrust_force
+    force = _Dial(f"force{of_pass}", "N", 0, FORCE, f"{prefix}thrust_force", sensed, 1.5 * most, most)
+    if scenario.control.aim == "roughness":
+        most = 1.5 * scenario.surface.reference_max
+        return _Dial("roughness Ra", "um", 2, SURFACE, "roughness", "", most, None, "roughness_reference"), force
+    sensed = "" if parts else "measured_power"
+    return _Dial(f"power{of_pass}", "kW", 2, POWER, f"{prefix}power", sensed, 1.5 * limits.power, limits.power), force
+
+
+class Dials:
+    """Draws two dials at a place, side by side."""
+
+    def __init__(self, scenario: Scenario, box: Box) -> None:
+        self._corners = [(box[0] + 4, box[1] + 6), (box[0] + 212, box[1] + 6)]
+        self._dials = _dials(scenario)
+        self._faces = [_face(dial) for dial in self._dials]
+
+    def draw(self, frame: Pixels, history: History) -> None:
+        """Draw the needles."""
+        for dial, face, corner in zip(self._dials, self._faces, self._corners, strict=True):
+            put(frame, _with_needle(dial, face, history.now), corner)
+
+
+def _face(dial: _Dial) -> Image.Image:
+    """Return what stands still: the arc, enlarged."""
+    face = enlarged(Image.new("RGB", (_WIDTH, _HEIGHT), CARD))
+    draw = ImageDraw.Draw(face)
+    draw.arc(_ARC, 180, 360, fill=RULE, width=SCALE * _BAND)
+    if dial.limit is not None:
+        draw.arc(_ARC, 180 + 180 * dial.limit / dial.most, 360, fill=mixed(OVER, 0.28), width=SCALE * _BAND)
+        draw.line(_ray(dial.limit / dial.most, _RADIUS - _BAND - 3, _RADIUS + 3), fill=OVER, width=4)
+    return face
+
+
+def _with_needle(dial: _Dial, face: Image.Image, now: dict[str, float]) -> Image.Image:
+    """Return the dial as it stands in a report."""
+    value, mark = now[dial.value], dial.limit
+    share = min(max(value / dial.most, 0.0), 1.0)
+    image = face.copy()
+    draw = ImageDraw.Draw(image)
+    if share > 0.002:
+        draw.arc(_ARC, 180, 180 + 180 * min(share, mark / dial.most if mark else 1.0), fill=dial.colour, width=SCALE * _BAND)
+    if mark is not None and value > mark:
+        draw.arc(_ARC, 180 + 180 * mark / dial.most, 180 + 180 * share, fill=OVER, width=SCALE * _BAND)
+    if dial.reference:
+        draw.line(_ray(min(now[dial.reference] / dial.most, 1.0), _RADIUS - _BAND - 4, _RADIUS + 5), fill=INK, width=6)
+    if dial.measured and now[dial.measured] > 0.0:
+        _draw_pointer(draw, min(now[dial.measured] / dial.most, 1.0))
+    draw.line(_ray(share, 45, _RADIUS - _BAND - 4), fill=INK, width=5)
+    image = image.reduce(SCALE)
+    middle, base = _WIDTH // 2, _RADIUS + 12
+    write(image, (middle, base - 22), f"{value:.{dial.decimals}f} {dial.unit}", 17, INK, "middle")
+    write(image, (middle, base + 4), dial.title, 13, INK, "middle")
+    if dial.reference:
+        told = f"reference {now[dial.reference]:.{dial.decimals}f} {dial.unit}"
+    elif dial.measured:
+        told = f"limit {mark:g} {dial.unit}, measured {now[dial.measured]:.{dial.decimals}f}"
+    elif now["measured_servo_current"] > 0.0 and dial.unit == "N":
+        told = f"limit {mark:g} {dial.unit}, servo current {now['measured_servo_current']:.2f} A"
+    else:
+        told = f"limit {mark:g} {dial.unit}"
+    write(image, (middle, base + 21), told, 11, QUIET, "middle")
+    return image
+
+
+def _ray(share: float, inner: float, outer: float) -> tuple[float, float, float, float]:
+    """Return a line from one radius [pixels] to another at a share of the enlarged dial's arc."""
+    angle = math.pi * (1.0 - share)
+    middle, base = _CENTRE
+    cosine, sine = SCALE * math.cos(angle), SCALE * math.sin(angle)
+    return middle + inner * cosine, base - inner * sine, middle + outer * cosine, base - outer * sine
+
+
+def _draw_pointer(draw: ImageDraw.ImageDraw, share: float) -> None:
+    """Draw a triangle from outside, which points at what is measured."""
+    tip, left, right = (_ray(share + turn, radius, radius)[:2] for turn, radius in ((0, 72), (-0.018, 82), (0.018, 82)))
+    draw.polygon([tip, left, right], fill=QUIET)
+
+
+class EdgeView:
+    """Draws the edge with its wear land, and how much of its life is used."""
+
+    def __init__(self, scenario: Scenario, box: Box) -> None:
+        self._scenario, self._corner = scenario, (box[0] + 8, box[1] + 146)
+
+    def draw(self, frame: Pixels, history: History) -> None:
+        """Draw the edge as it is now."""
+        now, criterion = history.now, self._scenario.tool.wear_criterion
+        image = Image.new("RGB", (400, 86), CARD)
+        large = Image.new("RGB", (184, 172), CARD)
+        draw = ImageDraw.Draw(large)
+        broken = now["broken"] > 0.0
+        draw.polygon([(20, 18), (164, 18), (150, 160), (34, 160)], fill=INSERT, outline=INK, width=2)
+        land = 84.0 * min(now["wear"] / criterion, 1.25)
+        if land > 1.0:  # a ragged border, as worn lands have
+            ragged = [(24 + 0.12 * land + 4.7 * k, 18 + land * (0.86 + 0.14 * math.sin(2.3 * k))) for k in range(28)]
+            draw.polygon([(20, 18), (164, 18), *reversed(ragged)], fill=LAND)
+        draw.line((20, 18, 164, 18), fill=INK, width=4)
+        for x in range(14, 176, 14):
+            draw.line((x, 102, x + 8, 102), fill=OVER, width=3)
+        if broken:
+            draw.polygon([(110, 10), (176, 10), (176, 92), (150, 70), (142, 44), (122, 38)], fill=CARD)
+            draw.line([(110, 18), (122, 38), (142, 44), (150, 70), (160, 86)], fill=OVER, width=4, joint="curve")
+        share = min(now["used_life"], 1.0)
+        image.paste(large.reduce(SCALE))
+        draw = ImageDraw.Draw(image)
+        draw.rectangle((100, 65, 390, 73), fill=RULE)
+        if share > 0.0:
+            colour = OVER if broken or share >= 1.0 else GREEN
+            draw.rectangle((100, 65, 100 + 290 * share, 73), fill=colour)
+        title = "edge" if self._scenario.control.edge_changes == "end" else f"edge {history.edge + 1}"
+        write(image, (100, 2), title, 13)
+        write(image, (100, 22), f"flank wear {now['wear']:.3f} of {criterion:g} mm", 12)
+        write(image, (100, 43), f"life used {100 * now['used_life']:.0f} %", 12)
+        told = f"{'broke' if broken else 'breaks'} at {now['edge_strength']:.0f} N"
+        write(image, (390, 2), told, 11, OVER if broken else FAINT, "right")
+        write(image, (390, 43), f"cutting for {now['cutting_time']:.2f} min", 12, QUIET, "right")
+        put(frame, image, self._corner)
+
+
+class Readings:
+    """Writes the settings and what they give, in numbers."""
+
+    def __init__(self, scenario: Scenario, box: Box) -> None:
+        self._scenario, self._corner = scenario, (box[0] + 8, box[1] + 234)
+        self._parts = scenario.control.action == "part"
+
+    def draw(self, frame: Pixels, history: History) -> None:
+        """Write the numbers as they are now."""
+        image = Image.new("RGB", (400, 78), CARD)
+        ImageDraw.Draw(image).line((8, 0, 392, 0), fill=RULE)
+        for number, (name, value, told) in enumerate(self._values(history)):
+            row, column = divmod(number, 2)
+            left, y = 8 + 200 * column, 6 + 23 * row
+            write(image, (left, y + 1), name, 12, QUIET)
+            write(image, (left + 184, y), value, 13, INK if told else QUIET, "right")
+        put(frame, image, self._corner)
+
+    def _values(self, history: History) -> list[tuple[str, str, bool]]:
+        """Return the name and value of each reading, and whether the policy is told it."""
+        now = history.now
+        if self._parts:
+            values = [
+                ("passes", f"{now['passes']:.0f}", True),
+                ("part's time", f"{now['time'] / 60.0:.2f} min", True),
+                ("metal", f"{now['removed']:.0f} cm3", True),
+                ("edges used", f"{now['edges_used']:.2f}", True),
+            ]
+            if self._scenario.sensors.probe:
+                values.append(("next blank's probe", f"{now['probed_depth']:.2f} mm", True))
+            return [*values, ("return of the part", f"{history.reward:.0f} s", True)]
+        override = self._scenario.control.action == "override"
+        in_metal = now["cutting"] > 0.0
+        return [
+            ("cutting speed", f"{now['cutting_speed']:.0f} m/min", True),
+            ("depth of cut", f"{now['depth_of_cut']:.2f} mm" if in_metal else "air", False),
+            ("feed", f"{now['feed']:.3f} mm/rev", True),
+            ("hardness", f"{now['hardness']:.2f} of nominal" if in_metal else "air", False),
+            ("removal rate", f"{now['removed'] / max(now['time'] / 60.0, 1e-9):.0f} cm3/min", True),
+            ("override", f"{100 * now['commanded_feed'] / self._scenario.control.initial_feed:.0f} %", True)
+            if override
+            else ("spindle", f"{now['spindle_speed']:.0f} rev/min", True),
+        ]
