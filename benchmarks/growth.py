@@ -18,9 +18,8 @@ from matplotlib.figure import Figure
 
 from benchmarks.throughput import MAIN, vector
 from benchmarks.timing import measure
-from turning_env.console import described, exits, print_json
-from turning_env.workshop.inquiry.output import OutputError, write
-from turning_env.workshop.inquiry.pictures import picture_path
+from turning_env.console import described, exits, picture_path, print_json
+from turning_env.files import replace_file
 
 LANES = (1, 8, 64, 512, 4096, 32768, 262144, 1048576)
 
@@ -36,7 +35,7 @@ def bytes_per_lane(num_envs: int) -> float:
         tracemalloc.stop()
 
 
-@exits(OutputError)
+@exits()
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print and draw; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.growth", **described(__doc__))
@@ -69,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lower.loglog(counts, sizes, "o-")
     lower.set_ylabel("bytes per lane")
     lower.set_xlabel(f"lanes of {MAIN}")
-    write(options.plot, figure.savefig)
+    replace_file(options.plot, figure.savefig)
     return 0
 
 

@@ -30,7 +30,7 @@ from leaderboard.standings import check_names
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories, Trajectory, record
 from train.agents.agent_file import ONNX_SUFFIX, check_fits
 from turning_env import Scenario
-from turning_env.locks import exclusive_lock, shared_lock
+from turning_env.files import exclusive_lock, shared_lock
 from turning_env.score.play import Episodes, play_spec
 from turning_env.score.policy import PolicySpec
 from turning_env.score.workers import Workers, spread

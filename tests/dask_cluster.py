@@ -1,4 +1,4 @@
-"""A Dask cluster of this machine's processes, on a port that is free."""
+"""A Dask cluster of processes of this machine, on a free port."""
 
 import json
 import os
@@ -11,11 +11,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 MAX = 60.0
-"""A process that takes longer to start [s] fails the test."""
+"""Longest time to start a process [s]."""
 
 
 class DaskCluster:
-    """A scheduler, and as many workers as are started."""
+    """A scheduler and its workers."""
 
     def __init__(self, folder: Path, **settings: str) -> None:
         self._folder = folder
@@ -32,7 +32,7 @@ class DaskCluster:
         self.address: str = json.loads(described.read_text())["address"]
 
     def add_worker(self) -> None:
-        """Start a worker, which comes when it is ready."""
+        """Start a worker without waiting for it."""
         self.workers.append(self._start("dask_worker", self.address, "--nthreads", "1", "--no-nanny"))
 
     def _start(self, program: str, *arguments: str, **settings: str) -> "subprocess.Popen[bytes]":
@@ -53,7 +53,7 @@ class DaskCluster:
 
 @contextmanager
 def dask_cluster(folder: Path, workers: int, **settings: str) -> Iterator[DaskCluster]:
-    """A cluster with so many workers to begin with; settings are environment variables of the scheduler."""
+    """Start a cluster with a number of workers; settings are environment variables of the scheduler."""
     cluster = DaskCluster(folder, **settings)
     try:
         for _ in range(workers):

@@ -1,4 +1,4 @@
-"""All command lines alike: help with examples that parse, exit statuses, errors of one line, notices beside JSON."""
+"""All command lines: help with examples that parse, exit statuses, errors of one line, notices beside JSON."""
 
 import argparse
 import importlib
@@ -14,9 +14,9 @@ import pytest
 
 from tests.walking import ROOT, blocks, commands
 
-PACKAGES = ("turning_env", "baselines", "train", "leaderboard", "benchmarks")
+PACKAGES = ("turning_env", "baselines", "train", "leaderboard", "papers", "benchmarks")
 
-# Of every command, by module and subcommand, arguments with a mistake in a name, a number or a file: none of them exists.
+# For every command, arguments with a mistake in a name, a number or a file.
 MISTAKES: dict[str, list[str]] = {
     "turning_env": ["nothing", "show nothing"],
     "turning_env presets": ["more"],
@@ -35,7 +35,6 @@ MISTAKES: dict[str, list[str]] = {
         f"train.{name}": ["--scenario nothing", "--env nothing", "--seed -1", "--steps 0", "--steps 1 --runs file"]
         for name in ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
     },
-    "train.resident": ["--device cpu --scenario nothing", "--env nothing", "--device gpu", "--num-envs 0"],
     "train.tune": ["--algorithm ppo --scenario nothing", "--algorithm nobody", "--algorithm ppo --trials 0"],
     "train.curves": ["nothing", ". --out made.png", "nothing --level x"],
     "train.export": ["nothing --out made", ". --out made", "nothing"],
@@ -55,33 +54,25 @@ MISTAKES: dict[str, list[str]] = {
         "--policies nobody --results made",
         "--policies --agents nothing.onnx --results made",
         "--policies --agents . --results made",
-        "--draws 0",
+        "--seeds 0",
         "--jobs 0",
-        "--draws 1 --policies fixed_handbook --results file",
+        "--seeds 1 --policies fixed_handbook --results file",
     ],
     "leaderboard show": ["--results nothing", "--results file"],
     "leaderboard page": ["--results nothing", "--results file"],
     "leaderboard figure": ["--results nothing", "--scenario nothing"],
-    "leaderboard gallery": ["--policies nobody --out made", "--draws 0", "--agents nothing.onnx --out made"],
-    "leaderboard verify": ["--rows nothing --memory made.json", "--draws 0", "--jobs x"],
-    "leaderboard cards": ["--rows nothing", "--rows file"],
+    "leaderboard gallery": ["--policies nobody --out made", "--seeds 0", "--agents nothing.onnx --out made"],
+    "leaderboard verify": ["--results nothing --memory made.json", "--seeds 0", "--jobs x"],
+    "leaderboard cards": ["--results nothing", "--results file"],
     "leaderboard.watch": [
         "--policy nobody --out made.gif",
         "--policy fixed_tuned --out made.txt",
         "--agent nothing.onnx --out made.gif",
     ],
     "benchmarks.ablation": ["--variants nothing", "--seeds 0", "--jobs 0"],
-    "benchmarks.accelerator": ["--device gpu", "--repeats 0"],
-    "benchmarks.bound": ["--scenario nothing", "--scenario shift", "--draws 0"],
-    "benchmarks.fuzz": [
-        "--reader nothing",
-        "--minutes 0",
-        "--inputs 0",
-        "--again file",
-        "--reader program --again nothing.mpf",
-    ],
+    "benchmarks.bound": ["--scenario nothing", "--scenario shift", "--seeds 0"],
     "benchmarks.growth": ["made.txt", "made.png --most 0"],
-    "benchmarks.overload_price": ["--draws 0", "--draws x"],
+    "benchmarks.overload_price": ["--seeds 0", "--seeds x"],
     "benchmarks.peers": ["--repeats 0", "--seconds x"],
     "benchmarks.audit": ["--constraints nothing"],
     "benchmarks.soak": ["--kills 0", "--only nothing", "--steps 1"],
@@ -93,11 +84,11 @@ MISTAKES: dict[str, list[str]] = {
 
 
 class Parsed(Exception):
-    """Raised in place of what a command does once it has understood its arguments."""
+    """Raised instead of running a command once it has parsed its arguments."""
 
 
 def main_of(module: str) -> Callable[[list[str]], int]:
-    """The function behind ``python -m module``."""
+    """Return the function behind ``python -m module``."""
     found = importlib.import_module(module)
     main: Callable[[list[str]], int] = (
         importlib.import_module(f"{module}.__main__") if hasattr(found, "__path__") else found
@@ -106,7 +97,7 @@ def main_of(module: str) -> Callable[[list[str]], int]:
 
 
 def status_of(command: str, arguments: list[str]) -> int:
-    """The exit status of a command, whether its parser or the command itself ends it."""
+    """Return the exit status of a command, whether its parser or the command itself ends it."""
     module, *words = command.split()
     try:
         return main_of(module)([*words, *arguments])
@@ -115,7 +106,7 @@ def status_of(command: str, arguments: list[str]) -> int:
 
 
 def commands_of(parser: argparse.ArgumentParser) -> list[str]:
-    """The subcommands of a parser, with those below them."""
+    """Return the subcommands of a parser, with those below them."""
     return [
         f"{name}{below}"
         for action in parser._actions
@@ -127,7 +118,7 @@ def commands_of(parser: argparse.ArgumentParser) -> list[str]:
 
 @pytest.fixture
 def parser_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, list[str]], argparse.ArgumentParser]:
-    """A command's parser, once it has parsed arguments; nothing else is done."""
+    """Return a function that gives a command's parser once it has parsed arguments, without running the command."""
     original = argparse.ArgumentParser.parse_args
     used: list[argparse.ArgumentParser] = []
 
@@ -178,6 +169,7 @@ def test_help_shows_examples_that_parse(
             parser_of(module, arguments)
 
 
+@pytest.mark.slow
 def test_every_command_in_the_documentation_parses(parser_of: Callable[[str, list[str]], argparse.ArgumentParser]) -> None:
     seen = 0
     for page in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]:
@@ -192,13 +184,13 @@ def test_every_command_in_the_documentation_parses(parser_of: Callable[[str, lis
 
 
 @pytest.mark.parametrize("command", MISTAKES)
-def test_an_unknown_option_is_an_error(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_option_is_an_error(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert status_of(command, ["--no-such-option"]) == 2
     assert "error: " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("command", "mistake"), [(name, each) for name, mistakes in MISTAKES.items() for each in mistakes])
-def test_a_mistake_is_an_error_of_one_line_and_writes_nothing(
+def test_mistake_is_an_error_of_one_line_and_writes_nothing(
     command: str, mistake: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -210,7 +202,8 @@ def test_a_mistake_is_an_error_of_one_line_and_writes_nothing(
     assert not [path for path in Path().rglob("*") if path.is_file() and path.name != "file"]
 
 
-def test_a_reader_that_leaves_early_is_no_error() -> None:
+@pytest.mark.slow
+def test_reader_that_leaves_early_is_no_error() -> None:
     code = "from turning_env.console import exits; raise SystemExit(exits(checks={})(lambda: print('x' * 10**6) or 0)())"
     for checks, status in ((False, 0), (True, 1)):
         with subprocess.Popen(

@@ -27,8 +27,7 @@ from train.run import CURVE_COLUMNS, Run, warn_of_pickle
 from train.vec_env import RoughTurningVecEnv
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
-from turning_env.files import replace_file
-from turning_env.locks import exclusive_lock
+from turning_env.files import exclusive_lock, replace_file
 from turning_env.score.seeds import TUNING_START
 
 SEED_STRIDE = 1_000_000

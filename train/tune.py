@@ -42,7 +42,7 @@ from train.run import Run, hyperparameters
 from train.training import SEEDS, Algorithm, train
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
-from turning_env.locks import exclusive_lock, file_lock
+from turning_env.files import exclusive_lock, file_lock
 from turning_env.score.overload import severe_limit
 from turning_env.score.play import play
 from turning_env.score.seeds import tuning_seeds

@@ -1,4 +1,4 @@
-"""Looks at scenarios, makes them from measurements, and asks what their laws say.
+"""Show scenarios, calibrate them from measurements, and predict cuts with their laws.
 
 python -m turning_env presets
 python -m turning_env show forging
@@ -10,47 +10,145 @@ python -m turning_env map my_tool.toml --wear 0.2 --out map.png
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from turning_env.console import described, exits, number_within, picture_path, print_json
+from turning_env.files import replace_file
 from turning_env.scenario import Scenario, ScenarioError, presets
+from turning_env.workshop import WorkshopError, whatif
+from turning_env.workshop.measurements import COLUMNS, EDGE, read_measurements
 
-_PRESETS = """Names of the presets, one per line.
+MAX_CUTS = 100_000
+"""Largest number of rows in a table of cuts."""
 
-    python -m turning_env presets
+_PRESETS = """Print the names of the presets, one per line.
+
+python -m turning_env presets
 """
-_SHOW = """Every value of a scenario, as TOML. A TOML file is checked so, too.
+_SHOW = """Print every value of a scenario as TOML. This also checks a TOML file.
 
-    python -m turning_env show forging
+python -m turning_env show forging
 """
-_SCHEMA = """The JSON schema of a scenario file: every field with unit, default and range.
+_SCHEMA = """Print the JSON schema of a scenario file: every field with its unit, default and range.
 
-    python -m turning_env schema
+python -m turning_env schema
+"""
+_COLUMNS = "\n".join(f"  {name:<14}{column.meaning} [{column.unit}]" for name, column in COLUMNS.items())
+_CALIBRATE = f"""Fit the laws of wear, thrust force and power to measured cuts, and write a scenario with them.
+
+The CSV has one cut per row and these columns. Cells may be empty; a row counts for every law whose columns it has.
+
+{_COLUMNS}
+  {EDGE:<14}name of the cutting edge, so that its readings do not count as independent (optional)
+
+python -m turning_env calibrate cuts.csv --out my_tool.toml --plot residuals.png
+"""
+_WHATIF = """Print a table of cuts, one row for every combination of the listed values.
+
+Everything is nominal: no bar is harder and no edge wears faster than the scenario states.
+Speed, feed and depth have been constant since the edge was fresh.
+
+python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2:0.4:0.1 --wear 0.2
+"""
+_MAP = """Draw limits, removal rate and tool life over the machine's range of cutting speed and feed.
+
+python -m turning_env map rough_turning --wear 0.2 --out map.png
 """
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    from turning_env.console import described, exits
-    from turning_env.workshop.calibration import command as calibration
-    from turning_env.workshop.calibration.columns import CalibrationError
-    from turning_env.workshop.inquiry import command as inquiry
-    from turning_env.workshop.inquiry.output import OutputError
-
+    """Run a command and return its exit status."""
     parser = argparse.ArgumentParser(prog="python -m turning_env", **described(__doc__))
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    listed = commands.add_parser("presets", help="names of the presets", **described(_PRESETS))
+
+    listed = commands.add_parser("presets", help="print the names of the presets", **described(_PRESETS))
     listed.set_defaults(run=_presets)
-    show = commands.add_parser("show", help="every value of a preset or a TOML file, as TOML", **described(_SHOW))
+
+    show = commands.add_parser("show", help="print every value of a preset or a TOML file", **described(_SHOW))
     show.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
     show.set_defaults(run=_show)
-    schema = commands.add_parser("schema", help="the JSON schema of a scenario file", **described(_SCHEMA))
+
+    schema = commands.add_parser("schema", help="print the JSON schema of a scenario file", **described(_SCHEMA))
     schema.set_defaults(run=_schema)
-    calibration.add_to(commands)
-    inquiry.add_to(commands)
-    parsed = parser.parse_args(arguments)
-    command: Callable[[argparse.Namespace], int] = parsed.run
-    return exits(ScenarioError, CalibrationError, inquiry.InquiryError, OutputError)(command)(parsed)
+
+    calibrate = commands.add_parser("calibrate", help="fit the laws to cuts measured on a machine", **described(_CALIBRATE))
+    calibrate.add_argument("measurements", metavar="CSV", help="one cut per row")
+    calibrate.add_argument("--out", type=Path, required=True, metavar="TOML", help="scenario file to write")
+    calibrate.add_argument("--base", default="rough_turning", metavar="SCENARIO",
+                           help="preset or TOML file for everything that is not fitted (default: %(default)s)")  # fmt: skip
+    calibrate.add_argument("--confidence", type=number_within(0.5, 0.9999, ""), default=0.95, metavar="P",
+                           help="confidence level of the intervals (default: %(default)s)")  # fmt: skip
+    calibrate.add_argument("--strict", action="store_true", help="fail if the exponent of a column cannot be estimated")
+    calibrate.add_argument("--overwrite", action="store_true", help="replace an existing TOML file")
+    calibrate.add_argument("--plot", type=picture_path, metavar="FILE", help="draw the residuals: PNG, SVG or PDF")
+    calibrate.add_argument("--report", type=Path, metavar="JSON", help="write all results")
+    calibrate.add_argument("--json", action="store_true", help="print all results as JSON")
+    calibrate.set_defaults(run=_calibrate)
+
+    table = commands.add_parser("whatif", help="predict force, power, wear and tool life", **described(_WHATIF))
+    table.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
+    several: dict[str, Any] = {"nargs": "+", "metavar": "X"}
+    for option, column, default in (
+        ("--cutting-speed", "cutting_speed", None),
+        ("--feed", "feed", None),
+        ("--depth", "depth_of_cut", "the scenario's"),
+        ("--hardness", "hardness", "1"),
+    ):
+        text = f"numbers or LOW:HIGH:STEP [{COLUMNS[column].unit}]" + (f" (default: {default})" if default else "")
+        table.add_argument(option, type=_numbers(column), required=default is None, help=text, **several)
+    age = table.add_mutually_exclusive_group(required=True)
+    age.add_argument("--time", type=_numbers("time"), help="cutting time since the edge was fresh [min]", **several)
+    age.add_argument("--wear", type=_numbers("wear"), help="flank wear of the edge [mm]", **several)
+    form = table.add_mutually_exclusive_group()
+    form.add_argument("--json", dest="form", action="store_const", const=whatif.as_json, help="print JSON")
+    form.add_argument("--csv", dest="form", action="store_const", const=whatif.as_csv, help="print CSV")
+    table.set_defaults(run=_whatif, form=whatif.as_text)
+
+    chart = commands.add_parser("map", help="draw the operating map of a worn edge", **described(_MAP))
+    chart.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
+    chart.add_argument("--wear", type=_number("wear"), required=True, metavar="X", help="flank wear of the edge [mm]")
+    chart.add_argument("--depth", type=_number("depth_of_cut"), metavar="X", help="depth of cut [mm] (default: the scenario's)")
+    chart.add_argument("--hardness", type=_number("hardness"), default=1.0, metavar="X", help="over nominal [-] (default: 1)")
+    chart.add_argument("--out", type=picture_path, required=True, metavar="FILE", help="PNG, SVG or PDF, by its suffix")
+    chart.set_defaults(run=_map)
+
+    options = parser.parse_args(arguments)
+    command: Callable[[argparse.Namespace], int] = options.run
+    return exits(ScenarioError, WorkshopError)(command)(options)
+
+
+def _number(column: str) -> Callable[[str], float]:
+    """Return an argparse type for one number within a column's range."""
+    return number_within(COLUMNS[column].low, COLUMNS[column].high, COLUMNS[column].unit)
+
+
+def _numbers(column: str) -> Callable[[str], list[float]]:
+    """Return an argparse type for a number, or ``LOW:HIGH:STEP``, within a column's range."""
+    one = _number(column)
+
+    def parse(text: str) -> list[float]:
+        if ":" not in text:
+            return [one(text)]
+        try:
+            low, high, step = (float(part) for part in text.split(":"))
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is neither a number nor LOW:HIGH:STEP") from None
+        if not (0 < step < math.inf and low <= high):
+            raise argparse.ArgumentTypeError(f"{text!r} must go up: LOW:HIGH:STEP with a step above 0")
+        one(str(low)), one(str(high))
+        count = (high - low) / step * (1 + 1e-9) + 1
+        if count > MAX_CUTS:
+            raise argparse.ArgumentTypeError(f"{text!r} are more than {MAX_CUTS} numbers")
+        # Rounded, so that 0.1:0.3:0.1 does not give 0.30000000000000004.
+        return [round(low + index * step, 12) for index in range(int(count))]
+
+    return parse
 
 
 def _presets(_: argparse.Namespace) -> int:
@@ -65,11 +163,64 @@ def _show(options: argparse.Namespace) -> int:
 
 def _schema(_: argparse.Namespace) -> int:
     schema = Scenario.model_json_schema()
-    schema["properties"]["base"] = {
-        "enum": list(presets()),
-        "description": "The preset from which the file states what differs.",
-    }
-    print(json.dumps(schema, indent=1))
+    schema["properties"]["base"] = {"enum": list(presets()), "description": "The preset whose values the file changes."}
+    print_json(schema)
+    return 0
+
+
+def _calibrate(options: argparse.Namespace) -> int:
+    from turning_env.workshop.calibrate import calibrate, report, summary, write_scenario
+
+    if options.plot:  # before anything is written, as Matplotlib may be missing
+        from turning_env.workshop import plot_style, plots
+    if options.out.exists() and not options.overwrite:
+        raise WorkshopError(f"{options.out} exists; --overwrite replaces it")
+    base = Scenario.load(options.base)
+    found = calibrate(read_measurements(options.measurements), base, options.confidence, options.strict)
+    write_scenario(found, options.base, Path(options.measurements).name, options.out)
+    if options.plot:
+        plot_style.save(plots.draw_residuals(found), options.plot)
+    results = json.dumps(report(found, options.measurements, options.base), indent=1, allow_nan=False)
+    if options.report:
+        replace_file(options.report, lambda partial: partial.write_text(results + "\n", "utf-8"))
+    for warning in found.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    if options.json:
+        print(results)
+    else:
+        print(*summary(found), sep="\n")
+        print(*(path for path in (options.out, options.plot, options.report) if path), sep="\n")
+    return 0
+
+
+def _whatif(options: argparse.Namespace) -> int:
+    scenario = Scenario.load(options.scenario)
+    lists = (
+        options.depth or [[scenario.workpiece.depth_of_cut]],
+        options.hardness or [[1.0]],
+        options.time or options.wear,
+        options.cutting_speed,
+        options.feed,
+    )
+    axes = [[value for values in each for value in values] for each in lists]
+    rows = math.prod(len(axis) for axis in axes)
+    if rows > MAX_CUTS:
+        raise WorkshopError(f"these are {rows} cuts, but a table may have {MAX_CUTS}: take larger steps")
+    depth, hardness, age, speed, feed = np.meshgrid(*axes, indexing="ij")
+    given = {"time": age} if options.time else {"wear": age}
+    print(options.form(whatif.what_if(scenario, speed, feed, depth, hardness, **given)))
+    return 0
+
+
+def _map(options: argparse.Namespace) -> int:
+    scenario = Scenario.load(options.scenario)
+    criterion = scenario.tool.wear_criterion
+    if options.wear > criterion:
+        raise WorkshopError(f"--wear is {options.wear:g}, but an edge is worn out at tool.wear_criterion, {criterion:g} mm")
+    from turning_env.workshop import plot_style, plots
+
+    plot_style.save(plots.draw_map(scenario, options.wear, options.depth, options.hardness), options.out)
+    print(options.out)
     return 0
 
 

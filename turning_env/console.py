@@ -1,19 +1,21 @@
-"""What all command lines of the project have in common: help with examples, exit statuses, errors in one line, JSON.
+"""Shared parts of all command lines: help with examples, exit statuses, errors of one line, JSON.
 
-Exit statuses: 0 done; 1 the check that was asked for fails; 2 a user's mistake, as a missing file or an unknown name; 130
-interrupted. Results go to stdout; errors, notices and progress to stderr.
+Exit statuses: 0 done; 1 the requested check fails; 2 a user's mistake, such as a missing file or an unknown name;
+130 interrupted. Results go to stdout; errors, notices and progress to stderr.
 """
 
 import argparse
 import functools
-import json
-import math
 import os
 import sys
 import textwrap
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, is_dataclass
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any, ParamSpec
+
+from pydantic_core import to_json
+
+from turning_env.extras import missing
 
 DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
 
@@ -21,28 +23,24 @@ _P = ParamSpec("_P")
 
 
 def described(text: str | None) -> dict[str, Any]:
-    """What argparse needs for a help that a docstring says: its prose, then its examples.
+    """Return argparse's keyword arguments for a help that is written as a docstring: its prose, then its examples.
 
     Args:
-        text: paragraphs; one that begins with ``python -m`` holds examples, a command per line. None gives neither.
+        text: Paragraphs; one that begins with ``python -m`` holds examples, one command per line.
     """
     paragraphs = textwrap.dedent(text or "").strip().split("\n\n")
-    prose = [paragraph.replace("``", "") for paragraph in paragraphs if not _is_command(paragraph)]
-    examples = [line.strip() for paragraph in paragraphs if _is_command(paragraph) for line in paragraph.splitlines()]
+    commands = [paragraph for paragraph in paragraphs if paragraph.lstrip().startswith("python -m ")]
+    examples = [f"  {line.strip()}" for paragraph in commands for line in paragraph.splitlines()]
     title = "example:" if len(examples) == 1 else "examples:"
     return {
-        "description": "\n\n".join(prose),
-        "epilog": "\n".join([title, *(f"  {line}" for line in examples)]) if examples else None,
+        "description": "\n\n".join(paragraph.replace("``", "") for paragraph in paragraphs if paragraph not in commands),
+        "epilog": "\n".join([title, *examples]) if examples else None,
         "formatter_class": _Help,
     }
 
 
-def _is_command(paragraph: str) -> bool:
-    return paragraph.lstrip().startswith("python -m ")
-
-
 class _Help(argparse.HelpFormatter):
-    """Wraps paragraphs to the terminal, one by one, and leaves those alone in which a line is indented or an item."""
+    """Wraps each paragraph to the terminal, except those with an indented line or a list item."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         paragraphs = [
@@ -54,15 +52,38 @@ class _Help(argparse.HelpFormatter):
         return textwrap.indent("\n\n".join(paragraphs), indent)
 
 
+def number_within(low: float, high: float, unit: str) -> Callable[[str], float]:
+    """Return an argparse type for a number within a range [unit], ends included."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text} is outside the allowed range {low:g} to {high:g} {unit}".rstrip(" -"))
+        return value
+
+    return parse
+
+
+def picture_path(text: str) -> Path:
+    """Return the path of a picture, as an argparse type: its suffix must name a format."""
+    if Path(text).suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise argparse.ArgumentTypeError(f"{text!r} must end in .png, .svg, .pdf")
+    return Path(text)
+
+
 def exits(
     *mistakes: type[Exception], interrupted: str = "interrupted", checks: bool = False
 ) -> Callable[[Callable[_P, int]], Callable[_P, int]]:
-    """A decorator of a function that is a command and returns its exit status: what it raises becomes a line and a status.
+    """Decorate a command, a function that returns its exit status: turn exceptions into one line and a status.
 
     Args:
-        mistakes: exceptions that a user's mistake raises, printed as ``error: ...``; an OSError always is one.
-        interrupted: what to say if the user interrupts it: what is kept, and how to go on.
-        checks: whether the status tells if something holds. Then it is not 0 if the reader of the output leaves early.
+        mistakes: Exceptions that a user's mistake raises, printed as ``error: ...``. An OSError always is one, and so is the
+            ModuleNotFoundError of an optional package.
+        interrupted: Printed if the user interrupts the command: what is kept, and how to continue.
+        checks: Whether the status is the result of a check. Then it is 1 if the reader of the output leaves early, else 0.
     """
 
     caught: tuple[type[Exception], ...] = (*mistakes, OSError)
@@ -73,7 +94,8 @@ def exits(
             try:
                 status = command(*args, **kwargs)
                 sys.stdout.flush()
-            except BrokenPipeError:  # whoever reads the output has seen enough; at its end, Python would flush once more
+                return status
+            except BrokenPipeError:  # redirect stdout, which Python flushes once more at the end
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
                 return FAILED if checks else DONE
             except KeyboardInterrupt:
@@ -81,8 +103,11 @@ def exits(
                 return INTERRUPTED
             except caught as error:
                 print(f"error: {_message(error)}", file=sys.stderr)
-                return MISTAKE
-            return status
+            except ModuleNotFoundError as error:
+                if (message := missing(error)) is None:
+                    raise
+                print(f"error: {message}", file=sys.stderr)
+            return MISTAKE
 
         return run
 
@@ -96,17 +121,5 @@ def _message(error: Exception) -> str:
 
 
 def print_json(value: object) -> None:
-    """Print mappings, lists, data classes, numbers and texts as JSON; what is not a finite number becomes null."""
-    print(json.dumps(_plain(value), indent=1, allow_nan=False))
-
-
-def _plain(value: Any) -> Any:
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    if isinstance(value, Mapping):
-        return {str(name): _plain(of_name) for name, of_name in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(each) for each in value]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value if value is None or isinstance(value, (bool, int)) else str(value)
+    """Print mappings, lists, data classes, numbers and texts as JSON; a number that is not finite becomes null."""
+    print(to_json(value, indent=1, inf_nan_mode="null", fallback=str).decode())

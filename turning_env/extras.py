@@ -1,26 +1,31 @@
-"""What a program says when an optional package that it needs is not installed: its name and how to get it, and no traceback."""
+"""Messages for optional packages that are not installed: the package and how to install it, instead of a traceback."""
 
 import sys
 from types import TracebackType
 
-BENCHMARK = "pip install -e '.[benchmark]' in a clone"
-HOW = {
-    **dict.fromkeys(
-        (
-            *("joblib", "jinja2", "matplotlib", "onnx", "onnxruntime", "onnxscript", "optuna", "sb3_contrib", "scipy"),
-            *("sqlalchemy", "stable_baselines3", "tensorboard", "torch", "tqdm"),
-        ),
-        BENCHMARK,
+EXTRAS = {
+    "workshop": ("matplotlib", "scipy"),
+    "render": ("PIL", "pygame"),
+    "ecosystem": ("h5py", "minari", "moviepy", "rl_zoo3", "torchrl"),
+    "benchmark": (
+        *("jinja2", "joblib", "onnx", "onnxruntime", "onnxscript", "optuna", "sb3_contrib", "sqlalchemy"),
+        *("stable_baselines3", "tensorboard", "torch", "tqdm"),
     ),
-    **dict.fromkeys(("dask", "distributed", "psutil"), "pip install -e '.[distributed]' in a clone"),
-    **dict.fromkeys(("PIL", "pygame"), 'pip install "rough-turning[render]"'),
-    **dict.fromkeys(("h5py", "minari", "moviepy", "rl_zoo3", "torchrl"), 'pip install "rough-turning[ecosystem]"'),
+    "distributed": ("dask", "distributed", "psutil"),
 }
-"""How the optional packages, by the names under which they are imported, are installed."""
+"""Packages that each extra of pyproject.toml installs, by the names under which they are imported."""
+_CLONE_ONLY = ("benchmark", "distributed")
+
+HOW = {
+    package: f"pip install -e '.[{extra}]' in a clone" if extra in _CLONE_ONLY else f'pip install "rough-turning[{extra}]"'
+    for extra, packages in EXTRAS.items()
+    for package in packages
+}
+"""How to install each optional package."""
 
 
 def missing(error: BaseException) -> str | None:
-    """What to tell people of an import that failed; None if it is not of an optional package."""
+    """Return the message for a failed import of an optional package; None for any other error."""
     if not isinstance(error, ModuleNotFoundError):
         return None
     name = (error.name or "").partition(".")[0]
@@ -28,18 +33,18 @@ def missing(error: BaseException) -> str | None:
 
 
 def tell_plainly() -> None:
-    """Have an optional package that is missing end this program with one line and status 2, as bad input does.
+    """Make a missing optional package end this program with one line and status 2, like other user's mistakes.
 
-    Called by packages whose modules are run by ``python -m``, before they import what may be missing; does nothing to a program
-    that only imports them.
+    Packages whose modules are run with ``python -m`` call this before they import what may be missing. It does nothing in a
+    program that only imports them.
     """
-    if sys.argv[:1] == ["-m"]:  # so it is while the interpreter looks for the module to run
-        sys.excepthook = _told
+    if sys.argv[:1] == ["-m"]:  # set while the interpreter looks for the module to run
+        sys.excepthook = _print_missing
 
 
-def _told(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
-    if (what := missing(error)) is None:
+def _print_missing(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
+    if (message := missing(error)) is None:
         sys.__excepthook__(kind, error, traceback)
         return
-    print(f"error: {what}", file=sys.stderr)
+    print(f"error: {message}", file=sys.stderr)
     sys.exit(2)

@@ -23,8 +23,7 @@ from baselines.rule import Rule
 from baselines.tune import study
 from turning_env import Scenario
 from turning_env.console import described, exits
-from turning_env.files import replace_file
-from turning_env.locks import exclusive_lock, file_lock
+from turning_env.files import exclusive_lock, file_lock, replace_file
 from turning_env.score.seeds import tuning_seeds
 from turning_env.score.workers import workers
 

@@ -22,7 +22,7 @@ from train import tune
 from train.run import Run
 from train.training import train
 from turning_env import Scenario
-from turning_env.locks import FolderTaken, exclusive_lock, file_lock, shared_lock
+from turning_env.files import FolderTaken, exclusive_lock, file_lock, shared_lock
 
 ROOT = Path(__file__).parents[2]
 HOLD = """

@@ -168,5 +168,5 @@ def test_bad_input_is_an_error_of_one_line(tmp_path: Path, capsys: pytest.Captur
     assert capsys.readouterr().err == "error: there is no figure three; there are one, two\n"
     (tmp_path / "file").write_text("")
     assert command.main(["--out", str(tmp_path / "file")]) == 2
-    assert "one.png cannot be written" in capsys.readouterr().err
+    assert "file: File exists" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

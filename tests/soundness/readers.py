@@ -20,8 +20,8 @@ from turning_env import Scenario, ScenarioError
 from turning_env.programs.program import NcError
 from turning_env.programs.read import read, read_file
 from turning_env.programs.write import write
-from turning_env.workshop.calibration.columns import COLUMNS, EDGE, MeasurementError
-from turning_env.workshop.calibration.reading import read_measurements
+from turning_env.workshop import WorkshopError
+from turning_env.workshop.measurements import COLUMNS, EDGE, read_measurements
 
 ROOT = Path(__file__).parents[2]
 TRIED = "tried"
@@ -109,7 +109,7 @@ def scenario(folder: Path, content: bytes) -> Scenario | None:
 
 def measurements(folder: Path, content: bytes) -> Any:
     """Measurements that are read are as many in each column, and as is believed of it, or missing."""
-    table = attempt(read_measurements, _file(folder, content, ".csv"), MeasurementError)
+    table = attempt(read_measurements, _file(folder, content, ".csv"), WorkshopError)
     if table is not None:
         for name, values in table.columns.items():
             assert values.shape == table.lines.shape

@@ -12,8 +12,7 @@ import numba
 from numba.core import event
 from numba.core.caching import FunctionCache
 
-from turning_env.files import digest_of_files
-from turning_env.locks import exclusive_lock
+from turning_env.files import digest_of_files, exclusive_lock
 
 _LOG = logging.getLogger("turning_env")
 

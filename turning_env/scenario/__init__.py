@@ -1,4 +1,4 @@
-"""What can be configured: the scenario, its sections, the power law, validation and the presets.
+"""The configuration: the scenario, its sections, the power law, validation and the presets.
 
 A scenario holds values and no state; what happens on a lathe belongs in ``physics``.
 """

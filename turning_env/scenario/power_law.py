@@ -1,4 +1,4 @@
-"""The power law: the one primitive of all machinability models.
+"""The power law, the form of all machinability models.
 
     response = coefficient * V^a * f^b * (d / d0)^c * t^g * W^e * H^h
 
@@ -28,7 +28,7 @@ POWER_LAW_RECORD = np.dtype(
 
 
 def log_response(law, log_cutting_speed, log_feed, log_depth_of_cut, log_time, log_wear, log_hardness):
-    """Natural logarithm of the response, from the natural logarithms of its factors. Scalars or arrays."""
+    """Return the natural logarithm of the response from those of its factors, scalars or arrays."""
     return (
         law.log_coefficient
         + law.cutting_speed * log_cutting_speed
@@ -44,7 +44,7 @@ compiled_log_response = compiled(log_response)
 
 
 class PowerLaw(Section):
-    """One machinability model. Exponents are dimensionless; the coefficient carries the response's unit."""
+    """A machinability model. Exponents are dimensionless; the coefficient has the response's unit."""
 
     coefficient: float = quantity(..., 1e-12, 1e12, "response", "response at V = f = d/d0 = t = W = H = 1")
     cutting_speed: float = quantity(0.0, -10, 10, "-", "exponent of the cutting speed in m/min")
@@ -56,7 +56,7 @@ class PowerLaw(Section):
     hardness: float = quantity(0.0, -10, 10, "-", "exponent of the relative hardness")
 
     def record(self) -> Any:
-        """The law as one ``POWER_LAW_RECORD``, with the reference depth folded into the coefficient."""
+        """Return the law as one ``POWER_LAW_RECORD``, with the reference depth folded into the coefficient."""
         record = np.zeros(1, POWER_LAW_RECORD).view(np.recarray)[0]
         for name in POWER_LAW_RECORD.names or ():
             if name != "log_coefficient":
@@ -65,14 +65,17 @@ class PowerLaw(Section):
         return record
 
     def __call__(
-        self,
-        cutting_speed: Any,
-        feed: Any,
-        depth_of_cut: Any,
-        time: Any = 1.0,
-        wear: Any = 1.0,
-        hardness: Any = 1.0,
+        self, cutting_speed: Any, feed: Any, depth_of_cut: Any, time: Any = 1.0, wear: Any = 1.0, hardness: Any = 1.0
     ) -> Any:
-        """Response for scalars or broadcastable arrays: m/min, mm/rev, mm, min, mm, - (all positive)."""
+        """Return the response to positive scalars or broadcastable arrays.
+
+        Args:
+            cutting_speed: [m/min]
+            feed: [mm/rev]
+            depth_of_cut: [mm]
+            time: Cutting time of the edge [min].
+            wear: Flank wear [mm].
+            hardness: Hardness over nominal [-].
+        """
         factors = (cutting_speed, feed, depth_of_cut, time, wear, hardness)
         return np.exp(log_response(self.record(), *(np.log(factor) for factor in factors)))

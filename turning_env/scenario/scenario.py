@@ -76,7 +76,7 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _laws_make_sense(self) -> Self:
-        wrong = list(complaints(self.material, self.tool, self.machine, self.workpiece, self.control, self.mismatch))
+        wrong = list(complaints(self))
         if wrong:
             raise ValueError("; ".join(wrong))
         return self

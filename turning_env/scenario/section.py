@@ -1,4 +1,4 @@
-"""The one way in which configured quantities are declared and checked: unit and allowed range with every field."""
+"""Declaration of configured quantities: every number has a default, an allowed range and a unit, which are checked."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 
 
 def quantity(default: Any, low: float, high: float, unit: str, description: str) -> Any:
-    """Declare a number with its default, its allowed range (both ends allowed) and its unit."""
+    """Declare a number with its default, its allowed range (ends included), its unit and its meaning."""
     return Field(
         default,
         description=f"{description} [{unit}]",
@@ -15,10 +15,12 @@ def quantity(default: Any, low: float, high: float, unit: str, description: str)
 
 
 class Section(BaseModel):
-    """A frozen group of quantities. Unknown keys, wrong types, NaN and infinity are refused."""
+    """A frozen group of fields, which refuses unknown keys, wrong types, NaN and infinity. Docstrings of fields describe them."""
 
-    # Defaults are validated so that a default of 3 becomes 3.0, as it would when read from a file: digests depend on it.
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True, validate_default=True)
+    # Defaults are validated so that a default of 3 becomes 3.0, as if read from a file.
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, strict=True, validate_default=True, use_attribute_docstrings=True
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -1,7 +1,8 @@
-"""The sections of a scenario: every quantity with its default, range, unit and source.
+"""The sections of a scenario: every field with its default, range, unit and source.
 
 Defaults are those of ``RoughTurning-v0``: 709M40 (En 19) steel cut by a GC435 insert on a Colchester Mascot lathe
-(Alaskari and Oraby 2018). Where the papers are silent, the description says "assumption".
+(Alaskari and Oraby 2018). Where the papers state no value, the description says "assumption". A field's default must be neutral
+if the field is added later: a scenario is identified by the values that differ from the defaults.
 """
 
 from typing import Any, Literal, Self
@@ -12,18 +13,18 @@ from turning_env.scenario.power_law import PowerLaw
 from turning_env.scenario.section import Section, quantity
 
 MAX_DEPTHS = 16
-"""Sections of different depth that a bar may have."""
+"""Largest number of sections of different depth along a bar."""
 MAX_PASSES = 6
-"""Passes that a part may be turned in."""
+"""Largest number of passes of a part."""
 
 
 class Material(Section):
-    """Machinability of the work material with the tool material (709M40 with GC435)."""
+    """Machinability of the work material with the tool material (default: 709M40 with GC435)."""
 
     wear: PowerLaw = PowerLaw(
         coefficient=0.00956410, cutting_speed=0.577, feed=0.168, depth_of_cut=0.15, time=0.245, hardness=0.5
     )
-    """Fresh-edge flank wear [mm]. Exponents of depth of cut and hardness: assumptions."""
+    """Flank wear of a fresh edge under constant parameters [mm]. Exponents of depth of cut and hardness: assumptions."""
     thrust_force: PowerLaw = PowerLaw(
         coefficient=106580.08, cutting_speed=-0.484, feed=0.236, depth_of_cut=0.75, wear=1.1, hardness=0.75
     )
@@ -48,14 +49,14 @@ class Material(Section):
 class Tool(Section):
     """The cutting edge."""
 
-    wear_criterion: float = quantity(0.3, 0.01, 5, "mm", "flank wear at which the edge is finished")
+    wear_criterion: float = quantity(0.3, 0.01, 5, "mm", "flank wear at which the edge is worn out (tool-life criterion)")
     wear_rule: Literal["equivalent_time", "clock_time"] = "equivalent_time"
-    """How wear accumulates under changing parameters; "clock_time" is the grid-search paper's rule."""
+    """Accumulation of wear under changing parameters; "clock_time" is the grid search paper's rule."""
     wear_factor_spread: float = quantity(
-        0.10, 0, 1, "-", "insert to insert spread of wear (log standard deviation; from the paper's tests T1-T9)"
+        0.10, 0, 1, "-", "log standard deviation of wear from insert to insert (grid search paper, tests T1 to T9)"
     )
-    edge_strength: float = quantity(2690, 1, 1e6, "N", "median thrust force that breaks the edge (paper's test T9)")
-    edge_strength_spread: float = quantity(0.12, 0, 1, "-", "its log standard deviation (assumption)")
+    edge_strength: float = quantity(2690, 1, 1e6, "N", "median thrust force that breaks the edge (grid search paper, test T9)")
+    edge_strength_spread: float = quantity(0.12, 0, 1, "-", "log standard deviation of the edge strength (assumption)")
 
 
 class Machine(Section):
@@ -65,13 +66,13 @@ class Machine(Section):
     cutting_speed_max: float = quantity(200, 0.1, 5000, "m/min", "highest cutting speed")
     feed_min: float = quantity(0.06, 0.001, 10, "mm/rev", "lowest feed")
     feed_max: float = quantity(0.60, 0.001, 10, "mm/rev", "highest feed")
-    feed_time_constant: float = quantity(0.13, 0, 60, "s", "lag of the feed servo (measured, roughness control paper)")
-    spindle_time_constant: float = quantity(0.4, 0, 60, "s", "lag of the spindle (assumption)")
+    feed_time_constant: float = quantity(0.13, 0, 60, "s", "time constant of the feed drive (measured, roughness control paper)")
+    spindle_time_constant: float = quantity(0.4, 0, 60, "s", "time constant of the spindle drive (assumption)")
     chip_lag: float = quantity(
-        0, 0, 100, "rev", "lag of force and power behind feed and depth: a chip needs a turn to reach its thickness"
+        0, 0, 100, "rev", "lag of force and power behind feed and depth: a chip needs a revolution to reach its thickness"
     )
     rated_power: float = quantity(7.5, 0.001, 1e4, "kW", "spindle power at a load of 100 % (assumption)")
-    return_time: float = quantity(0.1, 0, 1e3, "min", "from the end of a pass to the start of the next (assumption)")
+    return_time: float = quantity(0.1, 0, 1e3, "min", "time from the end of a pass to the start of the next (assumption)")
 
     @model_validator(mode="after")
     def _ranges_open(self) -> Self:
@@ -83,10 +84,10 @@ class Machine(Section):
 
 
 class FeedDrive(Section):
-    """Ball screw and permanent-magnet motor of the feed (servo current paper, equations (1) to (9)). All values: assumptions."""
+    """Ball screw and permanent-magnet motor of the feed drive (servo current paper, eq. 1 to 9). All values: assumptions."""
 
     guide_friction: float = quantity(200, 0, 1e6, "N", "friction force of the guides, F_0")
-    screw_lead: float = quantity(10, 0.1, 1000, "mm", "travel of one turn of the screw, L_0")
+    screw_lead: float = quantity(10, 0.1, 1000, "mm", "travel per revolution of the screw, L_0")
     efficiency: float = quantity(0.9, 0.01, 1, "-", "overall efficiency of the transmission, eta")
     preload: float = quantity(1000, 0, 1e6, "N", "preload of the ball screw, F_p0")
     screw_efficiency: float = quantity(0.95, 0.01, 1, "-", "efficiency of the ball screw without preload, eta_0")
@@ -94,28 +95,30 @@ class FeedDrive(Section):
     flux_linkage: float = quantity(0.1, 1e-4, 100, "Wb", "amplitude of the rotor's flux linkage, lambda_m")
     no_load_current_rate: float = quantity(0.001, 0, 10, "A min/mm", "growth of the no-load current with feed velocity")
     ripple: float = quantity(0.03, 0, 1, "-", "amplitude of the current's ripple over the current")
-    ripples_per_turn: float = quantity(24, 0, 1e4, "-", "waves of the ripple in one turn of the screw")
+    ripples_per_turn: float = quantity(24, 0, 1e4, "-", "periods of the ripple per revolution of the screw")
 
 
 class Workpiece(Section):
-    """The row of bars and how they differ from the drawing."""
+    """The bars, and how they differ from the drawing."""
 
-    bars: int = quantity(0, 0, 1000000, "bars", "bars of the job, after which the episode ends; 0: an endless row")
+    bars: int = quantity(0, 0, 1000000, "bars", "number of bars after which the episode ends; 0: unlimited")
 
     bar_length: float = quantity(300, 1, 1e5, "mm", "length of cut of one bar (assumption)")
     diameter: float = quantity(100, 1, 5000, "mm", "diameter at which the bar is turned (assumption)")
-    approach: float = quantity(3, 0, 1e4, "mm", "air before each bar (assumption)")
-    depth_of_cut: float = quantity(2.5, 0.01, 50, "mm", "nominal depth of cut; with parts, the drawing's allowance")
+    approach: float = quantity(3, 0, 1e4, "mm", "path in air before each bar (assumption)")
+    depth_of_cut: float = quantity(2.5, 0.01, 50, "mm", "nominal depth of cut; with parts, the nominal allowance")
     depth_profile: tuple[float, ...] = ()
-    """Nominal depths of cut [mm] of as many sections of equal length along every bar; none: the above throughout."""
+    """Nominal depths of cut of sections of equal length along every bar [mm], 0.01 to 50; empty: ``depth_of_cut`` throughout."""
     depth_bar_spread: float = quantity(0.25, 0, 20, "mm", "standard deviation of depth of cut from bar to bar")
     depth_along_spread: float = quantity(0.30, 0, 20, "mm", "standard deviation of depth of cut along a bar")
-    depth_correlation_length: float = quantity(25, 0.1, 1e5, "mm", "distance over which depth varies (assumption)")
-    depth_ripple: float = quantity(0, 0, 0.5, "-", "amplitude of the ripple of depth over depth (run-out)")
-    depth_ripple_period: float = quantity(1, 0.001, 1000, "rev", "turns of the spindle in one wave of the ripple")
+    depth_correlation_length: float = quantity(
+        25, 0.1, 1e5, "mm", "correlation length of the depth of cut along a bar (assumption)"
+    )
+    depth_ripple: float = quantity(0, 0, 0.5, "-", "amplitude of the depth's ripple over the depth (run-out)")
+    depth_ripple_period: float = quantity(1, 0.001, 1000, "rev", "period of the depth's ripple")
     hardness_bar_spread: float = quantity(0.08, 0, 1, "-", "log standard deviation of hardness from bar to bar")
     hardness_along_spread: float = quantity(0.05, 0, 1, "-", "log standard deviation of hardness along a bar")
-    hardness_correlation_length: float = quantity(40, 0.1, 1e5, "mm", "distance over which hardness varies (assumption)")
+    hardness_correlation_length: float = quantity(40, 0.1, 1e5, "mm", "correlation length of hardness along a bar (assumption)")
 
     @field_validator("depth_profile", mode="before")
     @classmethod
@@ -134,43 +137,44 @@ class Workpiece(Section):
 
 
 class Control(Section):
-    """How the controller acts, and for how long."""
+    """The actions of the policy, and the length of an episode."""
 
-    interval: float = quantity(1.0, 0.001, 3600, "s", "control interval; with parts, an interval lasts as long as its part")
-    sub_steps: int = quantity(10, 1, 10000, "sub-steps", "integration steps of one interval; with parts, of one pass")
-    action: Literal["incremental", "set_point", "override", "part"] = "incremental"
-    """"incremental": steps of the logarithms of speed and feed; "set_point": -1..1 maps linearly onto the ranges;
-    "override": of the programmed feed, at a fixed speed; "part": a whole part's passes, with speed and feed of each."""
-    edge_changes: Literal["end", "automatic", "commanded"] = "end"
-    """What follows on an edge that is worn out or broken. "end": the episode ends; "automatic": the edge is changed, which takes
-    time; "commanded": likewise, and one more action changes it before."""
-    aim: Literal["removal", "roughness"] = "removal"
-    """"roughness": a reference of surface roughness is told, and deviation from it is charged."""
-    override_max: float = quantity(2.0, 0.01, 100, "-", "highest feed override, over the programmed feed")
-    passes_max: int = quantity(4, 1, MAX_PASSES, "passes", "most passes of a part")
-    cutting_speed_step: float = quantity(0.15, 1e-4, 10, "-", "largest change of log cutting speed in an interval")
-    feed_step: float = quantity(0.40, 1e-4, 10, "-", "largest change of log feed in an interval")
-    initial_cutting_speed: float = quantity(
-        125, 0.1, 5000, "m/min", "cutting speed at the start, as the part program has it (assumption)"
+    interval: float = quantity(
+        1.0, 0.001, 3600, "s", "control interval, the time of one step; with parts, a step lasts as long as its part"
     )
-    initial_feed: float = quantity(0.25, 0.001, 10, "mm/rev", "feed at the start, as the part program has it (assumption)")
+    sub_steps: int = quantity(10, 1, 10000, "sub-steps", "integration steps per step; with parts, per pass")
+    action: Literal["incremental", "set_point", "override", "part"] = "incremental"
+    """Meaning of an action. "incremental": changes of the logarithms of speed and feed; "set_point": -1 to 1 maps linearly to
+    the ranges of speed and feed; "override": override of the programmed feed, at a fixed speed; "part": passes of a whole part,
+    with speed and feed of each."""
+    edge_changes: Literal["end", "automatic", "commanded"] = "end"
+    """Consequence of an edge that is worn out or broken. "end": the episode ends; "automatic": the edge is changed, which takes
+    time; "commanded": the same, and a further action changes the edge before."""
+    aim: Literal["removal", "roughness"] = "removal"
+    """Aim of the reward. "removal": remove metal; "roughness": follow a reference of surface roughness, which is observed."""
+    override_max: float = quantity(2.0, 0.01, 100, "-", "highest feed over the programmed feed")
+    passes_max: int = quantity(4, 1, MAX_PASSES, "passes", "largest number of passes of a part")
+    cutting_speed_step: float = quantity(0.15, 1e-4, 10, "-", "largest change of log cutting speed per step")
+    feed_step: float = quantity(0.40, 1e-4, 10, "-", "largest change of log feed per step")
+    initial_cutting_speed: float = quantity(125, 0.1, 5000, "m/min", "programmed cutting speed, at the start (assumption)")
+    initial_feed: float = quantity(0.25, 0.001, 10, "mm/rev", "programmed feed, at the start (assumption)")
     time_limit: float = quantity(60, 0.001, 1e5, "min", "machine time after which an episode is truncated (assumption)")
 
     @model_validator(mode="after")
     def _interval_within_time_limit(self) -> Self:
         if self.time_limit * 60 < self.interval:
-            raise ValueError(f"time_limit is {self.time_limit} min, but must hold one interval of {self.interval} s")
+            raise ValueError(f"time_limit is {self.time_limit} min, but must be at least one step of {self.interval} s")
         return self
 
 
 class Surface(Section):
     """Roughness of the turned surface, Ra = a exp(b F) with the thrust force F (roughness control paper, equation (5))."""
 
-    roughness_at_no_force: float = quantity(0.2401, 1e-6, 1000, "um", "a")
-    roughness_rate: float = quantity(0.0034, 0, 1, "1/N", "b")
+    roughness_at_no_force: float = quantity(0.2401, 1e-6, 1000, "um", "a, the roughness without force")
+    roughness_rate: float = quantity(0.0034, 0, 1, "1/N", "b, the growth of log roughness with force")
     reference_min: float = quantity(1.0, 1e-3, 1e5, "um", "lowest reference of Ra (roughness control paper, table 1)")
     reference_max: float = quantity(3.1, 1e-3, 1e5, "um", "highest reference of Ra (roughness control paper, table 1)")
-    reference_time: float = quantity(3.75, 1e-3, 1e5, "s", "time after which the reference changes (assumption)")
+    reference_time: float = quantity(3.75, 1e-3, 1e5, "s", "time between changes of the reference (assumption)")
 
     @model_validator(mode="after")
     def _references_ordered(self) -> Self:
@@ -180,53 +184,60 @@ class Surface(Section):
 
 
 class Sensors(Section):
-    """What lies between the process and the controller."""
+    """The sensors between the process and the policy."""
 
     force: Literal["dynamometer", "servo_current"] = "dynamometer"
-    """"servo_current": the current of the feed's motor is measured instead of the force, with the force's lag and noise."""
+    """Sensor of the thrust force. "servo_current": the current of the feed drive's motor is measured instead of the force,
+    with the force's lag and noise."""
     probe: bool = False
     """Whether the size of every blank is measured before it is turned; only with parts."""
     power_noise: float = quantity(0.02, 0, 1, "-", "relative standard deviation of measured power (assumption)")
     force_noise: float = quantity(0.05, 0, 1, "-", "relative standard deviation of measured thrust force (assumption)")
-    power_time_constant: float = quantity(0.1, 0, 60, "s", "lag of measured power (assumption)")
-    force_time_constant: float = quantity(0.05, 0, 60, "s", "lag of measured thrust force (assumption)")
+    power_time_constant: float = quantity(0.1, 0, 60, "s", "time constant of measured power (assumption)")
+    force_time_constant: float = quantity(0.05, 0, 60, "s", "time constant of measured thrust force (assumption)")
 
 
 class Mismatch(Section):
-    """In what this lot of bars, edges and sensors differs from what the controller is told: the rest of the scenario."""
+    """The model mismatch: how bars, edges and sensors differ from the nominal model, which is the rest of the scenario."""
 
-    hardness_factor: float = quantity(1, 0.1, 10, "-", "mean hardness of the lot over nominal")
-    skin_thickness: float = quantity(
-        0, 0, 50, "mm", "thickness of the skin that a blank is left with by forging or casting; 0: none"
-    )
+    hardness_factor: float = quantity(1, 0.1, 10, "-", "mean hardness of the bars over nominal")
+    skin_thickness: float = quantity(0, 0, 50, "mm", "thickness of the skin that forging or casting leaves on a blank; 0: none")
     skin_hardness: float = quantity(1, 0.1, 10, "-", "hardness of the skin over that of the metal beneath")
-    skin_wear: float = quantity(1, 0.1, 10, "-", "wear of an edge in nothing but skin over that in metal of the same hardness")
-    wear_factor: float = quantity(1, 0.1, 10, "-", "mean wear of the lot's inserts over nominal")
-    initial_wear: float = quantity(0, 0, 5, "mm", "flank wear that every edge starts with, though taken for fresh")
+    skin_wear: float = quantity(1, 0.1, 10, "-", "wear of an edge in skin over wear in metal of the same hardness")
+    wear_factor: float = quantity(1, 0.1, 10, "-", "mean wear of the inserts over nominal")
+    initial_wear: float = quantity(
+        0, 0, 5, "mm", "flank wear of every edge at its start, where the nominal model has a fresh edge"
+    )
     power_bias: float = quantity(0, -0.9, 10, "-", "measured over true power, less 1")
     force_bias: float = quantity(
-        0, -0.9, 10, "-", "measured over true thrust force (or servo current, where that is sensed), less 1"
+        0, -0.9, 10, "-", "measured over true thrust force (or servo current, if that is measured), less 1"
     )
 
 
 class Economics(Section):
-    """What things are worth, in machine time. Money divided by the machine's rate gives these numbers."""
+    """Prices in machine time: money divided by the machine's hourly rate."""
 
-    reference_removal_rate: float = quantity(115, 0.001, 1e5, "cm3/min", "removal rate that just pays (assumption)")
-    edge_cost: float = quantity(3, 0, 1e4, "min", "price of one edge in machine time (assumption)")
+    reference_removal_rate: float = quantity(
+        115, 0.001, 1e5, "cm3/min", "removal rate that just pays for machine time (assumption)"
+    )
+    edge_cost: float = quantity(3, 0, 1e4, "min", "price of one edge (assumption)")
     edge_change_time: float = quantity(2, 0, 1e4, "min", "time to change an edge (adaptive part programming paper, tau_I)")
     breakage_downtime: float = quantity(10, 0, 1e5, "min", "further time lost when an edge breaks (assumption)")
     unplanned_stop: float = quantity(
-        3, 0, 1e4, "min", "further time lost when an edge is worn out unannounced and changed (assumption)"
+        3, 0, 1e4, "min", "further time lost when a worn-out edge is changed without a command (assumption)"
     )
-    roughness_price: float = quantity(10, 0, 1e4, "-", "price of a relative deviation of Ra of 1 held for 1 s, in s (assumption)")
-    overload_price: float = quantity(10, 0, 1e4, "-", "price of a relative excess of 1 held for 1 s, in s (assumption)")
+    roughness_price: float = quantity(
+        10, 0, 1e4, "-", "price of a relative deviation of Ra of 1, in s of machine time per s (assumption)"
+    )
+    overload_price: float = quantity(
+        10, 0, 1e4, "-", "price of a relative excess of 1 over a limit, in s of machine time per s (assumption)"
+    )
 
 
 class Limits(Section):
-    """What the process must not exceed."""
+    """Limits of the process."""
 
-    thrust_force: float = quantity(1500, 0.001, 1e6, "N", "highest allowed thrust force")
-    power: float = quantity(7, 0.001, 1e4, "kW", "highest allowed spindle power")
-    overload_tolerance: float = quantity(0.05, 0, 1, "-", "relative excess beyond which a policy counts as overloading")
-    overload_allowance: float = quantity(0.05, 0, 1, "-", "share of cutting time for which it may do so")
+    thrust_force: float = quantity(1500, 0.001, 1e6, "N", "largest allowed thrust force")
+    power: float = quantity(7, 0.001, 1e4, "kW", "largest allowed spindle power")
+    overload_tolerance: float = quantity(0.05, 0, 1, "-", "relative excess over a limit that counts as overload")
+    overload_allowance: float = quantity(0.05, 0, 1, "-", "share of cutting time in overload up to which a policy is feasible")

@@ -1,9 +1,8 @@
-"""Shift splits: ``RoughTurning-v0`` on lots, tools, sensors and steels other than those that its controllers were made for.
+"""Shift splits: ``RoughTurning-v0`` with bars, tools, sensors and steels for which its policies were not tuned or trained.
 
-On the first four the controller is told what it is told on RoughTurning-v0, and the lot differs (``sections.Mismatch``). On the last
-two it is told another diameter and another steel, but nothing was tuned or trained on them. All are to be played by controllers
-that are built with ``Scenario.nominal()``. Values and why: ``docs/choices.md``.
+The first four have the nominal model of RoughTurning-v0 and a model mismatch (``sections.Mismatch``). The last two have a nominal
+model with another diameter or another steel. Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/choices.md``.
 """
 
 SPLITS = ("harder_lot", "forging_skin", "worn_lot", "sensor_bias", "small_diameter", "ck45")
-"""Presets' names, in the order in which they are reported."""
+"""Names of the presets, in the order in which they are reported."""

@@ -1,51 +1,54 @@
-"""What the machinability laws can come to anywhere within a scenario.
+"""Range of the machinability laws over a whole scenario.
 
-A law with exponents beyond all sense comes to numbers whose sums and quotients no computer can represent; it is refused when the
-scenario is made, so that nothing has to be checked while lathes run.
+Laws with extreme exponents give numbers whose sums and quotients cannot be represented. The scenario refuses them, so that the
+simulation need not check.
 """
 
 import math
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from turning_env.scenario.power_law import PowerLaw
-from turning_env.scenario.sections import Control, Machine, Material, Mismatch, Tool, Workpiece
+
+if TYPE_CHECKING:
+    from turning_env.scenario import Scenario
 
 MAX_DIGITS = 100
-"""Responses, and rates at which life is used up [1/min], lie below 1 with so many zeros."""
+"""Responses, and rates of used tool life [1/min], are at most 10 to this power."""
 MIN_DIGITS = 280
-"""Responses lie above 1 over 1 with so many zeros."""
+"""Responses are at least 1 over 10 to this power."""
 
-_SPREADS = 10.0  # standard deviations that a draw may lie off
-_MIN_DEPTH = 1e-6  # [mm], as the transition has it
-_MIN_LOG_LIFE = math.log(1e-300)  # likewise [-]
+_SPREADS = 10.0  # largest deviation from the mean in standard deviations
+_MIN_DEPTH = 1e-6  # [mm], as in the transition
+_MIN_LOG_LIFE = math.log(1e-300)  # of used tool life [-], as in the transition
 
 Span = tuple[float, float]
 """Lowest and highest natural logarithm."""
 
 
-def complaints(
-    material: Material, tool: Tool, machine: Machine, workpiece: Workpiece, control: Control, mismatch: Mismatch
-) -> Iterator[str]:
-    """What is wrong with each law that comes to too much or too little, by its field."""
+def complaints(scenario: "Scenario") -> Iterator[str]:
+    """Yield what is wrong with each law that gives too large or too small numbers within the scenario's ranges."""
+    material, tool, machine = scenario.material, scenario.tool, scenario.machine
+    workpiece, control, mismatch = scenario.workpiece, scenario.control, scenario.mismatch
     hardness_spread = _SPREADS * (workpiece.hardness_bar_spread + workpiece.hardness_along_spread)
     deepest = max(workpiece.depth_of_cut, *workpiece.depth_profile, 0.0) * (1.0 + workpiece.depth_ripple)
     deepest += _SPREADS * (workpiece.depth_bar_spread + workpiece.depth_along_spread)
+    hardest = mismatch.hardness_factor * max(mismatch.skin_hardness, 1.0)
     factors = {
         "cutting_speed": _span(machine.cutting_speed_min, machine.cutting_speed_max),
         "feed": _span(machine.feed_min, machine.feed_max),
         "depth_of_cut": _span(_MIN_DEPTH, deepest + _MIN_DEPTH),
-        "hardness": _wider(
-            _span(mismatch.hardness_factor, mismatch.hardness_factor * max(mismatch.skin_hardness, 1.0)), hardness_spread
-        ),
+        "hardness": _span(mismatch.hardness_factor, hardest, hardness_spread),
     }
-    own = _wider(
-        _span(mismatch.wear_factor, mismatch.wear_factor * max(mismatch.skin_wear, 1.0)), _SPREADS * tool.wear_factor_spread
-    )
+    wear_factor = mismatch.wear_factor * max(mismatch.skin_wear, 1.0)
+    own = _span(mismatch.wear_factor, wear_factor, _SPREADS * tool.wear_factor_spread)
     fresh = tuple(a + b for a, b in zip(_log_span(material.wear, factors), own, strict=True))
     criterion, exponent = math.log(tool.wear_criterion), material.wear.time
     rate = (fresh[0] - criterion) / exponent, (fresh[1] - criterion) / exponent
-    yield from _judged("wear", "lives used up per minute", (-math.inf, rate[1]), rate[1])
-    longest = max(control.interval / 60.0, workpiece.bar_length / (machine.feed_min * _slowest(machine, workpiece)))
+    yield from _judged("wear", "tool lives per minute", -math.inf, rate[1])
+
+    slowest = 1000.0 * machine.cutting_speed_min / (math.pi * workpiece.diameter)  # spindle speed [rev/min]
+    longest = max(control.interval / 60.0, workpiece.bar_length / (machine.feed_min * slowest))
     most_life = math.log(2.0) + max(0.0, rate[1] + math.log(longest))
     least_life = max(_MIN_LOG_LIFE, rate[0] + math.log(control.interval / 60.0 / control.sub_steps))
     for name, unit in (("thrust_force", "N"), ("power", "kW")):
@@ -53,11 +56,11 @@ def complaints(
         wear = criterion + exponent * _MIN_LOG_LIFE, criterion + exponent * most_life
         _, most = _log_span(law, factors | {"wear": wear})
         least, _ = _log_span(law, factors | {"wear": (criterion + exponent * min(least_life, 0.0), wear[1])})
-        yield from _judged(name, unit, (least, most), most)
+        yield from _judged(name, unit, least, most)
 
 
-def _judged(name: str, unit: str, span: Span, most: float) -> Iterator[str]:
-    digits = most / math.log(10.0) if most > MAX_DIGITS * math.log(10.0) else span[0] / math.log(10.0)
+def _judged(name: str, unit: str, least: float, most: float) -> Iterator[str]:
+    digits = most / math.log(10.0) if most > MAX_DIGITS * math.log(10.0) else least / math.log(10.0)
     if digits > MAX_DIGITS or -math.inf < digits < -MIN_DIGITS:
         allowed = f"1e-{MIN_DIGITS} to 1e{MAX_DIGITS}"
         yield f"material.{name} comes to 1e{digits:.0f} {unit} within the scenario's ranges, but may come to {allowed} only"
@@ -71,14 +74,5 @@ def _log_span(law: PowerLaw, factors: dict[str, Span]) -> Span:
     return low, high
 
 
-def _span(low: float, high: float) -> Span:
-    return math.log(low), math.log(high)
-
-
-def _wider(span: Span, by: float) -> Span:
-    return span[0] - by, span[1] + by
-
-
-def _slowest(machine: Machine, workpiece: Workpiece) -> float:
-    """Spindle speed [rev/min] at the lowest cutting speed."""
-    return 1000.0 * machine.cutting_speed_min / (math.pi * workpiece.diameter)
+def _span(low: float, high: float, margin: float = 0.0) -> Span:
+    return math.log(low) - margin, math.log(high) + margin

@@ -1,7 +1,7 @@
-"""How every figure looks in print, and how it is written.
+"""The style of all figures, and how they are written.
 
-One column is 89 mm wide, two are 183 mm, and no letter is smaller than 8 pt. Colours are those of Okabe and Ito, told apart by
-colour-blind readers too; line styles and markers tell the same apart in grey.
+One column is 89 mm wide, two are 183 mm, and no letter is smaller than 8 pt. The colours are Okabe and Ito's, which colour-blind
+readers can distinguish; line styles and markers make the same distinctions in grey.
 """
 
 from collections.abc import Iterator
@@ -16,12 +16,12 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
-from turning_env.workshop.inquiry.output import write
+from turning_env.files import replace_file
 
 SINGLE, DOUBLE = 89.0 / 25.4, 183.0 / 25.4
 """Widths of one column and of two [inch]."""
 MIN_FONT = 8.0
-"""[pt]"""
+"""Smallest font size [pt]."""
 
 BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 ORANGE, SKY, BLACK = "#E69F00", "#56B4E9", "#000000"
@@ -35,12 +35,12 @@ LINES: tuple[tuple[str, Any], ...] = (
     (SKY, (0, (8, 2))),
     (BLACK, (0, (2, 2))),
 )
-"""Colour and dashes of lines that stand for equals."""
+"""Colours and dashes of lines of equal rank."""
 
 LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "linestyle": (0, (5, 1.5))}
-"""How a limit looks."""
+"""Style of a limit."""
 OURS: dict[str, Any] = {"color": BLUE, "linewidth": 1.0, "marker": "o", "markersize": 2.6}
-"""How the project's figures look."""
+"""Style of data computed by the project."""
 PRINTED: dict[str, Any] = {
     "color": BLACK,
     "linestyle": "none",
@@ -49,7 +49,7 @@ PRINTED: dict[str, Any] = {
     "markerfacecolor": "none",
     "markeredgewidth": 0.7,
 }
-"""How a paper's printed figures look."""
+"""Style of data printed in a paper."""
 CHOSEN: dict[str, Any] = {
     "color": ORANGE,
     "linestyle": "none",
@@ -57,11 +57,11 @@ CHOSEN: dict[str, Any] = {
     "markersize": 6.0,
     "markeredgecolor": BLACK,
 }
-"""How what a control chooses looks."""
+"""Style of operating points that a policy chooses."""
 
 FORMATS = ("png", "svg", "pdf")
 DPI = 250
-# Nothing that differs from one run to the next.
+# No dates: the same figure gives the same bytes.
 _METADATA: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 _PRINT: dict[str, Any] = {
     "font.size": MIN_FONT,
@@ -83,18 +83,18 @@ _PRINT: dict[str, Any] = {
 
 @contextmanager
 def for_print() -> Iterator[None]:
-    """Within it figures look so, whatever the reader's own settings; drawing and saving both belong there."""
+    """Apply the style within a ``with`` block, whatever the user's own settings; draw and save figures inside it."""
     with style.context(["default", _PRINT]):
         yield
 
 
 def letter(axes: Axes, name: str) -> None:
-    """Name a panel above its left corner."""
+    """Write the name of a panel above its left corner."""
     axes.set_title(name, loc="left", fontweight="bold")
 
 
 def readable(figure: Figure) -> Figure:
-    """The figure with no letter too small for print."""
+    """Enlarge every text of a figure to at least ``MIN_FONT``, and return the figure."""
     for text in figure.findobj(Text):
         assert isinstance(text, Text)
         text.set_fontsize(max(text.get_fontsize(), MIN_FONT))
@@ -102,22 +102,23 @@ def readable(figure: Figure) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure, whole or not at all, in the format of its suffix: the same bytes whenever it is drawn.
+    """Write a figure, whole or not at all, in the format that the suffix names; the same figure gives the same bytes.
 
     Raises:
-        ValueError: the suffix is none of ``FORMATS``, or it cannot be written.
+        ValueError: The suffix is none of ``FORMATS``.
+        OSError: The file cannot be written.
     """
-    kind = path.suffix.removeprefix(".")
+    kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
-        raise ValueError(f"{path} is to be written, but its suffix must be .{' or .'.join(FORMATS)}")
+        raise ValueError(f"{path}: its suffix must be .{' or .'.join(FORMATS)}")
     if kind == "png":
-        write(path, lambda partial: _save_png(figure, partial))
+        replace_file(path, lambda partial: _save_png(figure, partial))
     else:
-        write(path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind]))
+        replace_file(path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind]))
 
 
 def _save_png(figure: Figure, path: Path) -> None:
-    """With a palette of the picture's own 256 colours: a third of the bytes, and no difference to see."""
+    """Write PNG with a palette of 256 colours: a third of the bytes without a visible difference."""
     drawn = BytesIO()
     figure.savefig(drawn, format="png", dpi=DPI)
     with Image.open(drawn) as image:

@@ -1,4 +1,4 @@
-"""Shift splits: in what each differs from the preset that it is based on, and what is told of it."""
+"""Shift splits: how each differs from its base, and what its nominal model is."""
 
 import pytest
 
@@ -17,7 +17,7 @@ DIFFERENT = {
 
 
 @pytest.mark.parametrize("split", SPLITS)
-def test_a_split_differs_from_its_base_as_stated(split: str) -> None:
+def test_split_differs_from_its_base_as_stated(split: str) -> None:
     found: dict[str, set[str]] = {}
     for section, values in dict(Scenario.load(split)).items():
         base = getattr(BASE, section)
@@ -28,14 +28,14 @@ def test_a_split_differs_from_its_base_as_stated(split: str) -> None:
 
 
 @pytest.mark.parametrize("split", SPLITS)
-def test_what_is_told_is_all_but_the_lot(split: str) -> None:
+def test_nominal_model_lacks_the_mismatch(split: str) -> None:
     scenario = Scenario.load(split)
-    told = scenario.nominal()
-    assert (told.name, told.mismatch) == (split, Mismatch())
-    assert told == scenario.model_copy(update={"mismatch": Mismatch()})
-    untold = DIFFERENT[split].keys() == {"mismatch"}
-    assert (told.digest() == BASE.digest()) == untold
-    assert (told == scenario) != untold
+    nominal = scenario.nominal()
+    assert (nominal.name, nominal.mismatch) == (split, Mismatch())
+    assert nominal == scenario.model_copy(update={"mismatch": Mismatch()})
+    mismatched = DIFFERENT[split].keys() == {"mismatch"}
+    assert (nominal.digest() == BASE.digest()) == mismatched
+    assert (nominal == scenario) != mismatched
 
 
 def test_sensors_are_biased_to_the_dangerous_side() -> None:
@@ -43,7 +43,7 @@ def test_sensors_are_biased_to_the_dangerous_side() -> None:
     assert max(mismatch.power_bias, mismatch.force_bias) < 0
 
 
-def test_ck45_has_its_handbook_s_specific_cutting_force() -> None:
+def test_ck45_has_the_handbooks_specific_cutting_force() -> None:
     power, force = Scenario.load("ck45").material.power, Scenario.load("ck45").material.thrust_force
     speed, feed, depth = 150.0, 0.2, 2.0
     specific = 60_000 * power(speed, feed, depth, wear=0.15) / (speed * feed * depth)

@@ -1,16 +1,11 @@
-"""Laws that come to what no computer can represent are refused by name, and all that come near stay finite."""
+"""Laws whose numbers cannot be represented are refused by name; laws just within the range stay finite."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 
-from turning_env import RoughTurningEnv, Scenario, presets
-
-
-def test_every_preset_makes_sense() -> None:
-    for preset in presets():
-        Scenario.load(preset)
+from turning_env import RoughTurningEnv, Scenario
 
 
 @pytest.mark.parametrize(
@@ -25,9 +20,13 @@ def test_every_preset_makes_sense() -> None:
             "power comes to 1e-",
         ),
         ({"wear": {"time": 0.01, "coefficient": 1e12}}, "wear comes to 1e"),
+        (
+            {law: {"coefficient": 1e12, "cutting_speed": 10.0, "wear": -10.0} for law in ("thrust_force", "power")},
+            r"thrust_force comes to 1e.*; material\.power comes to 1e",
+        ),
     ],
 )
-def test_a_law_beyond_sense_is_refused_by_its_name(changed: dict[str, dict[str, float]], message: str) -> None:
+def test_law_beyond_range_is_refused_by_its_name(changed: dict[str, dict[str, float]], message: str) -> None:
     material: dict[str, Any] = Scenario().material.model_dump()
     for law, values in changed.items():
         material[law] |= values
@@ -35,7 +34,7 @@ def test_a_law_beyond_sense_is_refused_by_its_name(changed: dict[str, dict[str, 
         Scenario.model_validate({"material": material})
 
 
-def test_a_law_at_the_edge_of_sense_stays_finite() -> None:
+def test_law_just_within_range_stays_finite() -> None:
     material: dict[str, Any] = Scenario().material.model_dump()
     material["thrust_force"] |= {"coefficient": 1e12, "cutting_speed": 10.0, "depth_of_cut": 5.0}
     env = RoughTurningEnv(Scenario.model_validate({"material": material, "sensors": {"force": "servo_current"}}))
@@ -47,11 +46,3 @@ def test_a_law_at_the_edge_of_sense_stays_finite() -> None:
         if terminated:
             break
     assert info["thrust_force"] > 1e20
-
-
-def test_all_laws_beyond_sense_are_named_at_once() -> None:
-    material: dict[str, Any] = Scenario().material.model_dump()
-    for law in ("thrust_force", "power"):
-        material[law] |= {"coefficient": 1e12, "cutting_speed": 10.0, "wear": -10.0}
-    with pytest.raises(ValueError, match=r"material\.thrust_force comes to 1e.*; material\.power comes to 1e"):
-        Scenario.model_validate({"material": material})

@@ -1,4 +1,4 @@
-"""Pieces of work: each is done once as seen from here, whatever becomes of the processes that do it."""
+"""Every piece of work gives one result, whatever happens to the processes that do it."""
 
 import os
 import signal
@@ -47,10 +47,6 @@ def sleep(mark: Path) -> None:
     time.sleep(600.0)
 
 
-def written(mark: Path) -> str:
-    return mark.read_text() if mark.exists() else ""
-
-
 def finish_all(over: workers.Workers) -> None:
     while True:
         over.finished()
@@ -61,15 +57,16 @@ def test_without_workers_pieces_are_done_here_in_order() -> None:
         assert list(spread(over, lambda number: number + 1, PIECES)) == [(str(number), number + 1) for number in range(5)]
 
 
+@pytest.mark.slow
 def test_processes_do_all_pieces_and_what_fails_is_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "ATTEMPTS", 2)
     with processes(1) as over:
-        factor = 3  # what a piece refers to goes with it
+        factor = 3  # travels with the function
         assert dict(spread(over, lambda number: factor * number, PIECES)) == {str(number): 3 * number for number in range(5)}
         with pytest.raises(LookupError, match="no 4"):
             list(spread(over, fail, [("fails", 4)]))
-        assert list(spread(over, interrupted, [("not its business", 5)])) == [("not its business", 5)]
-        # A process that is killed is replaced, and what it did is done again; one that always kills its process is an error.
+        assert list(spread(over, interrupted, [("ignored", 5)])) == [("ignored", 5)]
+        # A killed process is replaced and its pieces are done again; a piece that always kills its process is an error.
         mark = tmp_path / "mark"
         assert dict(spread(over, die_once, [("first", mark), ("second", mark)])) == {"first": 7, "second": 7}
         over.start("dies", die, 0)
@@ -77,26 +74,27 @@ def test_processes_do_all_pieces_and_what_fails_is_raised(tmp_path: Path, monkey
             finish_all(over)
 
 
+@pytest.mark.slow
 def test_processes_end_with_the_context(tmp_path: Path) -> None:
     with processes(1) as over:
         over.start("long", sleep, tmp_path / "process")
-        while not (text := written(tmp_path / "process")):
+        while not (mark := tmp_path / "process").exists() or not mark.read_text():
             time.sleep(0.01)
     with pytest.raises(ProcessLookupError):
-        os.kill(int(text), 0)
+        os.kill(int(mark.read_text()), 0)
 
 
-def test_workers_of_other_code_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    here = workers._code()
-    monkeypatch.setattr(workers, "_code", lambda: here | {"numpy": "1.0"})
-    with (
-        processes(1) as over,
-        pytest.raises(WorkersError, match=rf"other results: it has numpy {here['numpy']} in place of 1\.0"),
-    ):
+@pytest.mark.slow
+def test_workers_with_other_versions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = workers._versions()
+    monkeypatch.setattr(workers, "_versions", lambda: here | {"numpy": "1.0"})
+    message = rf"other results: it has numpy {here['numpy']} instead of 1\.0"
+    with processes(1) as over, pytest.raises(WorkersError, match=message):
         list(spread(over, square, PIECES))
 
 
-def test_what_becomes_of_a_cluster_that_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.slow
+def test_lost_cluster_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "_POLL", 0.2)
     with dask_cluster(tmp_path, workers=0, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as cluster:
         monkeypatch.setattr(workers, "CONNECTING", 0.5)
@@ -119,7 +117,7 @@ def test_what_becomes_of_a_cluster_that_is_lost(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("greeting", [b"", b"SSH-2.0-OpenSSH"])
-def test_what_listens_but_is_no_scheduler_is_refused(greeting: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_server_that_is_no_scheduler_is_refused(greeting: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "CONNECTING", 0.5)
 
     def greet() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from turning_env.__main__ import main
-from turning_env.workshop.calibration.columns import COLUMNS, EDGE
+from turning_env.workshop.measurements import COLUMNS, EDGE
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "your_own_machine.md").read_text("utf-8")
@@ -16,6 +16,7 @@ BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL)
 PROMPT = ["python", "-m", "turning_env"]
 
 
+@pytest.mark.slow
 def test_the_tutorial_works_from_first_to_last(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

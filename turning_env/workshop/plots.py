@@ -1,4 +1,4 @@
-"""Draws the plane of cutting speed and feed: where a worn edge may work, how much metal it removes there, how long it lives."""
+"""Draw the residuals of a calibration, and the operating map of a scenario."""
 
 from typing import Any
 
@@ -10,11 +10,16 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from turning_env.scenario import Scenario
-from turning_env.workshop.inquiry.pictures import BLUE, GREEN, GREY, LIGHT, VERMILLION
-from turning_env.workshop.inquiry.whatif import Cuts, what_if
+from turning_env.workshop.calibrate import Calibration
+from turning_env.workshop.fit import Fit
+from turning_env.workshop.measurements import COLUMNS
+from turning_env.workshop.plot_style import BLUE, GREEN, GREY, LIGHT, VERMILLION
+from turning_env.workshop.whatif import Cuts, what_if
 
-POINTS = 301
-"""Cutting speeds and feeds at which the laws are asked."""
+MAX_POINTS = 20000
+"""Number of residuals above which only every n-th is drawn."""
+GRID = 301
+"""Number of cutting speeds, and of feeds, at which the map evaluates the laws."""
 _LIMITS: dict[str, tuple[str, Any]] = {
     "thrust_force": ("thrust force at its limit, {:g} N", {"colors": VERMILLION, "linewidths": 2.2}),
     "power": ("power at its limit, {:g} kW", {"colors": BLUE, "linewidths": 2.2, "linestyles": [(0, (6, 1.5))]}),
@@ -22,11 +27,49 @@ _LIMITS: dict[str, tuple[str, Any]] = {
 _ALLOWED = "#DCEFE6"
 
 
-def draw(scenario: Scenario, wear: float, depth_of_cut: float | None = None, hardness: float = 1.0) -> Figure:
-    """The machine's whole range of speed and feed for an edge of a given wear [mm], which must not exceed the wear criterion."""
+def draw_residuals(calibration: Calibration) -> Figure:
+    """Draw one row of panels per law: its residuals [%] over its prediction and over every factor with a fitted exponent."""
+    fits = list(calibration.fits.values())
+    columns = 1 + max(len(fitted.estimates) - 1 for fitted in fits)
+    figure = Figure(figsize=(max(2.6 * columns + 0.6, 4.6), 2.6 * len(fits) + 0.4), layout="constrained")
+    panels = figure.subplots(len(fits), columns, sharey="row", squeeze=False)
+    for row, fitted in zip(panels, fits, strict=True):
+        names = [name for name in fitted.estimates if name != "coefficient"]
+        shown = {fitted.response: fitted.predicted} | {name: fitted.factors[name] for name in names}
+        for axes, (name, values) in zip(row, shown.items(), strict=False):
+            _draw_panel(axes, fitted, values)
+            predicted = "predicted " if name == fitted.response else ""
+            axes.set_xlabel(f"{predicted}{name.replace('_', ' ')} [{COLUMNS[name].unit}]")
+        for axes in row[len(shown) :]:
+            axes.set_axis_off()
+        row[0].set_ylabel("measured over predicted,\nless 1 [%]")
+        explained = "" if fitted.r_squared is None else f", R² {fitted.r_squared:.4f}"
+        scatter = f"scatter {100 * fitted.scatter:.2g} % (grey: twice it)"
+        title = f"{fitted.response.replace('_', ' ').capitalize()}: {len(fitted.lines)} rows{explained}, {scatter}"
+        row[0].set_title(title, loc="left", fontsize="medium")
+    return figure
+
+
+def _draw_panel(axes: Axes, fitted: Fit, values: NDArray[np.float64]) -> None:
+    step = -(-len(values) // MAX_POINTS)
+    axes.axhspan(-200 * fitted.scatter, 200 * fitted.scatter, color=LIGHT, linewidth=0)
+    axes.axhline(0, color=GREY, linewidth=0.9)
+    axes.scatter(values[::step], 100 * fitted.residuals[::step], color=BLUE, s=16, alpha=0.6, linewidths=0)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def draw_map(scenario: Scenario, wear: float, depth_of_cut: float | None = None, hardness: float = 1.0) -> Figure:
+    """Draw limits, removal rate and tool life over the machine's whole range of cutting speed and feed.
+
+    Args:
+        scenario: The machine, material and limits.
+        wear: Flank wear of the edge [mm], at most the wear criterion.
+        depth_of_cut: [mm]; the scenario's nominal depth if None.
+        hardness: Hardness of the bar over nominal [-].
+    """
     machine = scenario.machine
-    speeds = np.linspace(machine.cutting_speed_min, machine.cutting_speed_max, POINTS)
-    feeds = np.linspace(machine.feed_min, machine.feed_max, POINTS)
+    speeds = np.linspace(machine.cutting_speed_min, machine.cutting_speed_max, GRID)
+    feeds = np.linspace(machine.feed_min, machine.feed_max, GRID)
     cuts = what_if(scenario, speeds, feeds[:, np.newaxis], depth_of_cut, hardness, wear=wear)
     figure = Figure(figsize=(8.6, 6.4), layout="constrained")
     axes = figure.subplots()
@@ -48,26 +91,26 @@ def draw(scenario: Scenario, wear: float, depth_of_cut: float | None = None, har
         loc="left",
         fontsize="medium",
     )
-    figure.legend(handles=_explained(scenario), loc="outside lower center", ncols=3, frameon=False)
+    figure.legend(handles=_legend(scenario), loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
 def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
-    """Round removal rates, named along the right edge where their lines end."""
+    """Draw lines of round removal rates; the right axis names each where it ends."""
     rates = cuts.removal_rate
     step = _round_down((rates.max() - rates.min()) / 7)
-    levels = step * np.arange(np.floor(rates[0, -1] / step) + 1, np.ceil(rates.max() / step))  # those that end there
+    levels = step * np.arange(np.floor(rates[0, -1] / step) + 1, np.ceil(rates.max() / step))  # those that end at the right axis
     axes.contour(cuts.cutting_speed, cuts.feed, rates, levels=levels, colors=GREY, linewidths=0.8)
     right = axes.twinx()
     right.set_ylim(cuts.feed.min(), cuts.feed.max())
     ends = np.interp(levels, rates[:, -1], cuts.feed[:, -1])
     right.set_yticks(ends, [f"{level:g}" for level in levels], color=GREY)
-    right.set_ylabel("removal rate where its line ends [cm³/min]", color=GREY)
+    right.set_ylabel("removal rate (MRR) of the line that ends here [cm³/min]", color=GREY)
 
 
 def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
-    """Round tool lives, named low in the plane, where no other text is."""
-    placed = {level: place for level in _log_levels(cuts.tool_life) if (place := _place(cuts, level))}
+    """Draw lines of round tool lives, with labels low in the plane, where no other text is."""
+    placed = {level: place for level in _log_levels(cuts.tool_life) if (place := _label_position(cuts, level))}
     if not placed:
         return
     lines = axes.contour(
@@ -77,19 +120,19 @@ def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
         text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85})
 
 
-def _place(cuts: Cuts, level: float) -> tuple[float, float] | None:
-    """A speed and feed at which the tool life is so long, as low as can be but not at the edge."""
+def _label_position(cuts: Cuts, level: float) -> tuple[float, float] | None:
+    """Return a cutting speed [m/min] and a low feed [mm/rev] with a tool life of ``level`` [min], away from the sides."""
     for share in (0.15, 0.5, 0.85):
-        row = round(share * (POINTS - 1))
+        row = round(share * (GRID - 1))
         longer = cuts.tool_life[row] > level
         changes = np.flatnonzero(longer[1:] != longer[:-1])
-        if changes.size and POINTS // 20 < changes[0] < POINTS - POINTS // 20:
+        if changes.size and GRID // 20 < changes[0] < GRID - GRID // 20:
             return float(cuts.cutting_speed[row, changes[0]]), float(cuts.feed[row, 0])
     return None
 
 
 def _log_levels(values: NDArray[np.float64]) -> list[float]:
-    """Round levels, each about twice the one below it; every power of ten if these are too many."""
+    """Return the values 1, 2 and 5 times a power of ten within the range of ``values``; only the powers if these are too many."""
     finite = values[np.isfinite(values) & (values > 0)]
     if finite.size == 0:
         return []
@@ -99,13 +142,13 @@ def _log_levels(values: NDArray[np.float64]) -> list[float]:
 
 
 def _round_down(value: float) -> float:
-    """The next of 1, 2 and 5 times a power of ten below."""
+    """Return the largest of 1, 2 and 5 times a power of ten that does not exceed a value."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(max(factor * power for factor in (1, 2, 5) if factor * power <= value * (1 + 1e-9)))
 
 
 def _mark_best(axes: Axes, cuts: Cuts) -> None:
-    """Mark where the most metal is removed within limits, if anywhere is."""
+    """Mark the highest removal rate within limits, if there is any."""
     rates = np.where(cuts.within_limits, cuts.removal_rate, -np.inf)
     index = int(rates.argmax())
     if not np.isfinite(rates.flat[index]):
@@ -127,14 +170,14 @@ def _mark_best(axes: Axes, cuts: Cuts) -> None:
     )
 
 
-def _explained(scenario: Scenario) -> list[Any]:
+def _legend(scenario: Scenario) -> list[Any]:
     force, power = _LIMITS["thrust_force"], _LIMITS["power"]
     return [
         Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"),
-        Patch(facecolor=LIGHT, edgecolor=GREY, label="beyond a limit"),
+        Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"),
         Line2D([], [], color=VERMILLION, linewidth=2.2, label=force[0].format(scenario.limits.thrust_force)),
         Line2D([], [], color=BLUE, linewidth=2.2, linestyle=(0, (6, 1.5)), label=power[0].format(scenario.limits.power)),
-        Line2D([], [], color=GREY, linewidth=0.8, label="removal rate, named at the right"),
+        Line2D([], [], color=GREY, linewidth=0.8, label="MRR, labelled at the right"),
         Line2D([], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out [min]"),
-        Line2D([], [], color="black", marker="o", linestyle="none", label="most metal within the limits"),
+        Line2D([], [], color="black", marker="o", linestyle="none", label="highest MRR within limits"),
     ]

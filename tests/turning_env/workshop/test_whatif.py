@@ -1,10 +1,8 @@
-"""What-if tables and operating maps: they say what the laws and the environment say."""
+"""Tables of cuts and operating maps agree with the laws and the environment."""
 
 import csv
 import io
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +13,8 @@ from matplotlib.figure import Figure
 
 from turning_env import RoughTurningEnv, Scenario, presets
 from turning_env.__main__ import main
-from turning_env.workshop.inquiry.operating_map import draw
-from turning_env.workshop.inquiry.whatif import what_if
+from turning_env.workshop.plots import draw_map
+from turning_env.workshop.whatif import what_if
 
 BASE = Scenario()
 
@@ -61,7 +59,7 @@ def test_either_time_or_wear() -> None:
 WHATIF = ["whatif", "rough_turning", "--cutting-speed", "120", "150:180:15", "--feed", "0.2:0.4:0.1"]
 
 
-def test_every_combination_is_a_row(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_combination_gives_a_row(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*WHATIF, "--wear", "0.1", "0.2", "--depth", "2", "3", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert len(rows) == 4 * 3 * 2 * 2
@@ -73,7 +71,7 @@ def test_every_combination_is_a_row(capsys: pytest.CaptureFixture[str]) -> None:
     assert list(table[0]) == list(rows[0])
 
 
-def test_the_text_names_what_is_beyond_its_limit(capsys: pytest.CaptureFixture[str]) -> None:
+def test_text_names_the_limits_that_are_exceeded(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["whatif", "rough_turning", "--cutting-speed", "60", "200", "--feed", "0.6", "--time", "200"]) == 0
     heading, units, slow, fast = capsys.readouterr().out.splitlines()
     assert heading.split()[:3] == ["speed", "feed", "depth"]
@@ -82,6 +80,7 @@ def test_the_text_names_what_is_beyond_its_limit(capsys: pytest.CaptureFixture[s
     assert fast.endswith("wear, force, power")
 
 
+@pytest.mark.slow
 def test_a_life_too_long_for_a_number_is_null(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "lasting.toml"
     path.write_text("[material.wear]\ncoefficient = 1e-12\ntime = 0.01\n")
@@ -92,7 +91,7 @@ def test_a_life_too_long_for_a_number_is_null(tmp_path: Path, capsys: pytest.Cap
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["--cutting-speed", "-1", "--feed", "0.3", "--wear", "0.2"], "-1 is outside the allowed range 0.1 to 5000 m/min"),
         (["--cutting-speed", "100", "--feed", "nan", "--wear", "0.2"], "nan is outside"),
@@ -104,36 +103,25 @@ def test_a_life_too_long_for_a_number_is_null(tmp_path: Path, capsys: pytest.Cap
         (["--cutting-speed", "100", "--feed", "0.3", "--wear", "0.2", "--time", "1"], "not allowed with"),
     ],
 )
-def test_what_cannot_be_asked_is_refused(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_options_are_refused(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         main(["whatif", "rough_turning", *arguments])
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_too_long_a_table_and_a_missing_scenario_are_errors(capsys: pytest.CaptureFixture[str]) -> None:
     grid = ["--cutting-speed", "50:200:0.1", "--feed", "0.1:0.6:0.001", "--wear", "0.2"]
     assert main(["whatif", "rough_turning", *grid]) == 2
-    assert "these are 752001 cuts, and a table may have 100000" in capsys.readouterr().err
+    assert "these are 752001 cuts, but a table may have 100000" in capsys.readouterr().err
     assert main(["whatif", "none", "--cutting-speed", "100", "--feed", "0.3", "--wear", "0.2"]) == 2
     assert "error: no preset and no file is called 'none'" in capsys.readouterr().err
 
 
-def test_a_reader_that_has_seen_enough_is_no_error() -> None:
-    grid = ["--cutting-speed", "50:200:1", "--feed", "0.1:0.6:0.001", "--wear", "0.2", "--csv"]
-    command = [sys.executable, "-m", "turning_env", "whatif", "rough_turning", *grid]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        process.stdout.readline()
-        process.stdout.close()
-        assert process.stderr.read() == b""
-        assert process.wait() == 0
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", presets())
 def test_every_preset_can_be_mapped(preset: str) -> None:
     scenario = Scenario.load(preset)
-    figure = draw(scenario, 0.5 * scenario.tool.wear_criterion, hardness=1.1)
+    figure = draw_map(scenario, 0.5 * scenario.tool.wear_criterion, hardness=1.1)
     assert isinstance(figure, Figure)
     left, right = figure.axes
     assert (left.get_xlabel(), left.get_ylabel()) == ("cutting speed [m/min]", "feed [mm/rev]")
@@ -145,7 +133,7 @@ def test_every_preset_can_be_mapped(preset: str) -> None:
 
 
 def test_the_map_marks_where_most_metal_is_removed() -> None:
-    axes = draw(BASE, 0.2).axes[0]
+    axes = draw_map(BASE, 0.2).axes[0]
     (mark,) = [line for line in axes.lines if line.get_marker() == "o"]
     speed, feed = float(mark.get_xdata()[0]), float(mark.get_ydata()[0])
     cuts = what_if(BASE, speed, feed, wear=0.2)
@@ -156,15 +144,16 @@ def test_the_map_marks_where_most_metal_is_removed() -> None:
 
 def test_a_map_with_nothing_allowed_says_so() -> None:
     scenario = Scenario.model_validate({"limits": {"power": 0.01}})
-    assert draw(scenario, 0.2).axes[0].get_title("right") == "nowhere within limits"
+    assert draw_map(scenario, 0.2).axes[0].get_title("right") == "nowhere within limits"
 
 
+@pytest.mark.slow
 def test_maps_are_written_and_mistakes_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for ending, start in (("png", b"\x89PNG"), ("svg", b"<?xm")):
         path = tmp_path / "maps" / f"map.{ending}"
         assert main(["map", "forging", "--wear", "0.3", "--out", str(path)]) == 0
         assert path.read_bytes().startswith(start)
     assert main(["map", "forging", "--wear", "0.31", "--out", str(tmp_path / "map.png")]) == 2
-    assert "--wear is 0.31, but an edge is finished at tool.wear_criterion, 0.3 mm" in capsys.readouterr().err
+    assert "--wear is 0.31, but an edge is worn out at tool.wear_criterion, 0.3 mm" in capsys.readouterr().err
     with pytest.raises(SystemExit, match="2"):
         main(["map", "forging", "--wear", "0.2", "--out", "map.txt"])

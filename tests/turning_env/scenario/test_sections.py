@@ -1,0 +1,74 @@
+"""Declarations of fields and presets: every field has its unit, range and description, and every preset keeps to them."""
+
+import json
+import math
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from turning_env import IDS, PowerLaw, Scenario, presets
+from turning_env.scenario.section import Section, quantity
+
+SECTIONS = [*(type(value) for value in dict(Scenario()).values() if isinstance(value, Section)), PowerLaw]
+
+
+FIELDS = [
+    pytest.param(section, name, field, id=f"{section.__name__}.{name}")
+    for section in SECTIONS
+    for name, field in section.model_fields.items()
+]
+
+
+@pytest.mark.parametrize(("section", "name", "field"), FIELDS)
+def test_field_has_description_unit_and_range(section: type[Section], name: str, field: Any) -> None:
+    assert field.description
+    if field.annotation not in (float, int):
+        return
+    declared = field.json_schema_extra
+    low, high, unit = declared["minimum"], declared["maximum"], declared["unit"]
+    assert field.description.endswith(f"[{unit}]")
+    required = {"coefficient": 1.0} if section is PowerLaw else {}
+    assert low <= getattr(section(**required), name) <= high
+    below, above = math.nextafter(low, -math.inf), math.nextafter(high, math.inf)
+    for outside in (math.floor(below), math.ceil(above)) if field.annotation is int else (below, above):
+        with pytest.raises(ValidationError, match=name) as refusal:
+            section(**required | {name: outside})
+        assert f"{low} to {high} {unit}" in str(refusal.value)
+
+
+def test_schema_has_units_and_ranges() -> None:
+    schema = json.loads(json.dumps(Scenario.model_json_schema()))
+    wear_criterion = schema["$defs"]["Tool"]["properties"]["wear_criterion"]
+    assert {"unit": "mm", "minimum": 0.01, "maximum": 5, "default": 0.3}.items() <= wear_criterion.items()
+    for section in schema["$defs"].values():
+        assert section["additionalProperties"] is False
+        for name, entry in section["properties"].items():
+            assert entry["description"], name
+            assert entry.get("type") not in ("number", "integer") or {"unit", "minimum", "maximum"} <= entry.keys(), name
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_preset_loads_under_its_name(preset: str) -> None:
+    scenario = Scenario.load(preset)
+    assert scenario.name == preset
+    assert Scenario.model_validate(scenario.model_dump()) == scenario
+
+
+def test_every_id_has_a_preset() -> None:
+    assert set(IDS.values()) <= set(presets())
+
+
+def test_new_section_with_neutral_defaults_changes_no_identity(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Vibration(Section):
+        amplitude: float = quantity(0, 0, 10, "mm", "amplitude of chatter")
+
+    class Extended(Scenario):
+        vibration: Vibration = Vibration()
+
+    digests = {preset: Scenario.load(preset).digest() for preset in presets()}
+    monkeypatch.setattr("turning_env.scenario.scenario._DEFAULTS", Extended())
+    assert {preset: Extended.load(preset).digest() for preset in presets()} == digests
+    assert Extended(vibration=Vibration(amplitude=1)).digest() not in digests.values()
+    with pytest.raises(ValidationError, match=r"11\.0 is outside the allowed range 0 to 10 mm"):
+        Extended.model_validate({"vibration": {"amplitude": 11.0}})

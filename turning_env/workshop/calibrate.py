@@ -1,0 +1,239 @@
+"""Calibrate a material: fit its laws to measured cuts, report how well they are known, and write them as a scenario.
+
+``python -m turning_env calibrate`` is the command, docs/your_own_machine.md the tutorial.
+"""
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+from pydantic import ValidationError
+
+from turning_env.files import replace_file
+from turning_env.scenario import Scenario, presets
+from turning_env.scenario.sections import Material
+from turning_env.workshop import WorkshopError
+from turning_env.workshop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
+from turning_env.workshop.measurements import COLUMNS, Measurements, similar_column
+
+BEYOND = 0.01
+"""Relative distance beyond the measured range from which a law counts as extrapolated [-]."""
+WIDE = 0.5
+"""Half-width of an exponent's interval above which a warning says that it is hardly known [-]."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A material with the laws that were fitted to measurements."""
+
+    fits: dict[str, Fit]
+    """Fitted laws, by what they predict."""
+    kept: dict[str, str]
+    """Laws that stay those of the base, and why."""
+    material: Material
+    warnings: tuple[str, ...]
+    confidence: float
+    """Confidence level of all intervals [-]."""
+
+    @property
+    def wear_factor_spread(self) -> float | None:
+        """Log standard deviation of wear from edge to edge [-]; None if it is not known or beyond the scenario's range."""
+        edges = self.fits["wear"].edges if "wear" in self.fits else None
+        return round(edges.spread, 4) if edges and edges.spread <= 1.0 else None
+
+
+def calibrate(measurements: Measurements, base: Scenario, confidence: float = 0.95, strict: bool = False) -> Calibration:
+    """Fit every law that has rows; keep the base's other laws, and its exponents that cannot be estimated.
+
+    Args:
+        measurements: From ``read_measurements``.
+        base: Scenario whose laws are the start, and whose ranges the warnings of extrapolation refer to.
+        confidence: Confidence level of the intervals [-], above 0 and below 1.
+        strict: Whether a column from which nothing can be estimated is an error.
+
+    Raises:
+        WorkshopError: No law has rows, one has too few, or the fitted laws are out of range.
+    """
+    fits: dict[str, Fit] = {}
+    kept: dict[str, str] = {}
+    for response in FACTORS:
+        if complete_rows(response, measurements).any():
+            fits[response] = fit(response, measurements, getattr(base.material, response), confidence)
+        else:
+            needed = [name for name in (response, *FACTORS[response]) if name != "hardness"]
+            absent = [name for name in needed if name not in measurements.columns]
+            kept[response] = f"there is no column {', '.join(absent)}" if absent else f"no row has all of {', '.join(needed)}"
+    if not fits:
+        raise WorkshopError("no law can be fitted: " + "; ".join(f"{name}: {why}" for name, why in kept.items()))
+    wrong = [f"{name}: {why}" for name, why in kept.items() if why.startswith("no row")]
+    for response, fitted in fits.items():
+        wrong += [f"{response}: {why}" for factor, why in fitted.assumed.items() if factor in measurements.columns]
+    if strict and wrong:
+        raise WorkshopError("not all can be fitted, as --strict demands: " + "; ".join(wrong))
+    laws = {response: fitted.law.model_dump() for response, fitted in fits.items()}
+    try:
+        material = Material.model_validate(base.material.model_dump() | laws)
+    except ValidationError as error:
+        raise WorkshopError(f"the fitted laws are no material: {_message(error)}") from error
+    return Calibration(fits, kept, material, tuple(_warnings(fits, measurements, base)), confidence)
+
+
+def _message(error: ValidationError) -> str:
+    return error.errors()[0]["msg"].removeprefix("Value error, ")
+
+
+def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) -> Iterator[str]:
+    for name in measurements.ignored:
+        likely = similar_column(name)
+        yield f"column {name!r} is not understood and was ignored" + (f"; is it {likely}?" if likely else "")
+    unused = ~np.logical_or.reduce([complete_rows(response, measurements) for response in FACTORS])
+    if unused.any():
+        yield f"{unused.sum()} rows have too many empty cells for any law, the first in line {measurements.lines[unused][0]}"
+    nominal = int(np.isnan(measurements.columns.get("hardness", np.ones(1))).sum())
+    if nominal:
+        yield f"hardness is empty in {nominal} rows, where it was taken as nominal, 1"
+    for response, fitted in fits.items():
+        if fitted.edges is None and measurements.edges is not None:
+            yield f"{response}: too few edges or readings to tell how edges differ: rows were taken as independent"
+        if fitted.edges is None and rows_correlate(fitted):
+            yield (
+                f"{response}: rows at the same settings deviate together, so intervals are too narrow: "
+                "name edges in a column 'edge'; otherwise no power law fits"
+            )
+        for name, estimate in fitted.estimates.items():
+            half = 0.5 * (estimate.high - estimate.low)
+            if name != "coefficient" and half > WIDE:
+                known = f"{estimate.value:.3g} +- {half:.2g}"
+                yield f"{response}: the exponent of {name} is hardly known, {known}: vary it more, or read more edges"
+    yield from _extrapolations(fits, base)
+
+
+def _extrapolations(fits: dict[str, Fit], base: Scenario) -> Iterator[str]:
+    """Say where the base scenario uses laws outside the range to which they were fitted."""
+    machine, depths = base.machine, base.workpiece.depth_profile or (base.workpiece.depth_of_cut,)
+    used = {
+        "cutting_speed": (machine.cutting_speed_min, machine.cutting_speed_max),
+        "feed": (machine.feed_min, machine.feed_max),
+        "depth_of_cut": (min(depths), max(depths)),
+        "wear": (None, base.tool.wear_criterion),
+    }
+    laws: dict[str, list[str]] = {}
+    for response, fitted in fits.items():
+        for name, values in (fitted.factors | {response: fitted.measured}).items():
+            low, high = used.get(name, (None, 0.0))
+            least, most = values.min(), values.max()
+            if (low is not None and low < least * (1 - BEYOND)) or high > most * (1 + BEYOND):
+                wanted = f"up to {high:g}" if low is None else f"{high:g}" if low == high else f"{low:g} to {high:g}"
+                measured = f"{least:.4g}" if least == most else f"{least:.4g} to {most:.4g}"
+                laws.setdefault(f"{name} of {wanted} {COLUMNS[name].unit}, but measured at {measured}", []).append(response)
+    for what, responses in laws.items():
+        yield f"{', '.join(responses)}: extrapolated, used at a {what}"
+
+
+def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
+    """Return all results as JSON accepts them, with the names of the measurements' file and of the base."""
+    return {
+        "measurements": source,
+        "base": base,
+        "confidence": calibration.confidence,
+        "laws": {response: _law_report(fitted) for response, fitted in calibration.fits.items()},
+        "kept_from_base": calibration.kept,
+        "warnings": list(calibration.warnings),
+    }
+
+
+def _law_report(fitted: Fit) -> dict[str, Any]:
+    line, residual = fitted.largest_residual()
+    return {
+        "rows": len(fitted.lines),
+        "degrees_of_freedom": fitted.degrees,
+        "r_squared": fitted.r_squared,
+        "scatter": fitted.scatter,
+        "edges": fitted.edges and {"count": fitted.edges.count, "spread": fitted.edges.spread},
+        "largest_residual": {"line": line, "relative": residual},
+        "fitted": {name: estimate._asdict() for name, estimate in fitted.estimates.items()},
+        "assumed": {name: {"value": getattr(fitted.law, name), "reason": why} for name, why in fitted.assumed.items()},
+        "law": fitted.law.model_dump(),
+    }
+
+
+def summary(calibration: Calibration) -> Iterator[str]:
+    """Yield all results as lines of text."""
+    for response, fitted in calibration.fits.items():
+        line, residual = fitted.largest_residual()
+        yield f"{response}: {quality(fitted)}"
+        yield f"  largest residual: line {line}, {100 * residual:+.2g} %"
+        if fitted.edges:
+            yield f"  {fitted.edges.count} edges, which differ by {100 * fitted.edges.spread:.2g} % (one standard deviation)"
+        for name, estimate in fitted.estimates.items():
+            yield f"  {name:<14}{estimate.value:>12.6g}   {estimate.low:.6g} to {estimate.high:.6g}"
+        for name, why in fitted.assumed.items():
+            yield f"  {name:<14}{getattr(fitted.law, name):>12.6g}   assumed: {why}"
+    for response, why in calibration.kept.items():
+        yield f"{response}: as in the base, {why}"
+
+
+def quality(fitted: Fit) -> str:
+    """Return how many rows a law was fitted to and how well it explains them."""
+    explained = "" if fitted.r_squared is None else f"R2 {fitted.r_squared:.5f}, "
+    return f"{len(fitted.lines)} rows, {explained}scatter {100 * fitted.scatter:.2g} %"
+
+
+def write_scenario(calibration: Calibration, base: str, source: str, out: Path) -> Scenario:
+    """Write and return a scenario that states what the base states, with the fitted laws in place of the base's.
+
+    Args:
+        calibration: The fitted laws.
+        base: A preset, or a scenario file whose values are copied (but not its name and comments).
+        source: Name of the measurements' file, for the comment.
+        out: The file, written whole or not at all; its name without the suffix is the scenario's name.
+
+    Raises:
+        WorkshopError: The file's name cannot name a scenario, or the fitted laws do not suit the base.
+        OSError: The file cannot be written.
+    """
+    spread = calibration.wear_factor_spread
+    tool = {} if spread is None else {"wear_factor_spread": spread}
+    values = Scenario.load(base).model_dump() | {"name": out.stem, "material": calibration.material.model_dump()}
+    values["tool"] |= tool
+    try:
+        scenario = Scenario.model_validate(values)
+    except ValidationError as error:
+        raise WorkshopError(f"{out}: {_message(error)}") from error
+    stated: dict[str, Any] = {"base": base}
+    if base not in presets():
+        stated = tomllib.loads(Path(base).read_text("utf-8"))
+        stated.pop("name", None)
+        material = {name: law for name, law in stated.pop("material", {}).items() if name not in calibration.fits}
+        stated |= {"material": material} if material else {}
+    if tool:
+        stated["tool"] = stated.get("tool", {}) | tool
+    text = "\n".join(_toml_lines(calibration, stated, source))
+    replace_file(out, lambda partial: partial.write_text(text, "utf-8"))
+    return scenario
+
+
+def _toml_lines(calibration: Calibration, stated: dict[str, Any], source: str) -> Iterator[str]:
+    interval = f"{100 * calibration.confidence:g} % interval"
+    yield f"# Fitted by `python -m turning_env calibrate` to {source!a}; each fitted number is followed by its {interval}."
+    for response, why in calibration.kept.items():
+        yield f"# The law of {response} is the base's: {why}."
+    if calibration.wear_factor_spread is not None:
+        yield "# tool.wear_factor_spread is the deviation of edges from the law of wear."
+    yield ""
+    yield tomli_w.dumps(stated)
+    for response, fitted in calibration.fits.items():
+        yield f"[material.{response}]"
+        yield f"# {quality(fitted)}."
+        for name, value in fitted.law.model_dump().items():
+            comment = ""
+            if name in fitted.estimates:
+                comment = f" # {fitted.estimates[name].low:.6g} to {fitted.estimates[name].high:.6g}"
+            elif name in fitted.assumed:
+                comment = f" # assumed: {fitted.assumed[name]}"
+            yield f"{name} = {value!r}{comment}"
+        yield ""

@@ -1,0 +1,167 @@
+"""Predict cuts at constant speed, feed and depth from a scenario's laws, and print them as a table.
+
+Everything is nominal: model mismatch, and how edges and bars differ, are left out.
+"""
+
+import csv
+import io
+import json
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from turning_env.scenario import Scenario
+
+Values = NDArray[np.float64]
+
+
+class Cuts(NamedTuple):
+    """Cuts by an edge that has cut at the same speed, feed and depth since it was fresh: arrays of one shape."""
+
+    cutting_speed: Values
+    """[m/min]"""
+    feed: Values
+    """[mm/rev]"""
+    depth_of_cut: Values
+    """[mm]"""
+    hardness: Values
+    """Hardness of the bar over nominal [-]."""
+    time: Values
+    """Cutting time of the edge [min]."""
+    wear: Values
+    """Flank wear after that time [mm]."""
+    thrust_force: Values
+    """Thrust force at that wear [N]."""
+    power: Values
+    """Spindle power at that wear [kW]."""
+    tool_life: Values
+    """Cutting time from fresh to the wear criterion [min]."""
+    removal_rate: Values
+    """Material removal rate [cm3/min]."""
+    spindle_speed: Values
+    """Spindle speed at the workpiece's diameter [rev/min]."""
+    wear_share: Values
+    """Wear over the wear criterion [-]."""
+    thrust_force_share: Values
+    """Thrust force over its limit [-]."""
+    power_share: Values
+    """Spindle power over its limit [-]."""
+
+    @property
+    def within_limits(self) -> NDArray[np.bool_]:
+        """Whether wear, force and power are all within their limits."""
+        return np.asarray((self.wear_share <= 1) & (self.thrust_force_share <= 1) & (self.power_share <= 1))
+
+
+def what_if(
+    scenario: Scenario,
+    cutting_speed: ArrayLike,
+    feed: ArrayLike,
+    depth_of_cut: ArrayLike | None = None,
+    hardness: ArrayLike = 1.0,
+    *,
+    time: ArrayLike | None = None,
+    wear: ArrayLike | None = None,
+) -> Cuts:
+    """Predict cuts by an edge that has cut for a ``time`` or until it has a ``wear``: give exactly one of them.
+
+    All values are positive scalars or arrays that broadcast to one shape. A tool life too long to be a number is infinite.
+
+    Args:
+        scenario: Its material, limits, wear criterion and diameter are used.
+        cutting_speed: [m/min]
+        feed: [mm/rev]
+        depth_of_cut: [mm]; the scenario's nominal depth if None.
+        hardness: Hardness of the bar over nominal [-].
+        time: Cutting time of the edge [min].
+        wear: Flank wear of the edge [mm].
+
+    Raises:
+        TypeError: Both or none of time and wear are given.
+    """
+    if (time is None) == (wear is None):
+        raise TypeError("either time or wear must be given, and not both")
+    material, limits, criterion = scenario.material, scenario.limits, scenario.tool.wear_criterion
+    depth_of_cut = scenario.workpiece.depth_of_cut if depth_of_cut is None else depth_of_cut
+    given = [np.asarray(x, np.float64) for x in (cutting_speed, feed, depth_of_cut, hardness, wear if time is None else time)]
+    speed, feeds, depth, hard, age = np.broadcast_arrays(*given)
+    with np.errstate(over="ignore"):
+        after_a_minute = material.wear(speed, feeds, depth, time=1.0, hardness=hard)
+        if time is None:
+            worn, age = age, (age / after_a_minute) ** (1.0 / material.wear.time)
+        else:
+            worn = material.wear(speed, feeds, depth, time=age, hardness=hard)
+        life = (criterion / after_a_minute) ** (1.0 / material.wear.time)
+        force = material.thrust_force(speed, feeds, depth, wear=worn, hardness=hard)
+        power = material.power(speed, feeds, depth, wear=worn, hardness=hard)
+    return Cuts(
+        cutting_speed=speed,
+        feed=feeds,
+        depth_of_cut=depth,
+        hardness=hard,
+        time=age,
+        wear=worn,
+        thrust_force=force,
+        power=power,
+        tool_life=life,
+        removal_rate=speed * feeds * depth,  # m/min mm mm is cm3/min
+        spindle_speed=1000.0 * speed / (np.pi * scenario.workpiece.diameter),
+        wear_share=worn / criterion,
+        thrust_force_share=force / limits.thrust_force,
+        power_share=power / limits.power,
+    )
+
+
+def _records(cuts: Cuts) -> list[dict[str, Any]]:
+    """Return one record per cut; a value that is not finite is None."""
+    columns = [[value if np.isfinite(value) else None for value in values.ravel().tolist()] for values in cuts]
+    names = (*Cuts._fields, "within_limits")
+    return [dict(zip(names, row, strict=True)) for row in zip(*columns, cuts.within_limits.ravel().tolist(), strict=True)]
+
+
+def as_json(cuts: Cuts) -> str:
+    """Return a JSON list with one record per cut, in the units of ``Cuts``."""
+    return json.dumps(_records(cuts), indent=1, allow_nan=False)
+
+
+def as_csv(cuts: Cuts) -> str:
+    """Return CSV with a header and one line per cut, in the units of ``Cuts``."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [*Cuts._fields, "within_limits"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(_records(cuts))
+    return text.getvalue().removesuffix("\n")
+
+
+_TABLE = {
+    "cutting_speed": ("speed", "m/min", "g", 1),
+    "feed": ("feed", "mm/rev", "g", 1),
+    "depth_of_cut": ("depth", "mm", "g", 1),
+    "hardness": ("hardness", "-", "g", 1),
+    "time": ("time", "min", ".2f", 1),
+    "wear": ("wear", "mm", ".3f", 1),
+    "wear_share": ("of limit", "%", ".0f", 100),
+    "thrust_force": ("force", "N", ".0f", 1),
+    "thrust_force_share": ("of limit", "%", ".0f", 100),
+    "power": ("power", "kW", ".2f", 1),
+    "power_share": ("of limit", "%", ".0f", 100),
+    "tool_life": ("tool life", "min", ".1f", 1),
+    "removal_rate": ("MRR", "cm3/min", ".1f", 1),
+    "spindle_speed": ("spindle", "rev/min", ".0f", 1),
+}
+"""Heading, unit, format and factor of each column of the text."""
+
+
+def as_text(cuts: Cuts) -> str:
+    """Return an aligned table with units; its last column names the limits that are exceeded."""
+    columns = []
+    for name, (heading, unit, shape, factor) in _TABLE.items():
+        cells = [heading, unit, *(format(factor * value, shape) for value in getattr(cuts, name).ravel())]
+        width = max(map(len, cells))
+        columns.append([cell.rjust(width) for cell in cells])
+    shares = {"wear": cuts.wear_share, "force": cuts.thrust_force_share, "power": cuts.power_share}
+    rows = np.stack([share.ravel() for share in shares.values()], axis=1) > 1
+    exceeded = [", ".join(name for name, over in zip(shares, row, strict=True) if over) for row in rows]
+    columns.append(["  exceeded", "", *(f"  {names}" for names in exceeded)])
+    return "\n".join(" ".join(cells).rstrip() for cells in zip(*columns, strict=True))
