@@ -36,7 +36,8 @@ def written(result: Result, folder: Path) -> Path:
 def test_round_trip_is_exact(make_result: MakeResult, folder: Path) -> None:
     result = make_result("rule", **{"return": [math.pi, 1 / 3, 5e-324, -0.0], "wear": [1e22 / 7, 0.1, 0.2, 0.30000000000000004]})
     back = read_result(written(result, folder))
-    assert back.same_as(result) and back.model_dump() == result.model_dump()
+    assert back.same_as(result)
+    assert back.model_dump() == result.model_dump()
     for name, values in result.episodes.items():
         assert [value.hex() for value in back.episodes[name]] == [value.hex() for value in values]
 
@@ -158,9 +159,7 @@ def test_a_manifest_tells_every_policys_means(make_result: MakeResult, task: Tas
     assert entry == {"version": 1, "sha256": result.checksum} | means
 
 
-def test_leaderboards_come_in_the_order_of_ids_and_then_of_scenarios(
-    tmp_path: Path, make_result: MakeResult, task: Task
-) -> None:
+def test_leaderboards_come_in_the_order_of_ids_and_then_of_scenarios(tmp_path: Path, make_result: MakeResult, task: Task) -> None:
     wanted = [
         ("RoughTurning-v0", "rough_turning"),
         ("RoughTurning-v0", "forging"),

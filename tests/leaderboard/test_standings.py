@@ -130,7 +130,11 @@ def test_agents_of_one_name_must_be_alike(make_result: MakeResult) -> None:
 def test_score_runs_from_fixed_parameters_to_the_clairvoyant_bound(make_result: MakeResult) -> None:
     returns = {"fixed_tuned": -100.0, "rescaled_grid_search": -40.0, "good": -10.0}
     results = [make_result(name, **{"return": value}) for name, value in returns.items()]
-    results += [make_result("clairvoyant", policy=spec("clairvoyant", kind="oracle"), **{"return": 100.0, "time": 0.0, "engaged_time": 0.0})]
+    results += [
+        make_result(
+            "clairvoyant", policy=spec("clairvoyant", kind="oracle"), **{"return": 100.0, "time": 0.0, "engaged_time": 0.0}
+        )
+    ]
     results += [make_result("causal", policy=spec("causal", kind="oracle"), **{"return": 0.0})]
     standings = {standing.name: standing for standing in rank(results)}
     assert list(standings)[-2:] == ["clairvoyant", "causal"]  # oracles are listed, not ranked
