@@ -219,12 +219,13 @@ def differences(result: Result, episodes: Episodes, tolerance: float) -> list[st
 
 def _beyond_the_bound(paths: Sequence[Path]) -> Iterator[str]:
     """Yield a complaint for every result that earns more on a seed than the clairvoyant bound, beyond its tolerance."""
+    bounds: dict[Path, Result] = {}
     for path in paths:
         limit = path.with_name(f"{oracles.CLAIRVOYANT}{SUFFIX}")
         if path == limit or not limit.is_file():
             continue
         try:
-            bound, result = read_result(limit), read_result(path)
+            bound, result = bounds.get(limit) or bounds.setdefault(limit, read_result(limit)), read_result(path)
         except ResultError:
             continue
         if bound.task.digest != result.task.digest:

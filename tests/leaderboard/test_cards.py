@@ -15,6 +15,8 @@ from turning_env import Scenario
 from turning_env.score.play import play_spec
 from turning_env.score.policy import ScenarioId
 
+pytestmark = pytest.mark.slow  # exports and plays agents
+
 
 @pytest.fixture
 def shipped(tmp_path: Path, task: Task) -> Path:

@@ -85,7 +85,7 @@ def expected(tmp_path: Path, runs: Callable[[str], list[run.TaskRun]]) -> dict[s
 
 
 @pytest.mark.parametrize("env_id", IDS)
-def test_every_policy_travels(env_id: str) -> None:
+def test_every_policy_can_be_sent_to_a_worker(env_id: str) -> None:
     scenario = Scenario.load(IDS[env_id])
     policies = run.named(None, scenario)
     arrived = pickle.loads(cloudpickle.dumps(policies))
@@ -93,6 +93,7 @@ def test_every_policy_travels(env_id: str) -> None:
     assert all(each.compute or each.make(1).act for each in arrived)
 
 
+@pytest.mark.slow
 def test_processes_write_the_same(tmp_path: Path, runs: Callable[[str], list[run.TaskRun]], expected: dict[str, bytes]) -> None:
     (tmp_path / "killed").touch()
     with workers.workers(2, None) as over:
@@ -100,6 +101,7 @@ def test_processes_write_the_same(tmp_path: Path, runs: Callable[[str], list[run
     assert files(tmp_path / "processes") == expected
 
 
+@pytest.mark.slow
 def test_a_cluster_writes_the_same_though_a_worker_is_killed(
     tmp_path: Path,
     runs: Callable[[str], list[run.TaskRun]],

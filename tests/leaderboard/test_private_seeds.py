@@ -138,6 +138,7 @@ class ByHeart:
         return self._steps if PROBED <= self._acts < PROBED + 4 else 0.0 * self._steps
 
 
+@pytest.mark.slow
 def test_what_has_learned_the_public_seeds_by_heart_is_found_out_by_private_ones(tmp_path: Path) -> None:
     scenario = Scenario.model_validate({"control": {"time_limit": 1.5}, "limits": {"power": 4.0, "thrust_force": 900.0}})
     public = held_out_seeds(12)

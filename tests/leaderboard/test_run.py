@@ -196,6 +196,7 @@ def test_agents_come_from_their_folders(tmp_path: Path, scenario: Scenario, monk
         run.agents([tmp_path / "nowhere"], scenario)
 
 
+@pytest.mark.slow
 def test_agents_come_from_files_and_act_as_those_of_the_folders(
     tmp_path: Path, task: Task, monkeypatch: pytest.MonkeyPatch
 ) -> None:

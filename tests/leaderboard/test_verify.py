@@ -76,11 +76,13 @@ def rewrite(path: Path, episodes: dict[str, list[float]] | None = None, task: Ta
     write_manifest(path.parent, task or old.task)
 
 
+@pytest.mark.slow
 def test_what_was_played_comes_back(shipped: Path) -> None:
     assert complaints(shipped) == checked(shipped) == []
     assert not (shipped / "verified.json").exists()
 
 
+@pytest.mark.slow
 def test_a_changed_bit_is_found(shipped: Path) -> None:
     path = file_of(shipped, "ppo-seed0")
     returns = read_result(path).episodes["return"]
@@ -151,6 +153,7 @@ def test_a_manifest_that_disagrees_is_found(shipped: Path) -> None:
     assert len(checked(shipped)) == 3
 
 
+@pytest.mark.slow
 def test_agents_without_file_or_result_are_found(shipped: Path) -> None:
     agents = shipped / "agents" / ENV_ID / "short"
     path = agents / "ppo-seed0.onnx"
@@ -164,6 +167,7 @@ def test_agents_without_file_or_result_are_found(shipped: Path) -> None:
     assert found == f"{file_of(shipped, 'ppo-seed0')}: ppo-seed0 is no longer what played: {path} is another file"
 
 
+@pytest.mark.slow
 def test_what_came_back_is_not_played_again(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     played: list[str] = []
     compare = verify.differences
@@ -195,6 +199,7 @@ def test_a_quick_look_is_at_the_first_seeds(shipped: Path) -> None:
     assert len(complaints(shipped, ONE_RULE)) == 2
 
 
+@pytest.mark.slow
 def test_command_line(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folders = ["--results", str(shipped / "results"), "--agents", str(shipped / "agents")]
     arguments = ["verify", *folders, "--memory", str(shipped / "memory.json")]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from baselines.catalogue import entry, names, playable
+from baselines.catalogue import names, playable, spec
 from baselines.rule import Rule
 from tests.turning_env.playing import changed
 from turning_env import SPLITS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
@@ -111,4 +111,4 @@ def test_every_preset_is_tuned_or_a_split_of_one_that_is(preset: str) -> None:
     scenario = Scenario.load(preset)
     tuned_on = Scenario.load("rough_turning") if preset in SPLITS else None
     for name in names(scenario):
-        assert entry(name, scenario, tuned_on).parameters.keys() == playable(name, scenario).parameters.keys()
+        assert spec(name, scenario, tuned_on).parameters.keys() == playable(name, scenario).parameters.keys()
