@@ -275,18 +275,6 @@ def test_command_line(tmp_path: Path, scenario: Scenario, capsys: pytest.Capture
     assert json.loads(capsys.readouterr().out) == told
 
 
-def test_scenarios_live_side_by_side(tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]) -> None:
-    results = ["--results", str(tmp_path / "results")]
-    files = {name: str(tmp_path / f"{name}.toml") for name in ("rough_turning", "short", "other")}
-    for name, file in files.items():
-        scenario.model_copy(update={"name": name}).save(file)
-        assert main(["run", *results, "--scenario", file, "--seeds", "2", "--policies", "fixed_handbook"]) == 0
-    capsys.readouterr()
-    assert main(["show", *results]) == 0
-    shown = [line.split(", ")[1] for line in capsys.readouterr().out.splitlines() if line.startswith("RoughTurning-v0")]
-    assert shown == ["scenario rough_turning", "scenario other", "scenario short"]
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
