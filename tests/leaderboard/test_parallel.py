@@ -84,6 +84,7 @@ def expected(tmp_path: Path, runs: Callable[[str], list[run.TaskRun]]) -> dict[s
     return written
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("env_id", IDS)
 def test_every_policy_can_be_sent_to_a_worker(env_id: str) -> None:
     scenario = Scenario.load(IDS[env_id])

@@ -60,7 +60,12 @@ FEW = {
     "shift": {"control": {"time_limit": 3.0}, "economics": {"edge_change_time": 0.5}},
     "batch_casting": {"workpiece": {"bars": 3}},
 }
-PLAYED = [(preset, name) for preset in FEW for name in names(Scenario.load(preset))]
+SLOW = ("optimiser", "predictive")
+PLAYED = [
+    pytest.param(preset, name, marks=[pytest.mark.slow] if name in SLOW else [])
+    for preset in FEW
+    for name in names(Scenario.load(preset))
+]
 
 
 def middle(rule: Rule) -> dict[str, float]:
