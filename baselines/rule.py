@@ -1,4 +1,4 @@
-"""A kind of controller: how it is built, what it can play, and which of its parameters are tuned."""
+"""A kind of controller: how it is built, which scenarios it can play, and which of its parameters are tuned."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -25,27 +25,27 @@ class Rule:
     description: str
     """One line, which names the source."""
     build: Callable[[Scenario, int, Parameters], Policy]
-    """Makes the policy for a scenario, a number of environments and its parameters."""
+    """Makes the policy for a scenario, a number of environments and parameters."""
     plays: Callable[[Scenario], bool]
     """Whether a scenario offers the actions and the inputs that it needs."""
     parameters: Mapping[str, float | Range]
     """A number is fixed, a range is tuned."""
     version: int = 1
-    """Raised when its actions change: results and tuned parameters of other versions are no longer its own."""
+    """Raised when its actions change, which makes results and tuned parameters of other versions invalid."""
     changes_edges: bool = False
-    """Whether it says itself when to change the edge, where edges are changed on command."""
+    """Whether it decides itself when to change the edge, if edges are changed on command."""
     tuned_on: str | None = None
-    """The preset on which alone it is tuned, for all scenarios; for rules slow to play, whose parameters have no unit."""
+    """The one preset on which it is tuned for all scenarios: for slow rules, whose parameters have no unit."""
 
     tolerance: float = 0.0
-    """By how much the return of an episode [s] may differ on another processor; 0: not by a bit."""
+    """Difference of an episode's return [s] that another processor may cause; 0: every number is the same to the last bit."""
 
     @property
     def ranges(self) -> dict[str, Range]:
-        """The parameters to be tuned."""
+        """Return the parameters to tune."""
         return {name: value for name, value in self.parameters.items() if isinstance(value, Range)}
 
     @property
     def fixed(self) -> Parameters:
-        """The parameters that are what they are."""
+        """Return the parameters that are not tuned."""
         return {name: value for name, value in self.parameters.items() if not isinstance(value, Range)}

@@ -1,4 +1,4 @@
-"""The leaderboard: plays policies on common draws, computes statistics, writes results and the page."""
+"""The leaderboard: plays policies on the same held-out seeds, verifies and ranks results, writes the page and the cards."""
 
 from turning_env.extras import tell_plainly
 

@@ -1,9 +1,9 @@
-"""Rank policies on common draws.
+"""Rank policies on the same held-out seeds.
 
     python -m leaderboard run --seeds 16 --policies fixed_tuned predictive
     python -m leaderboard show --results leaderboard/results
 
-Each command has a help of its own, with an example.
+``python -m leaderboard COMMAND --help`` explains a command, with an example.
 """
 
 import argparse
@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from leaderboard import generalisation, machine_readable, table
+from leaderboard import generalisation, table
 from leaderboard.private_seeds import PUBLIC, PrivateSeeds
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import ResultError, Task, result_folder
@@ -25,16 +25,16 @@ PAGE = "index.html"
 SHIPPED = Path("leaderboard/results")
 """The results that come with the project."""
 SPLITS_ENV_ID = "RoughTurning-v0"
-"""Of which there are splits."""
+"""The id that has splits."""
 
 
-_RUN = """Play policies on held-out seeds, then print the ranking and write the page. What has been played is not played again.
+_RUN = """Play policies on held-out seeds, then print the ranking and write the page. Results that exist are kept.
 
     python -m leaderboard run --seeds 16 --policies fixed_tuned predictive
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --jobs 2
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --seeds private_seeds.txt --results private_results
 """
-_SHOW = """Print the ranking of every environment and scenario that the results' folder holds.
+_SHOW = """Print the ranking of every environment and scenario in the results' folder.
 
     python -m leaderboard show --results leaderboard/results
     python -m leaderboard show --results leaderboard/results --json
@@ -43,8 +43,9 @@ _PAGE = """Write all rankings as one HTML file.
 
     python -m leaderboard page --results leaderboard/results --out page.html
 """
-_VERIFY = """Play the project's own results again. The exit status is 1 if a number does not come back bit for bit.
+_VERIFY = """Play results again. The exit status is 1 if a number differs. ``--check`` plays nothing.
 
+    python -m leaderboard verify --check
     python -m leaderboard verify --seeds 4
     python -m leaderboard verify --env RoughTurning-Surface-v0 --jobs 2
 """
@@ -56,7 +57,7 @@ _FIGURE = """Draw the ranking for print.
 
     python -m leaderboard figure --results leaderboard/results --out docs/leaderboard.png
 """
-_GALLERY = """Draw what a few policies do on the same bars.
+_GALLERY = """Draw the trajectories of a few policies on the same bars.
 
     python -m leaderboard gallery --policies grid_search predictive --seeds 3 --out docs/gallery
 """
@@ -66,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     command: Callable[[argparse.Namespace], int | None] = options.command
-    goes_on = "interrupted: what is finished is kept, and the same command goes on from there"
+    goes_on = "interrupted: finished results are kept; run the same command again to go on"
     ended = exits(ResultError, ScenarioError, WorkersError, interrupted=goes_on, checks=command is _verify)
     return ended(lambda: command(options) or DONE)()
 
@@ -77,13 +78,13 @@ def _run(options: argparse.Namespace) -> None:
     task, private = _task(options)
     tasks = [task, *(_splits(task, options.split_seeds) if options.splits else [])]
     runs = []
-    for each in tasks:  # all of them first: what cannot be played is found before anything is
+    for each in tasks:  # load all policies first, so that errors are found before anything is played
         policies = [
             *run.named(options.policies, each.scenario, None if each is task else task.scenario),
             *run.agents(options.agents, each.scenario),
         ]
         if not policies:
-            raise ResultError("there is nothing to play: name a policy or give an agent")
+            raise ResultError("nothing to play: name a policy or give an agent")
         runs.append(run.TaskRun(each, policies, result_folder(options.results, each.env_id, each.scenario.name), private))
     played = {each.folder: each.task for each in runs}
     with workers(options.jobs, options.scheduler) as over:
@@ -92,7 +93,7 @@ def _run(options: argparse.Namespace) -> None:
         except run.PoliciesFailed:
             ranked = []
             for folder, its_task in played.items():
-                with contextlib.suppress(ResultError):  # where nobody could play there is nothing to show
+                with contextlib.suppress(ResultError):  # no policy could play
                     ranked.append(read_leaderboard(folder, its_task))
             _print(ranked, options.json)
             raise
@@ -103,7 +104,7 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _task(options: argparse.Namespace) -> tuple[Task, PrivateSeeds | None]:
-    """What is played, and the seeds of the draws if these are private."""
+    """Return the task to play, and its seeds if they are private."""
     given = options.seeds
     task = Task(env_id=options.env, scenario=_scenario(options), seeds=[] if isinstance(given, Path) else given)
     if not isinstance(given, Path):
@@ -112,12 +113,12 @@ def _task(options: argparse.Namespace) -> tuple[Task, PrivateSeeds | None]:
     if options.splits:
         raise ResultError("splits are played on held-out seeds: give --scenario and --seeds FILE for each of them")
     if private.public:
-        print(f"warning: {private.public} seeds of {given} are below {PUBLIC}, and so no secret", file=sys.stderr)
+        print(f"warning: {private.public} seeds of {given} are below {PUBLIC}, where all seeds are public", file=sys.stderr)
     return private.task_of(task), private
 
 
 def _splits(task: Task, seeds: list[int]) -> list[Task]:
-    """The tasks on which policies made for the task's scenario meet, on these draws, what they were not made for."""
+    """Return the tasks that play these seeds of every split."""
     if task.env_id != SPLITS_ENV_ID:
         raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID}")
     return [task.model_copy(update={"scenario": Scenario.load(name), "seeds": seeds}) for name in SPLITS]
@@ -155,7 +156,7 @@ def _gallery(options: argparse.Namespace) -> None:
     for path in written:
         print(f"wrote {path}")
     if left_out := [name for name in gallery.PICTURES if options.out / name not in written]:
-        print(f"not drawn, as there is nothing of it to see: {', '.join(left_out)}")
+        print(f"not drawn, as no policy shows it: {', '.join(left_out)}")
 
 
 def _verify(options: argparse.Namespace) -> int:
@@ -163,19 +164,14 @@ def _verify(options: argparse.Namespace) -> int:
 
     selection = verify.Selection(options.env, options.scenario, options.policies)
     if options.check:
-        complaints = verify.check(options.results, options.agents, selection)
-        for complaint in complaints:
-            print(complaint)
-        print(f"{len(complaints)} complaints" if complaints else "every result is valid")
-        return FAILED if complaints else DONE
-    if options.fresh:
-        options.memory.unlink(missing_ok=True)
-    with workers(options.jobs, options.scheduler) as over:
-        complaints = verify.verify(options.results, options.agents, selection, options.memory, options.seeds, over)
-    for complaint in complaints:
-        print(complaint)
-    what = "every result" if options.seeds is None else "the start of every result"
-    print(f"{len(complaints)} complaints" if complaints else f"{what} came back")
+        complaints, passed = verify.check(options.results, options.agents, selection), "every result is valid"
+    else:
+        if options.fresh:
+            options.memory.unlink(missing_ok=True)
+        with workers(options.jobs, options.scheduler) as over:
+            complaints = verify.verify(options.results, options.agents, selection, options.memory, options.seeds, over)
+        passed = "every result came back" if options.seeds is None else "the start of every result came back"
+    print(*complaints, f"{len(complaints)} complaints" if complaints else passed, sep="\n")
     return FAILED if complaints else DONE
 
 
@@ -192,16 +188,14 @@ def _scenario(options: argparse.Namespace) -> Scenario:
 
 def _print(leaderboards: Sequence[Leaderboard], as_json: bool) -> None:
     if as_json:
-        print_json(machine_readable.as_data(leaderboards))
-    for each in leaderboards:
-        if not as_json:
+        print_json(table.as_data(leaderboards))
+    else:
+        for each in leaderboards:
             print(table.render(each) + "\n")
-        if each.left_out:
-            names = ", ".join(str(path) for path in each.left_out)
-            why = "they are of other scenario values, seeds or versions"
-            print(f"left out, as {why}: {names}", file=sys.stderr)
-    if not as_json and (across := generalisation.across(leaderboards)) is not None:
-        print(generalisation.render(across) + "\n")
+        if (across := generalisation.across(leaderboards)) is not None:
+            print(generalisation.render(across) + "\n")
+    if left_out := [str(path) for each in leaderboards for path in each.left_out]:
+        print(f"left out, as scenario values, seeds or versions differ: {', '.join(left_out)}", file=sys.stderr)
 
 
 def _write_page(leaderboards: Sequence[Leaderboard], path: Path) -> None:
@@ -221,7 +215,7 @@ def _seeds_or_file(text: str) -> list[int] | Path:
     if text.lstrip("+-").isdecimal():
         return _seeds(text)
     if not Path(text).suffix and not Path(text).is_file():  # a file that is missing is an error of its own
-        raise argparse.ArgumentTypeError(f"{text!r} is neither a number of held-out seeds nor a file of private ones")
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a number of held-out seeds nor a file of private seeds")
     return Path(text)
 
 
@@ -239,59 +233,59 @@ def _parser() -> argparse.ArgumentParser:
         "--results",
         type=Path,
         default=Path("results"),
-        help="folder of the results (default: results; leaderboard/results holds those that come with the project)",
+        help="folder of results (default: results; the project's own are in leaderboard/results)",
     )
     printed = argparse.ArgumentParser(add_help=False)
-    printed.add_argument("--json", action="store_true", help="print JSON, with all numbers and their units")
+    printed.add_argument("--json", action="store_true", help="print JSON with all numbers and their units")
     environment = argparse.ArgumentParser(add_help=False)
     environment.add_argument("--env", choices=IDS, default="RoughTurning-v0", help="the environment's id")
-    environment.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own preset")
+    environment.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own")
 
     elsewhere = argparse.ArgumentParser(add_help=False)
     who = elsewhere.add_mutually_exclusive_group()
-    who.add_argument("--jobs", type=_positive, default=1, metavar="N", help="processes that play at the same time (default: 1)")
-    who.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster play, such as tcp://host:8786")
+    who.add_argument("--jobs", type=_positive, default=1, metavar="N", help="number of processes (default: 1)")
+    who.add_argument("--scheduler", metavar="URL", help="play on the workers of a Dask cluster, such as tcp://host:8786")
 
     run = commands.add_parser(
         "run", parents=[results, printed, environment, elsewhere], help="play policies, then show and page", **described(_RUN)
     )
-    which = (
-        "number of held-out seeds (default: 256), or a file of private ones, whose results should go to --results of their own"
-    )
+    which = "number of held-out seeds (default: 256), or a file of private seeds; give these --results of their own"
     run.add_argument("--seeds", type=_seeds_or_file, default="256", metavar="SEEDS", help=which)
     run.add_argument("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all)")
     run.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders of your own")
     run.add_argument("--splits", action="store_true", help=f"also play the splits: {', '.join(SPLITS)}")
-    on_each = "number of held-out seeds of each split (default: 32)"
+    on_each = "number of held-out seeds on each split (default: 32)"
     run.add_argument("--split-seeds", type=_seeds, default="32", metavar="SEEDS", help=on_each)
-    run.add_argument("--fresh", action="store_true", help="play again what has been played")
+    run.add_argument("--fresh", action="store_true", help="play again even if results exist")
     run.set_defaults(command=_run)
 
     show = commands.add_parser("show", parents=[results, printed], help="print the ranking", **described(_SHOW))
     show.set_defaults(command=_show)
 
     page = commands.add_parser("page", parents=[results], help="write all rankings as one HTML file", **described(_PAGE))
-    page.add_argument("--out", type=Path, metavar="FILE", help="where it is written (default: RESULTS/index.html)")
+    page.add_argument("--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)")
     page.set_defaults(command=_page)
 
     shipped = argparse.ArgumentParser(add_help=False)
-    shipped.add_argument("--results", type=Path, default=SHIPPED, help="folder of the results (default: leaderboard/results)")
-    shipped.add_argument("--agents", type=Path, default=Path("agents"), help="agents' ONNX files (default: agents)")
+    shipped.add_argument("--results", type=Path, default=SHIPPED, help="folder of results (default: leaderboard/results)")
+    shipped.add_argument("--agents", type=Path, default=Path("agents"), help="folder of agents' ONNX files (default: agents)")
 
     verify = commands.add_parser(
         "verify",
         parents=[shipped, elsewhere],
-        help="play the project's own results again; fail if any differs",
+        help="play results again; fail if any differs",
         **described(_VERIFY),
     )
-    verify.add_argument("--env", choices=IDS, help="only of this id")
-    verify.add_argument("--scenario", metavar="NAME", help="only on this scenario")
-    verify.add_argument("--policies", nargs="+", metavar="NAME", help="only of these policies")
-    quick = "a quick look: only the first seeds of each result"
+    verify.add_argument("--env", choices=IDS, help="only results of this id")
+    verify.add_argument("--scenario", metavar="NAME", help="only results on this scenario")
+    verify.add_argument("--policies", nargs="+", metavar="NAME", help="only results of these policies")
+    quick = "play only the first N seeds of each result"
     verify.add_argument("--seeds", type=_positive, metavar="N", help=quick)
-    verify.add_argument("--check", action="store_true", help="play nothing: see that results are of today's versions and values")
-    verify.add_argument("--fresh", action="store_true", help="play again also what came back before an interruption")
-    memory = "where it is kept what came back, until all has (default: results/verified.json)"
+    verify.add_argument(
+        "--check", action="store_true", help="play nothing: compare versions, scenario values, parameters and agents' files"
+    )
+    verify.add_argument("--fresh", action="store_true", help="play again what came back before an interruption, too")
+    memory = "file that remembers what came back until all has (default: results/verified.json)"
     verify.add_argument("--memory", type=Path, default=Path("results/verified.json"), metavar="FILE", help=memory)
     verify.set_defaults(command=_verify)
 
@@ -301,17 +295,19 @@ def _parser() -> argparse.ArgumentParser:
     figure = commands.add_parser(
         "figure", parents=[results, environment], help="draw the ranking for print", **described(_FIGURE)
     )
-    figure.add_argument("--out", type=Path, default=Path("docs/leaderboard.png"), help="picture (default: docs/leaderboard.png)")
+    figure.add_argument(
+        "--out", type=Path, default=Path("docs/leaderboard.png"), help="picture to write (default: docs/leaderboard.png)"
+    )
     figure.set_defaults(command=_figure)
 
     gallery = commands.add_parser(
-        "gallery", parents=[environment], help="draw what a few policies do on the same bars", **described(_GALLERY)
+        "gallery", parents=[environment], help="draw the trajectories of a few policies on the same bars", **described(_GALLERY)
     )
     gallery.add_argument("--seeds", type=_seeds, default="3", help="number of held-out seeds (default: 3)")
     gallery.add_argument("--policies", nargs="*", default=[], metavar="NAME", help="rule-based controllers")
     gallery.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders")
-    gallery.add_argument("--out", type=Path, default=Path("docs/gallery"), help="folder of pictures (default: docs/gallery)")
-    gallery.add_argument("--json", action="store_true", help="print the numbers for machines")
+    gallery.add_argument("--out", type=Path, default=Path("docs/gallery"), help="folder to write to (default: docs/gallery)")
+    gallery.add_argument("--json", action="store_true", help="print the numbers as JSON")
     gallery.set_defaults(command=_gallery)
     return parser
 

@@ -1,4 +1,4 @@
-"""The bound and the oracle that stand beside the policies of a scenario: they know what no policy can know."""
+"""The clairvoyant bound and the causal oracle, which know what no policy can know."""
 
 from collections.abc import Callable, Sequence
 
@@ -13,7 +13,7 @@ CLAIRVOYANT, CAUSAL = "clairvoyant", "causal"
 
 
 def oracles(scenario: Scenario) -> list[PolicySpec]:
-    """Return those that can be computed for a scenario."""
+    """Return the bound and the oracle of a scenario, as far as they cover it."""
     known = []
     if clairvoyant.covers(scenario):
         known.append(
@@ -41,7 +41,7 @@ def oracles(scenario: Scenario) -> list[PolicySpec]:
 
 
 def _bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
-    """Return the bound on each return; all else is 0, as nothing that a lathe could do earns it."""
+    """Return the bound on each return; all other fields are 0, as no lathe can play it."""
     done = 0
 
     def on_seed() -> None:

@@ -19,7 +19,7 @@ from turning_env.score.seeds import HELD_OUT_START
 MAX_SEEDS = 1_000_000
 MAX_BYTES = 32_000_000
 PUBLIC = HELD_OUT_START + MAX_SEEDS
-"""Of lower seeds all may have been trained on, tuned on or looked at."""
+"""Lower seeds are public: policies may have been trained or tuned on them."""
 
 
 @dataclass(frozen=True)

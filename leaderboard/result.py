@@ -1,11 +1,11 @@
-"""Result files: what one policy did on one task, episode by episode. Everything shown is computed from them.
+"""Result files: the episodes of one policy on one task. Everything shown is computed from them.
 
 A result is identified by its meaning: the environment's id, the model's version, the values in which the scenario differs from
 the defaults, the seeds, and the policy (``PolicySpec.identity``). Neither source files nor package versions decide whether it is
 valid.
 
-Results are JSON, compressed with xz (``xzcat`` shows it), as their floats come back bit for bit in a quarter of the space. What a
-reviewer reads is ``manifest.json`` beside them: the task, and for every policy the main numbers and the SHA-256 of its result.
+Results are JSON compressed with xz (``xzcat`` prints it); floats come back bit for bit. ``manifest.json`` beside them is for
+reviewers: the task, and for every policy the main numbers and the SHA-256 of its result.
 """
 
 import hashlib
@@ -30,7 +30,7 @@ TRAJECTORIES_FILE = "trajectories.json.xz"
 MANIFEST_FILE = "manifest.json"
 SUFFIX = ".json.xz"
 MAX_BYTES = 200_000_000
-"""Of a file, uncompressed."""
+"""Largest size of a file, uncompressed."""
 _RECORDED_VERSIONS = ("rough-turning", "numpy", "numba", "onnxruntime")
 
 
@@ -39,7 +39,7 @@ class ResultError(ValueError):
 
 
 class Part(BaseModel):
-    """A piece of a file: frozen; unknown keys, wrong types, NaN and infinity are refused."""
+    """A part of a file: frozen; unknown keys, wrong types, NaN and infinity are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
@@ -59,17 +59,17 @@ def _compact(seeds: list[int]) -> str | list[int]:
 
 
 Seeds = Annotated[list[int], BeforeValidator(_expanded), PlainSerializer(_compact)]
-"""Seeds; in a file, ``first..last`` where they follow one another."""
+"""Seeds; in a file, ``first..last`` if they are consecutive."""
 
 
 class Task(Part):
-    """What every policy of one leaderboard plays."""
+    """The episodes that every policy of one leaderboard plays."""
 
     env_id: str
     model_version: int = MODEL_VERSION
     scenario: PortableScenario
     seeds: Seeds
-    """One episode of each; private seeds are named by their places in their file."""
+    """One episode is played per seed. Private seeds are given by their places in their file."""
     private: str | None = None
     """SHA-256 of private seeds: see ``private_seeds.py``."""
 
@@ -81,20 +81,20 @@ class Task(Part):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of what identifies the task. Results of different tasks are never ranked together."""
+        """Return the SHA-256 of what identifies the task. Results on different tasks are never ranked together."""
         return digest_of([self.env_id, self.model_version, self.scenario.digest(), self.private or self.seeds])
 
 
 class Result(Part):
-    """What one policy did on one task."""
+    """One policy's episodes on one task."""
 
     schema_: Literal["rough-turning/result/4"] = Field(alias="schema", default=SCHEMA)
     task: Task
     policy: PolicySpec
     episodes: dict[str, list[float]]
-    """Of each of ``EPISODE_FIELDS``, the value for each seed."""
+    """For each of ``EPISODE_FIELDS``, one value per seed."""
     versions: dict[str, str]
-    """Packages that played: where it came from, not what identifies it."""
+    """Versions of packages that played it; they do not identify the result."""
     checksum: str
     """SHA-256 of task, policy and episodes."""
 
@@ -130,11 +130,11 @@ def _checksum(task: Task, policy: PolicySpec, episodes: dict[str, list[float]]) 
 
 
 class Entry(Part):
-    """A line of a manifest: a policy's result in brief."""
+    """One policy's result in a manifest: means over episodes."""
 
     version: int
     return_: float = Field(alias="return")
-    """Mean over episodes [s]; and so on."""
+    """Mean over episodes [s], as are the next three."""
     time: float
     """Machine time [s]."""
     removed: float
@@ -157,7 +157,7 @@ class Entry(Part):
 
 
 class Manifest(Part):
-    """What a folder of results holds: the task that is ranked there, and each policy's result in brief."""
+    """The task that is ranked in a folder, and a summary of each policy's result."""
 
     task: Task
     results: dict[str, Entry]
@@ -220,7 +220,7 @@ def write_result(result: Result, folder: Path) -> None:
 
 def result_files(folder: Path) -> list[Path]:
     """Return the files of one ``result_folder`` that should be results."""
-    # Hidden ones are what a killed process has left.
+    # A killed process leaves hidden files.
     return sorted(path for path in folder.glob(f"[!.]*{SUFFIX}") if path.name != TRAJECTORIES_FILE)
 
 

@@ -37,12 +37,12 @@ from turning_env.score.workers import Workers, spread
 
 
 def named(names: Sequence[str] | None, scenario: Scenario, tuned_on: Scenario | None = None) -> list[PolicySpec]:
-    """Return the named controllers and oracles of a scenario, or without names all that there are.
+    """Return controllers and oracles of a scenario by name, all of them if ``names`` is None.
 
     Args:
-        names: which.
-        scenario: what they play.
-        tuned_on: the scenario to which the controllers are tuned; None: the one that they play.
+        names: their names.
+        scenario: the scenario that they play.
+        tuned_on: the scenario that the controllers are tuned for; None: the one that they play.
 
     Raises:
         ResultError: there is none of that name (says which there are), or it is not tuned for the scenario.
@@ -128,7 +128,7 @@ class TaskRun:
     policies: Sequence[PolicySpec]
     folder: Path
     private: PrivateSeeds | None = None
-    """The seeds, if the task does not tell them."""
+    """The seeds, if the task hides them."""
 
     @property
     def seeds(self) -> Sequence[int]:
@@ -147,9 +147,9 @@ def play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None) 
     first seeds of each run are recorded, and the folder's manifest is written.
 
     Args:
-        runs: who plays what.
-        fresh: whether to play again what has been played.
-        over: who plays, one policy on one task at a time; None: this process, one after another. Results are the same.
+        runs: policies and their tasks.
+        fresh: whether to play again if a result exists.
+        over: processes or a cluster, each playing one policy on one task at a time; None: this process. Results are the same.
 
     Raises:
         PoliciesFailed: some policies cannot play; says which and why. All others have played.
@@ -168,14 +168,14 @@ def play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None) 
 
 def _play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None) -> None:
     pieces: list[tuple[tuple[TaskRun, PolicySpec], tuple[PolicySpec, Scenario, Sequence[int]]]] = []
-    for each in runs:  # all of them first: what is wrong is found before anything is played
+    for each in runs:  # check all folders before anything is played
         finished = _finished(each)
         for spec in each.policies:
             if fresh or spec.label not in finished:
                 pieces.append(((each, spec), (spec, each.task.scenario, each.seeds)))
     total = sum(len(each.policies) * len(each.seeds) for each in runs)
     done = total - sum(len(piece[2]) for _, piece in pieces)
-    # Without miniters=0 the bar would stand still while episodes run and none ends; disable=None: quiet without a terminal.
+    # miniters=0 redraws the bar while no episode ends; disable=None keeps it quiet without a terminal.
     with tqdm(total=total, initial=done, unit="episode", miniters=0, dynamic_ncols=True, disable=None) as bar:
 
         def play_here(piece: tuple[PolicySpec, Scenario, Sequence[int]]) -> Attempt:
@@ -193,7 +193,7 @@ def _play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None) -> Non
     complaints = list(failed.values())
     for each in runs:
         able = [spec for spec in each.policies if (each.folder, spec.label) not in failed]
-        if able and each.private is None:  # who sees a trajectory could recognise its bars
+        if able and each.private is None:  # a trajectory would reveal its bars
             complaints += _record_trajectories(replace(each, policies=able), fresh, over)
         if able:
             with exclusive_lock(each.folder.parent, wait=True):
@@ -207,7 +207,7 @@ def _move(bar: "tqdm[Never]", to: int) -> None:
 
 
 def _finished(run: TaskRun) -> set[str]:
-    """Return the labels of the results that stand. What would make the ranking fail is found here, before anything is played."""
+    """Return the labels of the results that stand; raise before anything is played if the ranking would fail."""
     probe = run.folder / "writable"
     write_whole(probe, "")
     probe.unlink(missing_ok=True)
@@ -231,7 +231,7 @@ def _finished(run: TaskRun) -> set[str]:
 
 
 def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> list[ResultError]:
-    """Record what each policy does on the first seeds, where that is not recorded yet; return why some could not."""
+    """Record missing trajectories of policies on the first seeds; return the errors of those that cannot play."""
     complaints = []
     path = run.folder / TRAJECTORIES_FILE
     before = _read_trajectories(path)
@@ -250,7 +250,7 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
                 else:
                     trajectories[place] = trajectory
                 bar.update()
-    finally:  # what is finished is kept, also what another run has recorded in the meantime
+    finally:  # keep what is finished, and what another run has recorded meanwhile
         with exclusive_lock(run.folder.parent, wait=True):
             wanted, recorded = _recorded(run)
             trajectories = recorded | trajectories

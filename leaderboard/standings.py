@@ -33,7 +33,7 @@ PARTS = Comparators("parts_fixed_tuned", "parts_app_pt")
 
 
 def comparators(scenario: Scenario) -> Comparators:
-    """Return those of a scenario's task."""
+    """Return the comparators of a scenario."""
     if scenario.control.action == "part":
         return PARTS
     if scenario.control.action == "override":
@@ -43,7 +43,7 @@ def comparators(scenario: Scenario) -> Comparators:
 
 @dataclass(frozen=True)
 class Standing:
-    """The numbers of one policy. Comparisons are None where the policy to compare with has not played, or is this one."""
+    """The numbers of one policy; a comparison is None if the policy to compare with has not played or is this one."""
 
     name: str
     kind: str
@@ -60,9 +60,9 @@ class Standing:
     score: Estimate | None  # 0 the fixed parameters, 1 the clairvoyant bound
     gap_closed: Estimate | None  # share of the gap from the adaptive controller to the causal oracle
     over_causal: Estimate | None  # [s]
-    minutes: float  # of an episode, changes and downtime counted [min]
-    part_cost: float | None  # edges included, None where no parts are turned [min]
-    roughness_deviation: float | None  # mean while cutting, relative; None where no roughness is held
+    minutes: float  # of an episode, with edge changes and downtime [min]
+    part_cost: float | None  # edges included; None if no parts are turned [min]
+    roughness_deviation: float | None  # mean while cutting, relative; None if no roughness is held
     removal_rate: float  # [cm3/min]
     cost: float  # [min/dm3]
     overload_share: float  # of cutting time
@@ -84,25 +84,28 @@ def rank(results: Sequence[Result]) -> list[Standing]:
     groups: dict[str, list[Result]] = {}
     for result in results:
         groups.setdefault(result.policy.name, []).append(result)
-    rows = {name: _rows(group) for name, group in groups.items()}
+    fields = results[0].episodes
+    played = {
+        name: {field: np.array([each.episodes[field] for each in group]) for field in fields} for name, group in groups.items()
+    }
     bootstrap = Bootstrap(len(results[0].task.seeds))
-    rules = {name: float(np.mean(rows[name]["return"])) for name, group in groups.items() if group[0].policy.kind == "rule"}
-    standings = [_standing(group, rows, rules, bootstrap) for group in groups.values()]
+    rules = {name: float(np.mean(played[name]["return"])) for name, group in groups.items() if group[0].policy.kind == "rule"}
+    standings = [_standing(group, played, rules, bootstrap) for group in groups.values()]
     return sorted(standings, key=_place)
 
 
 def _place(standing: Standing) -> tuple[bool, bool, float, str]:
-    """What standings are sorted by."""
+    """Return the sort key of a standing."""
     return standing.kind == "oracle", not standing.feasible, -standing.mean_return.value, standing.name
 
 
 def highest(returns: Mapping[str, float]) -> str | None:
-    """The policy of the highest return, of equal ones the first by name; None if there is no policy."""
+    """Return the policy with the highest return, the first by name on a tie; None if there is no policy."""
     return min(returns, key=lambda name: (-returns[name], name), default=None)
 
 
 def check_names(policies: Sequence[PolicySpec]) -> None:
-    """See that policies of one name are one policy, trained with several seeds.
+    """Check that policies of one name are one policy, trained with several seeds.
 
     Raises:
         ResultError: two of one name differ in more than the training seed and what follows from it.
@@ -118,41 +121,44 @@ def check_names(policies: Sequence[PolicySpec]) -> None:
                 )
 
 
-def _rows(group: Sequence[Result]) -> dict[str, Floats]:
-    """Of each episode field, an array of shape (training seeds, draws)."""
-    return {field: np.array([result.episodes[field] for result in group]) for field in group[0].episodes}
-
-
 def _standing(
-    group: Sequence[Result], rows: Mapping[str, dict[str, Floats]], rules: Mapping[str, float], bootstrap: Bootstrap
+    group: Sequence[Result], played: Mapping[str, dict[str, Floats]], rules: Mapping[str, float], bootstrap: Bootstrap
 ) -> Standing:
-    """The standing of the policy of ``group``; ``rules`` are the mean returns [s] of all rules."""
+    """Return the standing of one policy.
+
+    Args:
+        group: its results, one per training seed.
+        played: for every policy and episode field, an array of shape (training seeds, seeds).
+        rules: mean returns [s] of all rules.
+        bootstrap: the resamples of all policies.
+    """
     policy, scenario = group[0].policy, group[0].task.scenario
-    name, episodes = policy.name, rows[policy.name]
+    name, episodes = policy.name, played[policy.name]
     returns = episodes["return"]
     mean_returns = bootstrap.means(returns, name)
 
     best_rule = highest({rule: mean for rule, mean in rules.items() if rule != name})
 
-    def difference(reference: str | None) -> Estimate | None:
-        if reference is None or reference == name or reference not in rows:
+    def difference(other: str | None) -> Estimate | None:
+        if other is None or other == name or other not in played:
             return None
-        others = rows[reference]["return"]
-        return Estimate.of(float(np.mean(returns) - np.mean(others)), mean_returns - bootstrap.means(others, reference))
+        others = played[other]["return"]
+        return Estimate.of(float(np.mean(returns) - np.mean(others)), mean_returns - bootstrap.means(others, other))
 
     compared = comparators(scenario)
     improves_on_published = None
-    if compared.published in rows and name != compared.published:
-        wins = improvement(returns, rows[compared.published]["return"])
+    if compared.published in played and name != compared.published:
+        wins = improvement(returns, played[compared.published]["return"])
         improves_on_published = Estimate.of(float(np.mean(wins)), bootstrap.means(wins, name))
 
-    def share_of_way(start: str | None, end: str) -> Estimate | None:
-        if start is None or start not in rows or end not in rows or name in (start, end):
+    def closed(start: str | None, end: str) -> Estimate | None:
+        """Return the share of the gap in return between two policies that this policy closes."""
+        if start is None or start not in played or end not in played or name in (start, end):
             return None
-        far, near = rows[end]["return"], rows[start]["return"]
-        way, replicates = np.mean(far) - np.mean(near), bootstrap.means(far, end) - bootstrap.means(near, start)
-        gone = np.mean(returns) - np.mean(near)
-        return Estimate.of(float(gone / way), (mean_returns - bootstrap.means(near, start)) / replicates)
+        low, high = played[start]["return"], played[end]["return"]
+        gap, gaps = np.mean(high) - np.mean(low), bootstrap.means(high, end) - bootstrap.means(low, start)
+        gain, gains = np.mean(returns) - np.mean(low), mean_returns - bootstrap.means(low, start)
+        return Estimate.of(float(gain / gap), gains / gaps)
 
     engaged, severe = episodes["engaged_time"], episodes["severe_overload_time"]
     severe_shares = ratio(bootstrap.means(severe, name), bootstrap.means(engaged, name))
@@ -173,8 +179,8 @@ def _standing(
         best_rule=best_rule,
         over_best_rule=difference(best_rule),
         improves_on_published=improves_on_published,
-        score=share_of_way(compared.fixed, CLAIRVOYANT),
-        gap_closed=share_of_way(compared.adaptive, CAUSAL),
+        score=closed(compared.fixed, CLAIRVOYANT),
+        gap_closed=closed(compared.adaptive, CAUSAL),
         over_causal=difference(CAUSAL),
         minutes=float(np.mean(minutes)),
         part_cost=(
@@ -196,10 +202,10 @@ def _standing(
 
 
 def total_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
-    """Time [min] of each episode, with the change of the edges that it uses up and the downtime of breakages.
+    """Return the time [min] of each episode, with edge changes and the downtime of breakages.
 
-    Where an episode ends with its edge, that time has not passed in it. One that the time limit cuts off has not used up its
-    edge, so it is charged a like share of the change.
+    If an episode ends with its edge, ``time`` does not hold them. An episode that the time limit cuts off is charged the used
+    share of a change.
     """
     economics = scenario.economics
     total: Floats = episodes["time"] / 60.0
@@ -210,6 +216,6 @@ def total_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
 
 
 def _share(parts: Floats, wholes: Floats) -> float:
-    """Sum of ``parts`` over sum of ``wholes``, and 0 where that is 0."""
+    """Return the sum of ``parts`` over the sum of ``wholes``, and 0 if that is 0."""
     whole = float(np.sum(wholes))
     return float(np.sum(parts)) / whole if whole > 0.0 else 0.0

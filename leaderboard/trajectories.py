@@ -26,9 +26,9 @@ SERIES = (
 )
 """Recorded from ``info`` at the end of steps, beside ``minutes``, the machine time elapsed."""
 RECORDED_SEEDS = 3
-"""The first of a task's seeds are recorded."""
+"""So many of the first seeds of a task are recorded."""
 MAX_STEPS = 300
-"""Steps kept of an episode: more could not be told apart on a screen."""
+"""Steps kept of an episode; a screen does not show more."""
 _DIGITS = {"minutes": 5, "path": 5}  # significant ones, enough to draw; of others 4
 
 
@@ -38,7 +38,7 @@ class Trajectory(Part):
     policy: PolicySpec
     seed: int
     steps: int
-    """Steps that were played; of many, some are kept, as ``kept`` says."""
+    """Steps played; see ``kept`` for those in ``series``."""
     series: dict[str, list[float]]
     """``minutes`` and each of ``SERIES``, one value per step kept."""
 
@@ -73,7 +73,7 @@ def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
     Raises:
         ValueError: an action has the wrong shape or is not finite.
     """
-    # After a whole part the tool may be in air: the part's means tell what it was cut with.
+    # After a whole part the tool may be in air, so the part's means are recorded.
     reported = {"thrust_force": "mean_thrust_force", "power": "mean_power"} if scenario.control.action == "part" else {}
     names = [reported.get(name, name) for name in SERIES]
     minutes, *columns = (np.array(values) for values in play_trajectory(spec.make, scenario, seed, names).values())
@@ -86,8 +86,8 @@ def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
 def kept(trajectory: dict[str, NDArray[np.float64]], scenario: Scenario) -> NDArray[np.intp]:
     """Return the steps of a trajectory to keep: all if they are no more than ``MAX_STEPS``.
 
-    Else, of groups of neighbours, that with the least and that with the greatest load relative to a limit, so that no overload
-    is lost however short; in metal, where a group has some. The last is always kept.
+    Otherwise the steps with the least and the greatest load relative to a limit in each group of neighbours, so that no overload
+    is lost however short. Steps in metal come before steps in air. The last step is always kept.
     """
     count = len(trajectory["minutes"])
     if count <= MAX_STEPS:

@@ -1,7 +1,7 @@
-"""Play the shipped results again, and name those that do not come back.
+"""Check that results are valid, and play them again to see whether every number comes back.
 
-Every number comes back bit for bit, on every processor, but for policies with a ``tolerance``: their filters solve small linear
-systems and search for optima, so the return of an episode may differ by so much.
+Numbers are compared bit for bit. The exception are policies with a ``tolerance``, whose filters solve linear systems and search
+for optima: the return of each of their episodes may differ by the tolerance.
 """
 
 import hashlib
@@ -39,15 +39,15 @@ from turning_env.score.workers import Workers, spread
 
 @dataclass(frozen=True)
 class Selection:
-    """Which results and agents' files are looked at. None: all."""
+    """Which results and agents' files to verify. None: all."""
 
     env_id: str | None = None
     scenario: str | None = None
     policies: Sequence[str] | None = None
-    """By name, with or without the training seed."""
+    """Names, with or without the training seed."""
 
     def holds(self, path: Path, suffix: str) -> bool:
-        """Return whether it holds a file that lies as results and agents do: id / scenario / label."""
+        """Return whether a file ``id/scenario/label`` of results or agents is selected."""
         label = path.name.removesuffix(suffix)
         return (
             self.env_id in (None, path.parent.parent.name)
@@ -67,16 +67,16 @@ def verify(
     """Play every selected result again.
 
     Args:
-        results: folder of the results that come with the project.
-        agents: folder of the agents that come with the project.
+        results: folder of results.
+        agents: folder of agents' ONNX files.
         selection: which of them.
-        memory: where it is kept what has come back, so that an interrupted verification goes on; removed at its end.
+        memory: file that remembers what has come back, so that an interrupted verification goes on; removed at the end.
         seeds: play only so many of the first seeds of each result, and remember nothing; None: all.
         over: who plays; None: this process.
 
     Returns:
-        What does not come back, each with the file's path: the task or the policy is no longer what it was, a number differs, an
-        agent has no result, a policy earns more than the bound. Empty if all is well.
+        Complaints, each with the file's path: a task or policy has changed, a number differs, an agent has no result, a policy
+        earns more than the bound. Empty if all is well.
 
     Raises:
         ResultError: there is nothing to verify, or the memory cannot be read or written.
@@ -88,22 +88,22 @@ def verify(
     complaints = [*check(results, agents, selection), *_beyond_the_bound(paths)]
     with tqdm(total=len(paths), unit="result", dynamic_ncols=True, disable=None) as bar:
 
-        def pieces() -> Iterator[tuple[tuple[Path, Result], tuple[PolicySpec, Scenario, Sequence[int]]]]:
+        def pieces() -> Iterator[tuple[tuple[Path, Result, float], tuple[PolicySpec, Scenario, Sequence[int]]]]:
             for path in paths:
                 try:
                     result = read_result(path)
                     if result.checksum not in known:
                         spec = policy_of(result, agents)
-                        yield (path, result), (spec, result.task.scenario, result.task.seeds[:seeds])
+                        yield (path, result, spec.tolerance), (spec, result.task.scenario, result.task.seeds[:seeds])
                         continue
                 except ResultError:
                     pass  # ``check`` has told of it
                 bar.update()
 
-        for (path, result), played in spread(over, run.attempt, pieces()):
+        for (path, result, tolerance), played in spread(over, run.attempt, pieces()):
             bar.set_description(result.policy.label)
             bar.update()
-            found = [str(played)] if isinstance(played, ResultError) else differences(result, played)
+            found = [str(played)] if isinstance(played, ResultError) else differences(result, played, tolerance)
             complaints += [_complaint(path, each) for each in found]
             if not found and seeds is None:
                 known.add(result.checksum)
@@ -113,9 +113,9 @@ def verify(
 
 
 def check(results: Path, agents: Path, selection: Selection) -> list[str]:
-    """Return what is not valid any more, without playing: task, policy or manifest say otherwise, or a file is missing.
+    """Return complaints about results that are no longer valid, without playing: see ``verify``.
 
-    Nothing here looks at source code: results stay valid until a version, a scenario's value or a policy's parameter changes.
+    A result is valid until the model's version, a scenario's value, or a rule's version or parameters change, or an agent's file.
     """
     complaints = []
     for folder in sorted(results.glob("*/*")):
@@ -155,7 +155,7 @@ def policy_of(result: Result, agents: Path) -> PolicySpec:
 
 
 def _check(result: Result, agents: Path) -> None:
-    """See that a result's task and policy are what they were."""
+    """Check that a result's task and policy are what they were."""
     policy = result.policy
     _check_task(result.task)
     if policy.kind == "agent":
@@ -179,7 +179,7 @@ def _by_name(policy: PolicySpec, scenario: Scenario) -> PolicySpec:
 
 def _check_task(task: Task) -> None:
     if task.private is not None:
-        raise ResultError("was played on private seeds: only who has their file can play it again, by run --seeds FILE")
+        raise ResultError("was played on private seeds: only the owner of their file can play it again, by run --seeds FILE")
     if task.model_version != MODEL_VERSION:
         raise ResultError(f"was played with version {task.model_version} of the model, which is now {MODEL_VERSION}")
     if task.scenario.name in presets() and Scenario.load(task.scenario.name) != task.scenario:
@@ -204,10 +204,9 @@ def _tuned_on(known: ScenarioId | None) -> Scenario | None:
     return scenario
 
 
-def differences(result: Result, episodes: Episodes) -> list[str]:
-    """Return the fields of a result, or of its first seeds, that have not come back, each with the largest difference."""
+def differences(result: Result, episodes: Episodes, tolerance: float) -> list[str]:
+    """Return a complaint for every field of a result that differs from episodes on its first seeds; see the module."""
     complaints = []
-    tolerance = result.policy.tolerance
     for name in EPISODE_FIELDS if tolerance == 0.0 else ("return",):
         played = episodes[name]
         recorded = np.array(result.episodes[name])[: len(played)]
@@ -219,13 +218,14 @@ def differences(result: Result, episodes: Episodes) -> list[str]:
 
 
 def _beyond_the_bound(paths: Sequence[Path]) -> Iterator[str]:
-    """Yield the results that earned more for a seed than the clairvoyant bound beside them allows, beyond its tolerance."""
+    """Yield a complaint for every result that earns more on a seed than the clairvoyant bound, beyond its tolerance."""
+    bounds: dict[Path, Result] = {}
     for path in paths:
         limit = path.with_name(f"{oracles.CLAIRVOYANT}{SUFFIX}")
         if path == limit or not limit.is_file():
             continue
         try:
-            bound, result = read_result(limit), read_result(path)
+            bound, result = bounds.get(limit) or bounds.setdefault(limit, read_result(limit)), read_result(path)
         except ResultError:
             continue
         if bound.task.digest != result.task.digest:

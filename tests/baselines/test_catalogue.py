@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from baselines import catalogue, tuned
-from baselines.catalogue import RULES, entry, merged, names, playable
+from baselines.catalogue import RULES, merged, names, playable, spec
 from baselines.fixed import FixedParameters
 from baselines.models.edge_changes import CHANGE_AT, TimelyChanges
 from baselines.rule import Range, Rule
@@ -58,19 +58,19 @@ def test_ranges_are_open_and_logarithms_exist(name: str) -> None:
 
 def test_an_unknown_rule_names_those_there_are() -> None:
     with pytest.raises(KeyError, match=r"'nonsense'.*fixed_handbook"):
-        entry("nonsense", Scenario())
+        spec("nonsense", Scenario())
 
 
 def test_a_rule_is_offered_only_where_it_can_play(tunable: str) -> None:
     assert tunable in names(Scenario())
     assert tunable not in names(OTHER_ACTIONS)
     with pytest.raises(ValueError, match="tunable cannot play scenario 'rough_turning'"):
-        entry(tunable, OTHER_ACTIONS)
+        spec(tunable, OTHER_ACTIONS)
 
 
 def test_tuned_parameters_join_the_fixed_ones(tunable: str) -> None:
     keep({tunable: {"feed": 0.3}}, Scenario())
-    found = entry(tunable, Scenario())
+    found = spec(tunable, Scenario())
     assert found.parameters == {"cutting_speed": 100.0, "feed": 0.3}
     assert isinstance(found.make(2), FixedParameters)
 
@@ -80,31 +80,31 @@ def test_where_edges_are_changed_on_command_the_change_is_tuned_too(tunable: str
     assert playable(tunable, shift).ranges.keys() == {"feed", CHANGE_AT}
     keep({tunable: {"feed": 0.3}}, shift)
     with pytest.raises(tuned.NotTuned, match="tuned in other parameters"):
-        entry(tunable, shift)
+        spec(tunable, shift)
     keep({tunable: {"feed": 0.3, CHANGE_AT: 0.9}}, shift)
-    assert entry(tunable, shift).parameters == {"cutting_speed": 100.0, "feed": 0.3, CHANGE_AT: 0.9}
-    assert isinstance(entry(tunable, shift).make(2), TimelyChanges)
+    assert spec(tunable, shift).parameters == {"cutting_speed": 100.0, "feed": 0.3, CHANGE_AT: 0.9}
+    assert isinstance(spec(tunable, shift).make(2), TimelyChanges)
 
 
 def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
     command = r"run `python -m baselines\.tune --scenario PRESET_OR_TOML"
     with pytest.raises(tuned.NotTuned, match=f"have not been tuned: {command}`"):
-        entry(tunable, Scenario())
+        spec(tunable, Scenario())
     keep({"fixed_tuned": {"cutting_speed": 150.0, "feed": 0.2}}, Scenario())
     with pytest.raises(tuned.NotTuned, match=f"tunable has not been tuned.*{command} --rules tunable`"):
-        entry(tunable, Scenario())
-    assert entry("fixed_tuned", Scenario()).parameters == {"cutting_speed": 150.0, "feed": 0.2}
+        spec(tunable, Scenario())
+    assert spec("fixed_tuned", Scenario()).parameters == {"cutting_speed": 150.0, "feed": 0.2}
     keep({tunable: {"margin": 0.3}}, Scenario())
     with pytest.raises(tuned.NotTuned, match=f"tunable was tuned in other parameters.*{command} --rules tunable`"):
-        entry(tunable, Scenario())
+        spec(tunable, Scenario())
     with pytest.raises(tuned.NotTuned, match=f"tuned for other values: {command}`"):
-        entry(tunable, Scenario.model_validate({"limits": {"power": 6.5}}))
+        spec(tunable, Scenario.model_validate({"limits": {"power": 6.5}}))
 
 
 def test_a_rule_of_fixed_parameters_needs_no_tuning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tuned, "FOLDER", tmp_path)
-    assert entry("grid_search", Scenario()).parameters == {}
-    assert entry("fixed_handbook", Scenario()).parameters == dict(catalogue.RULES["fixed_handbook"].parameters)
+    assert spec("grid_search", Scenario()).parameters == {}
+    assert spec("fixed_handbook", Scenario()).parameters == dict(catalogue.RULES["fixed_handbook"].parameters)
 
 
 @pytest.mark.parametrize("name", ["fixed_tuned", "rescaled_grid_search", "adaptive_pn", "optimiser"])
@@ -112,7 +112,7 @@ def test_under_model_mismatch_a_rule_is_the_same(name: str) -> None:
     harder, base = Scenario.load("harder_lot"), Scenario.load("rough_turning")
     num_envs, generator = 3, np.random.default_rng(0)
     low, high = bounds(base)
-    ours, theirs = entry(name, harder), entry(name, base)
+    ours, theirs = spec(name, harder), spec(name, base)
     assert ours.parameters == theirs.parameters
     policies = [found.make(num_envs) for found in (ours, theirs)]
     for policy in policies:
@@ -126,18 +126,18 @@ def test_under_model_mismatch_a_rule_is_the_same(name: str) -> None:
 
 def test_a_scenario_that_differs_from_a_tuned_one_by_its_name_alone_is_tuned(tunable: str) -> None:
     keep({tunable: {"feed": 0.3}}, Scenario(name="tuned"))
-    assert entry(tunable, Scenario(name="other")).parameters["feed"] == 0.3
+    assert spec(tunable, Scenario(name="other")).parameters["feed"] == 0.3
     keep({tunable: {"feed": 0.2}}, Scenario.model_validate({"name": "other", "limits": {"power": 6.5}}))
-    assert entry(tunable, Scenario(name="other")).parameters["feed"] == 0.3
+    assert spec(tunable, Scenario(name="other")).parameters["feed"] == 0.3
 
 
 def test_a_rule_plays_one_scenario_with_what_was_found_on_another(tunable: str) -> None:
     keep({tunable: {"feed": 0.3}}, Scenario())
     other = Scenario.load("small_diameter")
     with pytest.raises(tuned.NotTuned, match="scenario 'small_diameter' have not been tuned"):
-        entry(tunable, other)
+        spec(tunable, other)
     for home in (Scenario(), Scenario.load("harder_lot")):
-        assert entry(tunable, other, tuned_on=home).parameters == {"cutting_speed": 100.0, "feed": 0.3}
+        assert spec(tunable, other, tuned_on=home).parameters == {"cutting_speed": 100.0, "feed": 0.3}
 
 
 def test_a_rule_is_built_with_the_nominal_scenario(tunable: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,7 +149,7 @@ def test_a_rule_is_built_with_the_nominal_scenario(tunable: str, monkeypatch: py
 
     monkeypatch.setitem(RULES, tunable, replace(TUNABLE, build=build, parameters={"cutting_speed": 100.0, "feed": 0.3}))
     mismatch = Scenario.model_validate({"mismatch": {"hardness_factor": 2.0}, "limits": {"power": 6.5}})
-    entry(tunable, mismatch).make(1)
+    spec(tunable, mismatch).make(1)
     assert built == [mismatch.nominal()]
 
 
@@ -159,7 +159,7 @@ def test_a_rule_that_is_tuned_on_one_preset_plays_others_with_what_was_found_the
     monkeypatch.setitem(RULES, tunable, replace(TUNABLE, tuned_on="forging"))
     home = Scenario.load("forging")
     keep({tunable: {"feed": 0.3}}, home)
-    assert entry(tunable, Scenario()).parameters == entry(tunable, home).parameters == {"cutting_speed": 100.0, "feed": 0.3}
+    assert spec(tunable, Scenario()).parameters == spec(tunable, home).parameters == {"cutting_speed": 100.0, "feed": 0.3}
     assert tunable in tune.chosen_rules(None, home)
     assert tunable not in tune.chosen_rules(None, Scenario())
     with pytest.raises(ValueError, match="nothing to tune on scenario 'rough_turning'"):

@@ -1,4 +1,4 @@
-"""A short task, trivial policies, and results made up to order."""
+"""A short task, policies that always act alike, and made-up results."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from leaderboard import run
-from leaderboard.result import Result, Task
+from leaderboard.result import Result, Task, result_folder
 from turning_env import Scenario
 from turning_env.score.play import EPISODE_FIELDS
 from turning_env.score.policy import Actions, Observations, PolicySpec
@@ -27,32 +27,27 @@ class Steady:
         """Nothing to forget."""
 
     def act(self, observations: Observations) -> Actions:
-        """The same action in every lane."""
+        """Return the same action for every environment."""
         assert len(observations) == len(self._actions)
         return self._actions
 
 
-def spec(name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None = None, kind: str | None = None) -> PolicySpec:
-    """A rule that always acts alike; with a training seed an agent, or what ``kind`` says."""
-    return PolicySpec(
-        name=name,
-        kind=kind or ("rule" if seed is None else "agent"),  # type: ignore[arg-type]
-        description="made up",
-        parameters={"speed": action[0], "feed": action[1]},
-        training_seed=seed,
-        command=None if seed is None else f"train {seed}",
-        make=lambda num_envs: Steady(num_envs, action),
-    )
+def spec(name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None = None, **fields: object) -> PolicySpec:
+    """Return a policy that always acts alike: a rule, with a training seed an agent."""
+    kind = "rule" if seed is None else "agent"
+    parameters = {"speed": action[0], "feed": action[1]}
+    whole = {"name": name, "kind": kind, "description": "made up", "parameters": parameters, "training_seed": seed}
+    return PolicySpec.model_validate(whole | {"make": lambda num_envs: Steady(num_envs, action)} | fields)
 
 
-def play_all(task: Task, policies: Sequence[PolicySpec], folder: Path, fresh: bool) -> None:
+def play_all(task: Task, policies: Sequence[PolicySpec], folder: Path, fresh: bool = False) -> None:
     """Have them all play one task."""
     run.play_all([run.TaskRun(task, policies, folder)], fresh)
 
 
 @pytest.fixture(scope="session")
 def scenario() -> Scenario:
-    """Twelve intervals, then the time is up."""
+    """Twelve steps, then the time is up."""
     return Scenario.model_validate({"control": {"time_limit": 0.2}})
 
 
@@ -64,8 +59,8 @@ def task(scenario: Scenario) -> Task:
 
 @pytest.fixture
 def folder(tmp_path: Path, scenario: Scenario) -> Path:
-    """Where the results of the environment on the scenario lie."""
-    return tmp_path / "results" / ENV_ID / scenario.name
+    """The folder of the environment's results on the scenario."""
+    return result_folder(tmp_path / "results", ENV_ID, scenario.name)
 
 
 @pytest.fixture(scope="session")
@@ -73,10 +68,9 @@ def make_result(task: Task) -> MakeResult:
     """Makes a result with the given values, and a plain minute of cutting where nothing is given."""
     plain = {"time": 60.0, "engaged_time": 60.0, "removed": 100.0, "used_life": 0.5, "truncated": 1.0}
 
-    def make(name: str, seed: int | None = None, kind: str | None = None, **values: object) -> Result:
-        count = len(task.seeds)
-        episodes = {field: np.broadcast_to(np.float64(plain.get(field, 0.0)), count) for field in EPISODE_FIELDS}
-        episodes |= {field: np.broadcast_to(np.asarray(value, np.float64), count) for field, value in values.items()}
-        return Result.of(task, spec(name, seed=seed, kind=kind), episodes)
+    def make(name: str, seed: int | None = None, policy: PolicySpec | None = None, on: Task = task, **values: object) -> Result:
+        filled = {field: plain.get(field, 0.0) for field in EPISODE_FIELDS} | values
+        episodes = {field: np.broadcast_to(np.asarray(value, np.float64), len(on.seeds)) for field, value in filled.items()}
+        return Result.of(on, policy or spec(name, seed=seed), episodes)
 
     return make

@@ -1,4 +1,4 @@
-"""A card says what the files and the rows say."""
+"""A card says what the files and the results say."""
 
 import hashlib
 from pathlib import Path
@@ -8,29 +8,33 @@ import pytest
 
 from leaderboard import run
 from leaderboard.__main__ import main
-from leaderboard.result import MadeFor, Result, Task, result_folder, result_path, write_part
+from leaderboard.result import Result, Task, result_folder, write_result
 from tests.leaderboard.conftest import ENV_ID
 from tests.train import onnx_agents
 from turning_env import Scenario
+from turning_env.score.play import play_spec
+from turning_env.score.policy import ScenarioId
+
+pytestmark = pytest.mark.slow  # exports and plays agents
 
 
 @pytest.fixture
 def shipped(tmp_path: Path, task: Task) -> Path:
-    """Two training seeds of one agent with their rows, also on a split, and a rule."""
+    """Two training seeds of one agent with their results, also on a split, and a rule."""
     own = task.model_copy(update={"scenario": onnx_agents.SCENARIO})
     short_split = Scenario.load("harder_lot").model_copy(update={"control": onnx_agents.SCENARIO.control})
-    split = task.model_copy(update={"scenario": short_split, "draws": [5, 6]})
+    split = task.model_copy(update={"scenario": short_split, "seeds": [5, 6]})
     paths = [onnx_agents.write(tmp_path / "agents" / ENV_ID / "short", seed, memory=True) for seed in (0, 1)]
     for each in (own, split):
-        for player in [*run.agents(paths, each.scenario), run.rule("fixed_handbook", each.scenario)]:
-            assert player.policy.made_for in (None, MadeFor.of(own.scenario))
-            result = Result.of(each, player.policy, player.episodes(each.scenario, each.draws, lambda ended: None))
-            write_part(result, result_path(result_folder(tmp_path / "rows", ENV_ID, each.scenario.name), player.policy))
+        for policy in [*run.agents(paths, each.scenario), run.rule("fixed_handbook", each.scenario)]:
+            assert policy.tuned_for in (None, ScenarioId.of(own.scenario))
+            result = Result.of(each, policy, play_spec(policy, each.scenario, each.seeds))
+            write_result(result, result_folder(tmp_path / "results", ENV_ID, each.scenario.name))
     return tmp_path
 
 
 def command(shipped: Path) -> list[str]:
-    return ["cards", "--rows", str(shipped / "rows"), "--agents", str(shipped / "agents")]
+    return ["cards", "--results", str(shipped / "results"), "--agents", str(shipped / "agents")]
 
 
 def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -46,12 +50,12 @@ def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixt
         "# ppo on RoughTurning-v0, scenario short\n",
         onnx_agents.SCENARIO.digest(),
         "trained with PPO, with a memory of 7 numbers",
-        "1,000 intervals per training seed",
+        "1,000 steps per training seed",
         "\ntrain it\ntrain it\n```",
         "| discount | 0.8 |\n",
-        "| Input | `memory` | lanes x 7, float32 |",
-        "| Output | `action` | lanes x 2, float32 | -1 to 1 |\n",
-        "4 held-out draws, 2 training seeds",
+        "| Input | `memory` | environments x 7, float32 |",
+        "| Output | `action` | environments x 2, float32 | -1 to 1 |\n",
+        "4 held-out seeds, 2 training seeds",
         "| return | ",
         "| broken edges | ",
         "| `harder_lot` | ",
@@ -66,7 +70,7 @@ def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixt
 
 def test_cards_without_results_are_refused(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = shipped / "agents" / ENV_ID / "short"
-    (shipped / "rows" / ENV_ID / "short" / "ppo-seed1.json.xz").unlink()
+    (shipped / "results" / ENV_ID / "short" / "ppo-seed1.json.xz").unlink()
     assert main(command(shipped)) == 2
     assert "ppo-seed1.onnx has no results" in capsys.readouterr().err
     (folder / "ppo-seed1.onnx").rename(folder / "ppo-seed7.onnx")
@@ -84,4 +88,4 @@ def test_agents_of_one_name_must_be_alike(shipped: Path, capsys: pytest.CaptureF
     next(entry for entry in model.metadata_props if entry.key == "trained_steps").value = "2000"
     path.write_bytes(model.SerializeToString())
     assert main(command(shipped)) == 2
-    assert "the files of ppo cannot share a card, as they differ in trained_intervals" in capsys.readouterr().err
+    assert "the files of ppo cannot share a card, as they differ in trained_steps" in capsys.readouterr().err

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from leaderboard.oracles import references
-from leaderboard.result import MadeFor, PolicyRecord
-from leaderboard.trajectories import play_course
-from tests.leaderboard.conftest import Steady, record_of
+from leaderboard.oracles import oracles
+from leaderboard.trajectories import play_trajectory
+from tests.leaderboard.conftest import Steady, spec
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.score.play import play
-from turning_env.score.policy import Actions, Observations
+from turning_env.score.policy import Actions, Observations, ScenarioId
 from turning_env.score.seeds import HELD_OUT_START, TUNING_START, held_out_seeds, tuning_seeds
 
 
@@ -22,16 +21,16 @@ class Spy(Steady):
         self.given: list[object] = [num_envs]
 
     def reset(self, *given: object) -> None:  # type: ignore[override]
-        """Which lanes."""
+        """Note the mask."""
         self.given += given
 
     def act(self, *given: object) -> Actions:  # type: ignore[override]
-        """On observations."""
+        """Note the observations."""
         self.given += given
         return self._actions
 
     def tell(self, *given: object) -> None:
-        """Only references are told."""
+        """Only oracles are told."""
         raise AssertionError("a policy was told what is hidden")
 
 
@@ -39,7 +38,7 @@ class Scribbler(Steady):
     """Writes over what it is given."""
 
     def act(self, observations: Observations) -> Actions:
-        """After all has been seen."""
+        """Overwrite the observations."""
         observations[:] = np.nan
         return self._actions
 
@@ -52,24 +51,12 @@ def test_policies_are_given_observations_and_nothing_else(scenario: Scenario) ->
         return spies[-1]
 
     play(make, scenario, [7, 8, 9])
-    play_course(make, scenario, 7, ["wear"])
-    for spy, lanes in zip(spies, (3, 1), strict=True):
-        assert spy.given[0] == lanes
+    play_trajectory(make, scenario, 7, ["wear"])
+    for spy, num_envs in zip(spies, (3, 1), strict=True):
+        assert spy.given[0] == num_envs
         for given in spy.given[1:]:
             assert type(given) is np.ndarray
-            assert (given.dtype, given.shape) in ((np.bool_, (lanes,)), (np.float32, (lanes, 11)))
-
-
-def test_observations_lead_nowhere(scenario: Scenario) -> None:
-    env = RoughTurningVectorEnv(3, scenario)
-    given = [env.reset(seed=1)[0], env.step(np.zeros((3, 2)))[0]]
-    hidden = [env._lathes._blocks, env._lathes.answers.padded_table, env._lathes._parameters]
-    for observations in given:
-        assert observations.base is None
-        assert not any(np.shares_memory(observations, each) for each in hidden)
-    single = RoughTurningEnv(scenario)
-    for alone in (single.reset(seed=1)[0], single.step(np.zeros(2))[0]):
-        assert alone.base is None
+            assert (given.dtype, given.shape) in ((np.bool_, (num_envs,)), (np.float32, (num_envs, 11)))
 
 
 def test_writing_into_observations_changes_nothing(scenario: Scenario) -> None:
@@ -78,44 +65,35 @@ def test_writing_into_observations_changes_nothing(scenario: Scenario) -> None:
     )
     for name, values in honest.items():
         np.testing.assert_array_equal(scribbled[name], values)
-    courses = [
-        play_course(lambda num_envs, kind=kind: kind(num_envs, (0.0, 0.1)), scenario, 7, ["wear"]) for kind in (Steady, Scribbler)
+    trajectories = [
+        play_trajectory(lambda num_envs, kind=kind: kind(num_envs, (0.0, 0.1)), scenario, 7, ["wear"])
+        for kind in (Steady, Scribbler)
     ]
-    assert courses[0] == courses[1]
+    assert trajectories[0] == trajectories[1]
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "paper", "shift"])
-def test_first_observations_do_not_tell_draws_apart(preset: str) -> None:
-    """Before the first cut; on the other tasks the control is told of the bar or of a reference, and so is the policy."""
+def test_first_observations_do_not_tell_seeds_apart(preset: str) -> None:
+    """Before the first cut; on the other tasks the control knows the bar or a set point, and so does the policy."""
     for seeds in (held_out_seeds(64), tuning_seeds(64)):
         observations, _ = RoughTurningVectorEnv(64, Scenario.load(preset)).reset(seed=seeds)
         assert (observations == observations[0]).all()
 
 
-def test_only_references_are_told_more() -> None:
+def test_only_oracles_are_told_more() -> None:
     for preset in IDS.values():
-        assert all(each.policy.kind == "reference" for each in references(Scenario.load(preset)))
+        assert all(each.kind == "oracle" for each in oracles(Scenario.load(preset)))
 
 
 def test_episodes_stay_with_their_seed(scenario: Scenario) -> None:
-    """After as many episodes as one likes a lane still plays its own seed: those of the next seed are not among them."""
-    env = RoughTurningVectorEnv(2, scenario)
-    seeds = [TUNING_START - 1, TUNING_START]
-    env.reset(seed=seeds)
-    for _ in range(5):
-        env.reset()
-    for _ in range(60):
-        env.step(np.zeros((2, 2)))
-    blocks = env._lathes._blocks
-    assert np.ravel(blocks["seed"])[:2].tolist() == seeds
-    assert (np.ravel(blocks["episode"])[:2] > 5).all()
+    """Later episodes of a seed are never those of another seed."""
 
     def bars(seed: int, later: int) -> NDArray[np.float64]:
-        alone = RoughTurningEnv(scenario)
-        alone.reset(seed=seed)
+        env = RoughTurningEnv(scenario)
+        env.reset(seed=seed)
         for _ in range(later):
-            alone.reset()
-        infos = [alone.step(np.zeros(2))[4] for _ in range(12)]
+            env.reset()
+        infos = [env.step(np.zeros(2))[4] for _ in range(12)]
         return np.array([[info["hardness"], info["depth_of_cut"]] for info in infos])
 
     trained = [bars(TUNING_START - 1, later) for later in range(4)]
@@ -126,8 +104,8 @@ def test_episodes_stay_with_their_seed(scenario: Scenario) -> None:
 @pytest.mark.parametrize("name", ["", "..", "../up", "/abs", "a/b", "a\\b", ".hidden", "a\0b", "\x1b[2J", "a\nb", "a\x9bb"])
 def test_names_are_names(name: str) -> None:
     with pytest.raises(ValueError, match="cannot be a policy's name"):
-        PolicyRecord.model_validate(record_of("plain").model_dump() | {"name": name})
+        spec(name)
     with pytest.raises(ValueError, match="cannot be a scenario's name"):
-        MadeFor(scenario=name, digest="")
+        ScenarioId(name=name, digest="")
     with pytest.raises(ValueError, match="name"):
         Scenario.model_validate({"name": name})

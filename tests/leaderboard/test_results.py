@@ -1,4 +1,4 @@
-"""Result files come back bit for bit, and nothing else comes back."""
+"""Result files come back bit for bit, are found by their meaning, and are refused when damaged."""
 
 import json
 import lzma
@@ -6,11 +6,13 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from leaderboard.board import read_board, read_boards
+from leaderboard import result as results
+from leaderboard.ranking import read_leaderboard, read_leaderboards
 from leaderboard.result import (
+    MANIFEST_FILE,
+    Manifest,
     Result,
     ResultError,
     Task,
@@ -19,44 +21,47 @@ from leaderboard.result import (
     result_files,
     result_folder,
     result_path,
+    write_manifest,
     write_part,
+    write_result,
 )
-from tests.leaderboard.conftest import MakeResult, record_of
+from tests.leaderboard.conftest import MakeResult, spec
 
 
-def _written(result: Result, folder: Path) -> Path:
-    path = result_path(folder, result.policy)
-    write_part(result, path)
-    return path
+def written(result: Result, folder: Path) -> Path:
+    write_result(result, folder)
+    return result_path(folder, result.policy)
 
 
 def test_round_trip_is_exact(make_result: MakeResult, folder: Path) -> None:
     result = make_result("rule", **{"return": [math.pi, 1 / 3, 5e-324, -0.0], "wear": [1e22 / 7, 0.1, 0.2, 0.30000000000000004]})
-    back = read_result(_written(result, folder))
-    assert back == result
+    back = read_result(written(result, folder))
+    assert back.same_as(result)
+    assert back.model_dump() == result.model_dump()
     for name, values in result.episodes.items():
         assert [value.hex() for value in back.episodes[name]] == [value.hex() for value in values]
-    assert back.task.scenario.digest() == back.digests.scenario
 
 
 def test_agents_have_a_file_per_training_seed(make_result: MakeResult, folder: Path) -> None:
-    assert _written(make_result("ppo", 3), folder).name == "ppo-seed3.json.xz"
+    assert written(make_result("ppo", 3), folder).name == "ppo-seed3.json.xz"
 
 
 @pytest.mark.parametrize(
     ("where", "value", "message"),
     [
-        (["schema"], "rough-turning/results/0", r"schema: 'rough-turning/results/0' is not allowed.*rough-turning/results/3"),
+        (["schema"], "rough-turning/results/0", r"schema: 'rough-turning/results/0' is not allowed.*rough-turning/result/4"),
         (["mood"], 1, r"mood: 1 is not allowed: Extra inputs"),
-        (["policy", "kind"], "oracle", r"policy.kind: 'oracle' is not allowed"),
+        (["policy", "kind"], "reference", r"policy.kind: 'reference' is not allowed"),
         (["policy", "training_seed"], 1, r"training_seed is 1"),
         (["policy", "name"], "trajectories", r"policy.name: 'trajectories' is not allowed"),
         (["policy", "name"], "../up", r"policy.name: '../up' is not allowed"),
-        (["task", "scenario", "limits", "power"], -1.0, r"task.scenario.limits.power: -1.0 is not allowed: .*0.001"),
-        (["task", "draws"], [1, 2, 3], r"holds 4 values, but there are 3 draws"),
-        (["task", "draws"], [1, 2, 3, 4], r"digests do not match"),
-        (["versions", "rough-turning"], "0.0.0", r"digests do not match"),
-        (["digests", "code"], "0" * 64, r"digests do not match"),
+        (["policy", "version"], 2, r"checksum does not match"),
+        (["task", "scenario", "limits"], {"power": -1.0}, r"task.scenario.limits.power: -1.0 is not allowed: .*0.001"),
+        (["task", "seeds"], "1..3", r"holds 4 values, but there are 3 seeds"),
+        (["task", "seeds"], "3..1", r"task.seeds: '3..1' is not allowed: '3..1' is not a range of seeds"),
+        (["task", "seeds"], [1, 2, 3, 4], r"checksum does not match"),
+        (["task", "model_version"], 0, r"checksum does not match"),
+        (["episodes", "return"], [0.0, 0.0, 1.0, 0.0], r"checksum does not match"),
         (["episodes", "return"], [0.0, 0.0, float("nan"), 0.0], r"episodes.return.2: nan is not allowed"),
         (["episodes", "return"], ["0", 0.0, 0.0, 0.0], r"episodes.return.0: '0' is not allowed"),
         (["episodes", "luck"], [0.0, 0.0, 0.0, 0.0], r"episodes holds .*luck"),
@@ -65,7 +70,7 @@ def test_agents_have_a_file_per_training_seed(make_result: MakeResult, folder: P
 def test_errors_name_file_field_and_value(
     make_result: MakeResult, folder: Path, where: list[str], value: Any, message: str
 ) -> None:
-    path = _written(make_result("rule"), folder)
+    path = written(make_result("rule"), folder)
     document = json.loads(lzma.decompress(path.read_bytes()))
     section = document
     for key in where[:-1]:
@@ -81,56 +86,81 @@ def test_foreign_files_are_named(folder: Path, content: bytes) -> None:
     folder.mkdir(parents=True)
     (folder / "foreign.json.xz").write_bytes(content)
     with pytest.raises(ResultError, match=r"foreign\.json\.xz"):
-        read_board(folder)
+        read_leaderboard(folder)
 
 
 def test_a_file_must_be_where_its_policy_says(make_result: MakeResult, folder: Path) -> None:
-    path = _written(make_result("rule"), folder)
-    copy = path.with_name("copy.json.xz")
-    copy.write_bytes(path.read_bytes())
-    with pytest.raises(ResultError, match=r"copy\.json\.xz: policy is 'rule'"):
-        read_board(folder)
-    elsewhere = folder.parents[1] / "Other-v0" / folder.name
-    elsewhere.mkdir(parents=True)
-    copy.rename(elsewhere / "rule.json.xz")
-    with pytest.raises(ResultError, match=r"task\.env_id is 'RoughTurning-v0', but the folder is of 'Other-v0'"):
-        read_board(elsewhere)
-    other_scenario = elsewhere.rename(folder.with_name("other"))
-    with pytest.raises(ResultError, match=r"rule\.json\.xz: task\.scenario\.name is 'rough_turning', .* is of 'other'"):
-        read_board(other_scenario)
+    content = written(make_result("rule"), folder).read_bytes()
+    for env_id, scenario, name, message in (
+        (folder.parent.name, folder.name, "copy", r"copy\.json\.xz: policy is 'rule'"),
+        ("Other-v0", folder.name, "rule", r"task\.env_id is 'RoughTurning-v0', but the folder is of 'Other-v0'"),
+        (folder.parent.name, "other", "rule", r"task\.scenario\.name is 'rough_turning', .* is of 'other'"),
+    ):
+        path = folder.parents[1] / env_id / scenario / f"{name}.json.xz"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+        with pytest.raises(ResultError, match=message):
+            read_leaderboard(path.parent)
+        path.unlink()
 
 
-def test_results_on_different_tasks_are_not_ranked_together(make_result: MakeResult, task: Task, folder: Path) -> None:
-    mine = make_result("mine")
-    other_task = task.model_copy(update={"draws": [1, 2, 3, 4]})
-    episodes = {name: np.array(values) for name, values in mine.episodes.items()}
-    other = Result.of(other_task, record_of("other"), episodes)
-    _written(mine, folder)
-    path = _written(other, folder)
-    last = read_board(folder)
-    assert [standing.name for standing in last.standings] == ["other"]
-    assert last.left_out == [folder / "mine.json.xz"]
-    board = read_board(folder, mine.digests.task)
-    assert [standing.name for standing in board.standings] == ["mine"]
-    assert board.left_out == [path]
+def test_the_same_result_is_not_written_again(make_result: MakeResult, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = make_result("rule", wear=0.1)
+    path = written(result, folder)
+    write_manifest(folder, result.task)
+    before = {each: (each.read_bytes(), each.stat().st_mtime_ns, each.stat().st_ino) for each in folder.iterdir()}
+    monkeypatch.setattr(results, "version", lambda package: "another")
+    reworded = spec("rule", description="other words", command="other command")
+    assert reworded.identity == result.policy.identity
+    written(make_result("rule", policy=reworded, wear=0.1), folder)
+    write_manifest(folder, result.task)
+    assert {each: (each.read_bytes(), each.stat().st_mtime_ns, each.stat().st_ino) for each in folder.iterdir()} == before
+    written(make_result("rule", policy=reworded, wear=0.2), folder)
+    assert read_result(path).versions["numpy"] == "another"
+    assert read_result(path).episodes["wear"] == [0.2] * 4
 
 
-def test_results_of_different_code_are_not_ranked_together(
-    make_result: MakeResult, folder: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_task_is_what_is_played(task: Task) -> None:
+    assert Task.model_validate_json(task.model_dump_json()) == task
+    for change in ({"seeds": [1, 2, 3, 4]}, {"model_version": 0}, {"env_id": "RoughTurning-Paper-v0"}):
+        assert task.model_copy(update=change).digest != task.digest
+    limits = task.scenario.limits.model_copy(update={"power": 6.5})
+    assert task.model_copy(update={"scenario": task.scenario.model_copy(update={"limits": limits})}).digest != task.digest
+
+
+def test_the_manifest_or_else_the_most_results_decide_which_task_is_ranked(
+    make_result: MakeResult, task: Task, folder: Path
 ) -> None:
-    _written(make_result("old"), folder)
-    monkeypatch.setattr("leaderboard.results.code_digest", lambda: "0" * 64)
-    assert [standing.name for standing in read_board(folder).standings] == ["old"]
-    _written(make_result("new"), folder)
-    board = read_board(folder)
-    assert [standing.name for standing in board.standings] == ["new"]
-    assert board.left_out == [folder / "old.json.xz"]
+    other_task = task.model_copy(update={"seeds": [1, 2, 3, 4]})
+    mine = written(make_result("mine"), folder)
+    others = [written(make_result(name, on=other_task), folder) for name in ("one", "two")]
+    most = read_leaderboard(folder)
+    assert ({standing.name for standing in most.standings}, most.left_out) == ({"one", "two"}, [mine])
+    asked = read_leaderboard(folder, task)
+    assert ([standing.name for standing in asked.standings], asked.left_out) == (["mine"], others)
+    write_manifest(folder, task)
+    assert read_leaderboard(folder) == asked
+    assert read_part(Manifest, folder / MANIFEST_FILE).results.keys() == {"mine"}
+    with pytest.raises(ResultError, match="holds no results on task"):
+        read_leaderboard(folder, task.model_copy(update={"seeds": [5]}))
+    for content in ("{", "{}", "[" * 100_000):
+        (folder / MANIFEST_FILE).write_text(content)
+        with pytest.raises(ResultError, match=r"manifest\.json"):
+            read_leaderboard(folder)
 
 
-def test_boards_come_in_the_order_of_ids_and_then_of_scenarios(tmp_path: Path, make_result: MakeResult, task: Task) -> None:
-    results = tmp_path / "results"
-    mine = make_result("mine")
-    boards = [
+def test_a_manifest_tells_every_policys_means(make_result: MakeResult, task: Task, folder: Path) -> None:
+    values = {"return": [1, 2, 3, 10 / 3], "edges_used": 2, "severe_overload_time": 3}
+    result = make_result("rule", **values)
+    written(result, folder)
+    write_manifest(folder, task)
+    entry = json.loads((folder / MANIFEST_FILE).read_text())["results"]["rule"]
+    means = {"return": 2.33333, "time": 60.0, "removed": 100.0, "edges": 2.0, "severe_share": 0.05}
+    assert entry == {"version": 1, "sha256": result.checksum} | means
+
+
+def test_leaderboards_come_in_the_order_of_ids_and_then_of_scenarios(tmp_path: Path, make_result: MakeResult, task: Task) -> None:
+    wanted = [
         ("RoughTurning-v0", "rough_turning"),
         ("RoughTurning-v0", "forging"),
         ("RoughTurning-v0", "welded"),
@@ -138,41 +168,36 @@ def test_boards_come_in_the_order_of_ids_and_then_of_scenarios(tmp_path: Path, m
         ("RoughTurning-Paper-v0", "casting"),
         ("Another-v0", "casting"),
     ]
-    for env_id, name in reversed(boards):
+    for env_id, name in reversed(wanted):
         scenario = task.scenario.model_copy(update={"name": name})
-        other = mine.model_copy(update={"task": task.model_copy(update={"env_id": env_id, "scenario": scenario})})
-        _written(other, result_folder(results, env_id, name))
-    (results / "RoughTurning-v0" / "empty").mkdir()
-    (results / "RoughTurning-v0" / "astray.json.xz").write_text("{")
-    found = read_boards(results, {})
-    assert [(board.task.env_id, board.task.scenario.name) for board in found] == boards
+        on = task.model_copy(update={"env_id": env_id, "scenario": scenario})
+        written(make_result("mine", on=on), result_folder(tmp_path, env_id, name))
+    (tmp_path / "RoughTurning-v0" / "empty").mkdir()
+    (tmp_path / "RoughTurning-v0" / "astray.json.xz").write_text("{")
+    assert [(each.task.env_id, each.task.scenario.name) for each in read_leaderboards(tmp_path)] == wanted
 
 
 def test_no_results_say_how_to_make_some(tmp_path: Path) -> None:
     with pytest.raises(ResultError, match="leaderboard run"):
-        read_boards(tmp_path / "nowhere", {})
+        read_leaderboards(tmp_path / "nowhere")
 
 
-def test_nothing_is_left_of_a_write_that_fails(make_result: MakeResult, folder: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_named(make_result: MakeResult, folder: Path) -> None:
     folder.parent.mkdir(parents=True)
     folder.write_text("a file where the folder should be")
     with pytest.raises(ResultError, match=r"rule\.json\.xz cannot be written: "):
-        _written(make_result("rule"), folder)
+        written(make_result("rule"), folder)
 
 
 def test_a_broken_write_leaves_the_old_file(make_result: MakeResult, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = _written(make_result("rule"), folder)
+    path = written(make_result("rule"), folder)
 
     def full(self: Path, target: Path) -> Path:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "replace", full)
     with pytest.raises(ResultError, match="No space left"):
-        _written(make_result("rule", wear=1.0), folder)
-    assert read_part(Result, path).episodes["wear"] == [0.0] * 4
-
-
-def test_what_a_killed_write_left_is_no_result(make_result: MakeResult, folder: Path) -> None:
-    path = _written(make_result("rule"), folder)
-    (folder / ".partial-1-other.json.xz").write_text("{")
+        write_part(make_result("rule", wear=1.0), path)
+    assert read_result(path).episodes["wear"] == [0.0] * 4
+    (folder / ".partial-1-other.json.xz").write_text("{")  # what a killed write leaves is no result
     assert result_files(folder) == [path]

@@ -1,4 +1,4 @@
-"""The board's numbers against hand-computed values, and the order of rank."""
+"""The numbers of a leaderboard against hand-computed values, and the order of rank."""
 
 import math
 
@@ -8,7 +8,7 @@ import pytest
 from leaderboard.columns import LIMITS, WORKSHOP
 from leaderboard.result import ResultError
 from leaderboard.standings import rank
-from tests.leaderboard.conftest import MakeResult
+from tests.leaderboard.conftest import MakeResult, spec
 
 
 def test_physical_columns_by_hand(make_result: MakeResult) -> None:
@@ -27,7 +27,7 @@ def test_physical_columns_by_hand(make_result: MakeResult) -> None:
     )
     (standing,) = rank([result])
     minutes = 35.0 + 3 * 2.0 + 10.0
-    assert standing.productivity == pytest.approx(3500 / minutes)
+    assert standing.removal_rate == pytest.approx(3500 / minutes)
     assert standing.cost == pytest.approx((minutes + 3 * 3.0) / 3.5)
     assert standing.overload_share == pytest.approx(0.1)
     assert standing.severe_share == pytest.approx(0.02)
@@ -79,7 +79,7 @@ def test_the_best_rule_is_the_best_of_the_others(make_result: MakeResult) -> Non
     }
     over = standings["ppo"].over_best_rule
     assert over is not None
-    # On every draw each training is ahead by one and the same: what is left is the chance of training.
+    # On every seed each training is ahead by one and the same: what is left is the chance of training.
     assert (over.low, over.value, over.high) == pytest.approx((61, 62, 63))
     over = standings["poor"].over_best_rule
     assert over is not None
@@ -115,35 +115,40 @@ def test_a_share_within_the_allowance_by_chance_does_not_admit(make_result: Make
 
 def test_a_policy_that_never_cuts_has_numbers(make_result: MakeResult) -> None:
     (standing,) = rank([make_result("idle", engaged_time=0, removed=0, used_life=0)])
-    assert standing.productivity == 0
+    assert standing.removal_rate == 0
     assert standing.cost == math.inf
     assert standing.severe_limit == 0
     assert not any(np.isnan(value) for value in (standing.overload_share, standing.excess, standing.broken_share))
 
 
 def test_agents_of_one_name_must_be_alike(make_result: MakeResult) -> None:
+    one, other = (spec("ppo", seed=seed, parameters={"gamma": gamma}) for seed, gamma in ((0, 0.9), (1, 0.99)))
     with pytest.raises(ResultError, match=r"ppo-seed0 and ppo-seed1 .* parameters: \{'gamma': 0\.9\}, \{'gamma': 0\.99\}"):
-        rank([make_result("ppo", 0, {"gamma": 0.9}), make_result("ppo", 1, {"gamma": 0.99})])
+        rank([make_result("ppo", policy=one), make_result("ppo", policy=other)])
 
 
 def test_score_runs_from_fixed_parameters_to_the_clairvoyant_bound(make_result: MakeResult) -> None:
     returns = {"fixed_tuned": -100.0, "rescaled_grid_search": -40.0, "good": -10.0}
-    rows = [make_result(name, **{"return": value}) for name, value in returns.items()]
-    rows += [make_result("clairvoyant", kind="reference", **{"return": 100.0, "time": 0.0, "engaged_time": 0.0})]
-    rows += [make_result("causal", kind="reference", **{"return": 0.0})]
-    standings = {standing.name: standing for standing in rank(rows)}
-    assert list(standings)[-2:] == ["clairvoyant", "causal"]  # references are listed, not ranked
+    results = [make_result(name, **{"return": value}) for name, value in returns.items()]
+    results += [
+        make_result(
+            "clairvoyant", policy=spec("clairvoyant", kind="oracle"), **{"return": 100.0, "time": 0.0, "engaged_time": 0.0}
+        )
+    ]
+    results += [make_result("causal", policy=spec("causal", kind="oracle"), **{"return": 0.0})]
+    standings = {standing.name: standing for standing in rank(results)}
+    assert list(standings)[-2:] == ["clairvoyant", "causal"]  # oracles are listed, not ranked
     good = standings["good"]
     assert good.score is not None
-    assert good.way_gone is not None
+    assert good.gap_closed is not None
     assert good.over_causal is not None
-    assert (good.score.value, good.way_gone.value, good.over_causal.value) == pytest.approx((0.45, 0.75, -10.0))
+    assert (good.score.value, good.gap_closed.value, good.over_causal.value) == pytest.approx((0.45, 0.75, -10.0))
     assert standings["fixed_tuned"].score is standings["clairvoyant"].score is None
     assert standings["good"].best_rule == "rescaled_grid_search"
     assert standings["clairvoyant"].minutes == 0.0
     assert all(column.cell(standings["clairvoyant"]).number is None for column in (*LIMITS, *WORKSHOP))
 
 
-def test_without_references_there_is_no_score(make_result: MakeResult) -> None:
+def test_without_oracles_there_is_no_score(make_result: MakeResult) -> None:
     standings = rank([make_result("fixed_tuned"), make_result("good", **{"return": 1.0})])
-    assert all(standing.score is standing.way_gone is standing.over_causal is None for standing in standings)
+    assert all(standing.score is standing.gap_closed is standing.over_causal is None for standing in standings)

@@ -1,6 +1,6 @@
-"""Rows that come back pass; whatever does not is named."""
+"""Results that come back pass; whatever does not is named."""
 
-import json
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -9,161 +9,211 @@ import pytest
 
 from leaderboard import oracles, run, verify
 from leaderboard.__main__ import main
-from leaderboard.contestants import Reference
-from leaderboard.result import Result, Task, read_result, result_folder, result_path, write_part
+from leaderboard.result import MANIFEST_FILE, Result, Task, read_result, result_folder, write_manifest, write_result
 from leaderboard.verify import Selection
-from tests.leaderboard.conftest import ENV_ID, record_of
+from tests.leaderboard.conftest import ENV_ID, spec
 from tests.train import onnx_agents
 from turning_env import Scenario
-from turning_env.score.play import EPISODE_FIELDS, Episodes
+from turning_env.score.play import EPISODE_FIELDS, Episodes, play_spec
+from turning_env.score.policy import PolicySpec
 
-EVERYTHING = Selection()
 RULE = "fixed_handbook"
+EVERYTHING, ONE_RULE = Selection(), Selection(scenario="short", policies=[RULE])
 
 
-def bound(scenario: Scenario, draws: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
-    return {name: np.array(draws, np.float64) for name in EPISODE_FIELDS}
+def bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
+    return {name: np.array(seeds, np.float64) for name in EPISODE_FIELDS}
 
 
-@pytest.fixture
-def shipped(tmp_path: Path, task: Task, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of rows and one of agents: a rule, a rule on a split, an agent, and a reference."""
-    oracle = Reference(record_of("oracle").model_copy(update={"kind": "reference"}), bound)
+ORACLE = spec("oracle", kind="oracle", compute=bound, tolerance=1.0)
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory, task: Task) -> Path:
+    """A folder of results and one of agents: a rule, a rule on a split, an agent, and an oracle."""
+    tmp_path = tmp_path_factory.mktemp("shipped")
     task = task.model_copy(update={"scenario": onnx_agents.SCENARIO})
-    monkeypatch.setattr(references, "references", lambda scenario: [oracle] if scenario == task.scenario else [])
-    split = Task(env_id=ENV_ID, scenario=Scenario.load("harder_lot"), draws=[5])
+    split = Task(env_id=ENV_ID, scenario=Scenario.load("harder_lot"), seeds=[5])
     path = onnx_agents.write(result_folder(tmp_path / "agents", ENV_ID, task.scenario.name))
-    players = [
-        (task, oracle),
-        (task, run.rule(RULE, task.scenario)),
-        (task, run.agent(path, task.scenario)),
-        (split, run.rule(RULE, split.scenario, Scenario.load("rough_turning"))),
-    ]
-    for each, player in players:
-        result = Result.of(each, player.policy, player.episodes(each.scenario, each.draws, lambda ended: None))
-        write_part(result, result_path(result_folder(tmp_path / "rows", ENV_ID, each.scenario.name), player.policy))
+    for on, policies in (
+        (task, [ORACLE, run.rule(RULE, task.scenario), run.agent(path, task.scenario)]),
+        (split, [run.rule(RULE, split.scenario, Scenario.load("rough_turning"))]),
+    ):
+        folder = result_folder(tmp_path / "results", ENV_ID, on.scenario.name)
+        for policy in policies:
+            write_result(Result.of(on, policy, play_spec(policy, on.scenario, on.seeds)), folder)
+        write_manifest(folder, on)
     return tmp_path
 
 
-def complaints(shipped: Path, selection: Selection = EVERYTHING, fresh: bool = True) -> list[str]:
-    return verify.verify(shipped / "rows", shipped / "agents", selection, shipped / "verified.json", fresh)
+@pytest.fixture
+def shipped(tmp_path: Path, played: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of what was played."""
+    monkeypatch.setattr(oracles, "oracles", lambda scenario: [ORACLE] if scenario == onnx_agents.SCENARIO else [])
+    shutil.copytree(played, tmp_path, dirs_exist_ok=True)
+    return tmp_path
 
 
-def row(shipped: Path, label: str, scenario: str = "short") -> Path:
-    return shipped / "rows" / ENV_ID / scenario / f"{label}.json.xz"
+def complaints(shipped: Path, selection: Selection = EVERYTHING, seeds: int | None = None) -> list[str]:
+    return verify.verify(shipped / "results", shipped / "agents", selection, shipped / "verified.json", seeds)
 
 
-def rewrite(path: Path, **changes: object) -> None:
-    write_part(read_result(path).model_copy(update=changes), path)
+def checked(shipped: Path, selection: Selection = EVERYTHING) -> list[str]:
+    return verify.check(shipped / "results", shipped / "agents", selection)
 
 
+def file_of(shipped: Path, label: str, scenario: str = "short") -> Path:
+    return shipped / "results" / ENV_ID / scenario / f"{label}.json.xz"
+
+
+def rewrite(path: Path, episodes: dict[str, list[float]] | None = None, task: Task | None = None, **policy: object) -> None:
+    """Write a result with other episodes, another task or a changed policy, and the manifest that belongs to it."""
+    old = read_result(path)
+    changed = {name: np.array(values) for name, values in (old.episodes | (episodes or {})).items()}
+    known: PolicySpec = old.policy.model_copy(update=policy)
+    path.unlink()
+    write_result(Result.of(task or old.task, known, changed), path.parent)
+    write_manifest(path.parent, task or old.task)
+
+
+@pytest.mark.slow
 def test_what_was_played_comes_back(shipped: Path) -> None:
-    assert complaints(shipped) == []
+    assert complaints(shipped) == checked(shipped) == []
+    assert not (shipped / "verified.json").exists()
 
 
+@pytest.mark.slow
 def test_a_changed_bit_is_found(shipped: Path) -> None:
-    path = row(shipped, "ppo-seed0")
-    episodes = read_result(path).episodes
-    nudged = [*episodes["return"][:3], float(np.nextafter(episodes["return"][3], np.inf))]
-    rewrite(path, episodes=episodes | {"return": nudged, "stopped_time": [-0.0] * 4})
+    path = file_of(shipped, "ppo-seed0")
+    returns = read_result(path).episodes["return"]
+    nudged = [*returns[:3], float(np.nextafter(returns[3], np.inf))]
+    rewrite(path, {"return": nudged, "stopped_time": [-0.0] * 4})
+    assert checked(shipped) == []
     first, second = complaints(shipped)
-    assert first.startswith(f"{path}: return differs on 1 of 4 draws, by up to ")
+    assert first.startswith(f"{path}: return differs for 1 of 4 seeds, by up to ")
     assert 0 < float(first.split()[-1]) < 1e-10
-    assert second == f"{path}: stopped_time differs on 4 of 4 draws, by up to 0"
+    assert second == f"{path}: stopped_time differs for 4 of 4 seeds, by up to 0"
 
 
-def test_other_code_is_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("leaderboard.results.code_digest", lambda: "0" * 64)
-    found = complaints(shipped)
+def test_returns_within_the_tolerance_come_back(shipped: Path) -> None:
+    path, tolerant = file_of(shipped, "oracle"), Selection(policies=["oracle"])
+    rewrite(path, {"return": [7.9, 8.0, 9.0, 9.1], "removed": [0.0] * 4})
+    assert complaints(shipped, tolerant) == []
+    rewrite(path, {"return": [8.1, 8.0, 9.0, 9.1]})
+    assert complaints(shipped, tolerant) == [f"{path}: return differs for 1 of 4 seeds, by up to 1.1"]
+    # A file does not decide how exactly its numbers must come back.
+    rewrite(file_of(shipped, RULE), {"wear": [0.0] * 4}, tolerance=1.0)
+    assert "wear differs for 4 of 4 seeds" in complaints(shipped, ONE_RULE)[0]
+
+
+def test_another_model_is_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verify, "MODEL_VERSION", 10**6)
+    found = checked(shipped)
     assert len(found) == 4
-    assert all("is not of the present code: its digests of code, task are others" in complaint for complaint in found)
+    assert all("which is now 1000000" in complaint for complaint in found)
 
 
 def test_other_presets_are_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     changed = Scenario.model_validate({"name": "harder_lot", "limits": {"power": 6.0}})
     load = Scenario.load
     monkeypatch.setattr(Scenario, "load", lambda source: changed if source == "harder_lot" else load(source))
-    assert complaints(shipped) == [
-        f"{row(shipped, RULE, 'harder_lot')}: is not of the present preset 'harder_lot': values differ"
-    ]
+    path = file_of(shipped, RULE, "harder_lot")
+    assert checked(shipped) == [f"{path}: is not of the present preset 'harder_lot': values differ"]
 
 
-def test_other_parameters_are_found(shipped: Path) -> None:
-    path = row(shipped, RULE)
-    policy = read_result(path).policy
-    rewrite(path, policy=policy.model_copy(update={"parameters": {"cutting_speed": 1.0}}))
-    assert complaints(shipped) == [f"{path}: {RULE} is no longer what played: parameters differ"]
-    rewrite(path, policy=policy.model_copy(update={"name": "forgotten"}))
-    path.rename(row(shipped, "forgotten"))
-    assert "forgotten cannot play: no controller is called 'forgotten'" in complaints(shipped)[0]
+@pytest.mark.parametrize("changed", ["parameters", "version"])
+def test_other_rules_are_found(shipped: Path, changed: str) -> None:
+    path = file_of(shipped, RULE)
+    rewrite(path, **{changed: {"parameters": {"cutting_speed": 1.0}, "version": 9}[changed]})
+    assert checked(shipped) == complaints(shipped, ONE_RULE) == [f"{path}: {RULE} is no longer what played: {changed} differ"]
 
 
-def test_agents_without_file_or_row_are_found(shipped: Path) -> None:
+def test_policies_that_are_gone_are_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rewrite(file_of(shipped, RULE), name="forgotten")
+    assert "forgotten cannot play: no controller is called 'forgotten'" in checked(shipped)[0]
+    monkeypatch.setattr(oracles, "oracles", lambda scenario: [])
+    assert checked(shipped)[1:] == [f"{file_of(shipped, 'oracle')}: there is no oracle 'oracle' for scenario 'short'"]
+
+
+def test_words_change_no_result(shipped: Path) -> None:
+    for label in (RULE, "ppo-seed0", "oracle"):
+        rewrite(file_of(shipped, label), description="other words", command="another command")
+    assert checked(shipped) == []
+    assert complaints(shipped, ONE_RULE) == []
+
+
+def test_a_manifest_that_disagrees_is_found(shipped: Path) -> None:
+    path = file_of(shipped, RULE)
+    manifest = path.with_name(MANIFEST_FILE)
+    before = manifest.read_text()
+    rewrite(path, {"wear": [0.0] * 4})
+    manifest.write_text(before)
+    assert checked(shipped) == [f"{path}: {MANIFEST_FILE} beside it says otherwise: run python -m leaderboard run again"]
+    manifest.unlink()
+    assert len(checked(shipped)) == 3
+
+
+@pytest.mark.slow
+def test_agents_without_file_or_result_are_found(shipped: Path) -> None:
     agents = shipped / "agents" / ENV_ID / "short"
     path = agents / "ppo-seed0.onnx"
     path.rename(agents / "ppo-seed1.onnx")
-    assert complaints(shipped) == [
-        f"{agents / 'ppo-seed1.onnx'}: has no row {row(shipped, 'ppo-seed1')}",
-        f"{row(shipped, 'ppo-seed0')}: its agent's file is missing: {path}",
-    ]
-    assert complaints(shipped, Selection(policies=["ppo-seed1", "oracle"])) == complaints(shipped)[:1]
-    assert complaints(shipped, Selection(policies=["oracle"])) == []
+    missing = f"{agents / 'ppo-seed1.onnx'}: has no result {file_of(shipped, 'ppo-seed1')}"
+    assert sorted(checked(shipped)) == [missing, f"{file_of(shipped, 'ppo-seed0')}: its agent's file is missing: {path}"]
+    assert checked(shipped, Selection(policies=["ppo-seed1", "oracle"])) == [missing]
+    assert checked(shipped, Selection(policies=["oracle"])) == []
     onnx_agents.write(agents, seed=1).rename(path)
     (found,) = complaints(shipped, Selection(policies=["ppo"]))
-    assert found == f"{row(shipped, 'ppo-seed0')}: ppo-seed0 is no longer what played: digest, training_seed differ"
-    path.write_bytes(b"damaged")
-    assert "is no ONNX file" in complaints(shipped)[0]
+    assert found == f"{file_of(shipped, 'ppo-seed0')}: ppo-seed0 is no longer what played: {path} is another file"
 
 
-def test_references_that_are_gone_are_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(references, "references", lambda scenario: [])
-    assert complaints(shipped) == [f"{row(shipped, 'oracle')}: there is no reference 'oracle' for scenario 'short'"]
-
-
+@pytest.mark.slow
 def test_what_came_back_is_not_played_again(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    played = []
-    see = verify.differences
-    monkeypatch.setattr(
-        verify, "differences", lambda result, episodes: played.append(result.policy.name) or see(result, episodes)
-    )
-    assert complaints(shipped, Selection(scenario="short"), fresh=False) == []
-    assert sorted(played) == [RULE, "oracle", "ppo"]
-    assert complaints(shipped, fresh=False) == []
-    assert played[3:] == [RULE]
-    monkeypatch.setattr(verify, "present_versions", lambda: {"numpy": "0"})
-    assert complaints(shipped, fresh=False) == []
-    assert len(played) == 8
-    # Only what came back is remembered.
-    path = row(shipped, RULE)
-    rewrite(path, episodes=read_result(path).episodes | {"wear": [0.0] * 4})
-    for _ in range(2):
-        assert len(complaints(shipped, fresh=False)) == 1
+    played: list[str] = []
+    compare = verify.differences
 
+    def interrupted(result: Result, *others: Episodes) -> list[str]:
+        if len(played) == 2:
+            raise KeyboardInterrupt
+        played.append(result.policy.name)
+        return compare(result, *others)
 
-def test_a_quick_look_is_at_the_first_draws(shipped: Path) -> None:
-    path = row(shipped, RULE)
-    episodes = read_result(path).episodes
-    rewrite(path, episodes=episodes | {"return": [*episodes["return"][:3], 0.0], "wear": [0.0, *episodes["wear"][1:]]})
-    arguments = (shipped / "rows", shipped / "agents", EVERYTHING, shipped / "verified.json", False)
-    (quick,) = verify.verify(*arguments, draws=2)
-    assert quick.startswith(f"{path}: wear differs on 1 of 2 draws")
+    monkeypatch.setattr(verify, "differences", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        complaints(shipped)
+    assert (shipped / "verified.json").exists()
+    first, played[:] = list(played), ["0"] * 3
+    assert complaints(shipped) == []
+    assert len(played[3:]) == 2
     assert not (shipped / "verified.json").exists()
-    assert len(verify.verify(*arguments)) == 2
+    assert sorted([*first, *played[3:]]) == sorted([RULE, RULE, "oracle", "ppo"])
 
 
+def test_a_quick_look_is_at_the_first_seeds(shipped: Path) -> None:
+    path = file_of(shipped, RULE)
+    episodes = read_result(path).episodes
+    rewrite(path, {"return": [*episodes["return"][:3], 0.0], "wear": [0.0, *episodes["wear"][1:]]})
+    (quick,) = complaints(shipped, ONE_RULE, seeds=2)
+    assert quick.startswith(f"{path}: wear differs for 1 of 2 seeds")
+    assert not (shipped / "verified.json").exists()
+    assert len(complaints(shipped, ONE_RULE)) == 2
+
+
+@pytest.mark.slow
 def test_command_line(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["verify", "--rows", str(shipped / "rows"), "--agents", str(shipped / "agents")]
-    arguments += ["--memory", str(shipped / "memory.json")]
-    assert main(arguments) == 0
-    assert capsys.readouterr().out == "every row came back bit for bit\n"
-    assert len(json.loads((shipped / "memory.json").read_text())) == 4
-    assert main([*arguments, "--draws", "1"]) == 0
-    assert capsys.readouterr().out == "the start of every row came back bit for bit\n"
-    row(shipped, RULE).write_bytes(b"damaged")
-    assert main([*arguments, "--env", ENV_ID, "--scenario", "short", "--policies", RULE]) == 1
-    assert "fixed_handbook.json.xz: " in capsys.readouterr().out
+    folders = ["--results", str(shipped / "results"), "--agents", str(shipped / "agents")]
+    arguments = ["verify", *folders, "--memory", str(shipped / "memory.json")]
+    for option, said in (([], "every result came back\n"), (["--seeds", "1"], "the start of every result came back\n")):
+        assert main([*arguments, *option]) == 0
+        assert capsys.readouterr().out == said
+    assert main([*arguments, "--check"]) == 0
+    assert capsys.readouterr().out == "every result is valid\n"
+    file_of(shipped, RULE).write_bytes(b"damaged")
+    for option in ([], ["--check"]):
+        assert main([*arguments, *option, "--env", ENV_ID, "--scenario", "short", "--policies", RULE]) == 1
+        assert "fixed_handbook.json.xz cannot be read" in capsys.readouterr().out
     assert main([*arguments, "--policies", "nonsense"]) == 2
-    assert "holds no such rows" in capsys.readouterr().err
+    assert "holds no such results" in capsys.readouterr().err
     for damage in ("{", "[" * 100_000):
         (shipped / "memory.json").write_text(damage)
         assert main(arguments) == 2
@@ -173,11 +223,9 @@ def test_command_line(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_earning_too_much_is_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(references, "CLAIRVOYANT", "oracle")
-    assert complaints(shipped) == []
-    path = row(shipped, RULE)
-    episodes = read_result(path).episodes
-    rewrite(path, episodes=episodes | {"return": [*episodes["return"][:-1], 1e6]})
-    found = [complaint for complaint in complaints(shipped) if "beyond" in complaint]
-    assert len(found) == 1
-    assert found[0].startswith(f"{path}: beyond the clairvoyant bound on 1 draws, by up to 99")
+    monkeypatch.setattr(oracles, "CLAIRVOYANT", "oracle")
+    path = file_of(shipped, RULE)
+    returns = read_result(path).episodes["return"]
+    rewrite(path, {"return": [*returns[:-1], 1e6]})
+    (found,) = [complaint for complaint in complaints(shipped, ONE_RULE) if "beyond" in complaint]
+    assert found.startswith(f"{path}: beyond the clairvoyant bound for 1 seeds, by up to 99")

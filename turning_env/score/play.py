@@ -1,4 +1,4 @@
-"""Play a policy on given seeds, one episode each, and sum up every episode."""
+"""Play one episode of a policy per seed, and sum up every episode."""
 
 from collections.abc import Callable, Sequence
 
@@ -29,7 +29,7 @@ SUMS = (
 )
 LAST = ("used_life", "wear", "finished")  # [-], [mm], [-]: their values when the episode ends
 EPISODE_FIELDS = ("return", "steps", *SUMS, "excess", *LAST, "truncated")
-"""Of each episode: return [s], number of steps, sums and last values of ``info``; ``excess`` is the integral of ``cost`` [s]."""
+"""The fields of an episode: return [s], steps, sums and last values of ``info``; ``excess`` is the integral of ``cost`` [s]."""
 
 Episodes = dict[str, NDArray[np.float64]]
 
@@ -62,7 +62,7 @@ def play(
         make_policy: makes the policy for ``len(seeds)`` environments.
         scenario: what to play.
         seeds: one episode of each.
-        on_interval: called after each step with the number of episodes that have ended.
+        on_step: called after each step with the number of episodes that have ended.
         tell: only for oracles, which are no policies: whether to call ``tell(infos)`` before every ``act``.
 
     Returns:

@@ -1,4 +1,4 @@
-"""What a policy is, and what identifies one: the same for controllers, agents and oracles."""
+"""Policies, and what identifies one: the same for controllers, agents and oracles."""
 
 import re
 from collections.abc import Callable
@@ -106,10 +106,10 @@ class PolicySpec(BaseModel):
 
     @property
     def label(self) -> str:
-        """The name, and of an agent also the training seed."""
+        """Return the name, with an agent's training seed."""
         return self.name if self.training_seed is None else f"{self.name}-seed{self.training_seed}"
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What tells this policy from others."""
+        """Return the fields that tell this policy from others."""
         return self.model_dump(exclude={"description", "command", "tolerance"})

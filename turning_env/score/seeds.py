@@ -1,7 +1,7 @@
-"""Which seeds are for what, so that nothing is scored on the bars it was tuned or trained on.
+"""The seeds for training, tuning and scoring, so that no policy is scored on bars that it was tuned or trained on.
 
-An episode's bars and edge follow from (seed, episode). Agents train on seeds below ``TUNING_START``, through as many episodes
-as they like; rules are tuned on ``tuning_seeds``; everything is scored on ``held_out_seeds``, one episode per seed.
+A seed and an episode's number determine its bars and edge. Agents train on seeds below ``TUNING_START``, any number of episodes
+each. Rules are tuned on ``tuning_seeds``. All policies are scored on ``held_out_seeds``, one episode per seed.
 """
 
 TUNING_START = 1_000_000_000
@@ -10,24 +10,24 @@ _MAX = 1_000_000
 
 
 def tuning_seeds(count: int) -> list[int]:
-    """The first ``count`` seeds on which controllers are tuned.
+    """Return the first ``count`` seeds on which controllers are tuned.
 
     Raises:
         ValueError: ``count`` is not 1 to 1,000,000.
     """
-    return _draws(TUNING_START, count)
+    return _seeds(TUNING_START, count)
 
 
 def held_out_seeds(count: int) -> list[int]:
-    """The first ``count`` seeds on which policies are scored.
+    """Return the first ``count`` seeds on which policies are scored.
 
     Raises:
         ValueError: ``count`` is not 1 to 1,000,000.
     """
-    return _draws(HELD_OUT_START, count)
+    return _seeds(HELD_OUT_START, count)
 
 
-def _draws(start: int, count: int) -> list[int]:
+def _seeds(start: int, count: int) -> list[int]:
     if not 1 <= count <= _MAX:
-        raise ValueError(f"{count} draws asked for, but there must be 1 to {_MAX}")
+        raise ValueError(f"{count} seeds asked for, but there must be 1 to {_MAX}")
     return list(range(start, start + count))

@@ -1,8 +1,8 @@
-"""Estimates with bootstrap intervals over draws and training seeds.
+"""Estimates with bootstrap intervals over held-out seeds and training seeds.
 
-Rows are arrays of shape (training seeds, draws); a rule has one row. A resample takes as many draws, and of each policy as many
-training seeds, as there are, with replacement. The resampled draws are the same for all policies, so that in a difference between
-two policies what the bars have in common cancels.
+A policy's values are an array of shape (training seeds, seeds); a rule has one row. A resample takes as many seeds, and of each
+policy as many training seeds, as there are, with replacement. All policies share the resampled seeds, so what the bars have in
+common cancels in a difference between two policies.
 """
 
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ from turning_env.score.overload import CONFIDENCE, KEY, RESAMPLES
 
 Floats = NDArray[np.float64]
 
-_CHUNK = 100  # resamples whose rows are held in memory at a time
+_CHUNK = 100  # resamples held in memory at a time
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value and the interval that covers it with ``CONFIDENCE``."""
+    """A value and its interval of confidence ``CONFIDENCE``."""
 
     value: float
     low: float
@@ -28,43 +28,43 @@ class Estimate:
 
     @classmethod
     def of(cls, value: float, replicates: Floats) -> "Estimate":
-        """The percentile interval of bootstrap replicates, shape (resamples,)."""
+        """Return a value with the percentile interval of its bootstrap replicates, shape (resamples,)."""
         tail = (1.0 - CONFIDENCE) / 2.0
         low, high = np.quantile(replicates, [tail, 1.0 - tail])
         return cls(float(value), float(low), float(high))
 
 
 class Bootstrap:
-    """The resamples of one ranking, in which every policy plays the same number of draws."""
+    """The resamples of one ranking, in which every policy plays the same seeds."""
 
-    def __init__(self, draws: int, resamples: int = RESAMPLES) -> None:
+    def __init__(self, seeds: int, resamples: int = RESAMPLES) -> None:
         self.resamples = resamples
-        self._draws = np.random.default_rng(KEY).integers(draws, size=(resamples, draws))
-        self._draw_weights = _weights(self._draws, draws)
+        self._seeds = np.random.default_rng(KEY).integers(seeds, size=(resamples, seeds))
+        self._seed_weights = _weights(self._seeds, seeds)
 
-    def _seeds(self, policy: str, count: int) -> NDArray[np.int64]:
-        # Keyed by name: two policies' training seeds have nothing in common, even where they are called the same.
+    def _training_seeds(self, policy: str, count: int) -> NDArray[np.int64]:
+        # Keyed by name, as two policies' training seeds have nothing in common even if they are the same numbers.
         return np.random.default_rng([KEY, crc32(policy.encode())]).integers(count, size=(self.resamples, count))
 
-    def means(self, rows: Floats, policy: str) -> Floats:
-        """Mean of ``policy``'s rows (seeds, draws) in each resample, shape (resamples,)."""
-        seed_weights = _weights(self._seeds(policy, len(rows)), len(rows))
-        means: Floats = np.sum(seed_weights @ rows * self._draw_weights, axis=1)
+    def means(self, values: Floats, policy: str) -> Floats:
+        """Return the mean of a policy's values, shape (training seeds, seeds), in each resample, shape (resamples,)."""
+        weights = _weights(self._training_seeds(policy, len(values)), len(values))
+        means: Floats = np.sum(weights @ values * self._seed_weights, axis=1)
         return means
 
-    def interquartile_means(self, rows: Floats, policy: str) -> Floats:
-        """Interquartile mean of ``policy``'s rows (seeds, draws) in each resample, shape (resamples,)."""
-        seeds = self._seeds(policy, len(rows))
+    def interquartile_means(self, values: Floats, policy: str) -> Floats:
+        """Return the interquartile mean of a policy's values in each resample: see ``means``."""
+        training_seeds = self._training_seeds(policy, len(values))
         chunks = []
         for start in range(0, self.resamples, _CHUNK):
             chunk = slice(start, start + _CHUNK)
-            resampled = rows[seeds[chunk, :, None], self._draws[chunk, None, :]]
+            resampled = values[training_seeds[chunk, :, None], self._seeds[chunk, None, :]]
             chunks.append(interquartile_mean(resampled.reshape(len(resampled), -1)))
         return np.concatenate(chunks)
 
 
 def interquartile_mean(values: Floats) -> Floats:
-    """Mean of what is left of the last axis when the lowest and the highest quarter (rounded down) are taken away."""
+    """Return the mean over the last axis without its lowest and highest quarter, each rounded down."""
     count = values.shape[-1]
     cut = count // 4
     middle = np.sort(values, axis=-1)[..., cut : count - cut]
@@ -72,22 +72,22 @@ def interquartile_mean(values: Floats) -> Floats:
     return mean
 
 
-def improvement(rows: Floats, reference: Floats) -> Floats:
-    """By how much each row beats a reference on the same draw: 1 above, 0.5 equal, 0 below.
+def improvement(returns: Floats, others: Floats) -> Floats:
+    """Return whether each return is above another policy's on the same seed: 1 above, 0.5 equal, 0 below.
 
     Args:
-        rows: a policy's returns, shape (seeds, draws).
-        reference: another's, shape (its seeds, draws); averaged over its seeds.
+        returns: a policy's returns [s], shape (training seeds, seeds).
+        others: the other policy's [s], shape (its training seeds, seeds); averaged over its training seeds.
 
     Returns:
-        An array of shape (seeds, draws), whose mean is the probability of improvement P(X > Y) + P(X = Y) / 2.
+        An array of shape (training seeds, seeds), whose mean is the probability of improvement P(X > Y) + P(X = Y) / 2.
     """
-    wins: Floats = np.mean((1.0 + np.sign(rows[:, None, :] - reference[None, :, :])) / 2.0, axis=1)
+    wins: Floats = np.mean((1.0 + np.sign(returns[:, None, :] - others[None, :, :])) / 2.0, axis=1)
     return wins
 
 
 def _weights(indices: NDArray[np.int64], count: int) -> Floats:
-    """How much of each resample, shape (resamples, picks), each of ``count`` things makes up, shape (resamples, count)."""
+    """Return the share of each of ``count`` things, shape (resamples, count), in resamples of indices (resamples, picks)."""
     weights = np.zeros((len(indices), count))
     np.add.at(weights, (np.arange(len(indices))[:, None], indices), 1.0 / indices.shape[1])
     return weights

@@ -19,7 +19,7 @@ def test_the_limit_is_the_leaderboards() -> None:
     assert severe_limit(SEVERE, ENGAGED) > severe_share(SEVERE, ENGAGED)
 
 
-def test_one_draw_leaves_no_doubt_that_could_be_told() -> None:
+def test_one_seed_leaves_no_doubt_that_could_be_told() -> None:
     assert severe_limit(SEVERE[:1], ENGAGED[:1]) == pytest.approx(0.1)
 
 

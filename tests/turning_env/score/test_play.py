@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from baselines.catalogue import entry, names, playable
+from baselines.catalogue import names, playable, spec
 from baselines.rule import Rule
 from tests.turning_env.playing import changed
 from turning_env import SPLITS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
@@ -12,13 +12,13 @@ SHORT = Scenario.load("rough_turning").model_copy(update={"tool": Scenario().too
 
 
 class Wavy:
-    """Acts by the clock of each lane, so that a missed reset shows."""
+    """Acts by the clock of each environment, so that a missed reset shows."""
 
     def __init__(self, num_envs: int) -> None:
         self.age = np.zeros(num_envs)
 
-    def reset(self, lanes: np.ndarray) -> None:
-        self.age[lanes] = 0
+    def reset(self, mask: np.ndarray) -> None:
+        self.age[mask] = 0
 
     def act(self, observations: np.ndarray) -> np.ndarray:
         self.age += 1
@@ -29,7 +29,7 @@ def test_every_sum_is_that_of_the_single_environment() -> None:
     seeds = [5, 900, 17]
     episodes = play(Wavy, SHORT, seeds)
     assert set(episodes) == set(EPISODE_FIELDS)
-    for lane, seed in enumerate(seeds):
+    for index, seed in enumerate(seeds):
         env, policy = RoughTurningEnv(SHORT), Wavy(1)
         observation, info = env.reset(seed=seed)
         policy.reset(np.ones(1, np.bool_))
@@ -39,17 +39,17 @@ def test_every_sum_is_that_of_the_single_environment() -> None:
             infos.append(info)
             rewards.append(reward)
             ended = terminated or truncated
-        assert episodes["return"][lane] == pytest.approx(sum(rewards), rel=1e-12)
-        assert episodes["steps"][lane] == len(rewards)
+        assert episodes["return"][index] == pytest.approx(sum(rewards), rel=1e-12)
+        assert episodes["steps"][index] == len(rewards)
         for name in SUMS:
-            assert episodes[name][lane] == pytest.approx(sum(info[name] for info in infos), rel=1e-12)
-        assert episodes["excess"][lane] == pytest.approx(sum(info["cost"] * info["time"] for info in infos), rel=1e-12)
+            assert episodes[name][index] == pytest.approx(sum(info[name] for info in infos), rel=1e-12)
+        assert episodes["excess"][index] == pytest.approx(sum(info["cost"] * info["time"] for info in infos), rel=1e-12)
         for name in LAST:
-            assert episodes[name][lane] == info[name]
-        assert episodes["truncated"][lane] == truncated
+            assert episodes[name][index] == info[name]
+        assert episodes["truncated"][index] == truncated
 
 
-# A few intervals of every task.
+# A few steps of every task.
 FEW = {
     "rough_turning": {"control": {"time_limit": 1.0}},
     "paper": {"control": {"time_limit": 5.0}},
@@ -60,7 +60,12 @@ FEW = {
     "shift": {"control": {"time_limit": 3.0}, "economics": {"edge_change_time": 0.5}},
     "batch_casting": {"workpiece": {"bars": 3}},
 }
-PLAYED = [(preset, name) for preset in FEW for name in names(Scenario.load(preset))]
+SLOW = ("optimiser", "predictive")
+PLAYED = [
+    pytest.param(preset, name, marks=[pytest.mark.slow] if name in SLOW else [])
+    for preset in FEW
+    for name in names(Scenario.load(preset))
+]
 
 
 def middle(rule: Rule) -> dict[str, float]:
@@ -69,7 +74,7 @@ def middle(rule: Rule) -> dict[str, float]:
 
 
 @pytest.mark.parametrize(("preset", "name"), PLAYED)
-def test_a_rule_plays_a_lane_as_it_would_alone(preset: str, name: str) -> None:
+def test_a_rule_plays_an_environment_as_it_would_alone(preset: str, name: str) -> None:
     scenario = changed(Scenario.load(preset), **FEW[preset])
     rule = playable(name, scenario)
 
@@ -98,7 +103,7 @@ def test_rules_are_policies(preset: str, name: str) -> None:
         assert (np.abs(actions) <= 1.0).all()
 
 
-def test_progress_is_told() -> None:
+def test_progress_is_reported() -> None:
     counts: list[int] = []
     play(Wavy, SHORT, [1, 2], counts.append)
     assert counts[0] == 0
@@ -111,4 +116,4 @@ def test_every_preset_is_tuned_or_a_split_of_one_that_is(preset: str) -> None:
     scenario = Scenario.load(preset)
     tuned_on = Scenario.load("rough_turning") if preset in SPLITS else None
     for name in names(scenario):
-        assert entry(name, scenario, tuned_on).parameters.keys() == playable(name, scenario).parameters.keys()
+        assert spec(name, scenario, tuned_on).parameters.keys() == playable(name, scenario).parameters.keys()

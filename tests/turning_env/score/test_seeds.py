@@ -2,22 +2,22 @@
 
 import pytest
 
-from turning_env.score import seeds as draws
+from turning_env.score import seeds
 
 
 def test_ranges_do_not_meet_and_start_where_they_say():
-    tuning, held_out = draws.tuning_seeds(1_000_000), draws.held_out_seeds(1_000_000)
-    assert (tuning[0], held_out[0]) == (draws.TUNING_START, draws.HELD_OUT_START)
+    tuning, held_out = seeds.tuning_seeds(1_000_000), seeds.held_out_seeds(1_000_000)
+    assert (tuning[0], held_out[0]) == (seeds.TUNING_START, seeds.HELD_OUT_START)
     assert max(tuning) < min(held_out)
     assert len(set(tuning)) == len(set(held_out)) == 1_000_000
 
 
-def test_fewer_draws_are_the_first_of_more():
-    assert draws.held_out_seeds(5) == draws.held_out_seeds(9)[:5]
+def test_fewer_seeds_are_the_first_of_more():
+    assert seeds.held_out_seeds(5) == seeds.held_out_seeds(9)[:5]
 
 
-@pytest.mark.parametrize("make", [draws.tuning_seeds, draws.held_out_seeds])
+@pytest.mark.parametrize("make", [seeds.tuning_seeds, seeds.held_out_seeds])
 @pytest.mark.parametrize("count", [0, -1, 1_000_001])
 def test_impossible_counts_are_refused(make, count):
-    with pytest.raises(ValueError, match=rf"{count} draws .* 1 to 1000000"):
+    with pytest.raises(ValueError, match=rf"{count} seeds .* 1 to 1000000"):
         make(count)

@@ -1,14 +1,75 @@
 """Estimates against hand-computed values, against SciPy, and against the truth."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy import stats
 
+from turning_env.score import statistics
+from turning_env.score.overload import CONFIDENCE, KEY, RESAMPLES
 from turning_env.score.statistics import Bootstrap, Estimate, improvement, interquartile_mean
+
+
+@pytest.fixture
+def chosen(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """Resamples chosen by hand: of three seeds {0, 0, 2} and {1, 1, 1}, of two training seeds {0, 1} and {1, 1}."""
+    keys: list[object] = []
+
+    def generator(key: object) -> SimpleNamespace:
+        keys.append(key)
+        return SimpleNamespace(
+            integers=lambda count, size: np.array({3: [[0, 0, 2], [1, 1, 1]], 2: [[0, 1], [1, 1]]}[count]).reshape(size)
+        )
+
+    monkeypatch.setattr(np.random, "default_rng", generator)
+    return keys
+
+
+VALUES = np.array([[1.0, 2.0, 6.0], [3.0, 5.0, 100.0]])
+
+
+def test_means_by_hand(chosen: list[object]) -> None:
+    bootstrap = Bootstrap(3, resamples=2)
+    assert bootstrap.resamples == 2
+    expected = [((1 + 1 + 6) + (3 + 3 + 100)) / 6, 5.0]
+    np.testing.assert_allclose(bootstrap.means(VALUES, "ppo"), expected, rtol=1e-15)
+    assert chosen == [KEY, [KEY, 1501738109]]  # the CRC-32 of "ppo"
+
+
+def test_interquartile_means_by_hand(chosen: list[object]) -> None:
+    # Of {1, 1, 6, 3, 3, 100}, one value goes at either end.
+    means = Bootstrap(3, resamples=2).interquartile_means(VALUES, "ppo")
+    np.testing.assert_allclose(means, [(1 + 3 + 3 + 6) / 4, 5.0], rtol=1e-15)
+
+
+def test_interquartile_means_do_not_depend_on_how_many_are_held_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    bootstrap, values = Bootstrap(5, resamples=7), np.arange(10.0).reshape(2, 5) ** 2
+    whole = bootstrap.interquartile_means(values, "policy")
+    monkeypatch.setattr(statistics, "_CHUNK", 3)
+    np.testing.assert_array_equal(bootstrap.interquartile_means(values, "policy"), whole)
+    assert whole.shape == (7,)
+
+
+def test_weights_by_hand() -> None:
+    weights = statistics._weights(np.array([[0, 0, 2, 0], [3, 1, 1, 2]]), 4)
+    np.testing.assert_array_equal(weights, [[0.75, 0, 0.25, 0], [0, 0.5, 0.25, 0.25]])
+
+
+def test_an_estimate_leaves_the_same_share_out_at_either_end() -> None:
+    estimate = Estimate.of(np.float64(7.0), np.arange(1001.0)[::-1])
+    assert (estimate.value, estimate.low, estimate.high) == pytest.approx((7.0, 25.0, 975.0))
+    assert [type(each) for each in (estimate.value, estimate.low, estimate.high)] == [float] * 3
+
+
+def test_defaults_are_those_of_the_leaderboard() -> None:
+    assert (CONFIDENCE, RESAMPLES, KEY) == (0.95, 2000, 709)
+    assert Bootstrap(1).means(np.ones((1, 1)), "policy").shape == (RESAMPLES,)
 
 
 def test_interquartile_mean_drops_a_quarter_at_either_end() -> None:
     assert interquartile_mean(np.array([8.0, 1, 2, 100, 3, 4, 5, -50])) == (2 + 3 + 4 + 5) / 4
+    np.testing.assert_array_equal(interquartile_mean(np.array([[9.0, 1, 2, 3], [4, 0, 6, 8]])), [2.5, 5.0])
 
 
 @pytest.mark.parametrize("count", [1, 3, 4, 5, 30, 257])
@@ -17,10 +78,10 @@ def test_interquartile_mean_is_scipys_trimmed_mean(count: int) -> None:
     np.testing.assert_allclose(interquartile_mean(values), stats.trim_mean(values, 0.25, axis=-1), rtol=1e-14)
 
 
-def test_improvement_counts_ties_half_and_averages_over_the_references_seeds() -> None:
-    rows = np.array([[1.0, 2, 3, 4]])
-    np.testing.assert_array_equal(improvement(rows, np.array([[0.0, 2, 4, 4]])), [[1, 0.5, 0, 0.5]])
-    np.testing.assert_array_equal(improvement(rows, np.array([[0.0, 0, 0, 0], [9, 9, 9, 4]])), [[0.5, 0.5, 0.5, 0.75]])
+def test_improvement_counts_ties_half_and_averages_over_the_others_training_seeds() -> None:
+    returns = np.array([[1.0, 2, 3, 4], [9, 0, 4, 5]])
+    np.testing.assert_array_equal(improvement(returns, np.array([[0.0, 2, 4, 4]])), [[1, 0.5, 0, 0.5], [1, 0, 0.5, 1]])
+    np.testing.assert_array_equal(improvement(returns[:1], np.array([[0.0, 0, 0, 0], [9, 9, 9, 4]])), [[0.5, 0.5, 0.5, 0.75]])
 
 
 def test_improvement_on_every_pair_is_the_mann_whitney_statistic() -> None:
@@ -31,45 +92,20 @@ def test_improvement_on_every_pair_is_the_mann_whitney_statistic() -> None:
 
 
 def test_interval_of_a_mean_is_that_of_scipy() -> None:
-    values = np.random.default_rng(2).exp(size=60)
+    values = np.random.default_rng(2).exponential(size=60)
     estimate = Estimate.of(float(values.mean()), Bootstrap(60, resamples=20000).means(values[None], "policy"))
     theirs = stats.bootstrap((values,), np.mean, method="percentile", n_resamples=20000, rng=3).confidence_interval
     assert (estimate.low, estimate.high) == pytest.approx((theirs.low, theirs.high), abs=0.01)
 
 
-def test_means_of_resamples_are_those_of_the_resampled_rows() -> None:
-    rows = np.random.default_rng(4).normal(size=(3, 11))
-    bootstrap = Bootstrap(11, resamples=50)
-    seeds, draws = bootstrap._seeds("policy", 3), bootstrap._draws
-    by_hand = [rows[np.ix_(seeds[number], draws[number])] for number in range(50)]
-    np.testing.assert_allclose(bootstrap.means(rows, "policy"), [part.mean() for part in by_hand], rtol=1e-12)
-    trimmed = [stats.trim_mean(part, 0.25, axis=None) for part in by_hand]
-    np.testing.assert_allclose(bootstrap.interquartile_means(rows, "policy"), trimmed, rtol=1e-12)
-
-
-def test_same_rows_give_the_same_numbers() -> None:
-    rows = np.random.default_rng(5).normal(size=(2, 9))
-    np.testing.assert_array_equal(Bootstrap(9).means(rows, "policy"), Bootstrap(9).means(rows, "policy"))
-
-
-def test_draws_are_paired_and_training_seeds_are_not() -> None:
-    rows = np.random.default_rng(6).normal(size=(1, 30))
+def test_seeds_are_paired_and_training_seeds_are_not() -> None:
+    values = np.random.default_rng(6).normal(size=(1, 30))
     bootstrap = Bootstrap(30)
-    difference = bootstrap.means(rows + 1.0, "one") - bootstrap.means(rows, "other")
+    difference = bootstrap.means(values + 1.0, "one") - bootstrap.means(values, "other")
     np.testing.assert_allclose(difference, 1.0)
-    seeds = np.repeat([[0.0], [1.0]], 30, axis=1)
-    assert np.corrcoef(bootstrap.means(seeds, "one"), bootstrap.means(seeds, "other"))[0, 1] == pytest.approx(0.0, abs=0.1)
-
-
-def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
-    generator = np.random.default_rng(7)
-    bootstrap = Bootstrap(64, resamples=500)
-    covered = 0
-    for _ in range(400):
-        rows = generator.normal(size=(1, 64))
-        estimate = Estimate.of(float(rows.mean()), bootstrap.means(rows, "policy"))
-        covered += estimate.low <= 0.0 <= estimate.high
-    assert 0.91 <= covered / 400 <= 0.98
+    np.testing.assert_array_equal(bootstrap.means(values, "one"), Bootstrap(30).means(values, "one"))
+    trained = np.repeat([[0.0], [1.0]], 30, axis=1)
+    assert np.corrcoef(bootstrap.means(trained, "one"), bootstrap.means(trained, "other"))[0, 1] == pytest.approx(0, abs=0.1)
 
 
 def test_training_seeds_widen_the_interval_of_agents_that_differ() -> None:
