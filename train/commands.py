@@ -9,10 +9,12 @@ import math
 import torch
 
 from turning_env import Scenario
+from turning_env.physics.quantities import OBS
 
 Tensor = torch.Tensor
 
-ACTUAL, COMMANDED = slice(2, 4), slice(4, 6)
+ACTUAL = slice(OBS.cutting_speed, OBS.feed + 1)
+COMMANDED = slice(OBS.commanded_cutting_speed, OBS.commanded_feed + 1)
 """Places of cutting speed and feed in an observation."""
 
 

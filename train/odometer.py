@@ -11,10 +11,10 @@ import torch
 
 from train.commands import Commands
 from turning_env import Scenario
+from turning_env.physics.quantities import OBS
 
 Tensor = torch.Tensor
 
-CUTTING = 10
 """Place in an observation."""
 MAX_TIME = 4.0
 """Time to the end of the bar [s] above which it is all the same."""
@@ -61,7 +61,7 @@ class Odometer(torch.nn.Module):
         travel = travel + commanded_speed * slow * self._feed_left + late * slow * self._both_left
         along = along + torch.where(last_speed > 0.0, travel * self._per_second, 0.0)
         along = torch.where(along >= self._pitch, along - self._pitch, along)
-        cutting = observation[..., CUTTING] > 0.5
+        cutting = observation[..., OBS.cutting] > 0.5
         # In metal, it is the nearer of the bar behind and the bar ahead.
         nearest = torch.where(along < 0.5 * self._approach, self._pitch * (1.0 - 1e-6), self._approach)
         along = torch.where(cutting & (along < self._approach), nearest, along)

@@ -14,6 +14,7 @@ from baselines.rule import Range, Rule
 from baselines.tune import __main__ as tune
 from turning_env import Scenario
 from turning_env.observation import bounds
+from turning_env.physics.quantities import OBS
 
 TUNABLE = Rule(
     "made up",
@@ -132,7 +133,7 @@ def test_on_an_untold_lot_a_rule_is_the_very_same(name: str) -> None:
         policy.reset(np.ones(lanes, np.bool_))
     for _ in range(20):
         seen = generator.uniform(np.maximum(low, -2), np.minimum(high, 2), (lanes, len(low))).astype(np.float32)
-        seen[:, 10] = 1
+        seen[:, OBS.cutting] = 1
         actions, expected = (policy.act(seen) for policy in policies)
         assert actions.tobytes() == expected.tobytes()
 

@@ -8,6 +8,7 @@ from tests.baselines.models.test_kalman import QUIET
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.observation import bounds
+from turning_env.physics.quantities import OBS
 from turning_env.score.play import play
 from turning_env.score.seeds import tuning_seeds
 
@@ -70,7 +71,7 @@ def test_actions_are_finite_whatever_is_observed(preset: str) -> None:
     policy.reset(np.ones(16, np.bool_))
     for _ in range(20):
         seen = rng.uniform(low, high, (16, len(low)))
-        seen[:, 10] = rng.random(16) < 0.8
+        seen[:, OBS.cutting] = rng.random(16) < 0.8
         actions = policy.act(seen.astype(np.float32))
         assert (np.abs(actions) <= 1.0).all()
 

@@ -63,7 +63,7 @@ def test_policies_are_given_observations_and_nothing_else(scenario: Scenario) ->
 def test_observations_lead_nowhere(scenario: Scenario) -> None:
     env = RoughTurningVectorEnv(3, scenario)
     given = [env.reset(seed=1)[0], env.step(np.zeros((3, 2)))[0]]
-    hidden = [env._lathes._blocks, env._lathes.answers.padded_table, env._lathes._parameters]
+    hidden = [env._batch._states, env._batch.table, env._batch._scratches[0]]
     for observations in given:
         assert observations.base is None
         assert not any(np.shares_memory(observations, each) for each in hidden)
@@ -106,7 +106,7 @@ def test_episodes_stay_with_their_seed(scenario: Scenario) -> None:
         env.reset()
     for _ in range(60):
         env.step(np.zeros((2, 2)))
-    blocks = env._lathes._blocks
+    blocks = env._batch._states
     assert np.ravel(blocks["seed"])[:2].tolist() == seeds
     assert (np.ravel(blocks["episode"])[:2] > 5).all()
 

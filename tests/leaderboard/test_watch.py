@@ -78,7 +78,7 @@ def test_a_window_shows_it(short: list[str], monkeypatch: pytest.MonkeyPatch, ca
         (["--agent", "nowhere.onnx"], "no agent can be loaded from nowhere.onnx"),
         (["--agent", AGENT, "--env", "RoughTurning-Batch-v0"], "no agent can be loaded"),
         (["--policy", "grid_search", "--scenario", "nonsense"], "no preset and no file is called 'nonsense'"),
-        (["--policy", "grid_search", "--seed", "-1"], "seed -1 of lane 0 must be a whole number"),
+        (["--policy", "grid_search", "--seed", "-1"], "seed -1 of environment 0 must be a whole number"),
         (["--policy", "grid_search", "--out", "cut.avi"], "cut.avi must end in one of .mp4, .gif, .png"),
     ],
 )

@@ -5,6 +5,7 @@ import torch
 from train.commands import Commands
 from train.odometer import Odometer
 from turning_env import RoughTurningVectorEnv, Scenario
+from turning_env.physics.quantities import OBS
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "override", "shift"])
@@ -39,6 +40,6 @@ def test_the_control_is_right_about_metal_and_air() -> None:
     odometer = Odometer(scenario, Commands(scenario))
     observations, _ = RoughTurningVectorEnv(2, scenario).reset(seed=0)
     seen = torch.from_numpy(observations)
-    seen[:, 10] = torch.tensor([1.0, 0.0])
+    seen[:, OBS.cutting] = torch.tensor([1.0, 0.0])
     _, state = odometer(seen, torch.tensor([[2.0, 0.0, 0.0], [250.0, 0.0, 0.0]]))
     assert state[:, 0].tolist() == [scenario.workpiece.approach, 0.5 * scenario.workpiece.approach]

@@ -256,8 +256,8 @@ OBSERVATION = (
 
 _NAMES = [entry.name for entry in OBSERVATION]
 OBS: Any = namedtuple("OBS", _NAMES)(*range(len(_NAMES)))  # type: ignore[misc]
-"""Places of entries, in compiled code and in columns of observations: ``OBS.power``. ``layout(scenario)`` tells where observations
-have those entries that only some scenarios have."""
+"""Places of entries, in compiled code and in columns of observations: ``OBS.power``. ``layout(scenario)`` tells where
+observations have those entries that only some scenarios have."""
 
 
 def layout(scenario: Scenario) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from tests.turning_env.playing import changed
 from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
 from turning_env.observation import bounds
 from turning_env.physics.drives import steady_current
+from turning_env.physics.quantities import OBS
 from turning_env.physics.records import parameter_records
 from turning_env.score.play import play
 from turning_env.score.seeds import tuning_seeds
@@ -243,7 +244,7 @@ def test_actions_are_finite_whatever_is_observed(preset: str, cutoff: float) -> 
     for _ in range(100):
         anywhere = rng.uniform(low, high, (64, len(low)))
         seen = np.where(rng.random(anywhere.shape) < 0.5, anywhere, rng.choice([low, high], size=64))
-        seen[:, 10] = rng.random(64) < 0.98
+        seen[:, OBS.cutting] = rng.random(64) < 0.98
         assert np.all(np.abs(policy.act(seen.astype(np.float32))) <= 1.0)
 
 

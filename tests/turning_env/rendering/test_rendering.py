@@ -17,6 +17,7 @@ from gymnasium.wrappers import RecordVideo
 
 from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, changed, fixed_actions, play
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario
+from turning_env.physics.records import parameter_records
 from turning_env.physics.wear import wear_by_clock
 from turning_env.rendering.fields import Fields, Key
 from turning_env.rendering.limits import Cut, HalfPlane, border, bound, highest_feed, region, wear_bound
@@ -171,13 +172,13 @@ def _first_frame(actions):
 
 
 def test_as_many_lanes_are_drawn_as_asked():
-    lanes = gymnasium.make_vec("RoughTurning-v0", num_envs=40, render_mode="rgb_array", rendered_lanes=2)
+    lanes = gymnasium.make_vec("RoughTurning-v0", num_envs=40, render_mode="rgb_array", rendered_envs=2)
     lanes.reset(seed=0)
     lanes.step(lanes.action_space.sample())
     assert [frame.shape for frame in lanes.render()] == [SHAPE, SHAPE]
     for number in (0, 41):
-        with pytest.raises(ValueError, match=f"rendered_lanes is {number}, but must be None or 1 to num_envs, which is 40"):
-            RoughTurningVectorEnv(40, render_mode="rgb_array", rendered_lanes=number)
+        with pytest.raises(ValueError, match=f"rendered_envs is {number}, but must be None or 1 to num_envs, which is 40"):
+            RoughTurningVectorEnv(40, render_mode="rgb_array", rendered_envs=number)
     with pytest.raises(ValueError, match="render_mode is 'human', but must be None or one of 'rgb_array'"):
         RoughTurningVectorEnv(40, render_mode="human")
 
@@ -283,7 +284,7 @@ def test_the_region_is_where_no_limit_is_exceeded():
 
 def test_wear_leaves_what_outlasts_the_interval():
     scenario = Scenario.load("paper")
-    parameters = RoughTurningEnv(scenario)._lathes._parameters[0]
+    parameters = parameter_records(scenario)[0]
     used, minutes = 0.9, 12.0
     limit = wear_bound(scenario, Cut(2.5, 1.0, 0.29), 1.0, used, minutes)
     speed = 150.0
