@@ -15,8 +15,8 @@ class PaperEnv(RoughTurningEnv):
     """``RoughTurning-Paper-v0``: the published simulation of the grid search (Alaskari and Oraby 2018).
 
     Differs from ``RoughTurningEnv`` by the preset `paper`: control intervals of one minute, set points (the action maps linearly
-    onto 50-200 m/min and 0.06-0.60 mm/rev), no disturbance, no noise, no lag, no air, an edge that does not break, and wear by the
-    paper's clock-time rule. That rule can be gamed by idling through the first step: an agent's return here says nothing
+    onto 50-200 m/min and 0.06-0.60 mm/rev), no disturbance, no noise, no lag, no air, an edge that does not break, and wear by
+    the paper's clock-time rule. That rule can be gamed by idling through the first step: an agent's return here says nothing
     of machining.
 
     ## Version history

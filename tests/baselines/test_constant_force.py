@@ -29,8 +29,6 @@ def observations(
     span = np.log(machine.feed_max / machine.feed_min)
     for place, value in ((OBS.feed, feed), (OBS.commanded_feed, commanded)):
         seen[:, place] = 2.0 * np.log(value / machine.feed_min) / span - 1.0
-        2.0 * np.log(value / machine.feed_min) / span - 1.0 for value in (feed, commanded)
-    )
     seen[:, OBS.cutting] = 1.0
     return seen
 
