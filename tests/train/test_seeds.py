@@ -7,20 +7,20 @@ import pytest
 
 from tests.train import small
 from train.training import SEED_STRIDE, SEEDS, Algorithm, train
-from turning_env.batch.driver import Lathes
+from turning_env.batch.driver import Batch
 from turning_env.score.seeds import TUNING_START
 
 
 @pytest.mark.parametrize("algorithm", small.ALGORITHMS.values(), ids=small.ALGORITHMS)
 def test_trainings_play_their_own_seeds_alone(algorithm: Algorithm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given: set[int] = set()
-    seed = Lathes.seed
+    seed = Batch.seed
 
-    def watched(self: Lathes, lanes: Any, seeds: Any) -> None:
+    def watched(self: Batch, lanes: Any, seeds: Any) -> None:
         given.update(int(number) for number in seeds)
         seed(self, lanes, seeds)
 
-    monkeypatch.setattr(Lathes, "seed", watched)
+    monkeypatch.setattr(Batch, "seed", watched)
     run = small.small_run(algorithm, tmp_path, steps=1024)
     train(run, algorithm)
     own = range(run.seed * SEED_STRIDE, (run.seed + 1) * SEED_STRIDE)
