@@ -11,10 +11,12 @@ import torch
 
 from train.actor import Actor
 from turning_env import Scenario
+from turning_env.physics.quantities import OBS
 
 Tensor = torch.Tensor
 
-ACTUAL, COMMANDED, CUTTING = slice(2, 4), slice(4, 6), 10
+ACTUAL = slice(OBS.cutting_speed, OBS.feed + 1)
+COMMANDED = slice(OBS.commanded_cutting_speed, OBS.commanded_feed + 1)
 """Entries of an observation: actual and commanded cutting speed and feed; whether the tool is in metal."""
 MAX_TIME = 4.0
 """Time to the end of the bar [s] beyond which the reading is constant."""
@@ -127,7 +129,7 @@ class DistanceTracker:
         travel = travel + commanded_speed * slow * self._feed_left + late * slow * self._both_left
         along = along + torch.where(last_speed > 0.0, travel * self._per_second, 0.0)
         along = torch.where(along >= self._pitch, along - self._pitch, along)
-        cutting = observation[..., CUTTING] > 0.5
+        cutting = observation[..., OBS.cutting] > 0.5
         # In metal, it is the nearer of the bar behind and the bar ahead.
         nearest = torch.where(along < 0.5 * self._approach, self._pitch * (1.0 - 1e-6), self._approach)
         along = torch.where(cutting & (along < self._approach), nearest, along)

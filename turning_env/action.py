@@ -1,4 +1,4 @@
-"""How a controller that thinks in set points acts: the action that moves the commands towards them."""
+"""Actions of controllers that think in set points: they move the commands towards them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,17 +8,17 @@ from turning_env.score.policy import Actions
 
 
 def sets_speed_and_feed(scenario: Scenario) -> bool:
-    """Whether an action sets cutting speed and feed, interval by interval."""
+    """Return whether an action sets cutting speed and feed at every step."""
     return scenario.control.action in ("incremental", "set_point")
 
 
 def sets_feed(scenario: Scenario) -> bool:
-    """Whether an action sets the feed, interval by interval, with or without the cutting speed."""
+    """Return whether an action sets the feed at every step, with or without the cutting speed."""
     return scenario.control.action in ("incremental", "set_point", "override")
 
 
 def set_point_action(value: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
-    """The action, -1 at the low end of a range and 1 at the high end, that commands a value."""
+    """Return the action, -1 at the low end of a range and 1 at the high end, that commands a value."""
     return 2.0 * (value - low) / (high - low) - 1.0
 
 
@@ -29,10 +29,10 @@ def towards(
     feed: NDArray[np.float64],
     change_edge: NDArray[np.bool_] | None = None,
 ) -> Actions:
-    """Actions, shape (lanes, 1 to 3), that bring the commands to the wanted cutting speed [m/min] and feed [mm/rev].
+    """Return actions, shape (environments, 1 to 3), that command a cutting speed [m/min] and a feed [mm/rev].
 
-    With incremental actions, as near as one interval allows; by override, the cutting speed stays as it is. Where edges are
-    changed on command, they are in the lanes of ``change_edge``, in none if it is not given.
+    Incremental actions come as near as one step allows; with an override, the cutting speed stays as it is. Where edges are
+    changed on command, they are changed in the environments of ``change_edge``, in none if it is not given.
     """
     control, machine = scenario.control, scenario.machine
     if control.action == "incremental":

@@ -20,7 +20,7 @@ _ONLY = np.ones(1, np.bool_)
 
 
 class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """Rough turning of a run of steel bars with one carbide edge, at a controller's cutting speed and feed.
+    """Rough turning of a run of steel bars with one carbide edge, at a policy's cutting speed and feed.
 
     ## Description
 
@@ -33,7 +33,8 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Action space
 
-    `Box(-1, 1, (2,), float32)`. What lies outside is clipped; NaN and infinity are refused.
+    `Box(-1, 1, (2,), float32)`; in other scenarios 1 to 10 numbers or more (see `turning_env.tasks`). Actions outside are
+    clipped; NaN and infinity are refused.
 
     | Index | Action        | -1                                    | 1                                    |
     |-------|---------------|---------------------------------------|--------------------------------------|
@@ -45,21 +46,24 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Observation space
 
-    `Box(float32)` of 11 entries of order one, all that a CNC control knows. True wear, hardness and depth are hidden.
+    `Box(float32)` of 11 entries of order one (12 in some scenarios), all that a CNC control knows. True wear, hardness and depth
+    are hidden.
 
-    | Index | Entry                   | Meaning                                                        | Range    |
-    |-------|-------------------------|----------------------------------------------------------------|----------|
-    | 0     | power                   | measured power: how far from its limit, in fifths of the limit | -5 to 15 |
-    | 1     | thrust_force            | measured force: how far from its limit, in fifths of the limit | -5 to 15 |
-    | 2     | cutting_speed           | actual cutting speed, log scale, -1 lowest, 1 highest          | -1 to 1  |
-    | 3     | feed                    | actual feed, log scale, -1 lowest, 1 highest                   | -1 to 1  |
-    | 4     | commanded_cutting_speed | commanded cutting speed, likewise                              | -1 to 1  |
-    | 5     | commanded_feed          | commanded feed, likewise                                       | -1 to 1  |
-    | 6     | cutting_time            | log(1 + cutting time of the edge in min)                       | 0 to 12  |
-    | 7     | nominal_wear            | wear predicted by the nominal model over the criterion         | 0 to 4   |
-    | 8     | power_ratio             | measured power: how far from predicted, in fifths of predicted | -5 to 15 |
-    | 9     | force_ratio             | measured force: how far from predicted, in fifths of predicted | -5 to 15 |
-    | 10    | cutting                 | 1 in metal, 0 in air                                           | 0 or 1   |
+    | Index | Entry                   | Meaning                                                    | Range    |
+    | ----- | ----------------------- | ---------------------------------------------------------- | -------- |
+    | 0     | power                   | measured power: `5 * (power / limit - 1)`                  | -5 to 15 |
+    | 1     | thrust_force            | measured thrust force: `5 * (force / limit - 1)`           | -5 to 15 |
+    | 2     | cutting_speed           | actual cutting speed, log scale, -1 lowest, 1 highest      | -1 to 1  |
+    | 3     | feed                    | actual feed, log scale, -1 lowest, 1 highest               | -1 to 1  |
+    | 4     | commanded_cutting_speed | commanded cutting speed, likewise                          | -1 to 1  |
+    | 5     | commanded_feed          | commanded feed, likewise                                   | -1 to 1  |
+    | 6     | cutting_time            | log(1 + cutting time of the edge in min)                   | 0 to 12  |
+    | 7     | nominal_wear            | wear predicted by the nominal model over the criterion     | 0 to 4   |
+    | 8     | power_ratio             | measured power: `5 * (power / predicted power - 1)`        | -5 to 15 |
+    | 9     | force_ratio             | measured thrust force: `5 * (force / predicted force - 1)` | -5 to 15 |
+    | 10    | cutting                 | 1 in metal, 0 in air                                       | 0 to 1   |
+
+    Some scenarios have one entry more: `roughness_reference` to hold a roughness, `probed_depth` if blanks are probed.
 
     ## Reward
 
@@ -67,30 +71,30 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     | Term            | Value                                                                                               |
     |-----------------|-----------------------------------------------------------------------------------------------------|
-    | reward_metal    | + time in which the reference productivity (115 cm3/min) removes the interval's metal               |
-    | reward_time     | - the interval's time                                                                               |
-    | reward_edge     | - price of an edge (3 min) and its change (2 min), times the share of its life used in the interval |
+    | reward_metal    | + time in which the reference removal rate (115 cm3/min) removes the step's metal               |
+    | reward_time     | - the step's time                                                                               |
+    | reward_edge     | - price of an edge (3 min) and its change (2 min), times the share of its life used in the step |
     | reward_overload | - overload price (10) times the relative excess over 1500 N and over 7 kW, integrated over time     |
     | reward_breakage | - on breakage: the price of what was left of the edge, and 10 min downtime                          |
 
     ## Starting state
 
     A fresh edge before the first bar's approach, spindle and feed at 125 m/min and 0.25 mm/rev. Insert, edge strength and all
-    bars follow from the key (seed, episode): `reset(seed=s)` starts episode 0 of seed s, `reset()` the next one.
+    bars follow from (seed, episode): `reset(seed=s)` starts episode 0 of seed s, `reset()` the next one.
 
     ## Episode end
 
     Terminated when the flank wear reaches the criterion (0.3 mm) or the thrust force exceeds the edge's strength; the
-    interval ends there. Truncated after 60 min of machine time.
+    step ends there. Truncated after 60 min of machine time.
 
     ## Info
 
-    After `reset` and `step`, true values at the interval's end: `cutting_speed` and `commanded_cutting_speed` [m/min],
+    After `reset` and `step`, true values at the step's end: `cutting_speed` and `commanded_cutting_speed` [m/min],
     `feed` and `commanded_feed` [mm/rev], `spindle_speed` [rev/min], `feed_velocity` [mm/min], `torque` [N m], `path` [mm],
     `bar` [-], `cutting` (bool), `depth_of_cut` [mm] and `hardness` [-] (0 in air), `cutting_time` [min], `used_life` [-],
     `wear` [mm], `wear_factor` [-], `edge_strength` [N], `thrust_force` and `measured_thrust_force` [N], `power` and
     `measured_power` [kW], `measured_servo_current` [A], `roughness` and `roughness_reference` [um], `probed_depth` [mm] (0
-    where they do not apply), `broken` and `finished` (bool); and over the interval: `time`, `engaged_time`, `stopped_time`,
+    where they do not apply), `broken` and `finished` (bool); and over the step: `time`, `engaged_time`, `stopped_time`,
     `overload_time` and `severe_overload_time` [s], `mean_thrust_force` [N] and `mean_power` [kW] while cutting, `removed`
     [cm3], `passes`, `edges_used` and `edges_broken` [-], `roughness_deviation` (integral of the relative deviation) [s],
     `cost` = `cost_force` + `cost_power` (mean relative excess over each limit [-], positive means violated), and the terms
@@ -104,10 +108,10 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         gymnasium.make("turning_env:RoughTurning-v0", scenario="forging")
 
     `render_mode`: `None`, `"rgb_array"` (`render()` returns a frame, uint8 of shape (640, 960, 3)) or `"human"` (a window shows
-    every interval by itself); by `gymnasium.make` also `"rgb_array_list"`. It needs `pip install "rough-turning[render]"`. A
-    frame shows the bar with its true hardness and allowance, which the controller does not see, the tool, loads along the
+    every step by itself); by `gymnasium.make` also `"rgb_array_list"`. It needs `pip install "rough-turning[render]"`. A
+    frame shows the bar with its true hardness and allowance, which the policy does not see, the tool, loads along the
     bar, power and force against their limits, the edge's wear, and the operating map: speed and feed, contours of the
-    removal rate, what limits leave at the present wear, and the way come. Rendering changes nothing of what happens.
+    removal rate, what limits leave at the present wear, and the way come. Rendering changes nothing else.
 
         gymnasium.wrappers.RecordVideo(gymnasium.make("RoughTurning-v0", render_mode="rgb_array"), "videos")
 
@@ -125,7 +129,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
-        ValueError: an action is not two finite numbers, a seed is not a whole number of 0 to 2**64 - 1, or there is no such
+        ValueError: an action is not finite numbers, a seed is not a whole number of 0 to 2**64 - 1, or there is no such
             render mode.
         gymnasium.error.ResetNeeded: `step` or `render` before the first `reset`, or `step` after the episode has ended.
         gymnasium.error.DependencyNotInstalled: what rendering needs is not installed.

@@ -2,8 +2,8 @@
 
 Where the servo current is sensed, it takes the place of the thrust force: compared with the current at the force's limit and no
 feed, and with the one predicted. With parts, an observation tells of the last pass: its mean power and force, its speed and feed.
-Predictions take the actual speed and feed, nominal depth and hardness, and the nominal model's wear. In air, measurements are near
-0 (a servo current: near that of no load), and the four entries that compare them near -5.
+Predictions take the actual speed and feed, nominal depth and hardness, and the nominal model's wear. In air, measurements are
+near 0 (a servo current: near that of no load), and the four entries that compare them near -5.
 """
 
 from functools import cache

@@ -1,6 +1,6 @@
-"""The tasks that are not ``RoughTurning-v0``: each its specification, on a preset of its own. The transition is the same.
+"""Specifications of the ids beside ``RoughTurning-v0``, each on a preset of its own. The transition is the same.
 
-``RoughTurning-v0`` itself has shift splits, presets that show what controllers made for it do elsewhere: ``turning_env.SPLITS``.
+``RoughTurning-v0`` also has shift splits, presets that show how policies made for it do elsewhere: ``turning_env.SPLITS``.
 """
 
 import os
@@ -14,9 +14,9 @@ Source = str | os.PathLike[str] | Scenario
 class PaperEnv(RoughTurningEnv):
     """``RoughTurning-Paper-v0``: the published simulation of the grid search (Alaskari and Oraby 2018).
 
-    Differs from ``RoughTurningEnv`` by the preset `paper`: intervals of one minute, set points (the action maps linearly onto
-    50-200 m/min and 0.06-0.60 mm/rev), no disturbance, no noise, no lag, no air, an edge that does not break, and wear by the
-    paper's clock-time rule. That rule can be gamed by idling through the first interval: an agent's return here says nothing
+    Differs from ``RoughTurningEnv`` by the preset `paper`: control intervals of one minute, set points (the action maps linearly
+    onto 50-200 m/min and 0.06-0.60 mm/rev), no disturbance, no noise, no lag, no air, an edge that does not break, and wear by
+    the paper's clock-time rule. That rule can be gamed by idling through the first step: an agent's return here says nothing
     of machining.
 
     ## Version history
@@ -35,7 +35,7 @@ class OverrideEnv(RoughTurningEnv):
 
     One pass over a stepped, slightly eccentric bar of steel E295 on a 9 kW lathe, spindle at 710 rev/min, programmed feed
     0.4 mm/rev. The depth of cut steps through 1, 2, 3, 1 and 3 mm in sections of 20 mm, and ripples by 2 % every four
-    turns; depth and hardness vary besides. Every 12 ms, an interpolator's cycle, the controller sets the feed override. The
+    turns; depth and hardness vary besides. Every 12 ms, an interpolator's cycle, the policy sets the feed override. The
     target load is 60 % of 9 kW; what exceeds it is charged as overload, and so is time. The feed servo lags by 0.13 s.
 
     ## Action space
@@ -93,18 +93,18 @@ class SurfaceEnv(RoughTurningEnv):
 
 
 class ShiftEnv(RoughTurningEnv):
-    """``RoughTurning-Shift-v0``: the most profit from two hours over many edges, which the controller changes in time.
+    """``RoughTurning-Shift-v0``: the most profit from two hours over many edges, which the policy changes in time.
 
     ## Description
 
     `RoughTurningEnv` without its end: an edge that is worn out or broken is changed, and the time that this takes passes
-    within the interval: 2 min, and 3 min more if it was worn out unannounced or 10 min more if it broke. The controller can
+    within the step: 2 min, and 3 min more if it was worn out unannounced or 10 min more if it broke. The policy can
     change an edge before.
 
     ## Action space
 
     `Box(-1, 1, (3,), float32)`: cutting speed and feed as in `RoughTurningEnv`; above 0, the third changes the edge before
-    the interval's cut.
+    the step's cut.
 
     ## Observation space
 
@@ -153,8 +153,8 @@ class BatchEnv(RoughTurningEnv):
     ## Observation space
 
     That of `RoughTurningEnv`, of the part before: power and force are means over its last pass, speed and feed are that
-    pass's. One entry more, `probed_depth`: how far the next blank's mean allowance is from the drawing's, in fifths of the
-    latter. With `sensors.probe = false` blanks are not probed and the entry is missing.
+    pass's. One entry more, `probed_depth`: `5 * (mean allowance of the next blank / drawing's allowance - 1)`. With
+    `sensors.probe = false` blanks are not probed and the entry is missing.
 
     ## Reward and end
 

@@ -38,8 +38,8 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
     """``num_envs`` independent environments, each exactly the ``RoughTurningEnv`` with its seed.
 
     Specification: see ``RoughTurningEnv``. Environment i of ``reset(seed=s)`` is the single environment of ``reset(seed=s + i)``,
-    bit for bit, across autoresets, for any number of environments. ``infos`` holds an array per key of the single environment's info,
-    and a mask ``_key`` beside it.
+    bit for bit, across autoresets, for any number of environments. ``infos`` holds an array per key of the single environment's
+    info, and a mask ``_key`` beside it.
 
     Args:
         num_envs: number of environments, at least 1.

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from turning_env import Scenario
-from turning_env.observation import FIFTHS, bounds
+from turning_env.observation import bounds
+from turning_env.physics.quantities import DEVIATION_SCALE, OBS
 
 
 def observe(
@@ -28,12 +29,14 @@ def observe(
     load, override, actual, cutting, cutting_time, speed = (np.atleast_1d(column).astype(np.float64) for column in columns)
     low, _ = bounds(scenario)
     seen = np.zeros((len(load), len(low)))
-    seen[:, 0] = FIFTHS * (load * machine.rated_power / scenario.limits.power - 1.0)
-    seen[:, 2] = seen[:, 4] = _position(speed, machine.cutting_speed_min, machine.cutting_speed_max)
-    seen[:, 3] = _position(actual * control.initial_feed, machine.feed_min, machine.feed_max)
-    seen[:, 5] = _position(override * control.initial_feed, machine.feed_min, machine.feed_max)
-    seen[:, 6] = np.log1p(cutting_time)
-    seen[:, 10] = cutting
+    seen[:, OBS.power] = DEVIATION_SCALE * (load * machine.rated_power / scenario.limits.power - 1.0)
+    seen[:, OBS.cutting_speed] = seen[:, OBS.commanded_cutting_speed] = _position(
+        speed, machine.cutting_speed_min, machine.cutting_speed_max
+    )
+    seen[:, OBS.feed] = _position(actual * control.initial_feed, machine.feed_min, machine.feed_max)
+    seen[:, OBS.commanded_feed] = _position(override * control.initial_feed, machine.feed_min, machine.feed_max)
+    seen[:, OBS.cutting_time] = np.log1p(cutting_time)
+    seen[:, OBS.cutting] = cutting
     return seen.astype(np.float32)
 
 

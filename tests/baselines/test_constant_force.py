@@ -9,6 +9,7 @@ from baselines.models.part_program import PartProgram
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario, read
 from turning_env.observation import bounds
+from turning_env.physics.quantities import OBS
 from turning_env.score.play import play
 from turning_env.score.seeds import tuning_seeds
 
@@ -23,10 +24,11 @@ def observations(
     """Observations in metal at a measured force [N], an actual and a commanded feed [mm/rev]."""
     machine = scenario.machine
     seen = np.zeros((num_envs, len(bounds(scenario)[0])), np.float32)
-    seen[:, 1] = 5.0 * (force / scenario.limits.thrust_force - 1.0)
+    seen[:, OBS.thrust_force] = 5.0 * (force / scenario.limits.thrust_force - 1.0)
     span = np.log(machine.feed_max / machine.feed_min)
-    seen[:, 3], seen[:, 5] = (2.0 * np.log(value / machine.feed_min) / span - 1.0 for value in (feed, commanded))
-    seen[:, 10] = 1.0
+    for place, value in ((OBS.feed, feed), (OBS.commanded_feed, commanded)):
+        seen[:, place] = 2.0 * np.log(value / machine.feed_min) / span - 1.0
+    seen[:, OBS.cutting] = 1.0
     return seen
 
 

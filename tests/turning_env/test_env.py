@@ -156,7 +156,7 @@ def test_bad_seeds_are_refused_and_nothing_moves(seed):
     env, untouched = RoughTurningEnv(), RoughTurningEnv()
     env.reset(seed=1)
     untouched.reset(seed=1)
-    with pytest.raises(ValueError, match=r"seed .* of lane 0 must be a whole number, 0 to 18446744073709551615"):
+    with pytest.raises(ValueError, match=r"seed .* of environment 0 must be a whole number, 0 to 18446744073709551615"):
         env.reset(seed=seed)
     assert env.step((1.0, 1.0))[1:] == untouched.step((1.0, 1.0))[1:]
 

@@ -1,7 +1,7 @@
-"""Golden trajectories: one per id, as recorded when its version was released.
+"""Golden trajectories: one per id in full, and a short one of every preset that changes the transition.
 
-A failure means that an id no longer gives the trajectories that its version promises: register a new version. After
-that, or for a new id, write the files with ``python -m tests.turning_env.test_golden``.
+They guard ``turning_env.physics.MODEL_VERSION``. When one fails, either the change was not meant, or raise the version there and
+write the files anew: ``python -m tests.turning_env.test_golden``.
 """
 
 import json
@@ -12,48 +12,84 @@ import gymnasium
 import numpy as np
 import pytest
 
-from tests.turning_env.playing import fixed_actions, play
-from turning_env import IDS
+from tests.turning_env.playing import changed, fixed_actions, play
+from turning_env import IDS, MODEL_VERSION, SPLITS, RoughTurningEnv, Scenario
 
 FOLDER = Path(__file__).parents[1] / "golden"
+SHORT = FOLDER / "short" / "trajectories.json"
 SEED = 2024
-INTERVALS = 400
+STEPS = 400
 EVERY = 20
+ADVICE = f"the model has changed: raise MODEL_VERSION ({MODEL_VERSION}) in turning_env/physics/__init__.py, and {__doc__}"
+
+_RIPPLE = {"depth_ripple": 0.1, "depth_profile": [1.5, 3.0]}
+_SKIN = {"skin_thickness": 0.5, "skin_hardness": 1.4, "skin_wear": 1.5, "hardness_factor": 1.1, "wear_factor": 1.2}
+SCENARIOS = {
+    **{preset: Scenario.load(preset) for preset in sorted({*IDS.values(), *SPLITS, "override_current", "rough_turning_current"})},
+    "clock_time": changed(Scenario(), tool={"wear_rule": "clock_time", "wear_criterion": 0.12}, machine={"chip_lag": 1.5}),
+    "skin": changed(Scenario.load("shift"), mismatch=_SKIN | {"initial_wear": 0.05, "force_bias": 0.1}, workpiece=_RIPPLE),
+    "breaking": changed(Scenario(), tool={"edge_strength": 700.0}),
+    "breaking_shift": changed(Scenario.load("shift"), tool={"edge_strength": 800.0}, economics={"unplanned_stop": 1.0}),
+    "worn_shift": changed(Scenario.load("shift"), tool={"wear_criterion": 0.1}, control={"time_limit": 20.0}),
+    "worn_batch": changed(Scenario.load("batch_casting"), tool={"wear_criterion": 0.1, "wear_rule": "clock_time"}),
+    "overload": changed(Scenario(), limits={"thrust_force": 500.0, "power": 2.0, "overload_tolerance": 0.3}),
+    "job": changed(Scenario(), workpiece={"bars": 2, "bar_length": 20.0}, tool={"edge_strength": 1e6}),
+    "surface_current": changed(Scenario.load("surface"), sensors={"force": "servo_current", "force_noise": 0.1}),
+}
 
 
-def trajectory(env_id: str) -> dict[str, Any]:
-    """Every ``EVERY``-th row of a play, and all rows at which an episode ends."""
-    env = gymnasium.make(env_id).unwrapped
-    record = play(env, SEED, fixed_actions(INTERVALS, 1, env.scenario)[:, 0])
-    rows = np.flatnonzero((np.arange(INTERVALS + 1) % EVERY == 0) | record["terminated"] | record["truncated"])
-    return {
-        "id": env_id,
-        "seed": SEED,
-        "scenario": env.scenario.digest(),
-        "rows": rows.tolist(),
-    } | {key: values[rows].tolist() for key, values in record.items()}
+def trajectory(env: RoughTurningEnv, steps: int, every: int) -> dict[str, Any]:
+    """Return every ``every``-th row of a play, and all rows at which an episode ends."""
+    record = play(env, SEED, fixed_actions(steps, 1, env.scenario)[:, 0])
+    rows = np.flatnonzero((np.arange(steps + 1) % every == 0) | record["terminated"] | record["truncated"])
+    return {"rows": rows.tolist()} | {key: values[rows].tolist() for key, values in record.items()}
+
+
+def assert_same(present: dict[str, Any], golden: dict[str, Any]) -> None:
+    """Keys may be added to info without a new version; none may go or change."""
+    for key, expected in golden.items():
+        # float32 holds no more than seven digits, and may be rounded the other way.
+        tolerance = 2e-7 if key == "observation" else 1e-9
+        same = np.allclose(np.array(present[key], float), np.array(expected, float), rtol=tolerance, atol=tolerance)
+        assert same, f"{key}: {ADVICE}"
 
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_trajectory_is_as_released(env_id):
     golden = json.loads((FOLDER / f"{env_id}.json").read_text("utf-8"))
-    present = trajectory(env_id)
-    # Keys may be added to info without a new version; none may go or change.
-    for key, expected in golden.items():
-        if isinstance(expected, list):
-            # float32 holds no more than seven digits, and may be rounded the other way.
-            tolerance = 2e-7 if key == "observation" else 1e-9
-            assert np.array(present[key]) == pytest.approx(np.array(expected), rel=tolerance, abs=tolerance), key
-        else:
-            assert present[key] == expected, key
+    identity = {key: golden.pop(key) for key in ("id", "seed", "scenario")}
+    env = gymnasium.make(env_id).unwrapped
+    assert identity["id"] == env_id
+    assert_same(trajectory(env, STEPS, EVERY), golden)
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_short_trajectory_is_as_released(name):
+    golden = json.loads(SHORT.read_text("utf-8"))[name]
+    assert_same(short_trajectory(name), golden)
+
+
+def short_trajectory(name: str) -> dict[str, Any]:
+    """Return some rows of 8 parts, or of 200 steps."""
+    steps = 8 if SCENARIOS[name].control.action == "part" else 200
+    return trajectory(RoughTurningEnv(SCENARIOS[name]), steps, max(1, steps // 8))
 
 
 def test_every_golden_file_has_an_id():
     assert {path.stem for path in FOLDER.glob("RoughTurning-*.json")} == set(IDS)
+    assert set(json.loads(SHORT.read_text("utf-8"))) == set(SCENARIOS)
+
+
+def write_json(path: Path, values: dict[str, Any]) -> None:
+    """Write a line for each key."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in values.items()]
+    path.write_text("{\n" + ",\n".join(lines) + "\n}\n", "utf-8")
 
 
 if __name__ == "__main__":
-    FOLDER.mkdir(exist_ok=True)
     for released in IDS:
-        lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in trajectory(released).items()]
-        (FOLDER / f"{released}.json").write_text("{\n" + ",\n".join(lines) + "\n}\n", "utf-8")
+        env = gymnasium.make(released).unwrapped
+        identity = {"id": released, "seed": SEED, "scenario": env.scenario.digest()}
+        write_json(FOLDER / f"{released}.json", identity | trajectory(env, STEPS, EVERY))
+    write_json(SHORT, {name: short_trajectory(name) for name in SCENARIOS})

@@ -5,6 +5,7 @@ import pytest
 
 from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions, play
 from turning_env import RoughTurningEnv, Scenario, observation, presets, read
+from turning_env.physics.quantities import DEVIATION_SCALE, MAX_RATIO, OBS
 
 
 @pytest.mark.parametrize("preset", presets())
@@ -17,7 +18,7 @@ def test_observations_stay_in_their_space(preset):
 def test_ratios_and_loads_are_capped():
     fierce = changed(UNDISTURBED, limits={"power": 0.1, "thrust_force": 10}, sensors={"power_noise": 1, "force_noise": 1})
     rows = play(RoughTurningEnv(fierce), 0, fixed_actions(60, 1)[:, 0])["observation"]
-    assert rows[:, :2].max() == observation.FIFTHS * (observation.MAX_RATIO - 1)
+    assert rows[:, [OBS.power, OBS.thrust_force]].max() == DEVIATION_SCALE * (MAX_RATIO - 1)
     assert (rows <= observation.bounds(fierce)[1]).all()
 
 
@@ -56,4 +57,4 @@ def test_true_wear_hardness_and_depth_show_in_power_and_force_alone():
     records = [play(RoughTurningEnv(scenario), 4, fixed_actions(100, 1)[:, 0]) for scenario in (tough, uniform)]
     assert records[0]["wear"][-1] != pytest.approx(records[1]["wear"][-1], rel=0.01)
     differing = (records[0]["observation"] != records[1]["observation"]).any(axis=0)
-    assert np.flatnonzero(differing).tolist() == [0, 1, 8, 9]
+    assert np.flatnonzero(differing).tolist() == [OBS.power, OBS.thrust_force, OBS.power_ratio, OBS.force_ratio]

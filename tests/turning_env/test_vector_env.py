@@ -1,8 +1,7 @@
-"""Many lanes: each is the single environment, and the whole behaves as Gymnasium's own vector environments do."""
+"""Many environments: each is the single environment, and the whole behaves as Gymnasium's own vector environments do."""
 
 import copy
 import re
-import tracemalloc
 
 import gymnasium
 import numpy as np
@@ -13,14 +12,14 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, fixed_actions, play
 from tests.turning_env.test_env import BAD_ACTIONS
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
-from turning_env.batch.threads import BLOCKS_CLAIMED, MIN_BLOCKS, Crew
-from turning_env.physics.records import WIDTH
+from turning_env.batch.driver import BLOCKS_CLAIMED, MIN_BLOCKS
+from turning_env.physics.quantities import WIDTH
 
-INTERVALS = 80
+STEPS = 80
 
 
 def assert_same_infos(ours, theirs):
-    """Same keys, masks and types, and the same bits in the lanes that the masks name."""
+    """Same keys, masks and types, and the same bits in the environments that the masks name."""
     assert ours.keys() == theirs.keys()
     for key, expected in theirs.items():
         if isinstance(expected, dict):
@@ -40,15 +39,15 @@ def assert_same_answers(ours, theirs):
     assert_same_infos(ours[-1], theirs[-1])
 
 
-@pytest.mark.parametrize("lanes", [1, 3, 64])
+@pytest.mark.parametrize("num_envs", [1, 3, 64])
 @pytest.mark.parametrize("mode", AutoresetMode)
-def test_lanes_are_single_environments_side_by_side(mode, state):
-    """Bit for bit what Gymnasium makes of single environments, through several episodes per lane."""
-    ours = RoughTurningVectorEnv(state, SHORT_LIVED, mode)
-    theirs = SyncVectorEnv([lambda: RoughTurningEnv(SHORT_LIVED)] * state, autoreset_mode=mode)
+def test_it_is_single_environments_side_by_side(mode, num_envs):
+    """Bit for bit what Gymnasium makes of single environments, through several episodes per environment."""
+    ours = RoughTurningVectorEnv(num_envs, SHORT_LIVED, mode)
+    theirs = SyncVectorEnv([lambda: RoughTurningEnv(SHORT_LIVED)] * num_envs, autoreset_mode=mode)
     assert_same_answers(ours.reset(seed=40), theirs.reset(seed=40))
-    ended_count = np.zeros(state, int)
-    for actions in fixed_actions(INTERVALS, state):
+    ended_count = np.zeros(num_envs, int)
+    for actions in fixed_actions(STEPS, num_envs):
         answers = ours.step(actions)
         assert_same_answers(answers, theirs.step(actions))
         ended = answers[2] | answers[3]
@@ -61,20 +60,20 @@ def test_lanes_are_single_environments_side_by_side(mode, state):
 
 
 @pytest.mark.parametrize("preset", presets())
-def test_a_lane_is_the_lone_environment_of_its_seed(preset):
-    lanes, actions = 5, fixed_actions(INTERVALS, 5, preset)
-    env = RoughTurningVectorEnv(lanes, preset)
+def test_an_environment_is_the_single_one_of_its_seed(preset):
+    num_envs, actions = 5, fixed_actions(STEPS, 5, preset)
+    env = RoughTurningVectorEnv(num_envs, preset)
     observations, infos = env.reset(seed=2**63)
-    rows = [(observations, np.zeros(lanes), np.zeros(lanes, bool), np.zeros(lanes, bool), infos)]
+    rows = [(observations, np.zeros(num_envs), np.zeros(num_envs, bool), np.zeros(num_envs, bool), infos)]
     rows += [env.step(action) for action in actions]
-    for lane in range(lanes):
-        alone = play(RoughTurningEnv(preset), 2**63 + lane, actions[:, lane])
+    for i in range(num_envs):
+        alone = play(RoughTurningEnv(preset), 2**63 + i, actions[:, i])
         together = {
-            "observation": np.stack([row[0][lane] for row in rows]),
-            "reward": np.array([row[1][lane] for row in rows]),
-            "terminated": np.array([row[2][lane] for row in rows]),
-            "truncated": np.array([row[3][lane] for row in rows]),
-        } | {key: np.array([row[4][key][lane] for row in rows]) for key in infos if not key.startswith("_")}
+            "observation": np.stack([row[0][i] for row in rows]),
+            "reward": np.array([row[1][i] for row in rows]),
+            "terminated": np.array([row[2][i] for row in rows]),
+            "truncated": np.array([row[3][i] for row in rows]),
+        } | {key: np.array([row[4][key][i] for row in rows]) for key in infos if not key.startswith("_")}
         assert_same_bytes(together, alone)
 
 
@@ -95,7 +94,7 @@ def test_mode_can_be_given_by_name():
     assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
 
 
-def test_seeds_may_be_given_lane_by_lane():
+def test_seeds_may_be_given_one_by_one():
     env, singles = RoughTurningVectorEnv(3), RoughTurningEnv()
     _, infos = env.reset(seed=[7, 7, 9])
     assert infos["wear_factor"].tolist() == [singles.reset(seed=seed)[1]["wear_factor"] for seed in (7, 7, 9)]
@@ -108,12 +107,12 @@ def test_seeds_may_be_given_lane_by_lane():
 
 
 @pytest.mark.parametrize("seed", [None, [None, None, None, None], [1, None, None, None]])
-def test_lanes_without_a_seed_differ(seed):
+def test_environments_without_a_seed_differ(seed):
     _, infos = RoughTurningVectorEnv(4).reset(seed=seed)
     assert len(set(infos["wear_factor"].tolist())) == 4
 
 
-def test_reset_mask_leaves_the_other_lanes_alone():
+def test_reset_mask_leaves_the_others_alone():
     env, untouched = (RoughTurningVectorEnv(3, autoreset_mode=AutoresetMode.DISABLED) for _ in range(2))
     for one in (env, untouched):
         one.reset(seed=0)
@@ -149,17 +148,17 @@ def test_bad_reset_masks_are_refused(mask, error):
 @pytest.mark.parametrize(
     ("seed", "said"),
     [
-        (-1, "seed -1 of lane 0"),
-        (2**64 - 2, f"seed {2**64} of lane 2"),
-        (1.5, "seed 1.5 of lane 0"),
-        ("abc", "seed 'a' of lane 0"),
-        (np.array(3), r"seed array\(3\) of lane 0"),
-        ([1, 2], "there are 2 seeds, but must be one for each of 3 lanes"),
-        ([1, 2, -3], "seed -3 of lane 2"),
-        ([1, 2.5, 3], "seed 2.5 of lane 1"),
+        (-1, "seed -1 of environment 0"),
+        (2**64 - 2, f"seed {2**64} of environment 2"),
+        (1.5, "seed 1.5 of environment 0"),
+        ("abc", "seed 'a' of environment 0"),
+        (np.array(3), r"seed array\(3\) of environment 0"),
+        ([1, 2], "there are 2 seeds, but must be one for each of 3 environments"),
+        ([1, 2, -3], "seed -3 of environment 2"),
+        ([1, 2.5, 3], "seed 2.5 of environment 1"),
     ],
 )
-def test_bad_seeds_are_refused_and_no_lane_moves(seed, said):
+def test_bad_seeds_are_refused_and_nothing_moves(seed, said):
     env, untouched = RoughTurningVectorEnv(3), RoughTurningVectorEnv(3)
     env.reset(seed=0)
     untouched.reset(seed=0)
@@ -170,11 +169,11 @@ def test_bad_seeds_are_refused_and_no_lane_moves(seed, said):
 
 
 @pytest.mark.parametrize("action", BAD_ACTIONS.values(), ids=BAD_ACTIONS.keys())
-def test_bad_actions_are_refused_and_no_lane_moves(action):
+def test_bad_actions_are_refused_and_nothing_moves(action):
     env, untouched = RoughTurningVectorEnv(3), RoughTurningVectorEnv(3)
     env.reset(seed=0)
     untouched.reset(seed=0)
-    with pytest.raises(ValueError, match=r"the action of lane 1 must be finite|actions must .* \(3, 2\)"):
+    with pytest.raises(ValueError, match=r"the action of environment 1 must be finite|actions must .* \(3, 2\)"):
         env.step([[0.0, 0.0], action, [0.0, 0.0]])
     for _ in range(5):
         assert_same_answers(env.step(np.ones((3, 2))), untouched.step(np.ones((3, 2))))
@@ -197,7 +196,7 @@ def test_step_needs_episodes_under_way():
     while not ended.any():
         _, _, terminated, truncated, _ = env.step(np.zeros((2, 2)))
         ended = terminated | truncated
-    with pytest.raises(ResetNeeded, match=re.escape(f"lanes {np.flatnonzero(ended).tolist()} have ended")):
+    with pytest.raises(ResetNeeded, match=re.escape(f"environments {np.flatnonzero(ended).tolist()} have ended")):
         env.step(np.zeros((2, 2)))
 
 
@@ -234,48 +233,10 @@ def test_a_copy_goes_on_alike():
         assert_same_answers(twin.step(action), answer)
 
 
-def test_threads_share_the_lanes_and_change_nothing():
-    lanes = (MIN_BLOCKS + BLOCKS_CLAIMED) * WIDTH + 5
-    alone, shared = (RoughTurningVectorEnv(lanes, SHORT_LIVED, "SameStep", threads=threads) for threads in (1, 3))
+def test_threads_share_the_work_and_change_nothing():
+    num_envs = (MIN_BLOCKS + BLOCKS_CLAIMED) * WIDTH + 5
+    alone, shared = (RoughTurningVectorEnv(num_envs, SHORT_LIVED, "SameStep", threads=threads) for threads in (1, 3))
     assert_same_answers(shared.reset(seed=3), alone.reset(seed=3))
-    for actions in fixed_actions(35, lanes):
+    for actions in fixed_actions(35, num_envs):
         assert_same_answers(shared.step(actions), alone.step(actions))
     shared.close()
-
-
-def test_an_error_in_a_thread_comes_out():
-    def step(place, first, last):
-        raise RuntimeError(place)
-
-    crew = Crew(["own", "helper"])
-    with pytest.raises(RuntimeError, match=r"own|helper"):
-        crew.run(step, MIN_BLOCKS)
-    crew.dismiss()
-
-
-@pytest.mark.parametrize("keep", [False, True])
-def test_a_step_allocates_nothing_for_its_lanes(keep):
-    """Beyond the dictionary of views that infos are. A lane has less than a kilobyte, and what is kept of the last answer."""
-    lanes = 4096
-    actions = fixed_actions(40, lanes)
-    tracemalloc.start()
-    try:
-        env = RoughTurningVectorEnv(lanes)
-        env.reset(seed=0)
-        kept = None
-        for action in actions[:20]:
-            answer = env.step(action)
-            kept = answer if keep else None
-            del answer
-        before, _ = tracemalloc.get_traced_memory()
-        tracemalloc.reset_peak()
-        for action in actions[20:]:
-            answer = env.step(action)
-            kept = answer if keep else None
-            del answer
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert (kept is not None) == keep
-    assert peak - before < 50_000
-    assert before / lanes < (1400 if keep else 1000)

@@ -62,14 +62,14 @@ def write_out(state, scratch, first, last, start, observations, table):
             observations[start + i, k] = work.observation[p.observation_layout[k], i]
 
 
-@compiled_entry
-def first_not_finite(actions):
-    """Return the first environment whose action, of shape (environments, action size), is not finite, or -1."""
-    for i in range(actions.shape[0]):
+@compiled
+def all_finite(actions, first, last):
+    """Return whether the actions of environments ``first`` to ``last - 1`` are finite."""
+    finite = True
+    for i in range(first, last):
         for k in range(actions.shape[1]):
-            if not np.isfinite(actions[i, k]):
-                return i
-    return -1
+            finite &= abs(actions[i, k]) < np.inf
+    return finite
 
 
 @compiled_entry
@@ -85,7 +85,12 @@ def start_episodes(states, scratches, chosen, observations, table):
 
 @compiled_entry
 def step_blocks(states, scratches, actions, observations, table, first_block, last_block):
-    """Run one step in blocks ``first_block`` to ``last_block - 1``. Ended environments start their next episode instead."""
+    """Run one step in blocks ``first_block`` to ``last_block - 1``. Ended environments start their next episode instead.
+
+    Return whether their actions are finite; if not, none has moved.
+    """
+    if not all_finite(actions, first_block * WIDTH, min(last_block * WIDTH, actions.shape[0])):
+        return False
     scratch = scratches[0]
     p, work, report = scratch.parameters, scratch.work, scratch.report
     for b in range(first_block, last_block):
@@ -99,6 +104,7 @@ def step_blocks(states, scratches, actions, observations, table, first_block, la
                 state.episode[i] += np.uint64(1)
                 start_episode(state, work, report, i, p)
         write_out(state, scratch, 0, count, start, observations, table)
+    return True
 
 
 class Batch:
@@ -134,7 +140,7 @@ class Batch:
         self._helpers = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name not in ("_scratches", "_helpers", "_padded_table")}
+        return {name: value for name, value in self.__dict__.items() if name not in ("_scratches", "_helpers")}
 
     def __setstate__(self, values: dict[str, Any]) -> None:
         self.__dict__.update(values)
@@ -191,20 +197,29 @@ class Batch:
             ValueError: the actions are not finite numbers of shape (num_envs, action size); no environment has moved then.
         """
         self._take(actions)
-        self.observations = np.empty(self.observations.shape, np.float32)
-        self._padded_table = np.empty(self._table_shape)
-        self.table = self._padded_table[:, : self.num_envs]
+        observations, table = np.empty(self.observations.shape, np.float32), np.empty(self._table_shape)
+        if self._helpers is None or len(self._states) < MIN_BLOCKS:
+            finite = step_blocks(self._states, self._scratches[0], self._actions, observations, table, 0, len(self._states))
+        else:
+            finite = bool(np.isfinite(self._actions).all())
+            if finite:
+                self._share_steps(observations, table)
+        if not finite:
+            i = int(np.isfinite(self._actions).all(axis=1).argmin())
+            raise ValueError(f"the action of environment {i} must be finite, got {self._actions[i].tolist()}")
+        self.observations, self.table = observations, table[:, : self.num_envs]
+
+    def _share_steps(self, observations: NDArray[np.float32], table: NDArray[np.float64]) -> None:
+        """Let every thread claim the next few blocks until none are left, so that nobody waits for a thread that does not run."""
         blocks = len(self._states)
-        if self._helpers is None or blocks < MIN_BLOCKS:
-            self._step_blocks(self._scratches[0], 0, blocks)
-            return
-        # Every thread claims the next few blocks until none are left, so nobody waits for a thread that the system does not run.
         claims = itertools.count(0, BLOCKS_CLAIMED)
 
         def work(scratch: Any) -> None:
             while (first := next(claims)) < blocks:
-                self._step_blocks(scratch, first, min(first + BLOCKS_CLAIMED, blocks))
+                last = min(first + BLOCKS_CLAIMED, blocks)
+                step_blocks(self._states, scratch, self._actions, observations, table, first, last)
 
+        assert self._helpers is not None
         futures = [self._helpers.submit(work, scratch) for scratch in self._scratches[1:]]
         work(self._scratches[0])
         for future in futures:
@@ -215,9 +230,6 @@ class Batch:
         """Let the threads go."""
         if self._helpers is not None:
             self._helpers.shutdown()
-
-    def _step_blocks(self, scratch: Any, first: int, last: int) -> None:
-        step_blocks(self._states, scratch, self._actions, self.observations, self._padded_table, first, last)
 
     def _take(self, actions: Any) -> None:
         shape = self._actions.shape
@@ -230,9 +242,6 @@ class Batch:
         if given.shape != shape:
             raise ValueError(f"actions must have shape {shape}, got {given.shape}")
         self._actions[...] = given
-        refused = first_not_finite(self._actions)
-        if refused >= 0:
-            raise ValueError(f"the action of environment {refused} must be finite, got {given[refused].tolist()}")
 
 
 REWARD, TERMINATED, TRUNCATED = range(len(quantities.INFO), len(quantities.REPORT))

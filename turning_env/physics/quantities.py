@@ -255,9 +255,9 @@ OBSERVATION = (
 """What a policy sees, in order. Entries that only some scenarios have come last."""
 
 _NAMES = [entry.name for entry in OBSERVATION]
-OBS: Any = namedtuple("OBS", _NAMES)(*range(len(_NAMES)))  # type: ignore[misc]
-"""Places of entries, in compiled code and in columns of observations: ``OBS.power``. ``layout(scenario)`` tells where observations
-have those entries that only some scenarios have."""
+OBS: Any = namedtuple("OBS", _NAMES)(*range(len(_NAMES)))
+"""Places of entries, in compiled code and in columns of observations: ``OBS.power``. ``layout(scenario)`` tells where
+observations have those entries that only some scenarios have."""
 
 
 def layout(scenario: Scenario) -> tuple[str, ...]:

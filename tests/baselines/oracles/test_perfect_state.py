@@ -5,6 +5,7 @@ from baselines import catalogue
 from baselines.models.kalman import DEPTH, HARDNESS, WEAR
 from baselines.oracles.perfect_state import PerfectState, covers
 from turning_env import IDS, RoughTurningVectorEnv, Scenario
+from turning_env.physics.quantities import OBS
 from turning_env.score.play import play
 from turning_env.score.seeds import tuning_seeds
 
@@ -22,7 +23,7 @@ def test_it_knows_depth_hardness_and_wear() -> None:
             mean = policy._filter._mean
             np.testing.assert_allclose(1.0 + mean[:, DEPTH], infos["depth_of_cut"] / BASE.workpiece.depth_of_cut, atol=0.01)
             np.testing.assert_allclose(mean[:, HARDNESS], np.log(infos["hardness"]), atol=0.01)
-            nominal = observations[:, 7] * BASE.tool.wear_criterion
+            nominal = observations[:, OBS.nominal_wear] * BASE.tool.wear_criterion
             np.testing.assert_allclose(mean[:, WEAR], np.log(infos["wear"] / nominal), atol=0.01)
         observations, _, _, _, infos = env.step(actions)
     assert infos["cutting"].any()

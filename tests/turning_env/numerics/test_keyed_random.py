@@ -8,7 +8,7 @@ from scipy import stats
 
 from turning_env.numerics import keyed_random
 from turning_env.numerics.keyed_random import philox_4x32, standard_normals
-from turning_env.physics.records import LANES, new_records
+from turning_env.physics.records import STATE, new_records
 
 
 # kat_vectors of Random123, lines "philox4x32 10".
@@ -30,9 +30,9 @@ def test_published_vectors(counter, key, expected):
 
 
 def normals(seed=1, episode=0, channel=keyed_random.BAR_CHANNEL, bars=range(4000), index=0):
-    lanes = new_records(LANES, 1)[0]
-    lanes.seed[0], lanes.episode[0] = seed, episode
-    return np.array([standard_normals(lanes, 0, channel, float(bar), float(index)) for bar in bars])
+    state = new_records(STATE, 1)[0]
+    state.seed[0], state.episode[0] = seed, episode
+    return np.array([standard_normals(state, 0, channel, float(bar), float(index)) for bar in bars])
 
 
 def test_numbers_are_standard_normal_and_independent():

@@ -8,8 +8,13 @@ from pathlib import Path
 import pytest
 
 from tests.walking import ROOT
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv
+from turning_env.batch import driver
 
-pytestmark = pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled"),
+]
 
 MODULE = """
 from turning_env.numerics.compilation import compiled_entry
@@ -28,33 +33,6 @@ for name in types[first:] + types[:first]:
     assert last(np.arange(100, 110).astype(name)) == 109, name
 print(len(last.stats.cache_hits), len(last.stats.cache_misses))
 """
-
-
-# A single environment's records are others than those of many lanes, and each process numbers them as it meets them.
-RECORDS = """
-import numpy as np
-from turning_env.numerics.compilation import compiled_apart, compiled_entry
-
-NARROW = np.dtype([("first", "f4"), ("last", "f8")], align=True)
-WIDE = np.dtype([("first", "f8"), ("middle", "f8"), ("last", "f8")], align=True)
-
-@compiled_apart
-def last_of(records, place):
-    return max(LONG)
-
-@compiled_entry
-def total(records):
-    return last_of(records, 0) + last_of(records, 1)
-
-def check(*kinds):
-    for kind in kinds:
-        records = np.zeros(2, kind)
-        records["last"] = 9.0
-        assert total(records) == 18.0, kind
-    print(len(total.stats.cache_misses))
-"""
-# So much that the compiler calls the function rather than making it part of the entry.
-LONG = ", ".join(f"records[place].last % {number}.5" for number in range(9, 39))
 
 
 def run(folder: Path, first: int, **more: str) -> "subprocess.Popen[str]":
@@ -116,11 +94,15 @@ def test_what_is_damaged_is_made_anew(tmp_path: Path) -> None:
     assert finished(run(tmp_path, 0))[0] == "6 0\n"
 
 
-def test_what_different_processes_compiled_works_in_one(tmp_path: Path) -> None:
-    (tmp_path / "records.py").write_text(RECORDS.replace("LONG", LONG))
-    variables = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
-    for kinds in ("NARROW", "WIDE", "NARROW, WIDE"):  # the last loads what the others made
-        command = [sys.executable, "-c", f"from records import *; check({kinds})"]
-        done = subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-    assert done.stdout == "0\n"
+@pytest.mark.parametrize("entry", [driver.start_episodes, driver.step_blocks], ids=lambda entry: entry.__name__)
+def test_an_entry_takes_records_of_one_type_whatever_is_played(entry):
+    """Numba's names of machine code would clash between processes otherwise: see ``compiled_entry``."""
+    for env in (
+        RoughTurningEnv(),
+        RoughTurningEnv("batch_casting"),
+        RoughTurningVectorEnv(3),
+        RoughTurningVectorEnv(1024, "shift"),
+    ):
+        env.reset(seed=0)
+        env.step(env.action_space.sample())
+    assert len({signature[:2] for signature in entry.signatures}) == len(entry.signatures) == 1

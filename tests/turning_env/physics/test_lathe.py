@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions, play, variants
 from tests.turning_env.physics.test_workpiece import fields
+from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions, play, variants
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
 
 REWARD_TERMS = ("metal", "time", "edge", "overload", "breakage", "roughness")
@@ -80,11 +80,11 @@ def test_every_quantity_can_take_either_end_of_its_range():
 
 
 def test_episodes_end_worn_broken_or_out_of_time():
-    lanes = 200
-    env = RoughTurningVectorEnv(lanes, SHORT_LIVED, "SameStep")
+    num_envs = 200
+    env = RoughTurningVectorEnv(num_envs, SHORT_LIVED, "SameStep")
     env.reset(seed=0)
     worn_count = broken_count = truncated_count = 0
-    for count, actions in enumerate(fixed_actions(30, lanes), start=1):
+    for count, actions in enumerate(fixed_actions(30, num_envs), start=1):
         _, _, terminated, truncated, infos = env.step(actions)
         if (terminated | truncated).any():
             final = infos["final_info"]

@@ -1,4 +1,4 @@
-"""What a lot does to the process, and that the nominal predictions know nothing of it."""
+"""What model mismatch does to the process, and that the nominal predictions know nothing of it."""
 
 import math
 
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.turning_env.playing import UNDISTURBED, assert_same_bytes, changed, fixed_actions, play
 from turning_env import RoughTurningEnv, Scenario, read
 from turning_env.batch.driver import MAX_SEED
-from turning_env.physics.records import LANES, WORK, new_records, parameter_records
+from turning_env.physics.records import STATE, new_records, scratch_records
 from turning_env.physics.workpiece import look_up_fields
 
 STEADY = changed(UNDISTURBED, control={"interval": 1})
@@ -25,7 +25,7 @@ def steps(scenario, count, action=(0.0, 0.0)):
     return play(RoughTurningEnv(scenario), 3, np.tile(np.array(action, np.float32), (count, 1)))
 
 
-def with_lot(scenario=STEADY, **mismatch):
+def with_mismatch(scenario=STEADY, **mismatch):
     return changed(scenario, mismatch=mismatch)
 
 
@@ -36,7 +36,7 @@ def with_lot(scenario=STEADY, **mismatch):
 def test_no_skin_and_a_skin_like_the_metal_change_nothing(seed, mismatch):
     actions = fixed_actions(40, 1)[:, 0]
     assert_same_bytes(
-        play(RoughTurningEnv(with_lot(Scenario(), **mismatch)), seed, actions), play(RoughTurningEnv(), seed, actions)
+        play(RoughTurningEnv(with_mismatch(Scenario(), **mismatch)), seed, actions), play(RoughTurningEnv(), seed, actions)
     )
 
 
@@ -45,9 +45,9 @@ def test_no_skin_and_a_skin_like_the_metal_change_nothing(seed, mismatch):
     [{"hardness_factor": 1.2}, SKIN, {"wear_factor": 1.3}, WORN, {"power_bias": -0.1, "force_bias": -0.2}],
     ids=lambda mismatch: next(iter(mismatch)),
 )
-def test_the_nominal_predictions_know_nothing_of_the_lot(mismatch):
+def test_the_nominal_predictions_know_nothing_of_the_mismatch(mismatch):
     told, untold = (
-        read(steps(scenario, 60, (-0.8, -0.8))["observation"][31:], scenario) for scenario in (STEADY, with_lot(**mismatch))
+        read(steps(scenario, 60, (-0.8, -0.8))["observation"][31:], scenario) for scenario in (STEADY, with_mismatch(**mismatch))
     )  # before, the force of a worn edge is out of an observation's range
     assert not np.allclose(told.power_ratio, untold.power_ratio, rtol=1e-4)
     assert untold.nominal_wear.tolist() == told.nominal_wear.tolist()
@@ -55,9 +55,9 @@ def test_the_nominal_predictions_know_nothing_of_the_lot(mismatch):
     assert untold.thrust_force / untold.force_ratio == pytest.approx(told.thrust_force / told.force_ratio, rel=1e-6)
 
 
-def test_a_harder_lot_is_harder_throughout():
+def test_a_harder_mismatch_is_harder_throughout():
     varied = changed(STEADY, workpiece={"hardness_bar_spread": 0.08, "hardness_along_spread": 0.05})
-    nominal, harder = steps(varied, 20), steps(with_lot(varied, hardness_factor=1.2), 20)
+    nominal, harder = steps(varied, 20), steps(with_mismatch(varied, hardness_factor=1.2), 20)
     assert harder["hardness"] == pytest.approx(1.2 * nominal["hardness"], rel=1e-12)
     material = STEADY.material
     wear = harder["wear"][1:] / nominal["wear"][1:]
@@ -68,12 +68,12 @@ def test_a_harder_lot_is_harder_throughout():
 
 def test_skin_hardens_the_cut_and_wears_the_edge_by_its_share_of_depth():
     share = SKIN["skin_thickness"] / STEADY.workpiece.depth_of_cut
-    nominal, skinned = steps(STEADY, 20), steps(with_lot(**SKIN), 20)
+    nominal, skinned = steps(STEADY, 20), steps(with_mismatch(**SKIN), 20)
     hardness = 1 + share * (SKIN["skin_hardness"] - 1)
     assert skinned["hardness"] == pytest.approx(hardness, rel=1e-12)
     wear = hardness**STEADY.material.wear.hardness * (1 + share * (SKIN["skin_wear"] - 1))
     assert skinned["wear"][1:] / nominal["wear"][1:] == pytest.approx(wear, rel=1e-9)
-    assert steps(with_lot(**SKIN | {"skin_thickness": 3.0}), 1)["hardness"] == pytest.approx(SKIN["skin_hardness"])
+    assert steps(with_mismatch(**SKIN | {"skin_thickness": 3.0}), 1)["hardness"] == pytest.approx(SKIN["skin_hardness"])
 
 
 @pytest.mark.parametrize(
@@ -82,22 +82,21 @@ def test_skin_hardens_the_cut_and_wears_the_edge_by_its_share_of_depth():
 )
 def test_of_several_passes_those_that_reach_the_skin_cut_it(floor, ceiling, share):
     """A blank of 2.5 mm, the outer 0.5 mm of which are skin."""
-    parameters = parameter_records(with_lot(**SKIN))[0]
-    lanes, work = new_records(LANES, 1)[0], new_records(WORK, 1)[0]
-    lanes.bar[0], lanes.pass_floor[0], lanes.pass_ceiling[0], work.engaged[0] = -1, floor, ceiling, 1.0
-    look_up_fields(lanes, work, 0, 1, parameters)
-    assert math.exp(lanes.log_hardness[0]) == pytest.approx(1 + 0.4 * share, rel=1e-12)
-    assert math.exp(lanes.log_skin_wear[0]) == pytest.approx(1 + 0.5 * share, rel=1e-12)
+    state, scratch = new_records(STATE, 1)[0], scratch_records(with_mismatch(**SKIN))[0]
+    state.bar[0], state.pass_floor[0], state.pass_ceiling[0], scratch.work.engaged[0] = -1, floor, ceiling, 1.0
+    look_up_fields(state, scratch.work, 0, 1, scratch.parameters)
+    assert math.exp(state.log_hardness[0]) == pytest.approx(1 + 0.4 * share, rel=1e-12)
+    assert math.exp(state.log_skin_wear[0]) == pytest.approx(1 + 0.5 * share, rel=1e-12)
 
 
-def test_a_lot_of_inserts_wears_more():
-    nominal, poor = steps(STEADY, 20), steps(with_lot(wear_factor=1.15), 20)
+def test_a_mismatch_of_inserts_wears_more():
+    nominal, poor = steps(STEADY, 20), steps(with_mismatch(wear_factor=1.15), 20)
     assert poor["wear_factor"] == pytest.approx(1.15, rel=1e-12)
     assert poor["wear"][1:] / nominal["wear"][1:] == pytest.approx(1.15, rel=1e-9)
 
 
 def test_a_worn_edge_goes_on_from_its_wear_and_is_charged_what_is_used_of_it():
-    worn = with_lot(**WORN)
+    worn = with_mismatch(**WORN)
     record = steps(worn, 3000, (0.5, 0.0))
     assert record["wear"][0] == pytest.approx(INITIAL_WEAR)
     assert (record["cutting_time"][0], read(record["observation"], worn).nominal_wear[0]) == (0.0, 0.0)
@@ -110,14 +109,14 @@ def test_a_worn_edge_goes_on_from_its_wear_and_is_charged_what_is_used_of_it():
 
 
 def test_a_worn_edge_that_breaks_is_charged_what_was_left_of_it():
-    brittle = changed(with_lot(**WORN), tool={"edge_strength": 800.0, "edge_strength_spread": 0.0})
+    brittle = changed(with_mismatch(**WORN), tool={"edge_strength": 800.0, "edge_strength_spread": 0.0})
     record = steps(brittle, 300, (1.0, 1.0))
     end = int(np.flatnonzero(record["broken"])[0])
     assert record["edges_used"][: end + 1].sum() == pytest.approx(1 - INITIAL_USED_LIFE, rel=1e-9)
 
 
-def test_every_edge_of_a_worn_lot_starts_worn():
-    record = steps(with_lot(SHIFT, **WORN), 3, (0.0, 0.0, 1.0))
+def test_every_edge_of_a_worn_mismatch_starts_worn():
+    record = steps(with_mismatch(SHIFT, **WORN), 3, (0.0, 0.0, 1.0))
     assert record["cutting_time"] == pytest.approx([0.0, 1 / 60, 1 / 60, 1 / 60])
     assert record["wear"] == pytest.approx(INITIAL_WEAR, rel=0.02)
     # Each interval discards the edge of the interval before, and uses the next.
@@ -130,7 +129,7 @@ def test_every_edge_of_a_worn_lot_starts_worn():
 @pytest.mark.parametrize("sensed", ["dynamometer", "servo_current"])
 def test_biased_sensors_read_false_by_their_bias(sensed):
     exact = changed(STEADY, sensors={"force": sensed})
-    truth, told = steps(exact, 20), steps(with_lot(exact, power_bias=-0.1, force_bias=0.2), 20)
+    truth, told = steps(exact, 20), steps(with_mismatch(exact, power_bias=-0.1, force_bias=0.2), 20)
     measured = "measured_thrust_force" if sensed == "dynamometer" else "measured_servo_current"
     assert told[measured][1:] == pytest.approx(1.2 * truth[measured][1:], rel=1e-12)
     assert told["measured_power"][1:] == pytest.approx(0.9 * truth["measured_power"][1:], rel=1e-12)

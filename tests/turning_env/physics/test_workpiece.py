@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.turning_env.playing import UNDISTURBED, changed
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.physics.records import LANES, WORK, new_records, parameter_records
+from turning_env.physics.records import STATE, new_records, parameter_records, scratch_records
 from turning_env.physics.workpiece import MIN_DEPTH_SHARE, between_nodes, look_up_fields, position_in_row
 
 WORKPIECE = Scenario().workpiece
@@ -17,14 +17,14 @@ WORKPIECE = Scenario().workpiece
 
 def fields(scenario: Scenario, cuts, seed: int = 0):
     """(Relative hardness [-], depth of cut [mm]) at cut coordinates [mm], in the order given."""
-    lanes, work = new_records(LANES, 1)[0], new_records(WORK, 1)[0]
-    lanes.seed[0], lanes.bar[0], lanes.pass_ceiling[0], work.engaged[0] = seed, -1, math.inf, 1.0
-    parameters = parameter_records(scenario)[0]
+    state, scratch = new_records(STATE, 1)[0], scratch_records(scenario)[0]
+    work, parameters = scratch.work, scratch.parameters
+    state.seed[0], state.bar[0], state.pass_ceiling[0], work.engaged[0] = seed, -1, math.inf, 1.0
     values = np.empty((2, len(cuts)))
     for i, cut in enumerate(cuts):
         work.middle[0] = cut
-        look_up_fields(lanes, work, 0, 1, parameters)
-        values[:, i] = math.exp(lanes.log_hardness[0]), lanes.depth_of_cut[0]
+        look_up_fields(state, work, 0, 1, parameters)
+        values[:, i] = math.exp(state.log_hardness[0]), state.depth_of_cut[0]
     return values
 
 
