@@ -22,10 +22,12 @@ PYTEST = .venv/bin/pytest -n 2 --dist worksteal
 RUN_EXTRAS = benchmark
 TEST_EXTRAS = distributed render ecosystem docs test
 PIP = .venv/bin/python -m pip --disable-pip-version-check
+# Python compiles what it imports; compiled beforehand, the rest would be a tenth of the disk space.
+INSTALL = $(PIP) install --no-compile --only-binary :all: -c constraints.txt
 # Install an extra's requirements, compared with the hashes of constraints.txt: pip takes hashes for named packages, not for a folder.
 NEEDS = import sys, tomllib; project = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
 	print(*project["dependencies"], *(need for extra in sys.argv[1:] for need in project["optional-dependencies"][extra]), sep="\n")
-install = .venv/bin/python -c '$(NEEDS)' $(1) > .venv/needs.txt && $(PIP) install --only-binary :all: -c constraints.txt -r .venv/needs.txt
+install = .venv/bin/python -c '$(NEEDS)' $(1) > .venv/needs.txt && $(INSTALL) -r .venv/needs.txt
 # A package's lines of constraints.txt: its version and the hashes of all files of that version.
 pinned = sed -n '/^$(1)==/,/[^\]$$/p' constraints.txt
 
@@ -125,14 +127,14 @@ wheel: .venv/run
 
 # Licences of the installed packages, and known vulnerabilities of all that constraints.txt pins.
 audit: .venv/test
-	$(PIP) install --only-binary :all: -c constraints.txt --group audit
+	$(INSTALL) --group audit
 	.venv/bin/python -m benchmarks.audit
 	.venv/bin/pip-audit --require-hashes --disable-pip --progress-spinner off -r constraints.txt
 
 # Resolve pyproject.toml into constraints.txt, for all platforms. Versions stay, unless UPGRADE=--upgrade is given. Hashes of other builds stay
 # with their version, such as that of torch without CUDA, which the index does not serve: `pip hash` gives that of a new one.
 constraints: .venv/run
-	$(PIP) install --only-binary :all: -c constraints.txt --group pin
+	$(INSTALL) --group pin
 	.venv/bin/uv pip compile --quiet --universal --python-version 3.11.5 --generate-hashes --no-annotate \
 		--custom-compile-command "make constraints" $(UPGRADE) -o constraints.txt pyproject.toml \
 		$(addprefix --extra ,$(RUN_EXTRAS) $(TEST_EXTRAS)) --group setup --group audit --group pin
@@ -148,9 +150,9 @@ clean:
 # build without CUDA is a tenth of the download. Every file is compared with its hashes; only the clone itself has none.
 .venv/run: pyproject.toml constraints.txt
 	test -x .venv/bin/python || $(PYTHON) -m venv .venv
-	$(call pinned,pip) | $(PIP) install -r /dev/stdin
-	$(call pinned,torch) | $(PIP) install --no-index --no-deps -r /dev/stdin || echo "No folder of wheels has torch: it comes from the index."
-	$(PIP) install --only-binary :all: -c constraints.txt --group setup
+	$(call pinned,pip) | $(PIP) install --no-compile -r /dev/stdin
+	$(call pinned,torch) | $(PIP) install --no-compile --no-index --no-deps -r /dev/stdin || echo "No folder of wheels has torch: it comes from the index."
+	$(INSTALL) --group setup
 	$(call install,$(RUN_EXTRAS))
 	$(PIP) install --no-deps --no-build-isolation -e .
 	touch $@
