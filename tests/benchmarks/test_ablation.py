@@ -114,6 +114,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ablation, "DRAWS", 3)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small")
 def test_every_variant_is_trained_played_and_tabled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "docs" / "ablation.md"
@@ -135,6 +136,7 @@ def ablation_folder(folder: Path, name: str) -> Path:
     return folder / "runs" / "ablation" / name / ablation.ENV_ID / SCENARIO.name / "ppo-seed0"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small")
 def test_the_same_command_goes_on_and_repeats_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -175,6 +177,7 @@ def returns(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return [line.rsplit("|", 2)[0] for line in capsys.readouterr().out.splitlines()]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small")
 def test_trainings_of_other_settings_are_not_mixed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--variants", "as_it_is", "--runs", str(tmp_path), "--steps"]

@@ -9,7 +9,8 @@ from benchmarks import mutants
 
 
 def test_expressions_are_changed_and_nothing_else() -> None:
-    source = 'def f(a: int = 1) -> "x":\n    """One."""\n    if a < 2.0:\n        raise ValueError(f"{a + 1}")\n    return min(a, b) + 3'
+    source = 'def f(a: int = 1) -> "x":\n    """One."""\n    if a < 2.0:\n        raise ValueError(f"{a + 1}")\n'
+    source += "    return min(a, b) + 3"
     found = {ast.unparse(changed) for _, changed in mutants.places(ast.parse(source))}
     assert found == {
         *("2", "not a < 2.0", "a <= 2.0", "a > 2.0", "2.2", "4"),

@@ -13,6 +13,7 @@ def test_a_rule_is_beaten_only_if_the_interval_is_above_zero() -> None:
     assert time_to_beat.difference(hardly, theirs).low < 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ppo", "analytic_gradient"])
 def test_the_clock_runs_until_the_rule_is_beaten(name: str) -> None:
     easy, hard = np.full(2, -1e9), np.full(2, 1e9)

@@ -23,6 +23,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_minari_finds_what_was_written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))
     dataset = minari.load_dataset("rough_turning-mixture-v0")
@@ -59,6 +60,7 @@ def test_episodes_can_be_played_again(folder: Path) -> None:
     assert max(seeds) < TUNING_START
 
 
+@pytest.mark.slow
 def test_a_clone_acts_as_the_behaviour_did(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["make", "--behaviour", "grid_search", "--episodes", "2", "--out", str(tmp_path)]) == 0
     dataset = load(tmp_path / "rough_turning-grid_search-v0")

@@ -29,6 +29,7 @@ def test_the_next_rollout_begins_where_the_last_one_ended() -> None:
     assert torch.equal(rollouts.next(agent)["observation"][0], left)
 
 
+@pytest.mark.slow
 def test_it_learns() -> None:
     torch.manual_seed(0)
     untrained, trained = Agent(11, 2), train(Settings(steps=60_000))

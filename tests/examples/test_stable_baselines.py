@@ -7,6 +7,7 @@ from examples import stable_baselines
 from examples.stable_baselines import lathes, main
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["adapter", "single"])
 @pytest.mark.parametrize(("algorithm", "steps"), [("ppo", 1), ("recurrent_ppo", 1), ("sac", 2010), ("tqc", 2010)])
 def test_every_algorithm_learns_on_both_kinds_of_lathes(

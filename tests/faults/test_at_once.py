@@ -28,8 +28,8 @@ ROOT = Path(__file__).parents[2]
 HOLD = """
 import sys
 from pathlib import Path
-from baselines import folders
-with getattr(folders, sys.argv[1])(Path(sys.argv[2])):
+from turning_env import locks
+with getattr(locks, sys.argv[1])(Path(sys.argv[2])):
     print("held", flush=True)
     sys.stdin.readline()
 """
@@ -50,7 +50,7 @@ def held(how: str, path: Path) -> Iterator["subprocess.Popen[str]"]:
 
 def test_a_folder_is_held_until_the_process_ends_however_it_ends(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "folder"
-    with held("alone", folder) as other:
+    with held("exclusive_lock", folder) as other:
         (folder / ".partial-7-file.txt").touch()
         with pytest.raises(FolderTaken, match=f"another process works in {folder}"), exclusive_lock(folder):
             pass
@@ -63,7 +63,7 @@ def test_a_folder_is_held_until_the_process_ends_however_it_ends(tmp_path: Path)
 
 def test_several_share_a_folder_and_the_first_clears_it(tmp_path: Path) -> None:
     (tmp_path / ".partial-7-file.txt").touch()
-    with held("together", tmp_path) as other:
+    with held("shared_lock", tmp_path) as other:
         assert not list(tmp_path.iterdir())
         (tmp_path / ".partial-8-file.txt").touch()
         with shared_lock(tmp_path):
@@ -84,10 +84,11 @@ def test_several_share_a_folder_and_the_first_clears_it(tmp_path: Path) -> None:
         thread.join()
 
 
+@pytest.mark.slow
 def test_a_training_is_not_trained_twice_at_once(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["ppo"]
     run = small_run(algorithm, tmp_path, steps=512)
-    with held("alone", run.folder) as other:
+    with held("exclusive_lock", run.folder) as other:
         with pytest.raises(ValueError, match=f"another process works in {run.folder}: wait until it has done"):
             train(run, algorithm)
         assert not list(run.folder.iterdir())
@@ -108,13 +109,14 @@ def test_a_damaged_run_says_which_file(tmp_path: Path) -> None:
             Run.read(run.folder)
 
 
+@pytest.mark.slow
 def test_a_search_of_rules_is_not_made_twice_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(tuned, "FOLDER", tmp_path / "tuned")
     SCENARIO.save(tmp_path / "short.toml")
-    arguments = ["--scenario", str(tmp_path / "short.toml"), "--trials", "1", "--draws", "2", "--rules"]
-    with held("holding", study.journal("fixed_tuned", SCENARIO)):
+    arguments = ["--scenario", str(tmp_path / "short.toml"), "--trials", "1", "--seeds", "2", "--rules"]
+    with held("file_lock", study.journal("fixed_tuned", SCENARIO)):
         assert rule_tuning.main([*arguments, "fixed_tuned"]) == 2
         assert "error: another process works with" in capsys.readouterr().err
         assert rule_tuning.main([*arguments, "rescaled_grid_search"]) == 0  # another rule, into the same file
@@ -122,6 +124,7 @@ def test_a_search_of_rules_is_not_made_twice_at_once(
     assert tuned.parameters(SCENARIO).keys() == {"fixed_tuned", "rescaled_grid_search"}
 
 
+@pytest.mark.slow
 def test_a_search_of_hyperparameters_is_not_made_twice_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     task = tune.Task("ppo", "RoughTurning-v0", Scenario.load("rough_turning"), 1, 1, tmp_path)
     with file_lock(task.folder / f".{task.name}.lock"):
@@ -130,6 +133,7 @@ def test_a_search_of_hyperparameters_is_not_made_twice_at_once(tmp_path: Path, c
     assert not list(tmp_path.rglob("run.json"))
 
 
+@pytest.mark.slow
 def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path) -> None:
     scenario = Scenario.model_validate({"control": {"time_limit": 0.2}})
     task = Task(env_id=ENV_ID, scenario=scenario, draws=[7, 8, 9, 10])
