@@ -1,19 +1,18 @@
 """Every rule-based controller by name, ready to play a scenario."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
 
 from baselines import tuned
 from baselines.models.edge_changes import as_played
-from baselines.rule import Parameters, Rule
+from baselines.rule import Rule
 from turning_env import Scenario
-from turning_env.score.policy import PolicyFactory
+from turning_env.score.policy import PolicySpec, ScenarioId
 
 
 def merged(modules: Iterable[ModuleType]) -> dict[str, Rule]:
-    """The rules of all modules, each of which declares its own as ``RULES``.
+    """Return the rules of all modules, each of which declares its own as ``RULES``.
 
     Raises:
         ValueError: two modules declare a rule of the same name.
@@ -46,23 +45,13 @@ RULES = merged(import_module(f"baselines.{name}") for name in FILES)
 """All rules by name."""
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A controller with its parameters for one scenario."""
-
-    name: str
-    description: str
-    parameters: Parameters
-    make: PolicyFactory
-
-
 def names(scenario: Scenario) -> list[str]:
-    """Names of the controllers that can play a scenario."""
+    """Return the names of the controllers that can play a scenario."""
     return [name for name, rule in RULES.items() if rule.plays(scenario)]
 
 
 def playable(name: str, scenario: Scenario) -> Rule:
-    """The rule of a name, as it plays a scenario.
+    """Return the rule of a name, as it plays a scenario.
 
     Raises:
         KeyError: there is no controller of this name; names those there are.
@@ -76,20 +65,31 @@ def playable(name: str, scenario: Scenario) -> Rule:
     return as_played(rule, scenario)
 
 
-def entry(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> Entry:
-    """A controller, built with what is told of a scenario, with its tuned parameters where it has any.
+def spec(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> PolicySpec:
+    """Return a controller built with a scenario's nominal model, with its tuned parameters where it has any.
 
     Args:
         name: the controller's.
         scenario: what it is to play.
-        tuned_on: the scenario whose tuned parameters it plays with; without, that which it plays.
+        tuned_on: the scenario whose tuned parameters it plays with; None: the one that it plays.
 
     Raises:
         KeyError: there is no controller of this name; names those there are.
         ValueError: it cannot play the scenario.
-        NotTuned: it has not been tuned on that scenario, or not with the parameters that it has now.
+        NotTuned: it has not been tuned on that scenario, or not in this version and with these parameters.
     """
-    told = scenario.nominal()
-    rule = playable(name, told)
+    nominal = scenario.nominal()
+    rule = playable(name, nominal)
     parameters = rule.fixed | (tuned.setting(name, rule, (tuned_on or scenario).nominal()) if rule.ranges else {})
-    return Entry(name, rule.description, parameters, lambda num_envs: rule.build(told, num_envs, parameters))
+    return PolicySpec(
+        name=name,
+        version=rule.version,
+        description=rule.description,
+        parameters=dict(parameters),
+        tuned_for=None if tuned_on is None else ScenarioId.of(tuned_on),
+        tolerance=rule.tolerance,
+        make=lambda num_envs: rule.build(nominal, num_envs, parameters),
+    )
+
+
+entry = spec

@@ -1,4 +1,4 @@
-"""What a kind of controller is: how it is built, what it can play, and which of its parameters are tuned."""
+"""A kind of controller: how it is built, what it can play, and which of its parameters are tuned."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ Parameters = dict[str, float]
 
 @dataclass(frozen=True)
 class Range:
-    """A parameter to be tuned, and between what."""
+    """The range within which a parameter is tuned."""
 
     low: float
     high: float
@@ -25,15 +25,20 @@ class Rule:
     description: str
     """One line, which names the source."""
     build: Callable[[Scenario, int, Parameters], Policy]
-    """Makes the policy for a scenario, a number of lanes and its parameters."""
+    """Makes the policy for a scenario, a number of environments and its parameters."""
     plays: Callable[[Scenario], bool]
     """Whether a scenario offers the actions and the inputs that it needs."""
     parameters: Mapping[str, float | Range]
     """A number is fixed, a range is tuned."""
+    version: int = 1
+    """Raised when its actions change: results and tuned parameters of other versions are no longer its own."""
     changes_edges: bool = False
     """Whether it says itself when to change the edge, where edges are changed on command."""
     tuned_on: str | None = None
     """The preset on which alone it is tuned, for all scenarios; for rules slow to play, whose parameters have no unit."""
+
+    tolerance: float = 0.0
+    """By how much the return of an episode [s] may differ on another processor; 0: not by a bit."""
 
     @property
     def ranges(self) -> dict[str, Range]:

@@ -1,4 +1,4 @@
-"""What the tunable rules were tuned to, kept as data: one JSON file per scenario's name."""
+"""Tuned parameters of the rules, kept as data: one JSON file per scenario's name."""
 
 import json
 from itertools import chain
@@ -17,12 +17,12 @@ class NotTuned(ValueError):
 
 
 def path(scenario: Scenario) -> Path:
-    """The file of a scenario's tuned parameters."""
+    """Return the file of a scenario's tuned parameters."""
     return FOLDER / f"{scenario.name}.json"
 
 
 def contents(scenario: Scenario) -> dict[str, Any]:
-    """All that the scenario's file says; nothing where there is no file.
+    """Return all that the scenario's file says; nothing where there is no file.
 
     Raises:
         NotTuned: the file cannot be understood.
@@ -43,8 +43,8 @@ def _read(file: Path) -> dict[str, Any]:
     return values
 
 
-def parameters(scenario: Scenario) -> dict[str, Parameters]:
-    """Tuned parameters by rule and name, of the rules that have been tuned for this scenario by whatever name.
+def rules(scenario: Scenario) -> dict[str, dict[str, Any]]:
+    """Return what was found for the rules that have been tuned for a scenario of these values: ``parameters``, ``version``, ...
 
     Raises:
         NotTuned: there are none for this scenario; says which command makes them.
@@ -53,21 +53,27 @@ def parameters(scenario: Scenario) -> dict[str, Parameters]:
     others = map(_read, sorted(FOLDER.glob("*.json")))
     for values in chain([own], others):
         if values.get("scenario_digest") == scenario.digest():
-            return {name: rule["parameters"] for name, rule in values["rules"].items()}
+            tuned_rules: dict[str, dict[str, Any]] = values["rules"]
+            return tuned_rules
     found = "were tuned for other values" if own else "have not been tuned"
     raise NotTuned(f"the rules of scenario {scenario.name!r} {found}: run `{_COMMAND}`")
 
 
 def setting(name: str, rule: Rule, scenario: Scenario) -> Parameters:
-    """Tuned parameters of one rule for a scenario, which are those of another if that is the only one that it is tuned on.
+    """Return the tuned parameters of one rule for a scenario: those of ``rule.tuned_on`` if it is tuned there alone.
 
     Raises:
         NotTuned: there are none for this scenario, or they are not those that the rule has; says which command makes them.
     """
     if rule.tuned_on is not None:
         scenario = Scenario.load(rule.tuned_on)
-    known = parameters(scenario)
-    if name not in known or known[name].keys() != rule.ranges.keys():
-        found = "was tuned in other parameters" if name in known else "has not been tuned"
-        raise NotTuned(f"{name} {found} for scenario {scenario.name!r}: run `{_COMMAND} --rules {name}`")
-    return known[name]
+    known = rules(scenario)
+    if name not in known:
+        found = "has not been tuned"
+    elif known[name].get("version", 1) != rule.version:
+        found = f"was tuned in version {known[name].get('version', 1)}, and is now version {rule.version},"
+    elif known[name]["parameters"].keys() != rule.ranges.keys():
+        found = "was tuned in other parameters"
+    else:
+        return dict(known[name]["parameters"])
+    raise NotTuned(f"{name} {found} for scenario {scenario.name!r}: run `{_COMMAND} --rules {name}`")

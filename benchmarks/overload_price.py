@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     draws = tuning_seeds(options.draws)
     scenario = Scenario.load("rough_turning")
-    smoothing = tuned.parameters(scenario)["rescaled_grid_search"]["smoothing"]
+    smoothing = tuned.rules(scenario)["rescaled_grid_search"]["smoothing"]
     played = [
         play(partial(RescaledGridSearch, scenario, margin=margin, smoothing=smoothing), scenario, draws)
         for margin in tqdm(MARGINS, unit="margin", disable=None)

@@ -15,7 +15,7 @@ from mkdocs.structure.files import File, Files
 
 import turning_env
 from leaderboard import page
-from leaderboard.board import Board, read_boards
+from leaderboard.ranking import Leaderboard, read_leaderboards
 
 ROOT = Path(__file__).parents[1]
 LEADERBOARD = "leaderboard-page.html"
@@ -30,7 +30,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def pages() -> dict[str, str]:
     """Text by path of all pages that are made."""
-    boards = read_boards(ROOT / "leaderboard" / "results", {})
+    boards = read_leaderboards(ROOT / "leaderboard" / "results", {})
     others = [_specification(env_id, 2) for env_id in turning_env.IDS if env_id != "RoughTurning-v0"]
     return {
         "index.md": _from_root("README.md"),
@@ -102,7 +102,7 @@ def _allowed(field: dict[str, Any]) -> str:
     return f"{field['minimum']:g} to {field['maximum']:g}" if "minimum" in field and "maximum" in field else ""
 
 
-def _leaderboard(boards: list[Board]) -> Iterator[str]:
+def _leaderboard(boards: list[Leaderboard]) -> Iterator[str]:
     yield "# Leaderboard\n"
     yield f"[The whole leaderboard]({LEADERBOARD}), with intervals, limits, splits and courses of what was played."
     yield "The first of each task:\n"

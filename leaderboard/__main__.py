@@ -1,6 +1,6 @@
 """Rank policies on common draws.
 
-    python -m leaderboard run --draws 16 --policies fixed_tuned predictive
+    python -m leaderboard run --seeds 16 --policies fixed_tuned predictive
     python -m leaderboard show --results leaderboard/results
 
 Each command has a help of its own, with an example.
@@ -13,24 +13,26 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from leaderboard import generalisation, machine_readable, table
-from leaderboard.board import Board, read_board, read_boards
-from leaderboard.private_seeds import PUBLIC, PrivateDraws
-from leaderboard.result import ResultError, Task, current_digests, result_folder
+from leaderboard.private_seeds import PUBLIC, PrivateSeeds
+from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
+from leaderboard.result import ResultError, Task, result_folder
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
 from turning_env.score.seeds import held_out_seeds
 from turning_env.score.workers import WorkersError, workers
 
 PAGE = "index.html"
+SHIPPED = Path("leaderboard/results")
+"""The results that come with the project."""
 SPLITS_ENV_ID = "RoughTurning-v0"
 """Of which there are splits."""
 
 
-_RUN = """Play policies on held-out draws, then print the ranking and write the page. What has been played is not played again.
+_RUN = """Play policies on held-out seeds, then print the ranking and write the page. What has been played is not played again.
 
-    python -m leaderboard run --draws 16 --policies fixed_tuned predictive
+    python -m leaderboard run --seeds 16 --policies fixed_tuned predictive
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --jobs 2
-    python -m leaderboard run --agents my-agents/ppo-seed1.onnx --draws private_draws.txt --results private_results
+    python -m leaderboard run --agents my-agents/ppo-seed1.onnx --seeds private_seeds.txt --results private_results
 """
 _SHOW = """Print the ranking of every environment and scenario that the results' folder holds.
 
@@ -43,12 +45,12 @@ _PAGE = """Write all rankings as one HTML file.
 """
 _VERIFY = """Play the project's own results again. The exit status is 1 if a number does not come back bit for bit.
 
-    python -m leaderboard verify --draws 4
+    python -m leaderboard verify --seeds 4
     python -m leaderboard verify --env RoughTurning-Surface-v0 --jobs 2
 """
 _CARDS = """Write the model card of every agent in the agents' folder.
 
-    python -m leaderboard cards --rows leaderboard/results --agents agents
+    python -m leaderboard cards --results leaderboard/results --agents agents
 """
 _FIGURE = """Draw the ranking for print.
 
@@ -56,7 +58,7 @@ _FIGURE = """Draw the ranking for print.
 """
 _GALLERY = """Draw what a few policies do on the same bars.
 
-    python -m leaderboard gallery --policies grid_search predictive --draws 3 --out docs/gallery
+    python -m leaderboard gallery --policies grid_search predictive --seeds 3 --out docs/gallery
 """
 
 
@@ -73,68 +75,68 @@ def _run(options: argparse.Namespace) -> None:
     from leaderboard import run  # needed only here: plays
 
     task, private = _task(options)
-    tasks = [task, *(_splits(task, options.split_draws) if options.splits else [])]
-    rounds = []
+    tasks = [task, *(_splits(task, options.split_seeds) if options.splits else [])]
+    runs = []
     for each in tasks:  # all of them first: what cannot be played is found before anything is
-        contestants = [
+        policies = [
             *run.named(options.policies, each.scenario, None if each is task else task.scenario),
             *run.agents(options.agents, each.scenario),
         ]
-        if not contestants:
+        if not policies:
             raise ResultError("there is nothing to play: name a policy or give an agent")
-        rounds.append(run.Round(each, contestants, result_folder(options.results, each.env_id, each.scenario.name), private))
-    digests = {each.folder: current_digests(each.task).task for each in rounds}
+        runs.append(run.TaskRun(each, policies, result_folder(options.results, each.env_id, each.scenario.name), private))
+    played = {each.folder: each.task for each in runs}
     with workers(options.jobs, options.scheduler) as over:
         try:
-            run.play_all(rounds, options.fresh, over)
-        except run.PlayersFailed:
-            boards = []
-            for folder, digest in digests.items():
+            run.play_all(runs, options.fresh, over)
+        except run.PoliciesFailed:
+            ranked = []
+            for folder, its_task in played.items():
                 with contextlib.suppress(ResultError):  # where nobody could play there is nothing to show
-                    boards.append(read_board(folder, digest))
-            _print(boards, options.json)
+                    ranked.append(read_leaderboard(folder, its_task))
+            _print(ranked, options.json)
             raise
-    _print([read_board(folder, digest) for folder, digest in digests.items()], options.json)
+    _print([read_leaderboard(folder, its_task) for folder, its_task in played.items()], options.json)
     path = options.results / PAGE
-    _write_page(read_boards(options.results, digests), path)
+    _write_page(read_leaderboards(options.results, played), path)
     print(f"wrote {path}", file=sys.stderr if options.json else sys.stdout)
 
 
-def _task(options: argparse.Namespace) -> tuple[Task, PrivateDraws | None]:
+def _task(options: argparse.Namespace) -> tuple[Task, PrivateSeeds | None]:
     """What is played, and the seeds of the draws if these are private."""
-    given = options.draws
-    task = Task(env_id=options.env, scenario=_scenario(options), draws=[] if isinstance(given, Path) else given)
+    given = options.seeds
+    task = Task(env_id=options.env, scenario=_scenario(options), seeds=[] if isinstance(given, Path) else given)
     if not isinstance(given, Path):
         return task, None
-    private = PrivateDraws.read(given)
+    private = PrivateSeeds.read(given)
     if options.splits:
-        raise ResultError("splits are played on held-out draws: give --scenario and --draws FILE for each of them")
+        raise ResultError("splits are played on held-out seeds: give --scenario and --seeds FILE for each of them")
     if private.public:
-        print(f"warning: {private.public} draws of {given} are below {PUBLIC}, and so no secret", file=sys.stderr)
+        print(f"warning: {private.public} seeds of {given} are below {PUBLIC}, and so no secret", file=sys.stderr)
     return private.task_of(task), private
 
 
-def _splits(task: Task, draws: list[int]) -> list[Task]:
+def _splits(task: Task, seeds: list[int]) -> list[Task]:
     """The tasks on which policies made for the task's scenario meet, on these draws, what they were not made for."""
     if task.env_id != SPLITS_ENV_ID:
         raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID}")
-    return [task.model_copy(update={"scenario": Scenario.load(name), "draws": draws}) for name in SPLITS]
+    return [task.model_copy(update={"scenario": Scenario.load(name), "seeds": seeds}) for name in SPLITS]
 
 
 def _show(options: argparse.Namespace) -> None:
-    _print(read_boards(options.results, {}), options.json)
+    _print(read_leaderboards(options.results), options.json)
 
 
 def _page(options: argparse.Namespace) -> None:
     path = options.out or options.results / PAGE
-    _write_page(read_boards(options.results, {}), path)
+    _write_page(read_leaderboards(options.results), path)
     print(f"wrote {path}")
 
 
 def _figure(options: argparse.Namespace) -> None:
     from leaderboard import figure  # needed only here: imports Matplotlib
 
-    figure.write(read_board(result_folder(options.results, options.env, _scenario(options).name)), options.out)
+    figure.write(read_leaderboard(result_folder(options.results, options.env, _scenario(options).name)), options.out)
     print(f"wrote {options.out}")
 
 
@@ -143,10 +145,10 @@ def _gallery(options: argparse.Namespace) -> None:
 
     scenario = _scenario(options)
     players = [*run.named(options.policies, scenario), *run.agents(options.agents, scenario)]
-    courses = gallery.play(players, scenario, options.draws)
+    courses = gallery.play(players, scenario, options.seeds)
     written = gallery.write(courses, options.out)
     if options.json:
-        told = {"env_id": options.env, "scenario": scenario.name, "draws": options.draws, "policies": behaviour.as_json(courses)}
+        told = {"env_id": options.env, "scenario": scenario.name, "seeds": options.seeds, "policies": behaviour.as_json(courses)}
         print_json(told)
         return
     print(behaviour.render(courses))
@@ -160,19 +162,27 @@ def _verify(options: argparse.Namespace) -> int:
     from leaderboard import verify  # needed only here: plays
 
     selection = verify.Selection(options.env, options.scenario, options.policies)
+    if options.check:
+        complaints = verify.check(options.results, options.agents, selection)
+        for complaint in complaints:
+            print(complaint)
+        print(f"{len(complaints)} complaints" if complaints else "every result is valid")
+        return FAILED if complaints else DONE
+    if options.fresh:
+        options.memory.unlink(missing_ok=True)
     with workers(options.jobs, options.scheduler) as over:
-        complaints = verify.verify(options.rows, options.agents, selection, options.memory, options.fresh, options.draws, over)
+        complaints = verify.verify(options.results, options.agents, selection, options.memory, options.seeds, over)
     for complaint in complaints:
         print(complaint)
-    what = "every row" if options.draws is None else "the start of every row"
-    print(f"{len(complaints)} complaints" if complaints else f"{what} came back bit for bit")
+    what = "every result" if options.seeds is None else "the start of every result"
+    print(f"{len(complaints)} complaints" if complaints else f"{what} came back")
     return FAILED if complaints else DONE
 
 
 def _cards(options: argparse.Namespace) -> None:
     from leaderboard import cards  # needed only here: imports Jinja2 and ONNX
 
-    for path in cards.write_all(options.rows, options.agents):
+    for path in cards.write_all(options.results, options.agents):
         print(f"wrote {path}")
 
 
@@ -180,38 +190,38 @@ def _scenario(options: argparse.Namespace) -> Scenario:
     return Scenario.load(options.scenario or IDS[options.env])
 
 
-def _print(boards: Sequence[Board], as_json: bool) -> None:
+def _print(leaderboards: Sequence[Leaderboard], as_json: bool) -> None:
     if as_json:
-        print_json(machine_readable.as_data(boards))
-    for board in boards:
+        print_json(machine_readable.as_data(leaderboards))
+    for each in leaderboards:
         if not as_json:
-            print(table.render(board) + "\n")
-        if board.left_out:
-            names = ", ".join(str(path) for path in board.left_out)
-            why = "they are of other scenario values, draws, versions or code"
+            print(table.render(each) + "\n")
+        if each.left_out:
+            names = ", ".join(str(path) for path in each.left_out)
+            why = "they are of other scenario values, seeds or versions"
             print(f"left out, as {why}: {names}", file=sys.stderr)
-    if not as_json and (across := generalisation.across(boards)) is not None:
+    if not as_json and (across := generalisation.across(leaderboards)) is not None:
         print(generalisation.render(across) + "\n")
 
 
-def _write_page(boards: Sequence[Board], path: Path) -> None:
+def _write_page(leaderboards: Sequence[Leaderboard], path: Path) -> None:
     from leaderboard import page  # needed only here: imports Jinja2
 
-    page.write(boards, path)
+    page.write(leaderboards, path)
 
 
-def _draws(text: str) -> list[int]:
+def _seeds(text: str) -> list[int]:
     try:
         return held_out_seeds(int(text))
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
 
 
-def _draws_or_file(text: str) -> list[int] | Path:
+def _seeds_or_file(text: str) -> list[int] | Path:
     if text.lstrip("+-").isdecimal():
-        return _draws(text)
+        return _seeds(text)
     if not Path(text).suffix and not Path(text).is_file():  # a file that is missing is an error of its own
-        raise argparse.ArgumentTypeError(f"{text!r} is neither a number of held-out draws nor a file of private ones")
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a number of held-out seeds nor a file of private ones")
     return Path(text)
 
 
@@ -245,13 +255,15 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser(
         "run", parents=[results, printed, environment, elsewhere], help="play policies, then show and page", **described(_RUN)
     )
-    which = "number of held-out draws (default: 256), or a file of private ones, whose rows should go to --results of their own"
-    run.add_argument("--draws", type=_draws_or_file, default="256", metavar="DRAWS", help=which)
+    which = (
+        "number of held-out seeds (default: 256), or a file of private ones, whose results should go to --results of their own"
+    )
+    run.add_argument("--seeds", type=_seeds_or_file, default="256", metavar="SEEDS", help=which)
     run.add_argument("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all)")
     run.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders of your own")
     run.add_argument("--splits", action="store_true", help=f"also play the splits: {', '.join(SPLITS)}")
-    on_each = "number of held-out draws of each split (default: 32)"
-    run.add_argument("--split-draws", type=_draws, default="32", metavar="DRAWS", help=on_each)
+    on_each = "number of held-out seeds of each split (default: 32)"
+    run.add_argument("--split-seeds", type=_seeds, default="32", metavar="SEEDS", help=on_each)
     run.add_argument("--fresh", action="store_true", help="play again what has been played")
     run.set_defaults(command=_run)
 
@@ -263,7 +275,7 @@ def _parser() -> argparse.ArgumentParser:
     page.set_defaults(command=_page)
 
     shipped = argparse.ArgumentParser(add_help=False)
-    shipped.add_argument("--rows", type=Path, default=Path("leaderboard/results"), help="results (default: leaderboard/results)")
+    shipped.add_argument("--results", type=Path, default=SHIPPED, help="folder of the results (default: leaderboard/results)")
     shipped.add_argument("--agents", type=Path, default=Path("agents"), help="agents' ONNX files (default: agents)")
 
     verify = commands.add_parser(
@@ -275,10 +287,11 @@ def _parser() -> argparse.ArgumentParser:
     verify.add_argument("--env", choices=IDS, help="only of this id")
     verify.add_argument("--scenario", metavar="NAME", help="only on this scenario")
     verify.add_argument("--policies", nargs="+", metavar="NAME", help="only of these policies")
-    quick = "a quick look: only the first draws of each row"
-    verify.add_argument("--draws", type=_positive, metavar="N", help=quick)
-    verify.add_argument("--fresh", action="store_true", help="play again what came back before with the same code")
-    memory = "where it is kept what came back (default: results/verified.json)"
+    quick = "a quick look: only the first seeds of each result"
+    verify.add_argument("--seeds", type=_positive, metavar="N", help=quick)
+    verify.add_argument("--check", action="store_true", help="play nothing: see that results are of today's versions and values")
+    verify.add_argument("--fresh", action="store_true", help="play again also what came back before an interruption")
+    memory = "where it is kept what came back, until all has (default: results/verified.json)"
     verify.add_argument("--memory", type=Path, default=Path("results/verified.json"), metavar="FILE", help=memory)
     verify.set_defaults(command=_verify)
 
@@ -294,7 +307,7 @@ def _parser() -> argparse.ArgumentParser:
     gallery = commands.add_parser(
         "gallery", parents=[environment], help="draw what a few policies do on the same bars", **described(_GALLERY)
     )
-    gallery.add_argument("--draws", type=_draws, default="3", help="number of held-out draws (default: 3)")
+    gallery.add_argument("--seeds", type=_seeds, default="3", help="number of held-out seeds (default: 3)")
     gallery.add_argument("--policies", nargs="*", default=[], metavar="NAME", help="rule-based controllers")
     gallery.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders")
     gallery.add_argument("--out", type=Path, default=Path("docs/gallery"), help="folder of pictures (default: docs/gallery)")

@@ -8,10 +8,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from leaderboard.contestants import Contestant
 from leaderboard.result import ResultError
-from leaderboard.trajectories import play_course
+from leaderboard.trajectories import play_trajectory
 from turning_env import Scenario
+from turning_env.score.policy import PolicySpec
 
 Array = NDArray[np.float64]
 
@@ -48,16 +48,16 @@ class Course:
     series: dict[str, Array]
 
     @classmethod
-    def of(cls, contestant: Contestant, scenario: Scenario, draw: int) -> Self:
+    def of(cls, contestant: PolicySpec, scenario: Scenario, draw: int) -> Self:
         """Play it.
 
         Raises:
             ResultError: the policy's actions have the wrong shape or are not finite.
         """
         try:
-            series = play_course(contestant.make, scenario, draw, (*_SERIES, *_SUMS))
+            series = play_trajectory(contestant.make, scenario, draw, (*_SERIES, *_SUMS))
         except ValueError as error:
-            raise ResultError(f"{contestant.policy.label} cannot play: {error}") from error
+            raise ResultError(f"{contestant.label} cannot play: {error}") from error
         return cls(draw, scenario, {name: np.array(values) for name, values in series.items()})
 
     def __getitem__(self, name: str) -> Array:

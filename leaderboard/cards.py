@@ -9,13 +9,12 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from leaderboard import columns, generalisation
-from leaderboard.board import Board, read_board
 from leaderboard.columns import Cell, Column
+from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import ResultError, result_files, result_folder, write_whole
 from leaderboard.standings import Standing
 from train.agents import agent_file
-from train.agents.agent_file import AgentFile, Space
-from train.agents.trained import ONNX_SUFFIX
+from train.agents.agent_file import ONNX_SUFFIX, AgentFile, Space
 from turning_env import SPLITS, Scenario
 
 _ALIKE = ("algorithm", "env_id", "scenario", "parameters", "trained_steps", "versions")
@@ -28,7 +27,7 @@ class Card:
 
     files: list[AgentFile]
     """One per training seed."""
-    board: Board
+    board: Leaderboard
     across: generalisation.Across | None
     example: Path
 
@@ -95,7 +94,7 @@ class Card:
     @property
     def draws(self) -> int:
         """On how many it was scored."""
-        return len(self.board.task.draws)
+        return len(self.board.task.seeds)
 
     @property
     def standing(self) -> Standing:
@@ -112,7 +111,7 @@ class Card:
     def elsewhere(self) -> list[tuple[str, Cell, bool]]:
         """Of each other scenario: return, and whether it is feasible there."""
         across = self.across
-        if across is None or across.made_for != self.scenario.name or self.name not in across.rows:
+        if across is None or across.tuned_for != self.scenario.name or self.name not in across.rows:
             return []
         cells = [(name, across.cell(self.name, name), across.feasible(self.name, name)) for name in across.scenarios[1:]]
         return [(name, cell, feasible) for name, cell, feasible in cells if cell is not None]
@@ -132,7 +131,7 @@ def write_all(rows: Path, agents: Path) -> list[Path]:
     for folder in folders:
         board, across = _results(rows, *folder.parts[-2:])
         for name, files in _agents(folder).items():
-            scored = {result.policy.label: result.policy.digest for result in board.results}
+            scored = {result.policy.label: result.policy.sha256 for result in board.results}
             for file in files:
                 if scored.get(file.label) != file.digest:
                     raise ResultError(f"{folder / file.label}{ONNX_SUFFIX} has no results in {rows}: play it first")
@@ -150,11 +149,11 @@ def render(card: Card) -> str:
     return templates.get_template("model_card.md.j2").render(card=card) + "\n"
 
 
-def _results(rows: Path, env_id: str, scenario: str) -> tuple[Board, generalisation.Across | None]:
+def _results(rows: Path, env_id: str, scenario: str) -> tuple[Leaderboard, generalisation.Across | None]:
     """The board of a scenario, and the table over it and its splits."""
-    board = read_board(result_folder(rows, env_id, scenario))
+    board = read_leaderboard(result_folder(rows, env_id, scenario))
     splits = [folder for name in SPLITS if result_files(folder := result_folder(rows, env_id, name)) and name != scenario]
-    return board, generalisation.across([board, *map(read_board, splits)])
+    return board, generalisation.across([board, *map(read_leaderboard, splits)])
 
 
 def _agents(folder: Path) -> dict[str, list[AgentFile]]:

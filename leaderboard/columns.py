@@ -78,7 +78,7 @@ SCORE = (
         "%",
         "Share of the way from the rescaled grid search to the causal reference, which knows the present state perfectly but not "
         "what is to come.",
-        lambda s: s.way_gone,
+        lambda s: s.gap_closed,
         0,
         100,
     ),
@@ -202,11 +202,11 @@ WORKSHOP = _of_play(
             100,
         ),
         Column(
-            "productivity",
+            "removal_rate",
             "cm3/min",
             "Metal removed over all time: machine time, edge changes and the downtime of breakages. An edge that the time limit "
             "leaves unfinished is charged its used share of a change.",
-            lambda s: s.productivity,
+            lambda s: s.removal_rate,
             1,
         ),
         Column(

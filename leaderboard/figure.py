@@ -8,28 +8,28 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import SymmetricalLogLocator
 
-from leaderboard.board import Board
+from leaderboard.ranking import Leaderboard
 from leaderboard.result import ResultError
-from leaderboard.standings import references
+from leaderboard.standings import comparators
 from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
 from turning_env.files import replace_file
 from turning_env.workshop.plot_style import BLUE, GREY, ORANGE, VERMILLION
 
 
-def write(board: Board, path: Path) -> None:
+def write(board: Leaderboard, path: Path) -> None:
     """Draw a board as a PNG, all of it or nothing.
 
     Raises:
         ResultError: fewer than two trajectories were recorded, or the file cannot be written.
     """
     recorded = board.trajectories.episodes if board.trajectories else []
-    episodes = [episode for episode in recorded if episode.draw == recorded[0].draw]
+    episodes = [episode for episode in recorded if episode.seed == recorded[0].seed]
     if len(episodes) < 2:
         what = f"{board.task.env_id} on scenario {board.task.scenario.name}"
         raise ResultError(f"two trajectories are needed; python -m leaderboard run records those of {what}")
     # The first of the ranking against the published controller, or against the next.
-    published = references(board.task.scenario).published
+    published = comparators(board.task.scenario).published
     second = next((episode for episode in episodes[1:] if episode.policy.name == published), episodes[1])
     figure = Figure(figsize=(10, max(4.2, 1.2 + 0.26 * len(board.standings))), layout="constrained")
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.1))[0]
@@ -41,18 +41,18 @@ def write(board: Board, path: Path) -> None:
         raise ResultError(f"{path} cannot be written: {error.strerror}") from error
 
 
-def _intervals(axes: Axes, board: Board) -> None:
-    fixed = references(board.task.scenario).fixed
+def _intervals(axes: Axes, board: Leaderboard) -> None:
+    fixed = comparators(board.task.scenario).fixed
     # References first: nobody can be better.
-    standings = sorted(board.standings, key=lambda standing: standing.kind != "reference")
+    standings = sorted(board.standings, key=lambda standing: standing.kind != "oracle")
     for place, standing in enumerate(standings):
         estimate, colour = standing.mean_return, BLUE if standing.feasible else VERMILLION
-        colour = GREY if standing.kind == "reference" else colour
+        colour = GREY if standing.kind == "oracle" else colour
         axes.plot([estimate.low, estimate.high], [place, place], color=colour)
         axes.plot(estimate.value, place, "o", color=colour, markerfacecolor=colour if standing.feasible else "white")
         if standing.name == fixed:
             axes.axvline(estimate.value, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
-    labels = [f"({standing.name})" if standing.kind == "reference" else standing.name for standing in standings]
+    labels = [f"({standing.name})" if standing.kind == "oracle" else standing.name for standing in standings]
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.5, -0.5)
     # Logarithmic away from 0: the poorest policies lie many times farther off than the best lie apart.
@@ -64,7 +64,7 @@ def _intervals(axes: Axes, board: Board) -> None:
     axes.xaxis.set_major_formatter("{x:.0f}")
     axes.set_xlabel("mean return with 95 % interval [s], log scale")
     axes.set_title(
-        f"{len(board.task.draws)} held-out draws\nhollow: not feasible; grey: references", loc="left", fontsize="small"
+        f"{len(board.task.seeds)} held-out draws\nhollow: not feasible; grey: references", loc="left", fontsize="small"
     )
     axes.grid(axis="x", linewidth=0.4)
     axes.spines[["top", "right", "left"]].set_visible(False)

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from leaderboard.board import Board
 from leaderboard.columns import RETURNS, Cell
-from leaderboard.result import MadeFor
+from leaderboard.ranking import Leaderboard
 from leaderboard.standings import Standing
 from turning_env import SPLITS
+from turning_env.score.policy import ScenarioId
 
 NOT_ADMISSIBLE = "NO"
 
@@ -16,7 +16,7 @@ NOT_ADMISSIBLE = "NO"
 class Across:
     """Policies over scenarios."""
 
-    made_for: str
+    tuned_for: str
     """The scenario to which the rules are tuned and on which the agents are trained: the first column."""
     scenarios: list[str]
     rows: dict[str, dict[str, Standing]]
@@ -33,33 +33,33 @@ class Across:
         return standing is None or standing.feasible
 
 
-def across(boards: Sequence[Board]) -> Across | None:
+def across(boards: Sequence[Leaderboard]) -> Across | None:
     """The table over the boards that are splits of another one among them; None if there are none.
 
     A policy counts on a split if it was made for the other board's scenario; so does a reference, which is made for none.
     """
     splits = {board.task.scenario.name: board for board in boards if board.task.scenario.name in SPLITS}
-    stamps = [result.policy.made_for for board in splits.values() for result in board.results]
+    stamps = [result.policy.tuned_for for board in splits.values() for result in board.results]
     for base in boards:
-        stamp = MadeFor.of(base.task.scenario)
+        stamp = ScenarioId.of(base.task.scenario)
         if stamp not in stamps or base.task.scenario.name in splits:
             continue
         chosen = [board for name in SPLITS if (board := splits.get(name)) and board.task.env_id == base.task.env_id]
         rows: dict[str, dict[str, Standing]] = {standing.name: {} for standing in base.standings}
         for board in (base, *chosen):
             counted = {
-                each.policy.name for each in board.results if each.policy.made_for == stamp or each.policy.kind == "reference"
+                each.policy.name for each in board.results if each.policy.tuned_for == stamp or each.policy.kind == "oracle"
             }
             for standing in board.standings:
                 if standing.name in rows and (board is base or standing.name in counted):
                     rows[standing.name][board.task.scenario.name] = standing
-        return Across(stamp.scenario, [board.task.scenario.name for board in (base, *chosen)], rows)
+        return Across(stamp.name, [board.task.scenario.name for board in (base, *chosen)], rows)
     return None
 
 
 def render(table: Across) -> str:
     """The table as text."""
-    head = f"return [s] of policies made for {table.made_for} where they were not made for; {NOT_ADMISSIBLE}: not feasible"
+    head = f"return [s] of policies made for {table.tuned_for} where they were not made for; {NOT_ADMISSIBLE}: not feasible"
     rows = [["policy", *table.scenarios]]
     for policy in table.rows:
         row = [policy]

@@ -1,9 +1,9 @@
-"""Seeds that only those know who score: what has learned the public draws by heart cannot know these.
+"""Seeds known only to those who score: a policy that has learned the public seeds by heart cannot know these.
 
-A file holds them, as text with one number per line (``#`` begins a remark) or as a JSON list. The rows that are played on them
+A file holds them, as text with one number per line (``#`` begins a remark) or as a JSON list. The results that are played on them
 hold their digest and not the seeds. So that these cannot be found by trying, they should be drawn from all that there are:
 
-    python -c "import secrets; print(*(secrets.randbits(64) for _ in range(256)), sep='\\n')" > private_draws.txt
+    python -c "import secrets; print(*(secrets.randbits(64) for _ in range(256)), sep='\\n')" > private_seeds.txt
 """
 
 import json
@@ -16,14 +16,14 @@ from leaderboard.result import ResultError, Task, digest_of
 from turning_env.batch.driver import MAX_SEED
 from turning_env.score.seeds import HELD_OUT_START
 
-MAX_DRAWS = 1_000_000
+MAX_SEEDS = 1_000_000
 MAX_BYTES = 32_000_000
-PUBLIC = HELD_OUT_START + MAX_DRAWS
+PUBLIC = HELD_OUT_START + MAX_SEEDS
 """Of lower seeds all may have been trained on, tuned on or looked at."""
 
 
 @dataclass(frozen=True)
-class PrivateDraws:
+class PrivateSeeds:
     """The seeds of a file."""
 
     seeds: Sequence[int]
@@ -43,29 +43,29 @@ class PrivateDraws:
                 raise ValueError(f"it is larger than {MAX_BYTES} bytes")
             seeds = [_seed(entry) for entry in _entries(content.decode("utf-8"))]
         except OSError as error:
-            raise ResultError(f"the draws of {path} cannot be read: {error.strerror}") from error
+            raise ResultError(f"the seeds of {path} cannot be read: {error.strerror}") from error
         except (ValueError, RecursionError) as error:
-            raise ResultError(f"the draws of {path} cannot be used: {error}") from error
-        if not 1 <= len(seeds) <= MAX_DRAWS:
-            raise ResultError(f"{path} holds {len(seeds)} draws, but must hold 1 to {MAX_DRAWS}")
+            raise ResultError(f"the seeds of {path} cannot be used: {error}") from error
+        if not 1 <= len(seeds) <= MAX_SEEDS:
+            raise ResultError(f"{path} holds {len(seeds)} seeds, but must hold 1 to {MAX_SEEDS}")
         if len(set(seeds)) != len(seeds):
             seen: set[int] = set()
             twice = next(seed for seed in seeds if seed in seen or seen.add(seed))  # type: ignore[func-returns-value]
-            raise ResultError(f"{path} holds the draw {twice} twice")
+            raise ResultError(f"{path} holds the seed {twice} twice")
         return cls(tuple(seeds))
 
     @property
     def public(self) -> int:
-        """How many of them are no secret: see ``PUBLIC``."""
+        """Return how many of them are no secret: see ``PUBLIC``."""
         return sum(seed < PUBLIC for seed in self.seeds)
 
     def task_of(self, task: Task) -> Task:
-        """A task on these draws, which names their places in the file and their digest."""
-        return task.model_copy(update={"draws": list(range(len(self.seeds))), "private": digest_of(list(self.seeds))})
+        """Return a task on these seeds, which names their places in the file and their digest."""
+        return task.model_copy(update={"seeds": list(range(len(self.seeds))), "private": digest_of(list(self.seeds))})
 
 
 def _entries(text: str) -> Sequence[Any]:
-    """The numbers of a file, not yet checked."""
+    """Return the numbers of a file, not yet checked."""
     if not text.lstrip().startswith(("[", "{")):
         return " ".join(line.partition("#")[0] for line in text.splitlines()).split()
     entries = json.loads(text)

@@ -1,36 +1,33 @@
-"""Result files: what one policy did on one task, episode by episode. Everything shown is computed from these rows.
+"""Result files: what one policy did on one task, episode by episode. Everything shown is computed from them.
 
-They are JSON, compressed with xz (``xzcat`` shows it): floats come back bit for bit, in less than a third of the space.
+A result is identified by its meaning: the environment's id, the model's version, the values in which the scenario differs from
+the defaults, the seeds, and the policy (``PolicySpec.identity``). Neither source files nor package versions decide whether it is
+valid.
+
+Results are JSON, compressed with xz (``xzcat`` shows it), as their floats come back bit for bit in a quarter of the space. What a
+reviewer reads is ``manifest.json`` beside them: the task, and for every policy the main numbers and the SHA-256 of its result.
 """
 
 import hashlib
 import json
 import lzma
-import re
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    JsonValue,
-    SerializerFunctionWrapHandler,
-    ValidationError,
-    field_validator,
-    model_serializer,
-    model_validator,
-)
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, model_validator
 
-from baselines.code import code_digest
-from turning_env import Scenario
+from turning_env import MODEL_VERSION
 from turning_env.files import replace_file
+from turning_env.scenario import PortableScenario
 from turning_env.score.play import EPISODE_FIELDS, Episodes
+from turning_env.score.policy import PolicySpec
 
-SCHEMA: Literal["rough-turning/results/3"] = "rough-turning/results/3"
+SCHEMA: Literal["rough-turning/result/4"] = "rough-turning/result/4"
 TRAJECTORIES_FILE = "trajectories.json.xz"
+MANIFEST_FILE = "manifest.json"
 SUFFIX = ".json.xz"
 MAX_BYTES = 200_000_000
 """Of a file, uncompressed."""
@@ -47,161 +44,145 @@ class Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
 
+def _expanded(value: Any) -> Any:
+    if not isinstance(value, str):
+        return value
+    first, _, last = value.partition("..")
+    if not (first.isdecimal() and last.isdecimal() and 0 <= int(last) - int(first) < 10_000_000):
+        raise ValueError(f"{value!r} is not a range of seeds like 0..255")
+    return list(range(int(first), int(last) + 1))
+
+
+def _compact(seeds: list[int]) -> str | list[int]:
+    whole = bool(seeds) and seeds == list(range(seeds[0], seeds[0] + len(seeds)))
+    return f"{seeds[0]}..{seeds[-1]}" if whole else seeds
+
+
+Seeds = Annotated[list[int], BeforeValidator(_expanded), PlainSerializer(_compact)]
+"""Seeds; in a file, ``first..last`` where they follow one another."""
+
+
 class Task(Part):
-    """What every policy of one ranking plays."""
+    """What every policy of one leaderboard plays."""
 
     env_id: str
-    scenario: Scenario
-    draws: list[int]
-    """One episode of each of these seeds; or, if they are private, of the seeds at these places of their file."""
+    model_version: int = MODEL_VERSION
+    scenario: PortableScenario
+    seeds: Seeds
+    """One episode of each; private seeds are named by their places in their file."""
     private: str | None = None
-    """SHA-256 of private seeds: see ``private_draws.py``."""
+    """SHA-256 of private seeds: see ``private_seeds.py``."""
 
     @model_validator(mode="after")
     def _names_places(self) -> Self:
-        if self.private is not None and self.draws != list(range(len(self.draws))):
-            raise ValueError("draws that are private must be named by their places, 0 and up")
-        return self
-
-    @model_serializer(mode="wrap")
-    def _as_before_there_were_private_ones(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        values: dict[str, Any] = serialize(self)
-        return values if self.private is not None else {name: value for name, value in values.items() if name != "private"}
-
-
-class Digests(Part):
-    """SHA-256 of what decides a result beside the policy; results whose ``task`` differs are never ranked together."""
-
-    scenario: str
-    draws: str
-    code: str
-    """Of the Python sources of ``turning_env`` and ``baselines``: what plays, and the rules."""
-    task: str
-    """Of the three, and of the version of the environment."""
-
-    @classmethod
-    def of(cls, task: Task, environment_version: str, code: str) -> Self:
-        """The digests of a task as played by one version of ``rough-turning`` with the sources of digest ``code``."""
-        scenario, draws = task.scenario.digest(), task.private or digest_of(task.draws)
-        whole = digest_of([environment_version, scenario, draws, code])
-        return cls(scenario=scenario, draws=draws, code=code, task=whole)
-
-
-class MadeFor(Part):
-    """The scenario that a policy was tuned or trained on."""
-
-    scenario: str
-    """Its name."""
-    digest: str
-
-    @field_validator("scenario")
-    @classmethod
-    def _names_no_path(cls, scenario: str) -> str:
-        if not re.fullmatch(r"(?!\.)[A-Za-z0-9_.-]{1,64}", scenario):
-            raise ValueError(f"{scenario!r} cannot be a scenario's name")
-        return scenario
-
-    @classmethod
-    def of(cls, scenario: Scenario) -> Self:
-        """Of a scenario."""
-        return cls(scenario=scenario.name, digest=scenario.digest())
-
-
-class PolicyRecord(Part):
-    """Who played."""
-
-    name: str
-    kind: Literal["rule", "agent", "reference"]
-    """A reference is no policy: it is computed from what no policy is told."""
-    description: str
-    parameters: dict[str, JsonValue]
-    digest: str
-    """SHA-256 of what it acts by: a rule's parameters, an agent's ONNX file, or all that its training's folder holds."""
-    training_seed: int | None
-    """Of an agent. Agents of one name and several training seeds are one policy on the board."""
-    command: str | None
-    """What trained an agent."""
-    made_for: MadeFor | None = None
-    """None: the scenario that is played."""
-
-    @field_validator("name")
-    @classmethod
-    def _names_a_file(cls, name: str) -> str:
-        if not re.fullmatch(r"(?!\.)[^/\\\0-\x1f\x7f-\x9f]+", name) or f"{name}{SUFFIX}" == TRAJECTORIES_FILE:
-            raise ValueError(f"{name!r} cannot be a policy's name, as its results are kept in a file of that name")
-        return name
-
-    @model_validator(mode="after")
-    def _agents_have_seeds(self) -> Self:
-        if (self.kind == "agent") != (self.training_seed is not None):
-            raise ValueError(f"training_seed is {self.training_seed}, but an agent has one and others have none")
+        if self.private is not None and self.seeds != list(range(len(self.seeds))):
+            raise ValueError("seeds that are private must be named by their places, 0 and up")
         return self
 
     @property
-    def label(self) -> str:
-        """Its name, and of an agent also the training seed."""
-        return self.name if self.training_seed is None else f"{self.name}-seed{self.training_seed}"
+    def digest(self) -> str:
+        """SHA-256 of what identifies the task. Results of different tasks are never ranked together."""
+        return digest_of([self.env_id, self.model_version, self.scenario.digest(), self.private or self.seeds])
 
 
 class Result(Part):
     """What one policy did on one task."""
 
-    schema_: Literal["rough-turning/results/3"] = Field(alias="schema")
+    schema_: Literal["rough-turning/result/4"] = Field(alias="schema", default=SCHEMA)
     task: Task
-    digests: Digests
-    policy: PolicyRecord
-    versions: dict[str, str]
+    policy: PolicySpec
     episodes: dict[str, list[float]]
-    """Of each of ``EPISODE_FIELDS``, the value on each draw."""
+    """Of each of ``EPISODE_FIELDS``, the value for each seed."""
+    versions: dict[str, str]
+    """Packages that played: where it came from, not what identifies it."""
+    checksum: str
+    """SHA-256 of task, policy and episodes."""
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
         if set(self.episodes) != set(EPISODE_FIELDS):
             raise ValueError(f"episodes holds {', '.join(self.episodes)}, but must hold {', '.join(EPISODE_FIELDS)}")
         for name, values in self.episodes.items():
-            if len(values) != len(self.task.draws):
-                raise ValueError(f"episodes.{name} holds {len(values)} values, but there are {len(self.task.draws)} draws")
-        if self.digests != Digests.of(self.task, self.versions.get("rough-turning", ""), self.digests.code):
-            raise ValueError(
-                "digests do not match scenario, draws, version and code: the file has been changed since it was written"
-            )
+            if len(values) != len(self.task.seeds):
+                raise ValueError(f"episodes.{name} holds {len(values)} values, but there are {len(self.task.seeds)} seeds")
+        if self.checksum != _checksum(self.task, self.policy, self.episodes):
+            raise ValueError("checksum does not match task, policy and episodes: the file has been changed since it was written")
         return self
 
     @classmethod
-    def of(cls, task: Task, policy: PolicyRecord, episodes: Episodes) -> Self:
-        """The result of episodes that have just been played: arrays of shape (draws,) for each of ``EPISODE_FIELDS``."""
-        return cls(
-            schema=SCHEMA,
-            task=task,
-            digests=current_digests(task),
-            policy=policy,
-            versions=present_versions(),
-            episodes={name: values.tolist() for name, values in episodes.items()},
-        )
+    def of(cls, task: Task, policy: PolicySpec, episodes: Episodes) -> Self:
+        """Return the result of episodes that have just been played: arrays of shape (seeds,) for each of ``EPISODE_FIELDS``."""
+        values = {name: array.tolist() for name, array in episodes.items()}
+        versions = {name: version(name) for name in _RECORDED_VERSIONS}
+        return cls(task=task, policy=policy, episodes=values, versions=versions, checksum=_checksum(task, policy, values))
+
+    def same_as(self, other: "Result") -> bool:
+        """Return whether task, policy and every number are the same, whatever else the files say."""
+        return self.is_of(other.task, other.policy) and self.episodes == other.episodes
+
+    def is_of(self, task: Task, policy: PolicySpec) -> bool:
+        """Return whether this is the result of a policy on a task."""
+        return self.task.digest == task.digest and self.policy.identity == policy.identity
 
 
-def current_digests(task: Task) -> Digests:
-    """The digests of a task as this process plays it."""
-    return Digests.of(task, version("rough-turning"), code_digest())
+def _checksum(task: Task, policy: PolicySpec, episodes: dict[str, list[float]]) -> str:
+    return digest_of([task.digest, policy.identity, episodes])
 
 
-def present_versions() -> dict[str, str]:
-    """Versions of what plays."""
-    return {name: version(name) for name in _RECORDED_VERSIONS}
+class Entry(Part):
+    """A line of a manifest: a policy's result in brief."""
+
+    version: int
+    return_: float = Field(alias="return")
+    """Mean over episodes [s]; and so on."""
+    time: float
+    """Machine time [s]."""
+    removed: float
+    """Metal [cm3]."""
+    edges: float
+    """Edges used up."""
+    severe_share: float
+    """Share of cutting time beyond a limit by more than the tolerance."""
+    sha256: str
+    """The result's checksum."""
+
+    @classmethod
+    def of(cls, result: Result) -> Self:
+        """Summarise a result, in six significant digits."""
+        mean = {name: float(np.mean(values)) for name, values in result.episodes.items()}
+        values = {"return": mean["return"], "time": mean["time"], "removed": mean["removed"], "edges": mean["edges_used"]}
+        values["severe_share"] = mean["severe_overload_time"] / (mean["engaged_time"] or 1.0)
+        rounded = {name: float(f"{value:.6g}") for name, value in values.items()}
+        return cls(version=result.policy.version, sha256=result.checksum, **rounded)
+
+
+class Manifest(Part):
+    """What a folder of results holds: the task that is ranked there, and each policy's result in brief."""
+
+    task: Task
+    results: dict[str, Entry]
+    """By the policy's label."""
+
+    def text(self) -> str:
+        """Return the manifest as JSON, a line per policy."""
+        lines = [
+            f"  {json.dumps(label)}: {entry.model_dump_json(by_alias=True)}" for label, entry in sorted(self.results.items())
+        ]
+        return f'{{\n "task": {self.task.model_dump_json()},\n "results": {{\n' + ",\n".join(lines) + "\n }\n}\n"
 
 
 def digest_of(value: Any) -> str:
-    """SHA-256 of a value that JSON can hold."""
+    """Return the SHA-256 of a value that JSON can hold."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def result_folder(results: Path, env_id: str, scenario_name: str) -> Path:
-    """Where the results of one environment's id on one scenario lie."""
+    """Return the folder of the results of one environment's id on one scenario."""
     return results / env_id / scenario_name
 
 
-def result_path(folder: Path, policy: PolicyRecord) -> Path:
-    """Where a policy's result lies in its ``result_folder``."""
+def result_path(folder: Path, policy: PolicySpec) -> Path:
+    """Return the path of a policy's result in its ``result_folder``."""
     return folder / f"{policy.label}{SUFFIX}"
 
 
@@ -222,10 +203,38 @@ def read_result(path: Path) -> Result:
     return result
 
 
+def write_result(result: Result, folder: Path) -> None:
+    """Write a result into its folder, unless the file there already says the same: no number changes, no file changes.
+
+    Raises:
+        ResultError: the folder or the file cannot be written.
+    """
+    path = result_path(folder, result.policy)
+    try:
+        if read_result(path).same_as(result):
+            return
+    except ResultError:
+        pass
+    write_part(result, path)
+
+
 def result_files(folder: Path) -> list[Path]:
-    """The files of one ``result_folder`` that should be results."""
+    """Return the files of one ``result_folder`` that should be results."""
     # Hidden ones are what a killed process has left.
     return sorted(path for path in folder.glob(f"[!.]*{SUFFIX}") if path.name != TRAJECTORIES_FILE)
+
+
+def write_manifest(folder: Path, task: Task) -> None:
+    """Write the manifest of a folder: the task that is ranked there and its results.
+
+    Raises:
+        ResultError: a result cannot be read, or the manifest cannot be written.
+    """
+    results = [result for path in result_files(folder) if (result := read_result(path)).task.digest == task.digest]
+    manifest = Manifest(task=task, results={result.policy.label: Entry.of(result) for result in results})
+    path = folder / MANIFEST_FILE
+    if not path.is_file() or path.read_text("utf-8") != manifest.text():
+        write_whole(path, manifest.text())
 
 
 PartType = TypeVar("PartType", bound=Part)

@@ -1,7 +1,7 @@
-"""Plays policies on a task and writes their results, each as it finishes."""
+"""Play policies on a task and write their results, each as it finishes."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,60 +9,56 @@ from typing import Never
 
 from tqdm import tqdm
 
-from leaderboard.board import read_board
-from leaderboard.contestants import Contestant, Player, Turn
-from leaderboard.oracles import references as known_references
-from leaderboard.private_seeds import PrivateDraws
+from leaderboard.oracles import oracles
+from leaderboard.private_seeds import PrivateSeeds
+from leaderboard.ranking import read_leaderboard
 from leaderboard.result import (
     TRAJECTORIES_FILE,
-    MadeFor,
-    PolicyRecord,
     Result,
     ResultError,
     Task,
-    current_digests,
-    digest_of,
     read_part,
     read_result,
     result_files,
     result_path,
+    write_manifest,
     write_part,
+    write_result,
     write_whole,
 )
-from leaderboard.standings import check_alike
-from leaderboard.trajectories import RECORDED_DRAWS, Trajectories, Trajectory, record
-from train.agents.trained import ONNX_SUFFIX
+from leaderboard.standings import check_names
+from leaderboard.trajectories import RECORDED_SEEDS, Trajectories, Trajectory, record
+from train.agents.agent_file import ONNX_SUFFIX, check_fits
 from turning_env import Scenario
 from turning_env.locks import exclusive_lock, shared_lock
-from turning_env.score.play import Episodes
+from turning_env.score.play import Episodes, play_spec
+from turning_env.score.policy import PolicySpec
 from turning_env.score.workers import Workers, spread
 
 
-def named(names: Sequence[str] | None, scenario: Scenario, tuned_on: Scenario | None = None) -> list[Player]:
-    """The named rule-based controllers and references of a scenario, or without names all that there are.
+def named(names: Sequence[str] | None, scenario: Scenario, tuned_on: Scenario | None = None) -> list[PolicySpec]:
+    """Return the named controllers and oracles of a scenario, or without names all that there are.
 
     Args:
         names: which.
         scenario: what they play.
-        tuned_on: the scenario to which the rules are tuned; without, that which they play.
+        tuned_on: the scenario to which the controllers are tuned; None: the one that they play.
 
     Raises:
         ResultError: there is none of that name (says which there are), or it is not tuned for the scenario.
     """
-    from baselines import catalogue  # reads the rules' tuned values, which only playing needs
+    from baselines import catalogue  # reads the tuned values, which only playing needs
 
-    bounds = {reference.policy.name: reference for reference in known_references(scenario)}
-    known = [*catalogue.names(scenario), *bounds]
+    known_oracles = {oracle.name: oracle for oracle in oracles(scenario)}
+    known = [*catalogue.names(scenario), *known_oracles]
     if unknown := sorted(set(names or ()) - set(known)):
         raise ResultError(f"no policy is called {', '.join(unknown)}; there are {', '.join(known)}")
-    return [
-        bounds[name] if name in bounds else rule(name, scenario, tuned_on)
-        for name in dict.fromkeys(known if names is None else names)
-    ]
+    chosen = dict.fromkeys(known if names is None else names)
+    return [known_oracles[name] if name in known_oracles else rule(name, scenario, tuned_on) for name in chosen]
 
 
-def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> Contestant:
-    """A rule-based controller: see ``named``.
+def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> PolicySpec:
+    """Return a controller: see ``named``.
 
     Raises:
         ResultError: there is none of that name, or it is not tuned for the scenario.
@@ -70,40 +66,29 @@ def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> Con
     from baselines import catalogue
 
     try:
-        entry = catalogue.entry(name, scenario, tuned_on)
+        return catalogue.spec(name, scenario, tuned_on)
     except (KeyError, ValueError) as error:
         raise ResultError(f"{name} cannot play: {error.args[0]}") from error
-    policy = PolicyRecord(
-        name=entry.name,
-        kind="rule",
-        description=entry.description,
-        parameters=dict(entry.parameters),
-        digest=digest_of(entry.parameters),
-        training_seed=None,
-        command=None,
-        made_for=None if tuned_on is None else MadeFor.of(tuned_on),
-    )
-    return Contestant(policy, entry.make)
 
 
-def agents(paths: Sequence[Path], scenario: Scenario) -> list[Contestant]:
-    """The trained agents of ONNX files, which may come from anywhere, and of one's own training runs' folders.
+def agents(paths: Sequence[Path], scenario: Scenario) -> list[PolicySpec]:
+    """Return the trained agents of ONNX files, which may come from anywhere, and of one's own training runs' folders.
 
     Raises:
         ResultError: a path holds no agent, or one that cannot play the scenario, or two hold the same algorithm with the same
             training seed.
     """
-    contestants: dict[str, Contestant] = {}
+    specs: dict[str, PolicySpec] = {}
     for path in paths:
-        contestant = agent(path, scenario)
-        if contestant.policy.label in contestants:
-            raise ResultError(f"{path} holds {contestant.policy.label}, which another of the given agents is too")
-        contestants[contestant.policy.label] = contestant
-    return list(contestants.values())
+        spec = agent(path, scenario)
+        if spec.label in specs:
+            raise ResultError(f"{path} holds {spec.label}, which another of the given agents is too")
+        specs[spec.label] = spec
+    return list(specs.values())
 
 
-def agent(path: Path, scenario: Scenario) -> Contestant:
-    """The agent of an ONNX file or of a training run's folder: see ``agents``.
+def agent(path: Path, scenario: Scenario) -> PolicySpec:
+    """Return the agent of an ONNX file or of a training run's folder: see ``agents``.
 
     Raises:
         ResultError: there is none, or it cannot play the scenario.
@@ -112,122 +97,124 @@ def agent(path: Path, scenario: Scenario) -> Contestant:
         if path.suffix == ONNX_SUFFIX:
             from train.agents import onnx_policy
 
-            trained = onnx_policy.load(path)
+            spec = onnx_policy.load(path)
         else:
-            from train.agents import run_folder as agent  # imports torch, which takes seconds
+            from train.agents import run_folder  # imports torch, which takes seconds
 
-            trained = agent.load(path)
-        trained.check_fits(scenario)
+            spec = run_folder.load(path)
+        check_fits(spec, scenario)
     except (OSError, ValueError) as error:
         raise ResultError(f"no agent can be loaded from {path}: {error}") from error
-    policy = PolicyRecord(
-        name=trained.name,
-        kind="agent",
-        description=f"trained for {trained.trained_steps} intervals on scenario {trained.scenario.name}",
-        parameters=trained.parameters,
-        digest=trained.digest,
-        training_seed=trained.seed,
-        command=trained.command,
-        made_for=MadeFor.of(trained.scenario),
-    )
-    return Contestant(policy, trained.make)
+    return spec
+
+
+def attempt(piece: tuple[PolicySpec, Scenario, Sequence[int]], on_step: Callable[[int], None] = lambda ended: None) -> "Attempt":
+    """Play a policy's episodes on some seeds of a scenario, or return why it cannot, so that others go on."""
+    spec, scenario, seeds = piece
+    try:
+        return play_spec(spec, scenario, seeds, on_step)
+    except ValueError as error:
+        return ResultError(f"{spec.label} cannot play: {error}")
+
+
+Attempt = Episodes | ResultError
 
 
 @dataclass(frozen=True)
-class Round:
-    """Who plays a task, and the folder of its results."""
+class TaskRun:
+    """The policies that play a task, and the folder of their results."""
 
     task: Task
-    contestants: Sequence[Player]
+    policies: Sequence[PolicySpec]
     folder: Path
-    private: PrivateDraws | None = None
+    private: PrivateSeeds | None = None
     """The seeds, if the task does not tell them."""
 
     @property
     def seeds(self) -> Sequence[int]:
-        """What is played."""
-        return self.task.draws if self.private is None else self.private.seeds
+        """Return the seeds that are played."""
+        return self.task.seeds if self.private is None else self.private.seeds
 
 
-class PlayersFailed(ResultError):
+class PoliciesFailed(ResultError):
     """Some policies could not play; the others have."""
 
 
-def play_all(rounds: Sequence[Round], fresh: bool, over: Workers | None = None) -> None:
-    """Have all contestants of all rounds play, and write each result as it is finished.
+def play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None) -> None:
+    """Have all policies of all runs play, and write each result as it is finished.
 
-    Results in a round's folder of the same task, code and policy stand, unless ``fresh``. Then the policies'
-    trajectories on the first draws of each round are recorded.
+    Results in a run's folder of the same task and policy stand, unless ``fresh``. Then the trajectories of the policies on the
+    first seeds of each run are recorded, and the folder's manifest is written.
 
     Args:
-        rounds: who plays what.
+        runs: who plays what.
         fresh: whether to play again what has been played.
-        over: who does it, each turn a piece of work; without, this process, one turn after another. Results are the same.
+        over: who plays, one policy on one task at a time; None: this process, one after another. Results are the same.
 
     Raises:
-        PlayersFailed: some policies cannot play; says which and why. All others have played.
+        PoliciesFailed: some policies cannot play; says which and why. All others have played.
         ResultError: a folder cannot be written to; it holds something unreadable, something that belongs in another, or
-            agents that are not alike but for the training seed.
-        WorkersError: the workers have gone, or do not run this code.
+            agents of one name that differ in more than the training seed.
+        WorkersError: the workers have gone, or do not run this version.
     """
     with ExitStack() as held:
-        for each in rounds:
+        for each in runs:
             try:
                 held.enter_context(shared_lock(each.folder))
             except OSError as error:
                 raise ResultError(f"{each.folder} cannot be written: {error.strerror}") from error
-        _play_all(rounds, fresh, over)
+        _play_all(runs, fresh, over)
 
 
-def _play_all(rounds: Sequence[Round], fresh: bool, over: Workers | None) -> None:
-    tasks: dict[Path, Task] = {}
-    turns: dict[Path, Turn] = {}
-    for each in rounds:  # all of them first: what is wrong is found before anything is played
-        finished = _finished(each.task, each.contestants, each.folder)
-        for contestant in each.contestants:
-            path = result_path(each.folder, contestant.policy)
-            if fresh or path not in finished:
-                tasks[path], turns[path] = each.task, Turn(contestant, each.task.scenario, each.seeds)
-    total = sum(len(each.contestants) * len(each.task.draws) for each in rounds)
-    done = total - sum(len(turn.draws) for turn in turns.values())
+def _play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None) -> None:
+    pieces: list[tuple[tuple[TaskRun, PolicySpec], tuple[PolicySpec, Scenario, Sequence[int]]]] = []
+    for each in runs:  # all of them first: what is wrong is found before anything is played
+        finished = _finished(each)
+        for spec in each.policies:
+            if fresh or spec.label not in finished:
+                pieces.append(((each, spec), (spec, each.task.scenario, each.seeds)))
+    total = sum(len(each.policies) * len(each.seeds) for each in runs)
+    done = total - sum(len(piece[2]) for _, piece in pieces)
     # Without miniters=0 the bar would stand still while episodes run and none ends; disable=None: quiet without a terminal.
     with tqdm(total=total, initial=done, unit="episode", miniters=0, dynamic_ncols=True, disable=None) as bar:
 
-        def play_here(turn: Turn) -> Episodes | ResultError:
-            bar.set_description(turn.player.policy.label)
-            return turn.attempt(lambda ended: _move(bar, done + ended))
+        def play_here(piece: tuple[PolicySpec, Scenario, Sequence[int]]) -> Attempt:
+            bar.set_description(piece[0].label)
+            return attempt(piece, lambda ended: _move(bar, done + ended))
 
-        failed: dict[Path, ResultError] = {}
-        for path, played in spread(over, Turn.attempt if over else play_here, turns.items()):
+        failed: dict[tuple[Path, str], ResultError] = {}
+        for (each, spec), played in spread(over, attempt if over else play_here, pieces):
             if isinstance(played, ResultError):
-                failed[path] = played
+                failed[each.folder, spec.label] = played
             else:
-                write_part(Result.of(tasks[path], turns[path].player.policy, played), path)
-            done += len(turns[path].draws)
+                write_result(Result.of(each.task, spec, played), each.folder)
+            done += len(each.seeds)
             _move(bar, done)
     complaints = list(failed.values())
-    for each in rounds:
-        able = [player for player in each.contestants if result_path(each.folder, player.policy) not in failed]
-        if able and each.private is None:  # who sees a course could recognise its bars
-            complaints += _record_trajectories(replace(each, contestants=able), fresh, over)
+    for each in runs:
+        able = [spec for spec in each.policies if (each.folder, spec.label) not in failed]
+        if able and each.private is None:  # who sees a trajectory could recognise its bars
+            complaints += _record_trajectories(replace(each, policies=able), fresh, over)
+        if able:
+            with exclusive_lock(each.folder.parent, wait=True):
+                write_manifest(each.folder, each.task)
     if complaints:
-        raise PlayersFailed("; ".join(map(str, complaints)))
+        raise PoliciesFailed("; ".join(map(str, complaints)))
 
 
 def _move(bar: "tqdm[Never]", to: int) -> None:
     bar.update(to - bar.n)
 
 
-def _finished(task: Task, contestants: Sequence[Player], folder: Path) -> set[Path]:
-    """The results that stand. What would make the ranking fail is found here, before anything is played."""
-    probe = folder / "writable"
+def _finished(run: TaskRun) -> set[str]:
+    """Return the labels of the results that stand. What would make the ranking fail is found here, before anything is played."""
+    probe = run.folder / "writable"
     write_whole(probe, "")
     probe.unlink(missing_ok=True)
-    digest = current_digests(task).task
-    wanted = {result_path(folder, contestant.policy): contestant.policy for contestant in contestants}
+    wanted = {result_path(run.folder, spec): spec for spec in run.policies}
     ranked = dict(wanted)
     finished = set()
-    for path in result_files(folder):
+    for path in result_files(run.folder):
         try:
             result = read_result(path)
         except ResultError as error:
@@ -235,61 +222,63 @@ def _finished(task: Task, contestants: Sequence[Player], folder: Path) -> set[Pa
                 raise
             print(f"played again: {error}", file=sys.stderr)
             continue
-        if result.digests.task == digest:
+        if result.task.digest == run.task.digest:
             ranked.setdefault(path, result.policy)
-            if result.policy == wanted.get(path):
-                finished.add(path)
-    check_alike(list(ranked.values()))
+            if path in wanted and result.is_of(run.task, wanted[path]):
+                finished.add(result.policy.label)
+    check_names(list(ranked.values()))
     return finished
 
 
-def _record_trajectories(each: Round, fresh: bool, over: Workers | None) -> list[ResultError]:
-    """Record what each policy does on the first draws, where that is not recorded yet; returns why some could not."""
+def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> list[ResultError]:
+    """Record what each policy does on the first seeds, where that is not recorded yet; return why some could not."""
     complaints = []
-    task, digest, path = each.task, current_digests(each.task).task, each.folder / TRAJECTORIES_FILE
-    if fresh or not _is_readable(path):
+    path = run.folder / TRAJECTORIES_FILE
+    before = _read_trajectories(path)
+    if fresh or before is None:
         path.unlink(missing_ok=True)
-    wanted, courses = _recorded(each, digest)
+    wanted, trajectories = _recorded(run)
     # One training seed stands for an agent: the first given.
-    able = {player.policy.name: player for player in reversed(each.contestants) if isinstance(player, Contestant)}
-    missing = [place for place in wanted if place not in courses and place[0] in able]
-    pieces = [((name, draw), (able[name], task.scenario, draw)) for name, draw in missing]
+    able = {spec.name: spec for spec in reversed(run.policies) if spec.kind != "oracle"}
+    missing = [place for place in wanted if place not in trajectories and place[0] in able]
+    pieces = [((name, seed), (able[name], run.task.scenario, seed)) for name, seed in missing]
     try:
         with tqdm(total=len(pieces), unit="trajectory", dynamic_ncols=True, disable=None) as bar:
-            for place, course in spread(over, _course, pieces):
-                if isinstance(course, ResultError):
-                    complaints.append(course)
+            for place, trajectory in spread(over, _trajectory, pieces):
+                if isinstance(trajectory, ResultError):
+                    complaints.append(trajectory)
                 else:
-                    courses[place] = course
+                    trajectories[place] = trajectory
                 bar.update()
-    finally:  # what is finished is kept, also what another run has played and recorded in the meantime
-        with exclusive_lock(each.folder.parent, wait=True):
-            wanted, recorded = _recorded(each, digest)
-            courses = recorded | courses
-            episodes = [courses[place] for place in wanted if place in courses]
-            write_part(Trajectories(task=digest, episodes=episodes), path)
+    finally:  # what is finished is kept, also what another run has recorded in the meantime
+        with exclusive_lock(run.folder.parent, wait=True):
+            wanted, recorded = _recorded(run)
+            trajectories = recorded | trajectories
+            episodes = [trajectories[place] for place in wanted if place in trajectories]
+            after = Trajectories(task=run.task.digest, episodes=episodes)
+            if not path.exists() or after != before:
+                write_part(after, path)
     return complaints
 
 
-def _recorded(each: Round, digest: str) -> tuple[list[tuple[str, int]], dict[tuple[str, int], Trajectory]]:
-    """(Policy and draw of each trajectory that a round's folder should hold, in their order; those that it holds.)"""
-    board = read_board(each.folder, digest)
-    episodes = board.trajectories.episodes if board.trajectories else []
-    wanted = [(standing.name, draw) for standing in board.standings for draw in each.task.draws[:RECORDED_DRAWS]]
-    return wanted, {(episode.policy.name, episode.draw): episode for episode in episodes}
+def _recorded(run: TaskRun) -> tuple[list[tuple[str, int]], dict[tuple[str, int], Trajectory]]:
+    """Return (policy and seed of each trajectory that the folder should hold, in their order; those that it holds)."""
+    leaderboard = read_leaderboard(run.folder, run.task)
+    episodes = leaderboard.trajectories.episodes if leaderboard.trajectories else []
+    wanted = [(standing.name, seed) for standing in leaderboard.standings for seed in run.task.seeds[:RECORDED_SEEDS]]
+    return wanted, {(episode.policy.name, episode.seed): episode for episode in episodes}
 
 
-def _course(piece: tuple[Contestant, Scenario, int]) -> Trajectory | ResultError:
-    player, scenario, draw = piece
+def _trajectory(piece: tuple[PolicySpec, Scenario, int]) -> Trajectory | ResultError:
+    spec, scenario, seed = piece
     try:
-        return record(player.policy, player.make, scenario, draw)
+        return record(spec, scenario, seed)
     except ValueError as error:
-        return ResultError(f"{player.policy.label} cannot play draw {draw}: {error}")
+        return ResultError(f"{spec.label} cannot play seed {seed}: {error}")
 
 
-def _is_readable(path: Path) -> bool:
+def _read_trajectories(path: Path) -> Trajectories | None:
     try:
-        read_part(Trajectories, path)
+        return read_part(Trajectories, path)
     except ResultError:
-        return False
-    return True
+        return None

@@ -1,4 +1,4 @@
-"""From rows to ranks: what the board says of each policy."""
+"""The numbers of each policy on one task, ranked."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -7,32 +7,33 @@ from dataclasses import dataclass
 import numpy as np
 
 from leaderboard.oracles import CAUSAL, CLAIRVOYANT
-from leaderboard.result import PolicyRecord, Result, ResultError
+from leaderboard.result import Result, ResultError
 from turning_env import Scenario
 from turning_env.score.overload import CONFIDENCE, ratio
+from turning_env.score.policy import PolicySpec
 from turning_env.score.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean
 
 
 @dataclass(frozen=True)
-class References:
-    """Which policies all others are compared with on a task."""
+class Comparators:
+    """The policies with which all others are compared on a task."""
 
     fixed: str
     """Fixed parameters: the zero of the score."""
     published: str
     """The published controller."""
     adaptive: str | None = None
-    """The best that the literature's controllers come to when they adapt: from here to the causal reference is the way to go."""
+    """The best of the literature's controllers when it adapts: the gap to close reaches from here to the causal oracle."""
 
 
-SPEED_AND_FEED = References("fixed_tuned", "grid_search", "rescaled_grid_search")
-OVERRIDE = References("programmed_feed", "modified_fuzzy_override")
-ROUGHNESS = References("programmed_feed", "constant_force")
-PARTS = References("parts_fixed_tuned", "parts_app_pt")
+SPEED_AND_FEED = Comparators("fixed_tuned", "grid_search", "rescaled_grid_search")
+OVERRIDE = Comparators("programmed_feed", "modified_fuzzy_override")
+ROUGHNESS = Comparators("programmed_feed", "constant_force")
+PARTS = Comparators("parts_fixed_tuned", "parts_app_pt")
 
 
-def references(scenario: Scenario) -> References:
-    """The references of a scenario's task."""
+def comparators(scenario: Scenario) -> Comparators:
+    """Return those of a scenario's task."""
     if scenario.control.action == "part":
         return PARTS
     if scenario.control.action == "override":
@@ -42,7 +43,7 @@ def references(scenario: Scenario) -> References:
 
 @dataclass(frozen=True)
 class Standing:
-    """One policy's numbers. Comparisons are None where the policy to compare with has not played, or is this one."""
+    """The numbers of one policy. Comparisons are None where the policy to compare with has not played, or is this one."""
 
     name: str
     kind: str
@@ -57,12 +58,12 @@ class Standing:
     over_best_rule: Estimate | None  # [s]
     improves_on_published: Estimate | None  # probability
     score: Estimate | None  # 0 the fixed parameters, 1 the clairvoyant bound
-    way_gone: Estimate | None  # share of the way from the adaptive reference to the causal one
+    gap_closed: Estimate | None  # share of the gap from the adaptive controller to the causal oracle
     over_causal: Estimate | None  # [s]
     minutes: float  # of an episode, changes and downtime counted [min]
     part_cost: float | None  # edges included, None where no parts are turned [min]
     roughness_deviation: float | None  # mean while cutting, relative; None where no roughness is held
-    productivity: float  # [cm3/min]
+    removal_rate: float  # [cm3/min]
     cost: float  # [min/dm3]
     overload_share: float  # of cutting time
     severe_share: float  # of cutting time
@@ -74,17 +75,17 @@ class Standing:
 
 
 def rank(results: Sequence[Result]) -> list[Standing]:
-    """The policies of one task, feasible ones first, then by mean return; then the references. There must be a result.
+    """Return the policies of one task: feasible ones first, then by mean return; oracles last. There must be a result.
 
     Raises:
         ResultError: agents of one name differ in more than the training seed.
     """
-    check_alike([result.policy for result in results])
+    check_names([result.policy for result in results])
     groups: dict[str, list[Result]] = {}
     for result in results:
         groups.setdefault(result.policy.name, []).append(result)
     rows = {name: _rows(group) for name, group in groups.items()}
-    bootstrap = Bootstrap(len(results[0].task.draws))
+    bootstrap = Bootstrap(len(results[0].task.seeds))
     rules = {name: float(np.mean(rows[name]["return"])) for name, group in groups.items() if group[0].policy.kind == "rule"}
     standings = [_standing(group, rows, rules, bootstrap) for group in groups.values()]
     return sorted(standings, key=_place)
@@ -92,7 +93,7 @@ def rank(results: Sequence[Result]) -> list[Standing]:
 
 def _place(standing: Standing) -> tuple[bool, bool, float, str]:
     """What standings are sorted by."""
-    return standing.kind == "reference", not standing.feasible, -standing.mean_return.value, standing.name
+    return standing.kind == "oracle", not standing.feasible, -standing.mean_return.value, standing.name
 
 
 def highest(returns: Mapping[str, float]) -> str | None:
@@ -100,13 +101,13 @@ def highest(returns: Mapping[str, float]) -> str | None:
     return min(returns, key=lambda name: (-returns[name], name), default=None)
 
 
-def check_alike(policies: Sequence[PolicyRecord]) -> None:
+def check_names(policies: Sequence[PolicySpec]) -> None:
     """See that policies of one name are one policy, trained with several seeds.
 
     Raises:
         ResultError: two of one name differ in more than the training seed and what follows from it.
     """
-    first: dict[str, PolicyRecord] = {}
+    first: dict[str, PolicySpec] = {}
     for policy in policies:
         other = first.setdefault(policy.name, policy)
         for field in ("kind", "description", "parameters"):
@@ -139,10 +140,10 @@ def _standing(
         others = rows[reference]["return"]
         return Estimate.of(float(np.mean(returns) - np.mean(others)), mean_returns - bootstrap.means(others, reference))
 
-    refer = references(scenario)
+    compared = comparators(scenario)
     improves_on_published = None
-    if refer.published in rows and name != refer.published:
-        wins = improvement(returns, rows[refer.published]["return"])
+    if compared.published in rows and name != compared.published:
+        wins = improvement(returns, rows[compared.published]["return"])
         improves_on_published = Estimate.of(float(np.mean(wins)), bootstrap.means(wins, name))
 
     def share_of_way(start: str | None, end: str) -> Estimate | None:
@@ -167,13 +168,13 @@ def _standing(
         interquartile_return=Estimate.of(
             float(interquartile_mean(returns.ravel())), bootstrap.interquartile_means(returns, name)
         ),
-        over_fixed=difference(refer.fixed),
-        over_published=difference(refer.published),
+        over_fixed=difference(compared.fixed),
+        over_published=difference(compared.published),
         best_rule=best_rule,
         over_best_rule=difference(best_rule),
         improves_on_published=improves_on_published,
-        score=share_of_way(refer.fixed, CLAIRVOYANT),
-        way_gone=share_of_way(refer.adaptive, CAUSAL),
+        score=share_of_way(compared.fixed, CLAIRVOYANT),
+        gap_closed=share_of_way(compared.adaptive, CAUSAL),
         over_causal=difference(CAUSAL),
         minutes=float(np.mean(minutes)),
         part_cost=(
@@ -182,7 +183,7 @@ def _standing(
             else None
         ),
         roughness_deviation=(_share(episodes["roughness_deviation"], engaged) if scenario.control.aim == "roughness" else None),
-        productivity=_share(removed, minutes),
+        removal_rate=_share(removed, minutes),
         cost=_share(minutes + scenario.economics.edge_cost * edges, removed / 1000.0) if removed.any() else math.inf,
         overload_share=_share(episodes["overload_time"], engaged),
         severe_share=_share(severe, engaged),

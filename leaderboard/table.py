@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 
-from leaderboard.board import Board
 from leaderboard.columns import COMPARISONS, LIMITS, RETURNS, SCORE, WORKSHOP, Column, applying
+from leaderboard.ranking import Leaderboard
 from leaderboard.standings import Standing
 
 
-def render(board: Board) -> str:
+def render(board: Leaderboard) -> str:
     """Tables by subject, as one would be too wide, under a line that says what was played."""
-    task, digests = board.task, board.results[0].digests
-    lines = [f"{task.env_id}, scenario {task.scenario.name}, {len(task.draws)} draws, task {digests.task[:12]}"]
+    task = board.task
+    lines = [f"{task.env_id}, scenario {task.scenario.name}, {len(task.seeds)} seeds, task {task.digest[:12]}"]
     for group in (RETURNS, SCORE, COMPARISONS, LIMITS, WORKSHOP):
         if columns := applying(group, board.standings):
             lines += ["", *_table(board.standings, columns)]
@@ -23,7 +23,7 @@ def _table(standings: Sequence[Standing], columns: Sequence[Column]) -> list[str
         ["", "", "", "", *(f"[{column.unit}]" for column in columns)],
     ]
     for place, standing in enumerate(standings, 1):
-        ranked = standing.kind != "reference"
+        ranked = standing.kind != "oracle"
         feasible = "yes" if standing.feasible else "NO"
         seeds = str(len(standing.training_seeds) or "")
         row = [str(place) if ranked else "", standing.name, seeds, feasible if ranked else ""]

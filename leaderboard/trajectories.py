@@ -1,4 +1,4 @@
-"""Recorded trajectories: what policies do on the same few draws, thinned to what a screen shows."""
+"""Recorded trajectories of policies on the same few seeds, thinned to what a screen shows."""
 
 from collections.abc import Sequence
 from typing import Literal, Self
@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from leaderboard.result import Part, PolicyRecord
+from leaderboard.result import Part, Task
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.score.policy import PolicyFactory
+from turning_env.score.policy import PolicyFactory, PolicySpec
 
-SCHEMA: Literal["rough-turning/trajectories/3"] = "rough-turning/trajectories/3"
+SCHEMA: Literal["rough-turning/trajectories/4"] = "rough-turning/trajectories/4"
 SERIES = (
     "path",  # tool position, air and metal [mm]
     "depth_of_cut",  # [mm], 0 in air
@@ -25,22 +25,22 @@ SERIES = (
     "roughness_reference",  # [um], likewise
 )
 """Recorded from ``info`` at the end of steps, beside ``minutes``, the machine time elapsed."""
-RECORDED_DRAWS = 3
-"""The first of a task's draws."""
-MAX_ROWS = 300
-"""Of an episode: more could not be told apart on a screen."""
+RECORDED_SEEDS = 3
+"""The first of a task's seeds are recorded."""
+MAX_STEPS = 300
+"""Steps kept of an episode: more could not be told apart on a screen."""
 _DIGITS = {"minutes": 5, "path": 5}  # significant ones, enough to draw; of others 4
 
 
 class Trajectory(Part):
     """One episode of one policy."""
 
-    policy: PolicyRecord
-    draw: int
+    policy: PolicySpec
+    seed: int
     steps: int
-    """That were played; of many, some are kept, as ``kept`` says."""
+    """Steps that were played; of many, some are kept, as ``kept`` says."""
     series: dict[str, list[float]]
-    """``minutes`` and each of ``SERIES``, one value per interval kept."""
+    """``minutes`` and each of ``SERIES``, one value per step kept."""
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
@@ -53,70 +53,71 @@ class Trajectory(Part):
 
 
 class Trajectories(Part):
-    """Episodes of several policies on a few draws."""
+    """Episodes of several policies on a few seeds."""
 
-    schema_: Literal["rough-turning/trajectories/3"] = Field(alias="schema", default=SCHEMA)
+    schema_: Literal["rough-turning/trajectories/4"] = Field(alias="schema", default=SCHEMA)
     task: str
     """The task's digest."""
     episodes: list[Trajectory]
 
-    def of_policies(self, task: str, policies: Sequence[PolicyRecord]) -> "Trajectories | None":
-        """Those of this task and these very policies, or None if there are none."""
-        episodes = [episode for episode in self.episodes if task == self.task and episode.policy in policies]
+    def of_policies(self, task: Task, policies: Sequence[PolicySpec]) -> "Trajectories | None":
+        """Return those of this task and these very policies, or None if there are none."""
+        identities = [policy.identity for policy in policies]
+        episodes = [each for each in self.episodes if task.digest == self.task and each.policy.identity in identities]
         return self.model_copy(update={"episodes": episodes}) if episodes else None
 
 
-def record(policy: PolicyRecord, make: PolicyFactory, scenario: Scenario, draw: int) -> Trajectory:
-    """Play one episode and keep its course, thinned.
+def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
+    """Play one episode and keep its trajectory, thinned.
 
     Raises:
         ValueError: an action has the wrong shape or is not finite.
     """
-    # After a whole part the tool may be in air: what the part was cut with is told by its means.
+    # After a whole part the tool may be in air: the part's means tell what it was cut with.
     reported = {"thrust_force": "mean_thrust_force", "power": "mean_power"} if scenario.control.action == "part" else {}
     names = [reported.get(name, name) for name in SERIES]
-    minutes, *columns = (np.array(values) for values in play_course(make, scenario, draw, names).values())
-    course = {"minutes": minutes} | dict(zip(SERIES, columns, strict=True))
-    rows = kept(course, scenario)
-    series = {name: [_rounded(value, _DIGITS.get(name, 4)) for value in values[rows]] for name, values in course.items()}
-    return Trajectory(policy=policy, draw=draw, steps=len(minutes), series=series)
+    minutes, *columns = (np.array(values) for values in play_trajectory(spec.make, scenario, seed, names).values())
+    whole = {"minutes": minutes} | dict(zip(SERIES, columns, strict=True))
+    steps = kept(whole, scenario)
+    series = {name: [_rounded(value, _DIGITS.get(name, 4)) for value in values[steps]] for name, values in whole.items()}
+    return Trajectory(policy=spec, seed=seed, steps=len(minutes), series=series)
 
 
-def kept(course: dict[str, NDArray[np.float64]], scenario: Scenario) -> NDArray[np.intp]:
-    """The steps of a course to keep: all if they are no more than ``MAX_ROWS``.
+def kept(trajectory: dict[str, NDArray[np.float64]], scenario: Scenario) -> NDArray[np.intp]:
+    """Return the steps of a trajectory to keep: all if they are no more than ``MAX_STEPS``.
 
     Else, of groups of neighbours, that with the least and that with the greatest load relative to a limit, so that no overload
     is lost however short; in metal, where a group has some. The last is always kept.
     """
-    count = len(course["minutes"])
-    if count <= MAX_ROWS:
+    count = len(trajectory["minutes"])
+    if count <= MAX_STEPS:
         return np.arange(count)
-    load = np.maximum(course["thrust_force"] / scenario.limits.thrust_force, course["power"] / scenario.limits.power)
+    load = np.maximum(trajectory["thrust_force"] / scenario.limits.thrust_force, trajectory["power"] / scenario.limits.power)
     chosen = {count - 1}
-    for group in np.array_split(np.arange(count), (MAX_ROWS - 1) // 2):
-        metal = group[course["depth_of_cut"][group] > 0.0]
+    for group in np.array_split(np.arange(count), (MAX_STEPS - 1) // 2):
+        metal = group[trajectory["depth_of_cut"][group] > 0.0]
         seen = metal if metal.size else group
         chosen |= {int(seen[np.argmin(load[seen])]), int(seen[np.argmax(load[seen])])}
     return np.array(sorted(chosen))
 
 
-def play_course(make: PolicyFactory, scenario: Scenario, draw: int, names: Sequence[str]) -> dict[str, list[float]]:
+def play_trajectory(make: PolicyFactory, scenario: Scenario, seed: int, names: Sequence[str]) -> dict[str, list[float]]:
     """Play one episode.
 
     Returns:
-        ``minutes``, the machine time elapsed, and each of ``names`` in ``info``, at the end of every interval.
+        ``minutes``, the machine time elapsed, and each of ``names`` in ``info``, at the end of every step.
 
     Raises:
         ValueError: an action has the wrong shape or is not finite.
     """
     env = RoughTurningEnv(scenario)
-    controller = make(1)
-    observation, _ = env.reset(seed=draw)
-    controller.reset(np.ones(1, np.bool_))
+    policy = make(1)
+    observation, _ = env.reset(seed=seed)
+    policy.reset(np.ones(1, np.bool_))
     series: dict[str, list[float]] = {name: [] for name in ("minutes", *names)}
     elapsed, ended = 0.0, False
     while not ended:
-        observation, _, terminated, truncated, info = env.step(controller.act(observation[None])[0])
+        observation, _, terminated, truncated, info = env.step(policy.act(observation[None])[0])
         elapsed += info["time"] / 60.0
         series["minutes"].append(elapsed)
         for name in names:

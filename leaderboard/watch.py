@@ -15,12 +15,12 @@ from gymnasium.error import ClosedEnvironmentError
 from tqdm import tqdm
 
 from leaderboard import film, run
-from leaderboard.contestants import Contestant
 from leaderboard.film import Frame
 from leaderboard.result import ResultError
-from train.agents.trained import ONNX_SUFFIX
+from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
+from turning_env.score.policy import PolicySpec
 
 _CAPTION_HEIGHT = 30
 _GAP = 8
@@ -40,8 +40,8 @@ class Show:
         ended: whether the episode has.
     """
 
-    def __init__(self, contestant: Contestant, env_id: str, scenario: Scenario, seed: int, render_mode: str) -> None:
-        self._label = contestant.policy.label
+    def __init__(self, contestant: PolicySpec, env_id: str, scenario: Scenario, seed: int, render_mode: str) -> None:
+        self._label = contestant.label
         self.env: Any = gymnasium.make(env_id, scenario=scenario, render_mode=render_mode)
         self._controller = contestant.make(1)
         self._observation, _ = self.env.reset(seed=seed)
@@ -106,7 +106,7 @@ def _watch(options: argparse.Namespace) -> None:
             show.env.close()
 
 
-def contestant(name: str, scenario: Scenario) -> Contestant:
+def contestant(name: str, scenario: Scenario) -> PolicySpec:
     """The rule of a name, or the agent of an ONNX file or a run's folder.
 
     Raises:
@@ -115,7 +115,7 @@ def contestant(name: str, scenario: Scenario) -> Contestant:
     if name.endswith(ONNX_SUFFIX) or Path(name).is_dir():
         return run.agent(Path(name), scenario)
     (player,) = run.named([name], scenario)
-    if not isinstance(player, Contestant):
+    if not isinstance(player, PolicySpec):
         raise ResultError(f"{name} cannot be watched: only what acts on observations can")
     return player
 

@@ -30,10 +30,9 @@ from tqdm import tqdm
 
 from train.actor import Actor, ActorPolicy
 from train.agents import agent_file
-from train.agents.agent_file import FORMAT, Metadata, Space
+from train.agents.agent_file import FORMAT, ONNX_SUFFIX, Metadata, Space
 from train.agents.run_folder import load_actor
 from train.agents.session import OnnxPolicy, tried
-from train.agents.trained import ONNX_SUFFIX
 from train.run import Run
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.batch.driver import action_space, observation_space
@@ -107,7 +106,6 @@ def metadata(run: Run) -> Metadata:
         seed=run.seed,
         env_id=run.env_id,
         scenario=run.scenario,
-        scenario_digest=run.scenario.digest(),
         observation_space=Space.of(observation_space(run.scenario)),
         action_space=Space.of(action_space(run.scenario)),
         parameters=run.parameters,

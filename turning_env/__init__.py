@@ -7,6 +7,7 @@ import gymnasium
 
 from turning_env.env import RoughTurningEnv
 from turning_env.observation import Reading, read
+from turning_env.physics import MODEL_VERSION
 from turning_env.scenario import Scenario, ScenarioError, presets
 from turning_env.scenario.power_law import PowerLaw
 from turning_env.scenario.splits import SPLITS
@@ -15,6 +16,7 @@ from turning_env.wrappers import FeedSwitch, VectorFeedSwitch
 
 __all__ = [
     "IDS",
+    "MODEL_VERSION",
     "SPLITS",
     "FeedSwitch",
     "PowerLaw",

@@ -9,15 +9,14 @@ from gymnasium import logger
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from turning_env.batch.driver import action_space, checked_seed, observation_space
-from turning_env.batch.single import TERMINATED, TRUNCATED, LoneLathe
-from turning_env.info import EVERY_FIELD, Info, with_values
+from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed, observation_space
+from turning_env.info import Info, info_of
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
     from turning_env.rendering.viewer import Viewer
 
-_ONLY_LANE = np.ones(1, np.bool_)
+_ONLY = np.ones(1, np.bool_)
 
 
 class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -140,48 +139,52 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self.observation_space = observation_space(self.scenario)
         self.action_space = action_space(self.scenario)
-        self._lathes = LoneLathe(self.scenario)
+        self._batch = Batch(self.scenario, 1)
+        self._under_way = False
         self._viewer: Viewer | None = None
         if render_mode is not None:
-            from turning_env.rendering import make_viewer  # only who renders needs what it needs
+            from turning_env.rendering import make_viewer  # its libraries are optional
 
-            self._viewer = make_viewer(self, self._lathes)
+            self._viewer = make_viewer(self, self._batch)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
         """Start episode 0 of ``seed``, or without one the next episode of the present seed. There are no options."""
         if seed is not None:
             seed = checked_seed(seed, 0)
         super().reset(seed=seed)
-        lathes = self._lathes
-        if seed is None and not lathes.seeded:
+        batch = self._batch
+        if seed is None and not batch.seeded:
             seed = int(self.np_random.integers(2**63))
         if seed is None:
-            lathes.next_episode(_ONLY_LANE)
+            batch.next_episode(_ONLY)
         else:
-            lathes.seed(0, seed)
-            lathes.seeded = True
-            lathes.start(_ONLY_LANE)
+            batch.seed(0, seed)
+            batch.start(_ONLY)
+        self._under_way = True
         if self._viewer is not None:
             self._viewer.note()
-        return lathes.observation.copy(), with_values(EVERY_FIELD, lathes.report.tolist())
+        return batch.observations[0], batch.info(0)
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
-        """Run one control interval. See the class's description for shapes, units and errors."""
-        lathes = self._lathes
-        if not lathes.under_way:
+        """Run one step. See the class's description for shapes, units and errors."""
+        if not self._under_way:
             raise ResetNeeded("call reset() first: no episode is under way")
+        batch = self._batch
         try:
-            end = lathes.step(action)
+            batch.step(np.asarray(action)[np.newaxis])
         except ValueError as error:
-            numbers = f"{lathes.action_size} finite number" + "s" * (lathes.action_size != 1)
+            (size,) = self.action_space.shape or ()
+            numbers = f"{size} finite number" + "s" * (size != 1)
             raise ValueError(f"an action must be {numbers}, got {action!r}") from error
         if self._viewer is not None:
             self._viewer.note()
-        info = with_values(EVERY_FIELD, lathes.report.tolist())
-        return lathes.observation.copy(), lathes.answers.rewards.item(), end == TERMINATED, end == TRUNCATED, info
+        report = batch.table[:, 0].tolist()
+        terminated, truncated = report[TERMINATED] != 0.0, report[TRUNCATED] != 0.0
+        self._under_way = not (terminated or truncated)
+        return batch.observations[0], report[REWARD], terminated, truncated, info_of(report)
 
     def render(self) -> Any:
-        """With "rgb_array", the lathe as it is now: uint8, shape (640, 960, 3). With "human" nothing: the window shows it."""
+        """Return a frame with "rgb_array": uint8, shape (640, 960, 3). With "human" the window shows it: None."""
         if self._viewer is None:
             logger.warn('nothing is rendered without a render mode: make the environment with render_mode="rgb_array"')
             return None

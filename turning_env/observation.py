@@ -1,34 +1,9 @@
-"""What a policy sees: the numbers that a CNC control knows, scaled to order one.
+"""What a policy sees: the numbers that a CNC control knows, scaled to order one (``quantities.OBSERVATION``).
 
-========================  =========================================================================  ============
-Entry                     Meaning                                                                    Range
-========================  =========================================================================  ============
-power                     measured power: how far from its limit, in fifths of the limit             -5 to 15
-thrust_force              measured thrust force: how far from its limit, in fifths of the limit      -5 to 15
-cutting_speed             actual cutting speed: -1 at the machine's lowest, 1 at its highest, log    -1 to 1
-feed                      actual feed, likewise                                                      -1 to 1
-commanded_cutting_speed   commanded cutting speed, likewise                                          -1 to 1
-commanded_feed            commanded feed, likewise                                                   -1 to 1
-cutting_time              log(1 + cutting time of the edge in min)                                   0 to 12
-nominal_wear              wear predicted by the nominal model over the criterion [-]                 0 to 4
-power_ratio               measured power: how far from predicted, in fifths of predicted             -5 to 15
-force_ratio               measured thrust force: how far from predicted, in fifths of predicted      -5 to 15
-cutting                   1 when the tool is in metal, 0 in air                                      0 or 1
-========================  =========================================================================  ============
-
-Where the servo current is sensed, it takes the place of the thrust force: compared with the current at the force's limit
-and no feed, and with the one predicted. Where a roughness is to be held, and where blanks are probed, one entry more:
-
-========================  =========================================================================  ============
-roughness_reference       reference of Ra: -1 at the lowest, 1 at the highest, log                   -1 to 1
-probed_depth              mean allowance of the next blank: how far from the drawing's, in fifths    -5 to 15
-========================  =========================================================================  ============
-
-With parts, an observation tells of the last pass: its mean power and force, its speed and feed. Predictions take the actual
-speed and feed, nominal depth and hardness, and the nominal model's wear. In air, measurements are near 0 (a servo current: near
-that of no load), and the four entries that compare them near -5.
-
-Fifths, because what a controller must tell apart near a limit is a few per cent: in fifths these are a sizeable part of one.
+Where the servo current is sensed, it takes the place of the thrust force: compared with the current at the force's limit and no
+feed, and with the one predicted. With parts, an observation tells of the last pass: its mean power and force, its speed and feed.
+Predictions take the actual speed and feed, nominal depth and hardness, and the nominal model's wear. In air, measurements are near
+0 (a servo current: near that of no load), and the four entries that compare them near -5.
 """
 
 from functools import cache
@@ -41,44 +16,33 @@ from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp, log
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.machinability import force_and_power
+from turning_env.physics.quantities import DEVIATION_SCALE, MAX_LOG_TIME, MAX_RATIO, OBS, OBSERVATION, layout
 from turning_env.physics.records import parameter_records
 from turning_env.physics.wear import log_wear
 from turning_env.scenario import Scenario
 
-MAX_RATIO = 4.0
-MAX_LOG_TIME = 12.0
-FIFTHS = 5.0
-
-_MIN, _MAX = -FIFTHS, FIFTHS * (MAX_RATIO - 1.0)
-_LOW = (_MIN, _MIN, -1, -1, -1, -1, 0, 0, _MIN, _MIN, 0)
-_HIGH = (_MAX, _MAX, 1, 1, 1, 1, MAX_LOG_TIME, MAX_RATIO, _MAX, _MAX, 1)
-
 
 def bounds(scenario: Scenario) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Lowest and highest values of the entries, each of shape (entries,): 11, or 12 where there is one entry more."""
-    low, high = list(_LOW), list(_HIGH)
-    if scenario.control.aim == "roughness":
-        low, high = [*low, -1], [*high, 1]
-    elif scenario.sensors.probe:
-        low, high = [*low, _MIN], [*high, _MAX]
+    """Return the lowest and highest values of the entries of ``layout(scenario)``, each of shape (entries,)."""
+    low, high = zip(*((entry.low, entry.high) for entry in OBSERVATION if entry.present(scenario)), strict=True)
     return np.array(low, np.float32), np.array(high, np.float32)
 
 
 @compiled
 def range_position(log_value, log_low, scale):
-    """Where a value lies in its range, on a logarithmic scale (2 over its span): -1 at the low end, 1 at the high end."""
+    """Return a value's place in its range, -1 at the low end and 1 at the high end, on a logarithmic scale (2 over its span)."""
     return min(max(scale * (log_value - log_low) - 1.0, -1.0), 1.0)
 
 
 @compiled
 def deviation(ratio):
-    """How far a ratio is from 1, in fifths."""
-    return FIFTHS * (min(ratio, MAX_RATIO) - 1.0)
+    """Return a ratio's deviation from 1, times ``DEVIATION_SCALE``."""
+    return DEVIATION_SCALE * (min(ratio, MAX_RATIO) - 1.0)
 
 
 @compiled
 def observe(state, work, first, last, parameters):
-    """Put what some lanes of a block tell into ``work.observation``, shape (entries, lanes), in the order of the table above.
+    """Put all entries of some environments of a block into ``work.observation``, shape (entries, environments), at ``OBS``.
 
     ``work`` must hold the logarithms of speed and feed.
     """
@@ -89,15 +53,15 @@ def observe(state, work, first, last, parameters):
     feed_low, feed_scale = p.log_feed_min, 2.0 / p.log_feed_span
     for i in range(first, last):
         commanded_speed, commanded_feed = log(state.commanded_cutting_speed[i]), log(state.commanded_feed[i])
-        entries[0, i] = deviation(state.measured_power[i] * power_scale)
-        entries[1, i] = deviation(state.measured_thrust_force[i] * force_scale)
-        entries[2, i] = range_position(work.log_cutting_speed[i], speed_low, speed_scale)
-        entries[3, i] = range_position(work.log_feed[i], feed_low, feed_scale)
-        entries[4, i] = range_position(commanded_speed, speed_low, speed_scale)
-        entries[5, i] = range_position(commanded_feed, feed_low, feed_scale)
+        entries[OBS.power, i] = deviation(state.measured_power[i] * power_scale)
+        entries[OBS.thrust_force, i] = deviation(state.measured_thrust_force[i] * force_scale)
+        entries[OBS.cutting_speed, i] = range_position(work.log_cutting_speed[i], speed_low, speed_scale)
+        entries[OBS.feed, i] = range_position(work.log_feed[i], feed_low, feed_scale)
+        entries[OBS.commanded_cutting_speed, i] = range_position(commanded_speed, speed_low, speed_scale)
+        entries[OBS.commanded_feed, i] = range_position(commanded_feed, feed_low, feed_scale)
     for i in range(first, last):
-        entries[6, i] = min(log(1.0 + state.cutting_time[i]), MAX_LOG_TIME)
-        entries[10, i] = 1.0 if state.cutting[i] > 0 else 0.0
+        entries[OBS.cutting_time, i] = min(log(1.0 + state.cutting_time[i]), MAX_LOG_TIME)
+        entries[OBS.cutting, i] = 1.0 if state.cutting[i] > 0 else 0.0
     for i in range(first, last):
         work.log_wear[i] = log_wear(p, state.nominal_used_life[i])
     for i in range(first, last):
@@ -105,32 +69,32 @@ def observe(state, work, first, last, parameters):
         force, power = force_and_power(p, work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i], wear, 0.0)
         work.predicted_force[i] = force
         has_cut = state.nominal_used_life[i] > 0.0
-        entries[8, i] = deviation(state.measured_power[i] / power if has_cut else 0.0)
-        entries[9, i] = deviation(state.measured_thrust_force[i] / force if has_cut else 0.0)
+        entries[OBS.power_ratio, i] = deviation(state.measured_power[i] / power if has_cut else 0.0)
+        entries[OBS.force_ratio, i] = deviation(state.measured_thrust_force[i] / force if has_cut else 0.0)
     for i in range(first, last):
         ratio = min(exp(work.log_wear[i] - p.log_wear_criterion), MAX_RATIO)
-        entries[7, i] = ratio if state.nominal_used_life[i] > 0.0 else 0.0
+        entries[OBS.nominal_wear, i] = ratio if state.nominal_used_life[i] > 0.0 else 0.0
     if p.senses_current:
         at_limit = steady_current(p, p.thrust_force_limit, 0.0)
         for i in range(first, last):
             feed_velocity = state.cutting_speed[i] * p.revolutions_per_metre * state.feed[i]
             predicted = steady_current(p, work.predicted_force[i], feed_velocity)
             has_cut = state.nominal_used_life[i] > 0.0
-            entries[1, i] = deviation(state.measured_servo_current[i] / at_limit)
-            entries[9, i] = deviation(state.measured_servo_current[i] / predicted if has_cut else 0.0)
+            entries[OBS.thrust_force, i] = deviation(state.measured_servo_current[i] / at_limit)
+            entries[OBS.force_ratio, i] = deviation(state.measured_servo_current[i] / predicted if has_cut else 0.0)
     if p.holds_roughness:
         one_only = p.log_reference_span == 0.0
         scale = 0.0 if one_only else 2.0 / p.log_reference_span
         for i in range(first, last):
             position = range_position(log(state.roughness_reference[i]), p.log_reference_min, scale)
-            entries[11, i] = 0.0 if one_only else position
-    elif p.probe:
+            entries[OBS.roughness_reference, i] = 0.0 if one_only else position
+    if p.probe:
         for i in range(first, last):
-            entries[11, i] = deviation(state.probed_depth[i] / p.depth_of_cut)
+            entries[OBS.probed_depth, i] = deviation(state.probed_depth[i] / p.depth_of_cut)
 
 
 class Reading(NamedTuple):
-    """A batch of observations in physical units; every field has shape (lanes,)."""
+    """A batch of observations in physical units; every field has shape (environments,)."""
 
     power: NDArray[np.float64]
     """Measured power [kW]."""
@@ -165,27 +129,27 @@ class Reading(NamedTuple):
 
 
 def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
-    """Turn observations of shape (lanes, 11 or 12) back into physical units, for controllers that reason in them."""
-    columns = np.asarray(observation, np.float64).T
+    """Turn observations of shape (environments, entries) back into physical units, for controllers that reason in them."""
+    columns = dict(zip(layout(scenario), np.asarray(observation, np.float64).T, strict=True))
     machine, limits, surface = scenario.machine, scenario.limits, scenario.surface
 
     def in_range(position: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
         return low * (high / low) ** (0.5 * (position + 1.0))
 
     def ratio(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
-        return deviation / FIFTHS + 1.0
+        return deviation / DEVIATION_SCALE + 1.0
 
-    power = ratio(columns[0]) * limits.power
-    cutting_speed = in_range(columns[2], machine.cutting_speed_min, machine.cutting_speed_max)
-    feed = in_range(columns[3], machine.feed_min, machine.feed_max)
-    untold = np.full(len(power), np.nan)
+    power = ratio(columns["power"]) * limits.power
+    cutting_speed = in_range(columns["cutting_speed"], machine.cutting_speed_min, machine.cutting_speed_max)
+    feed = in_range(columns["feed"], machine.feed_min, machine.feed_max)
+    unknown = np.full(len(power), np.nan)
     if scenario.sensors.force == "servo_current":
         parameters: Any = _parameters(scenario)
         feed_velocity = cutting_speed * parameters.revolutions_per_metre * feed
-        servo_current = ratio(columns[1]) * steady_current(parameters, limits.thrust_force, 0.0)
+        servo_current = ratio(columns["thrust_force"]) * steady_current(parameters, limits.thrust_force, 0.0)
         thrust_force = np.maximum(force_from_current(parameters, servo_current, feed_velocity), 0.0)
     else:
-        servo_current, thrust_force = untold, ratio(columns[1]) * limits.thrust_force
+        servo_current, thrust_force = unknown, ratio(columns["thrust_force"]) * limits.thrust_force
     return Reading(
         power=power,
         load=power / machine.rated_power,
@@ -193,17 +157,21 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
         servo_current=servo_current,
         cutting_speed=cutting_speed,
         feed=feed,
-        commanded_cutting_speed=in_range(columns[4], machine.cutting_speed_min, machine.cutting_speed_max),
-        commanded_feed=in_range(columns[5], machine.feed_min, machine.feed_max),
-        cutting_time=np.expm1(columns[6]),
-        nominal_wear=columns[7] * scenario.tool.wear_criterion,
-        power_ratio=ratio(columns[8]),
-        force_ratio=ratio(columns[9]),
-        cutting=columns[10] > 0.5,
-        roughness_reference=(
-            in_range(columns[11], surface.reference_min, surface.reference_max) if scenario.control.aim == "roughness" else untold
+        commanded_cutting_speed=in_range(
+            columns["commanded_cutting_speed"], machine.cutting_speed_min, machine.cutting_speed_max
         ),
-        probed_depth=ratio(columns[11]) * scenario.workpiece.depth_of_cut if scenario.sensors.probe else untold,
+        commanded_feed=in_range(columns["commanded_feed"], machine.feed_min, machine.feed_max),
+        cutting_time=np.expm1(columns["cutting_time"]),
+        nominal_wear=columns["nominal_wear"] * scenario.tool.wear_criterion,
+        power_ratio=ratio(columns["power_ratio"]),
+        force_ratio=ratio(columns["force_ratio"]),
+        cutting=columns["cutting"] > 0.5,
+        roughness_reference=(
+            in_range(columns["roughness_reference"], surface.reference_min, surface.reference_max)
+            if "roughness_reference" in columns
+            else unknown
+        ),
+        probed_depth=ratio(columns["probed_depth"]) * scenario.workpiece.depth_of_cut if "probed_depth" in columns else unknown,
     )
 
 

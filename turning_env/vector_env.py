@@ -11,16 +11,23 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from turning_env.batch.driver import MAX_SEED, Lathes, action_space, checked_seed, observation_space
-from turning_env.batch.outputs import AnswerPool, Answers
-from turning_env.info import EVERY_FIELD, with_values
-from turning_env.physics.records import REPORT_FIELDS
+from turning_env.batch.driver import (
+    MAX_SEED,
+    REWARD,
+    TERMINATED,
+    TRUNCATED,
+    Batch,
+    action_space,
+    checked_seed,
+    observation_space,
+)
+from turning_env.info import INFO_KEYS, info_of
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
     from turning_env.rendering.viewer import Viewer
 
-_MASKS = ["_" + name for name in REPORT_FIELDS]
+_MASKS = ["_" + name for name in INFO_KEYS]
 
 Array = NDArray[Any]
 Infos = dict[str, Any]
@@ -28,28 +35,27 @@ Step = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArra
 
 
 class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Array]):
-    """``num_envs`` independent lathes, each exactly the ``RoughTurningEnv`` that is seeded as its lane is.
+    """``num_envs`` independent environments, each exactly the ``RoughTurningEnv`` with its seed.
 
-    Specification: see ``RoughTurningEnv``. Lane i of ``reset(seed=s)`` is the single environment of ``reset(seed=s + i)``, bit
-    for bit, across autoresets, for any number of lanes. ``infos`` holds an array per key of the single environment's info,
+    Specification: see ``RoughTurningEnv``. Environment i of ``reset(seed=s)`` is the single environment of ``reset(seed=s + i)``,
+    bit for bit, across autoresets, for any number of environments. ``infos`` holds an array per key of the single environment's info,
     and a mask ``_key`` beside it.
 
     Args:
-        num_envs: number of lanes, at least 1.
+        num_envs: number of environments, at least 1.
         scenario: the name of a preset, the path of a TOML file, or a ``Scenario``.
         autoreset_mode: NEXT_STEP (default: the step after an episode's end ignores its action and starts the next episode,
             with reward 0), SAME_STEP (the last step of an episode returns the next one's first observation; the last
-            observation and info are ``infos["final_obs"]`` and ``infos["final_info"]``) or DISABLED (ended lanes must be
-            reset with ``options={"reset_mask": mask}``).
-        render_mode: None, or "rgb_array": ``render()`` then returns a frame of each lane, as ``RoughTurningEnv`` draws it.
-        threads: how many threads share the lanes, where these are enough for it to pay (8192); what a lane gives does not
-            depend on it.
-        rendered_lanes: of how many lanes, from the first on, frames are drawn; None: of all, a few milliseconds each.
+            observation and info are ``infos["final_obs"]`` and ``infos["final_info"]``) or DISABLED (reset ended environments
+            with ``options={"reset_mask": mask}``).
+        render_mode: None, or "rgb_array": ``render()`` then returns a frame of each environment, as ``RoughTurningEnv`` draws it.
+        threads: how many threads share the work, if there are at least 8192 environments; results do not depend on it.
+        rendered_envs: how many environments, from the first on, are drawn, a few milliseconds each; None: all.
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
-        ValueError: ``num_envs`` or ``threads`` is below 1; ``rendered_lanes`` is not 1 to ``num_envs``; there is no such render
-            mode; an action is not finite (names the lane) or not of shape (num_envs, 2); wrong seeds or reset mask.
+        ValueError: ``num_envs`` or ``threads`` is below 1; ``rendered_envs`` is not 1 to ``num_envs``; there is no such render
+            mode; an action is not finite or not of shape (num_envs, action size); wrong seeds or reset mask.
         gymnasium.error.ResetNeeded: ``step`` or ``render`` before ``reset``, or ``step`` with DISABLED after an episode's end.
         gymnasium.error.DependencyNotInstalled: what rendering needs is not installed.
     """
@@ -61,14 +67,14 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
         threads: int = 1,
-        rendered_lanes: int | None = None,
+        rendered_envs: int | None = None,
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"num_envs is {num_envs}, but must be at least 1")
         if threads < 1:
             raise ValueError(f"threads is {threads}, but must be at least 1")
-        if rendered_lanes is not None and not 1 <= rendered_lanes <= num_envs:
-            raise ValueError(f"rendered_lanes is {rendered_lanes}, but must be None or 1 to num_envs, which is {num_envs}")
+        if rendered_envs is not None and not 1 <= rendered_envs <= num_envs:
+            raise ValueError(f"rendered_envs is {rendered_envs}, but must be None or 1 to num_envs, which is {num_envs}")
         self.num_envs = num_envs
         self.scenario = Scenario.load(scenario)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
@@ -78,67 +84,55 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         self.single_action_space = action_space(self.scenario)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._lathes = Lathes(self.scenario, num_envs, threads)
+        self._batch = Batch(self.scenario, num_envs, threads)
         self._viewer: Viewer | None = None
         if render_mode is not None:
-            from turning_env.rendering import make_viewer  # only who renders needs what it needs
+            from turning_env.rendering import make_viewer  # its libraries are optional
 
-            self._viewer = make_viewer(self, self._lathes, rendered_lanes or num_envs)
-        self._pool = AnswerPool(num_envs, self._lathes.entries)
-        self._every_lane = np.ones(num_envs, np.bool_)
-        self._every_lane.flags.writeable = False  # it goes out as a mask in every info
-        self._entries = EVERY_FIELD | dict.fromkeys(_MASKS, self._every_lane)
+            self._viewer = make_viewer(self, self._batch, rendered_envs or num_envs)
+        self._all = np.ones(num_envs, np.bool_)
+        self._all.flags.writeable = False  # it goes out as a mask in every info
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], Infos]:
-        """Start an episode in every lane, or in those of ``options["reset_mask"]`` (bool, shape (num_envs,)).
+        """Start an episode in every environment, or in those of ``options["reset_mask"]`` (bool, shape (num_envs,)).
 
-        Lane i starts episode 0 of ``seed + i`` or of ``seed[i]``; without a seed, the next episode of its present one.
+        Environment i starts episode 0 of ``seed + i`` or of ``seed[i]``; without a seed, the next episode of its present one.
         """
-        lathes = self._lathes
+        batch = self._batch
         chosen = self._reset_mask(options)
-        given, seeds = self._lane_seeds(seed)
+        given, seeds = self._seeds(seed)
         super().reset(seed=seed if isinstance(seed, int) else None)
-        before, lathes.answers = lathes.answers, self._pool.next()
-        lathes.answers.put(before)
-        lanes = np.flatnonzero(chosen & given)
-        lathes.seed(lanes, seeds[lanes])
-        lathes.start(chosen & given)
-        lathes.next_episode(chosen & ~given)
-        lathes.answers.ends[:, chosen] = False
-        lathes.seeded = True
+        seeded = np.flatnonzero(chosen & given)
+        batch.seed(seeded, seeds[seeded])
+        batch.start(chosen & given)
+        batch.next_episode(chosen & ~given)
         if self._viewer is not None:
             self._viewer.note()
-        return lathes.answers.observations, self._infos(lathes.answers, chosen)
+        return batch.observations, self._infos(batch.table, chosen)
 
     def step(self, actions: Any) -> Step:
-        """Run one control interval in every lane; actions of shape (num_envs, 2)."""
-        lathes = self._lathes
-        if not lathes.seeded:
+        """Run one step in every environment; actions of shape (num_envs, action size)."""
+        batch = self._batch
+        if not batch.seeded:
             raise ResetNeeded("call reset() first: no episode is under way")
-        if self.autoreset_mode is AutoresetMode.DISABLED and lathes.ended.any():
-            raise ResetNeeded(f"the episodes of lanes {np.flatnonzero(lathes.ended).tolist()} have ended")
-        before, lathes.answers = lathes.answers, self._pool.next()
-        try:
-            lathes.step(actions)
-        except ValueError:
-            lathes.answers = before
-            raise
-        answers = lathes.answers
-        terminated, truncated = answers.ends
+        if self.autoreset_mode is AutoresetMode.DISABLED and batch.ended.any():
+            raise ResetNeeded(f"the episodes of environments {np.flatnonzero(batch.ended).tolist()} have ended")
+        batch.step(actions)
+        rewards, terminated, truncated = batch.table[REWARD], batch.table[TERMINATED] > 0.0, batch.table[TRUNCATED] > 0.0
         final: Infos = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             ended = terminated | truncated
             if ended.any():
                 final = self._final_infos(ended)
-                lathes.next_episode(ended)
+                batch.next_episode(ended)
         if self._viewer is not None:
             self._viewer.note()
-        return answers.observations, answers.rewards, terminated, truncated, final | self._infos(answers, self._every_lane)
+        return batch.observations, rewards, terminated, truncated, final | self._infos(batch.table, self._all)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """A frame of each rendered lane, as it is now: uint8, shape (640, 960, 3)."""
+        """Return a frame of each rendered environment: uint8, shape (640, 960, 3)."""
         if self._viewer is None:
             logger.warn('nothing is rendered without a render mode: make the environment with render_mode="rgb_array"')
             return None
@@ -146,29 +140,29 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     def close_extras(self, **kwargs: Any) -> None:
         """Let the threads go."""
-        self._lathes.close()
+        self._batch.close()
 
-    def _lane_seeds(self, seed: int | Sequence[int | None] | None) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
-        """(whether a lane is given a new seed, the new seeds)."""
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
+        """Return (whether an environment is given a new seed, the new seeds)."""
         count = self.num_envs
         given, seeds = np.ones(count, np.bool_), np.zeros(count, np.uint64)
         if seed is None:
             given[:] = False
         elif isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim > 0):
             if len(seed) != count:
-                raise ValueError(f"there are {len(seed)} seeds, but must be one for each of {count} lanes")
-            for lane, number in enumerate(seed):
+                raise ValueError(f"there are {len(seed)} seeds, but must be one for each of {count} environments")
+            for i, number in enumerate(seed):
                 if number is None:
-                    given[lane] = False
+                    given[i] = False
                 else:
-                    seeds[lane] = checked_seed(number, lane)
+                    seeds[i] = checked_seed(number, i)
         else:
             first = checked_seed(seed, 0)
             fitting = min(count, MAX_SEED - first + 1)
             if fitting < count:
                 checked_seed(first + fitting, fitting)
             seeds[:] = np.uint64(first) + np.arange(count, dtype=np.uint64)
-        if not self._lathes.seeded:
+        if not self._batch.seeded:
             for unseeded in np.flatnonzero(~given):
                 seeds[unseeded] = self.np_random.integers(2**63)
             given[:] = True
@@ -176,29 +170,25 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     def _reset_mask(self, options: dict[str, Any] | None) -> NDArray[np.bool_]:
         if not options or "reset_mask" not in options:
-            return self._every_lane
+            return self._all
         try:
             mask = np.array(options["reset_mask"])
         except ValueError as error:  # ragged
             raise ValueError(f"reset_mask must be bool of shape ({self.num_envs},), got {options['reset_mask']!r}") from error
         if mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
             raise ValueError(f"reset_mask must be bool of shape ({self.num_envs},), got {mask.dtype} of {mask.shape}")
-        if not self._lathes.seeded and not mask.all():
-            raise ResetNeeded("the first reset() must start every lane")
+        if not self._batch.seeded and not mask.all():
+            raise ResetNeeded("the first reset() must start every environment")
         return mask
 
-    def _infos(self, answers: Answers, mask: NDArray[np.bool_]) -> Infos:
-        """One array per field of the report, with the mask of the lanes that it holds for."""
-        entries = self._entries if mask is self._every_lane else EVERY_FIELD | dict.fromkeys(_MASKS, mask)
-        return with_values(entries, answers.table)
+    def _infos(self, table: Array, mask: NDArray[np.bool_]) -> Infos:
+        """Return an array per key of the info, and beside it the mask of the environments that it holds for."""
+        return info_of(table) | dict.fromkeys(_MASKS, mask)
 
     def _final_infos(self, ended: NDArray[np.bool_]) -> Infos:
-        """The last observations and infos of the episodes that have ended; other lanes' are nothing and 0."""
-        answers = self._lathes.answers
+        """Return the last observations and infos of the episodes that have ended; those of the others are None and 0."""
         final_obs = np.full(self.num_envs, None, dtype=object)
-        for lane in np.flatnonzero(ended):
-            final_obs[lane] = answers.observations[lane].copy()
-        final = Answers(self.num_envs, 0)
-        final.table[:, ended] = answers.table[:, ended]
-        infos = self._infos(final, ended)
+        for i in np.flatnonzero(ended):
+            final_obs[i] = self._batch.observations[i]
+        infos = self._infos(np.where(ended, self._batch.table, 0.0), ended)
         return {"final_obs": final_obs, "_final_obs": ended, "final_info": infos, "_final_info": ended}

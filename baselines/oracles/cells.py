@@ -1,10 +1,8 @@
 """The dynamic programming of ``clairvoyant.py``, compiled: true fields of a row of bars, and the best return over their cells."""
 
-from typing import Any
-
 import numpy as np
 
-from turning_env.numerics.compilation import compiled, compiled_entry, source_digest
+from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.physics.lathe import start_episode
 from turning_env.physics.workpiece import look_up_fields
 
@@ -43,106 +41,98 @@ def corners(speeds, ladder, log_feeds, force, power, force_law, power_law):
         speeds[k] = min(max(corner, ladder[0]), ladder[rungs - 1])
 
 
-def _entries(digest: str) -> tuple[Any, Any, Any]:
-    @compiled_entry
-    def start_episode_of(blocks, works, parameters, reports):
-        """Start the episode of the first lane of the only block, the only lane that is looked at."""
-        digest  # noqa: B018 - see compiled_entry
-        start_episode(blocks[0], works[0], reports[0], 0, parameters[0])
-
-    @compiled_entry
-    def survey(blocks, works, parameters, fields, cells):
-        """Fill in the logarithms of depth of cut [mm], hardness and wear factor [-] in the middle of so many cells a bar."""
-        digest  # noqa: B018 - see compiled_entry
-        lanes, work, p = blocks[0], works[0], parameters[0]
-        work.engaged[0] = 1.0
-        for i in range(fields.shape[1]):
-            work.middle[0] = (i + 0.5) * p.bar_length / cells
-            look_up_fields(lanes, work, 0, 1, p)
-            fields[0, i] = np.log(lanes.depth_of_cut[0])
-            fields[1, i] = lanes.log_hardness[0]
-            fields[2, i] = lanes.log_wear_factor[0] + lanes.log_skin_wear[0]
-
-    @compiled_entry
-    def best_return(blocks, parameters, fields, cells, log_speeds, log_feeds, steps, ripple, lives):
-        """(bound on the return [s], cell at which the edge is worn out at best).
-
-        ``steps``: log steps from the feed at the limit; ``ripple``: relative amplitude of the depth's run-out [-].
-        """
-        digest  # noqa: B018 - see compiled_entry
-        lanes, p = blocks[0], parameters[0]
-        wear_law, force_law, power_law = p.wear_law, p.force_law, p.power_law
-        length = p.bar_length / cells  # [mm]
-        metal = length * 60.0 / p.revolutions_per_metre / p.reference_removal_rate  # worth of a cell 1 mm deep [s]
-        crossing = 60.0 / p.revolutions_per_metre  # time [s] of 1 mm at 1 m/min and 1 mm/rev
-        air = p.approach * crossing * np.exp(-log_speeds[-1] - log_feeds[1])
-        life_by_feed = wear_law.feed * p.life_exponent
-        feed_factors, life_factors = np.exp(-steps), np.exp(steps * (life_by_feed - 1.0))
-        force_factors, power_factors = np.exp(steps * force_law.feed), np.exp(steps * power_law.feed)
-        shallowest = np.log(1.0 - ripple)
-        values, ends = np.zeros(lives + 1), np.full(lives + 1, float(fields.shape[1]))
-        next_values, next_ends = values.copy(), ends.copy()
-        speeds = np.empty(log_speeds.shape[0] + 3 * (log_speeds.shape[0] > 1))
-        speeds[: log_speeds.shape[0]] = log_speeds
-        for i in range(fields.shape[1] - 1, -1, -1):
-            log_depth, log_hardness = fields[0, i] + shallowest, fields[1, i]
-            worth = metal * np.exp(fields[0, i]) * (1.0 + ripple)
-            life = wear_law.log_coefficient + wear_law.depth_of_cut * log_depth + wear_law.hardness * log_hardness
-            life = (life + fields[2, i] - p.log_wear_criterion) * p.life_exponent - np.log(60.0)
-            for j in range(lives):
-                used = j / lives
-                log_wear = p.log_wear_criterion + wear_law.time * np.log(max(used, 1e-9))
-                force = force_law.log_coefficient + force_law.depth_of_cut * log_depth + force_law.hardness * log_hardness
-                force += force_law.wear * log_wear - np.log(p.thrust_force_limit)
-                power = power_law.log_coefficient + power_law.depth_of_cut * log_depth + power_law.hardness * log_hardness
-                power += power_law.wear * log_wear - np.log(p.power_limit)
-                corners(speeds, log_speeds, log_feeds, force, power, force_law, power_law)
-                best, best_end = -np.inf, 0.0
-                for log_speed in speeds:
-                    force_here, power_here = (
-                        force + force_law.cutting_speed * log_speed,
-                        power + power_law.cutting_speed * log_speed,
-                    )
-                    kink = log_feeds[1]
-                    if force_law.feed > 0.0:
-                        kink = min(kink, -force_here / force_law.feed)
-                    if power_law.feed > 0.0:
-                        kink = min(kink, -power_here / power_law.feed)
-                    kink = max(kink, log_feeds[0])
-                    time_at_kink = length * crossing * np.exp(-log_speed - kink)
-                    life_rate = np.exp(life + wear_law.cutting_speed * p.life_exponent * log_speed + life_by_feed * kink)
-                    used_at_kink = life_rate * time_at_kink
-                    force_at_kink = np.exp(force_here + force_law.feed * kink)
-                    power_at_kink = np.exp(power_here + power_law.feed * kink)
-                    for k in range(steps.shape[0]):
-                        if not log_feeds[0] - 1e-9 <= kink + steps[k] <= log_feeds[1] + 1e-9:
-                            continue
-                        time = time_at_kink * feed_factors[k]
-                        excess = max(force_at_kink * force_factors[k] - 1.0, 0.0) + max(
-                            power_at_kink * power_factors[k] - 1.0, 0.0
-                        )
-                        using = used_at_kink * life_factors[k]
-                        gain = worth - time * (1.0 + p.overload_price * excess) - p.edge_price * using
-                        after = used + using
-                        if after >= 1.0:
-                            share = (1.0 - used) / using
-                            gain *= share
-                            end = i + share
-                        else:
-                            gain += between(next_values, after * lives)
-                            end = between(next_ends, after * lives)
-                        if gain > best:
-                            best, best_end = gain, end
-                values[j], ends[j] = best, best_end
-            values[lives], ends[lives] = 0.0, float(i)
-            if i % cells == 0:
-                values[:lives] -= air
-            values, next_values = next_values, values
-            ends, next_ends = next_ends, ends
-        start = min(lanes.used_life[0], 1.0) * lives
-        return between(next_values, start), between(next_ends, start)
-
-    return start_episode_of, survey, best_return
+@compiled_entry
+def start_episode_of(states, scratches):
+    """Start the episode of the first environment of the only block, the only one that is looked at."""
+    scratch = scratches[0]
+    start_episode(states[0], scratch.work, scratch.report, 0, scratch.parameters)
 
 
-start_episode_of, survey, best_return = _entries(source_digest())
+@compiled_entry
+def survey(states, scratches, fields, cells):
+    """Fill in the logarithms of depth of cut [mm], hardness and wear factor [-] in the middle of so many cells a bar."""
+    state, work, p = states[0], scratches[0].work, scratches[0].parameters
+    work.engaged[0] = 1.0
+    for i in range(fields.shape[1]):
+        work.middle[0] = (i + 0.5) * p.bar_length / cells
+        look_up_fields(state, work, 0, 1, p)
+        fields[0, i] = np.log(state.depth_of_cut[0])
+        fields[1, i] = state.log_hardness[0]
+        fields[2, i] = state.log_wear_factor[0] + state.log_skin_wear[0]
+
+
+@compiled_entry
+def best_return(states, scratches, fields, cells, log_speeds, log_feeds, steps, ripple, lives):
+    """(bound on the return [s], cell at which the edge is worn out at best).
+
+    ``steps``: log steps from the feed at the limit; ``ripple``: relative amplitude of the depth's run-out [-].
+    """
+    state, p = states[0], scratches[0].parameters
+    wear_law, force_law, power_law = p.wear_law, p.force_law, p.power_law
+    length = p.bar_length / cells  # [mm]
+    metal = length * 60.0 / p.revolutions_per_metre / p.reference_removal_rate  # worth of a cell 1 mm deep [s]
+    crossing = 60.0 / p.revolutions_per_metre  # time [s] of 1 mm at 1 m/min and 1 mm/rev
+    air = p.approach * crossing * np.exp(-log_speeds[-1] - log_feeds[1])
+    life_by_feed = wear_law.feed * p.life_exponent
+    feed_factors, life_factors = np.exp(-steps), np.exp(steps * (life_by_feed - 1.0))
+    force_factors, power_factors = np.exp(steps * force_law.feed), np.exp(steps * power_law.feed)
+    shallowest = np.log(1.0 - ripple)
+    values, ends = np.zeros(lives + 1), np.full(lives + 1, float(fields.shape[1]))
+    next_values, next_ends = values.copy(), ends.copy()
+    speeds = np.empty(log_speeds.shape[0] + 3 * (log_speeds.shape[0] > 1))
+    speeds[: log_speeds.shape[0]] = log_speeds
+    for i in range(fields.shape[1] - 1, -1, -1):
+        log_depth, log_hardness = fields[0, i] + shallowest, fields[1, i]
+        worth = metal * np.exp(fields[0, i]) * (1.0 + ripple)
+        life = wear_law.log_coefficient + wear_law.depth_of_cut * log_depth + wear_law.hardness * log_hardness
+        life = (life + fields[2, i] - p.log_wear_criterion) * p.life_exponent - np.log(60.0)
+        for j in range(lives):
+            used = j / lives
+            log_wear = p.log_wear_criterion + wear_law.time * np.log(max(used, 1e-9))
+            force = force_law.log_coefficient + force_law.depth_of_cut * log_depth + force_law.hardness * log_hardness
+            force += force_law.wear * log_wear - np.log(p.thrust_force_limit)
+            power = power_law.log_coefficient + power_law.depth_of_cut * log_depth + power_law.hardness * log_hardness
+            power += power_law.wear * log_wear - np.log(p.power_limit)
+            corners(speeds, log_speeds, log_feeds, force, power, force_law, power_law)
+            best, best_end = -np.inf, 0.0
+            for log_speed in speeds:
+                force_here, power_here = (
+                    force + force_law.cutting_speed * log_speed,
+                    power + power_law.cutting_speed * log_speed,
+                )
+                kink = log_feeds[1]
+                if force_law.feed > 0.0:
+                    kink = min(kink, -force_here / force_law.feed)
+                if power_law.feed > 0.0:
+                    kink = min(kink, -power_here / power_law.feed)
+                kink = max(kink, log_feeds[0])
+                time_at_kink = length * crossing * np.exp(-log_speed - kink)
+                life_rate = np.exp(life + wear_law.cutting_speed * p.life_exponent * log_speed + life_by_feed * kink)
+                used_at_kink = life_rate * time_at_kink
+                force_at_kink = np.exp(force_here + force_law.feed * kink)
+                power_at_kink = np.exp(power_here + power_law.feed * kink)
+                for k in range(steps.shape[0]):
+                    if not log_feeds[0] - 1e-9 <= kink + steps[k] <= log_feeds[1] + 1e-9:
+                        continue
+                    time = time_at_kink * feed_factors[k]
+                    excess = max(force_at_kink * force_factors[k] - 1.0, 0.0) + max(power_at_kink * power_factors[k] - 1.0, 0.0)
+                    using = used_at_kink * life_factors[k]
+                    gain = worth - time * (1.0 + p.overload_price * excess) - p.edge_price * using
+                    after = used + using
+                    if after >= 1.0:
+                        share = (1.0 - used) / using
+                        gain *= share
+                        end = i + share
+                    else:
+                        gain += between(next_values, after * lives)
+                        end = between(next_ends, after * lives)
+                    if gain > best:
+                        best, best_end = gain, end
+            values[j], ends[j] = best, best_end
+        values[lives], ends[lives] = 0.0, float(i)
+        if i % cells == 0:
+            values[:lives] -= air
+        values, next_values = next_values, values
+        ends, next_ends = next_ends, ends
+    start = min(state.used_life[0], 1.0) * lives
+    return between(next_values, start), between(next_ends, start)

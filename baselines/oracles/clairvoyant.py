@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from baselines.oracles.cells import best_return, start_episode_of, survey
 from turning_env import Scenario
-from turning_env.physics.records import LANES, REPORT, WORK, new_records, parameter_records
+from turning_env.physics.records import STATE, new_records, scratch_records
 
 Array = NDArray[np.float64]
 
@@ -100,13 +100,13 @@ def bounds(
 def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:
     """The bound of one draw."""
     work, control, machine = scenario.workpiece, scenario.control, scenario.machine
-    parameters = parameter_records(scenario)
+    scratch = scratch_records(scenario)
     # Run-out depends on how often the spindle has turned: no load is lower, and no metal more, than at its best.
     ripple = work.depth_ripple
-    parameters.depth_ripple[0] = 0.0
-    lanes, notes = new_records(LANES, 1), new_records(WORK, 1)
-    lanes.seed[0, 0] = seed
-    start_episode_of(lanes, notes, parameters, new_records(REPORT, 1))
+    scratch["parameters"]["depth_ripple"] = 0.0
+    states = new_records(STATE, 1)
+    states["seed"][0, 0] = seed
+    start_episode_of(states, scratch)
     cells = int(np.ceil(work.bar_length / grid.cell))
     if control.action == "override":
         log_speeds = np.log([control.initial_cutting_speed])
@@ -117,8 +117,8 @@ def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:
     bars = work.bars or _BARS
     while True:
         fields = np.empty((3, bars * cells))
-        survey(lanes, notes, parameters, fields, cells)
-        value, end = best_return(lanes, parameters, fields, cells, log_speeds, np.log(feeds), _FEEDS, ripple, grid.lives)
+        survey(states, scratch, fields, cells)
+        value, end = best_return(states, scratch, fields, cells, log_speeds, np.log(feeds), _FEEDS, ripple, grid.lives)
         # Twice as far as is cut at best: what the end of the row is worth then hardly matters.
         if work.bars or end <= 0.5 * fields.shape[1]:
             return float(value)

@@ -24,10 +24,9 @@ from optuna.trial import FrozenTrial, TrialState
 from tqdm import tqdm
 
 from baselines import tuned
-from baselines.code import code_digest
 from baselines.rule import Parameters, Range, Rule
 from baselines.tune.journal import cut_off_half_line
-from turning_env import Scenario
+from turning_env import MODEL_VERSION, Scenario
 from turning_env.score.overload import severe_limit, severe_share
 from turning_env.score.play import play
 from turning_env.score.seeds import tuning_seeds
@@ -101,7 +100,7 @@ class Search:
         }
         self._study = optuna.create_study(
             storage=_open(journal(name, scenario)),
-            study_name=_task(scenario, trials, draws),
+            study_name=_task(rule, scenario, trials, draws),
             direction="maximize",
             load_if_exists=True,
         )
@@ -206,9 +205,9 @@ def middle(values: Range) -> float:
     return math.sqrt(values.low * values.high) if values.logarithmic else 0.5 * (values.low + values.high)
 
 
-def _task(scenario: Scenario, trials: int, draws: int) -> str:
-    """What the trials depend on beside the rule. A journal's trials of another task are let be."""
-    return hashlib.sha256(json.dumps([scenario.digest(), code_digest(), trials, draws]).encode()).hexdigest()
+def _task(rule: Rule, scenario: Scenario, trials: int, draws: int) -> str:
+    """Return what the trials depend on beside the rule's name. A journal's trials of another task are let be."""
+    return hashlib.sha256(json.dumps([MODEL_VERSION, rule.version, scenario.digest(), trials, draws]).encode()).hexdigest()
 
 
 def _open(path: Path) -> JournalStorage:

@@ -8,12 +8,12 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from leaderboard.behaviour import Course
-from leaderboard.contestants import Contestant, Player
 from leaderboard.gallery import bar_entry, bars, limits, operating_point, used_life
 from leaderboard.gallery.drawing import MAX_POLICIES, Courses
 from leaderboard.result import ResultError
 from turning_env import Scenario
 from turning_env.files import replace_file
+from turning_env.score.policy import PolicySpec
 
 PICTURES: dict[str, Callable[[Courses], Figure | None]] = {
     "operating_point.png": operating_point.draw,
@@ -25,25 +25,25 @@ PICTURES: dict[str, Callable[[Courses], Figure | None]] = {
 """File names, and what draws them: None where a picture does not apply to a scenario."""
 
 
-def play(players: Sequence[Player], scenario: Scenario, draws: Sequence[int]) -> dict[str, list[Course]]:
+def play(players: Sequence[PolicySpec], scenario: Scenario, draws: Sequence[int]) -> dict[str, list[Course]]:
     """Play every policy on the same draws, with a progress bar.
 
     Raises:
         ResultError: there are none or too many to tell apart, one is a reference, which acts on more than observations, or one
             cannot play.
     """
-    contestants = [player for player in players if isinstance(player, Contestant)]
-    if others := [player.policy.label for player in players if not isinstance(player, Contestant)]:
+    contestants = [player for player in players if isinstance(player, PolicySpec)]
+    if others := [player.label for player in players if not isinstance(player, PolicySpec)]:
         raise ResultError(f"{', '.join(others)} cannot be drawn: only what acts on observations can")
     if not contestants:
         raise ResultError("there is nothing to draw: name a policy or give an agent")
     if len(contestants) > MAX_POLICIES:
         raise ResultError(f"{len(contestants)} policies cannot be told apart in a picture: at most {MAX_POLICIES}")
-    courses: dict[str, list[Course]] = {contestant.policy.label: [] for contestant in contestants}
+    courses: dict[str, list[Course]] = {contestant.label: [] for contestant in contestants}
     with tqdm(total=len(contestants) * len(draws), unit="episode", disable=None) as bar:
         for contestant in contestants:
             for draw in draws:
-                courses[contestant.policy.label].append(Course.of(contestant, scenario, draw))
+                courses[contestant.label].append(Course.of(contestant, scenario, draw))
                 bar.update()
     return courses
 

@@ -13,11 +13,11 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from leaderboard import columns, generalisation
-from leaderboard.board import Board
 from leaderboard.page.courses import chart_data
+from leaderboard.ranking import Leaderboard
 from leaderboard.result import write_whole
 from leaderboard.standings import highest
-from train.agents.trained import ONNX_SUFFIX
+from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario, presets
 from turning_env.score.overload import CONFIDENCE, RESAMPLES
 
@@ -33,7 +33,7 @@ _HERE = Path(__file__).parent
 _SCRIPTS = ("tables.js", "charts.js", "start.js")
 
 
-def write(boards: Sequence[Board], path: Path) -> None:
+def write(boards: Sequence[Leaderboard], path: Path) -> None:
     """Write the page of some boards, all of it or nothing.
 
     Raises:
@@ -42,7 +42,7 @@ def write(boards: Sequence[Board], path: Path) -> None:
     write_whole(path, render(boards))
 
 
-def render(boards: Sequence[Board]) -> str:
+def render(boards: Sequence[Leaderboard]) -> str:
     """The page as HTML. It needs nothing beside itself."""
     templates = Environment(
         loader=FileSystemLoader(_HERE),
@@ -71,7 +71,7 @@ def render(boards: Sequence[Board]) -> str:
     )
 
 
-def _section(board: Board) -> dict[str, Any]:
+def _section(board: Leaderboard) -> dict[str, Any]:
     shown = {heading: columns.applying(group, board.standings) for heading, group in COLUMN_GROUPS.items()}
     place = f"{board.task.env_id}/{board.task.scenario.name}"
     return {
@@ -80,7 +80,6 @@ def _section(board: Board) -> dict[str, Any]:
         "column_groups": {heading: group for heading, group in shown.items() if group},
         "columns": [(heading, column) for heading, group in shown.items() for column in group],
         "board": board,
-        "digests": board.results[0].digests,
         "versions": board.results[0].versions,
         "chart_data": chart_data(board),
         "best_rules": _best_rules(board),
@@ -92,26 +91,26 @@ def _section(board: Board) -> dict[str, Any]:
     }
 
 
-def _best_rules(board: Board) -> list[str]:
+def _best_rules(board: Leaderboard) -> list[str]:
     """The best rule, and the one that it is itself compared with."""
     rules = {standing.name: standing for standing in board.standings if standing.kind == "rule"}
     best = highest({name: standing.mean_return.value for name, standing in rules.items()})
     return [] if best is None else [name for name in (best, rules[best].best_rule) if name is not None]
 
 
-def reproducing_command(board: Board) -> str:
+def reproducing_command(board: Leaderboard) -> str:
     """The command line that plays the board's results again."""
     task, policies = board.task, [result.policy for result in board.results]
     words = ["python", "-m", "leaderboard", "run", "--env", task.env_id]
-    made_for = {policy.made_for.scenario for policy in policies if policy.kind == "rule" and policy.made_for is not None}
-    if made_for:  # a split: played with the scenario that it is a split of
-        words += ["--scenario", min(made_for), "--splits"]
+    tuned_for = {policy.tuned_for.name for policy in policies if policy.kind == "rule" and policy.tuned_for is not None}
+    if tuned_for:  # a split: played with the scenario that it is a split of
+        words += ["--scenario", min(tuned_for), "--splits"]
     elif task.env_id not in IDS or Scenario.load(IDS[task.env_id]) != task.scenario:
         known = task.scenario.name in presets() and Scenario.load(task.scenario.name) == task.scenario
         words += ["--scenario", task.scenario.name if known else "SCENARIO.toml"]
     words += [
-        "--split-draws" if made_for else "--draws",
-        "PRIVATE_DRAWS.txt" if task.private else str(len(task.draws)),
+        "--split-seeds" if tuned_for else "--seeds",
+        "PRIVATE_SEEDS.txt" if task.private else str(len(task.seeds)),
         "--policies",
     ]
     words += [policy.name for policy in policies if policy.kind != "agent"]

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from leaderboard.board import Board
-from leaderboard.standings import references
+from leaderboard.ranking import Leaderboard
+from leaderboard.standings import comparators
 from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
 
@@ -55,7 +55,7 @@ SUBJECTS = (
 )
 
 
-def chart_data(board: Board) -> dict[str, Any] | None:
+def chart_data(board: Leaderboard) -> dict[str, Any] | None:
     """All that the charts of a board need, as JSON can hold it; None if nothing was recorded.
 
     Policies stand in the order of the standings, each with a course, or None, for each draw.
@@ -66,17 +66,17 @@ def chart_data(board: Board) -> dict[str, Any] | None:
     subjects = [subject for subject in SUBJECTS if subject.applies(scenario)]
     names = [*AXES, *(name for subject in subjects for name in (subject.series, subject.reference) if name is not None)]
     ranges = {name: _range(episodes, name) for name in names}
-    draws = [draw for draw in board.task.draws if any(episode.draw == draw for episode in episodes)]
+    draws = [draw for draw in board.task.seeds if any(episode.seed == draw for episode in episodes)]
     # After a whole part the tool may be in air, but force and power are the part's.
     gaps = {subject.series for subject in subjects if subject.in_metal and scenario.control.action != "part"}
-    by_place = {(episode.policy.name, episode.draw): episode for episode in episodes}
+    by_place = {(episode.policy.name, episode.seed): episode for episode in episodes}
     policies = []
     for standing in board.standings:
         courses = [by_place.get((standing.name, draw)) for draw in draws]
         label = next((course.policy.label for course in courses if course is not None), None)
         packed = [None if course is None else _course(course, ranges, gaps) for course in courses]
         policies.append(None if label is None else {"label": label, "courses": packed})
-    published = references(scenario).published
+    published = comparators(scenario).published
     return {
         "axes": AXES,
         "draws": draws,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic.fields import FieldInfo
 
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.physics.records import action_size
+from turning_env.physics.quantities import action_size
 from turning_env.scenario.section import Section
 
 Record = dict[str, NDArray[Any]]

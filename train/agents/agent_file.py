@@ -1,7 +1,7 @@
 """An agent as one file for any machine: a network in ONNX, and in it what the agent is and how it came about.
 
-The network takes ``observation`` (float32, lanes x entries) and, where the agent has a memory, ``memory`` (float32,
-lanes x memory_size); it gives ``action`` (lanes x actions, -1..1) and then also ``next_memory``. Before an episode's first
+The network takes ``observation`` (float32, num_envs x entries) and, where the agent has a memory, ``memory`` (float32,
+num_envs x memory_size); it gives ``action`` (num_envs x actions, -1..1) and then also ``next_memory``. Before an episode's first
 observation the memory is 0. All that belongs to the agent is inside: scaling, clipping, weights.
 
 A file may come from anywhere, so it is refused unless it is small, plain arithmetic from inputs to outputs, and says all that
@@ -22,12 +22,14 @@ from train.agents import graph as plain_graph
 from train.agents.graph import MAX_BYTES, MAX_MEMORY, Outline
 from turning_env import IDS, Scenario
 from turning_env.batch.driver import action_space, observation_space
+from turning_env.scenario import PortableScenario
+from turning_env.score.policy import PolicyFactory, PolicySpec, ScenarioId
 
-FORMAT: Literal["rough-turning/agent/1"] = "rough-turning/agent/1"
+FORMAT: Literal["rough-turning/agent/2"] = "rough-turning/agent/2"
 
 
 class Space(BaseModel):
-    """A box, one value per entry."""
+    """The bounds of a box, one value per entry."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -36,23 +38,22 @@ class Space(BaseModel):
 
     @classmethod
     def of(cls, box: Any) -> Self:
-        """Of a Gymnasium ``Box`` of one axis."""
+        """Return the bounds of a Gymnasium ``Box`` of one axis."""
         return cls(low=box.low.tolist(), high=box.high.tolist())
 
 
 class Metadata(BaseModel):
-    """What a file says of its agent: one ONNX metadata property per field, text as it is, all else as JSON."""
+    """The metadata of an agent's file: one ONNX property per field, text as it is, all else as JSON."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
-    format: Literal["rough-turning/agent/1"]
+    format: Literal["rough-turning/agent/2"]
     algorithm: str = Field(pattern="^[a-z][a-z0-9_]{0,63}$")
     seed: int = Field(ge=0)
     """Of the training."""
     env_id: str
-    scenario: Scenario
-    """On which it was trained, whole."""
-    scenario_digest: str
+    scenario: PortableScenario
+    """On which it was trained: its name and what differs from the defaults."""
     observation_space: Space
     action_space: Space
     parameters: dict[str, JsonValue]
@@ -67,8 +68,6 @@ class Metadata(BaseModel):
     def _is_consistent(self) -> Self:
         if self.env_id not in IDS:
             raise ValueError(f"env_id is {self.env_id!r}, but must be one of {', '.join(IDS)}")
-        if self.scenario_digest != self.scenario.digest():
-            raise ValueError("scenario_digest is not that of scenario")
         for name, box in (
             ("observation_space", observation_space(self.scenario)),
             ("action_space", action_space(self.scenario)),
@@ -78,13 +77,13 @@ class Metadata(BaseModel):
         return self
 
     def properties(self) -> dict[str, str]:
-        """As ONNX keeps it."""
+        """Return the metadata as ONNX keeps it."""
         values = self.model_dump(mode="json")
         return {name: value if isinstance(value, str) else json.dumps(value) for name, value in values.items()}
 
     @classmethod
     def of(cls, properties: dict[str, str]) -> Self:
-        """From what ONNX keeps.
+        """Read the metadata from what ONNX keeps.
 
         Raises:
             ValueError: something is missing, unknown or not allowed; names it.
@@ -115,9 +114,70 @@ def _from_json(text: str) -> Any:
 _JSON_FIELDS = (int, Scenario, Space, dict[str, JsonValue], dict[str, str])
 
 
+ONNX_SUFFIX = ".onnx"
+"""Of agents' files."""
+
+
+def spec_of(file: "AgentFile", make: PolicyFactory) -> PolicySpec:
+    """Return the policy that a file holds."""
+    metadata = file.metadata
+    return trained_policy(
+        metadata.algorithm,
+        metadata.seed,
+        metadata.scenario,
+        metadata.parameters,
+        metadata.trained_steps,
+        metadata.command,
+        file.digest,
+        make,
+    )
+
+
+def trained_policy(
+    name: str,
+    seed: int,
+    scenario: Scenario,
+    parameters: dict[str, Any],
+    trained_steps: int,
+    command: str,
+    sha256: str,
+    make: PolicyFactory,
+) -> PolicySpec:
+    """Return the policy of a finished training on a scenario."""
+    return PolicySpec(
+        name=name,
+        kind="agent",
+        description=f"trained for {trained_steps} steps on scenario {scenario.name}",
+        parameters=parameters,
+        training_seed=seed,
+        sha256=sha256,
+        command=command,
+        tuned_for=ScenarioId.of(scenario),
+        trained_on=scenario,
+        make=make,
+    )
+
+
+def check_fits(agent: PolicySpec, scenario: Scenario) -> None:
+    """Check that an agent can play a scenario, which need not be the one that it was trained on.
+
+    Raises:
+        ValueError: the scenario has other actions, or observations of other meaning; names the field.
+    """
+    trained_on = agent.trained_on or scenario
+    for field in ("control.action", "control.aim", "control.edge_changes", "sensors.force", "sensors.probe"):
+        section, name = field.split(".")
+        mine, its = (getattr(getattr(each, section), name) for each in (trained_on, scenario))
+        if mine != its:
+            raise ValueError(
+                f"{agent.name}, trained on scenario {trained_on.name!r} with {field} = {mine!r}, cannot play {scenario.name!r}, "
+                f"where it is {its!r}: actions or observations would mean something else"
+            )
+
+
 @dataclass(frozen=True)
 class AgentFile:
-    """A file that has passed every check."""
+    """An agent's file that has passed every check."""
 
     content: bytes
     metadata: Metadata
@@ -125,17 +185,17 @@ class AgentFile:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the file."""
+        """Return the SHA-256 of the file."""
         return hashlib.sha256(self.content).hexdigest()
 
     @property
     def label(self) -> str:
-        """How the agent is called, and its file without the suffix."""
+        """Return the agent's name and training seed: its file's name without the suffix."""
         return f"{self.metadata.algorithm}-seed{self.metadata.seed}"
 
 
 def read(path: Path) -> AgentFile:
-    """Read an agent's file, one of one's own: a stranger's is loaded by ``onnx_policy.load``.
+    """Read an agent's file of one's own; load a stranger's with ``onnx_policy.load``.
 
     Raises:
         ValueError: it is not an agent's file, or one that is not trusted; says why.
@@ -149,7 +209,7 @@ def read(path: Path) -> AgentFile:
 
 
 def read_content(path: Path) -> bytes:
-    """What a file holds, up to a byte more than is allowed.
+    """Read a file, up to a byte more than is allowed.
 
     Raises:
         ValueError: it is a link, a pipe or a device.
@@ -166,7 +226,7 @@ def read_content(path: Path) -> bytes:
 
 
 def checked(content: bytes) -> AgentFile:
-    """The agent of a file's content.
+    """Check a file's content.
 
     Raises:
         ValueError: see ``read``.
@@ -178,7 +238,7 @@ def checked(content: bytes) -> AgentFile:
 
 
 def of_outline(content: bytes, outline: Outline) -> AgentFile:
-    """The agent of a file that is plain, if it is what it says.
+    """Check the metadata and shapes of a file whose graph is plain.
 
     Raises:
         ValueError: see ``read``.
@@ -188,7 +248,7 @@ def of_outline(content: bytes, outline: Outline) -> AgentFile:
 
 
 def _memory_size(outline: Outline, metadata: Metadata) -> int:
-    """The memory's size, 0 for none, of inputs and outputs that are as they should be."""
+    """Return the size of the memory, 0 for none; inputs and outputs must be as they should be."""
     entries, actions = len(metadata.observation_space.low), len(metadata.action_space.low)
     inputs, outputs = outline.inputs, outline.outputs
     memory = inputs.get("memory", 0)
@@ -196,7 +256,7 @@ def _memory_size(outline: Outline, metadata: Metadata) -> int:
     expected_outputs = {"action": actions} | ({"next_memory": memory} if "memory" in inputs else {})
     for what, found, expected in (("inputs", inputs, expected_inputs), ("outputs", outputs, expected_outputs)):
         if found != expected:
-            raise ValueError(f"has {what} {found}, but must have {expected} entries per lane for its scenario")
+            raise ValueError(f"has {what} {found}, but must have {expected} entries per environment for its scenario")
     if "memory" in inputs and not 1 <= memory <= MAX_MEMORY:
         raise ValueError(f"has a memory of {memory} entries, but may have 1 to {MAX_MEMORY}")
     return memory

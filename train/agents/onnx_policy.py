@@ -1,4 +1,4 @@
-"""Plays an agent's ONNX file, with neither PyTorch nor Stable-Baselines3, in a process of its own.
+"""Load an agent's ONNX file, which may come from anywhere, and play it in a process of its own, without PyTorch.
 
 from pathlib import Path
 from train import onnx_policy
@@ -16,7 +16,7 @@ from train.agents import agent_file
 from train.agents import sandbox as onnx_guard
 from train.agents.agent_file import AgentFile
 from train.agents.sandbox import GuardedPolicy, Limits
-from train.agents.trained import TrainedAgent
+from turning_env.score.policy import PolicySpec
 
 _examined = lru_cache(64)(onnx_guard.examined)
 """One file plays many scenarios."""
@@ -35,7 +35,7 @@ class _Maker:
         return GuardedPolicy(self.file, num_envs, self.limits)
 
 
-def load(path: Path, limits: Limits = onnx_guard.LIMITS) -> TrainedAgent:
+def load(path: Path, limits: Limits = onnx_guard.LIMITS) -> PolicySpec:
     """Load an agent from its file, which may come from anywhere: it is checked, can run no code, and plays within limits.
 
     Raises:
@@ -51,15 +51,4 @@ def load(path: Path, limits: Limits = onnx_guard.LIMITS) -> TrainedAgent:
         file = _examined(content, limits)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
-    metadata = file.metadata
-    return TrainedAgent(
-        name=metadata.algorithm,
-        seed=metadata.seed,
-        env_id=metadata.env_id,
-        scenario=metadata.scenario,
-        command=metadata.command,
-        parameters=metadata.parameters,
-        trained_steps=metadata.trained_steps,
-        digest=file.digest,
-        make=_Maker(file, limits),
-    )
+    return agent_file.spec_of(file, _Maker(file, limits))

@@ -4,29 +4,29 @@ import importlib
 from pathlib import Path
 
 from train.actor import Actor, ActorPolicy
-from train.agents.trained import TrainedAgent
+from train.agents.agent_file import trained_policy
 from train.run import HYPERPARAMETERS, Run, warn_of_pickle
 from turning_env.files import digest_of_files
+from turning_env.score.policy import PolicySpec
 
 
-def load(folder: Path) -> TrainedAgent:
+def load(folder: Path) -> PolicySpec:
     """Load the finished agent of one of your own runs. It is a pickle, which can run code: never load a stranger's.
 
     Raises:
-        ValueError: the folder holds no finished training, or none of an algorithm that is known.
+        ValueError: the folder holds no finished training, or none of a known algorithm.
     """
     run = Run.read(folder)
     actor = load_actor(run)
-    return TrainedAgent(
-        name=run.algorithm,
-        seed=run.seed,
-        env_id=run.env_id,
-        scenario=run.scenario,
-        command=run.command,
-        parameters=run.parameters,
-        trained_steps=run.parameters["steps"],
-        digest=digest_of_files(folder, folder.rglob("*")),
-        make=lambda num_envs: ActorPolicy(actor, num_envs),
+    return trained_policy(
+        run.algorithm,
+        run.seed,
+        run.scenario,
+        run.parameters,
+        run.parameters["steps"],
+        run.command,
+        digest_of_files(folder, folder.rglob("*")),
+        lambda num_envs: ActorPolicy(actor, num_envs),
     )
 
 

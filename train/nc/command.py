@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from baselines import catalogue
 from train.agents import onnx_policy
+from train.agents.agent_file import check_fits
 from train.nc import interval_table, laws, simulate_law
 from turning_env import Scenario
 from turning_env.console import described, exits
@@ -144,9 +145,9 @@ def _controller(parsed: argparse.Namespace) -> tuple[str, PolicyFactory, Scenari
         scenario = Scenario.load(parsed.scenario or "rough_turning")
         return parsed.rule, catalogue.entry(parsed.rule, scenario).make, scenario
     agent = onnx_policy.load(parsed.agent)
-    scenario = agent.scenario if parsed.scenario is None else Scenario.load(parsed.scenario)
-    agent.check_fits(scenario)
-    return f"{agent.name} (training seed {agent.seed})", agent.make, scenario
+    scenario = Scenario.load(parsed.scenario) if parsed.scenario or agent.trained_on is None else agent.trained_on
+    check_fits(agent, scenario)
+    return f"{agent.name} (training seed {agent.training_seed})", agent.make, scenario
 
 
 def _table(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
@@ -227,9 +228,7 @@ def _lines(done: dict[str, Any]) -> str:
     lines = [f"{done['path']}: {counts}"]
     if "steps" in done:
         largest, mean = done["largest_override_difference"], done["mean_override_difference"]
-        lines.append(
-            f"override: {largest:.3f} percentage points off the rule at most, {mean:.3f} in the mean of {done['steps']}"
-        )
+        lines.append(f"override: {largest:.3f} percentage points off the rule at most, {mean:.3f} in the mean of {done['steps']}")
     for name, of in (("original", "original"), ("simulated", "read back and played")):
         if name in done:
             sums = done[name]

@@ -210,10 +210,11 @@ def law_program(name: str, scenario: Scenario) -> Program:
     if not on_override(scenario):
         raise NcError(f"scenario {scenario.name!r} does not set the override of a programmed feed")
     machine, told = scenario.machine, scenario.nominal()
-    part = PartProgram(told, entry.parameters)
+    parameters = {key: float(value) for key, value in entry.parameters.items()}  # type: ignore[arg-type]
+    part = PartProgram(told, parameters)
     block = Block(
         -scenario.workpiece.bar_length,
         rounded_within(part.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max, SPEED_DECIMALS),
         rounded_within(part.feed, machine.feed_min, machine.feed_max, FEED_DECIMALS),
     )
-    return Program.of(scenario, ((block,),), LAWS[name](part, entry.parameters))
+    return Program.of(scenario, ((block,),), LAWS[name](part, parameters))

@@ -1,238 +1,239 @@
-"""Many lathes side by side, and the compiled loops over them. One lathe or thousands, the transition is the same."""
+"""The driver of any number of environments: their records, the compiled loops over them, and the threads that share the work."""
 
-from typing import Any, ClassVar
+import itertools
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from turning_env import observation
-from turning_env.batch.outputs import Answers
-from turning_env.batch.threads import Crew
-from turning_env.numerics.compilation import compiled, compiled_entry, handed_over, source_digest
-from turning_env.observation import observe
+from turning_env.info import Info, info_of
+from turning_env.numerics.compilation import compiled, compiled_entry
+from turning_env.observation import bounds, observe
+from turning_env.physics import quantities
 from turning_env.physics.lathe import run_step, start_episode
-from turning_env.physics.records import LANES, REPORT, REPORT_FIELDS, WIDTH, WORK, action_size, new_records, parameter_records
+from turning_env.physics.quantities import WIDTH, action_size
+from turning_env.physics.records import STATE, new_records, scratch_records
 from turning_env.physics.report import write_state
 from turning_env.scenario import Scenario
 
 MAX_SEED = 2**64 - 1
+BLOCKS_CLAIMED = 16
+"""Blocks that a thread claims at a time: enough that claiming costs next to nothing, few enough that all end together."""
+MIN_BLOCKS = 256
+"""Blocks below which threads do not share: where others keep the cores busy, waiting for one would cost more than it saves."""
+_PADDING, _PAGE = 8, 512  # numbers of a cache line and of a memory page
 
 
 def observation_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
-    """The observations of one lane: a new space for every environment, since a space carries its own sampling state."""
-    low, high = observation.bounds(scenario)
+    """Return the space of one environment's observations: a new one, since a space carries its own sampling state."""
+    low, high = bounds(scenario)
     return spaces.Box(low, high, dtype=np.float32)
 
 
 def action_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
-    """The actions of one lane, likewise."""
+    """Return the space of one environment's actions: a new one, since a space carries its own sampling state."""
     return spaces.Box(-1.0, 1.0, (action_size(scenario),), np.float32)
 
 
-def checked_seed(seed: Any, lane: int) -> int:
-    """The seed as an integer.
+def checked_seed(seed: Any, env_index: int) -> int:
+    """Return the seed as an integer.
 
     Raises:
         ValueError: it is not a whole number of 0 to 2**64 - 1.
     """
     if not isinstance(seed, int | np.integer) or not 0 <= seed <= MAX_SEED:
-        raise ValueError(f"seed {seed!r} of lane {lane} must be a whole number, 0 to {MAX_SEED}")
+        raise ValueError(f"seed {seed!r} of environment {env_index} must be a whole number, 0 to {MAX_SEED}")
     return int(seed)
 
 
 @compiled
-def write_lanes(state, work, report, rows, first, last, parameters, start, observations, table):
-    """Copy what some lanes of a block tell into the arrays of all lanes, in which the block begins at ``start``."""
-    write_state(state, report, first, last, parameters)
-    observe(state, work, first, last, parameters)
+def write_out(state, scratch, first, last, start, observations, table):
+    """Copy observations and reports of some environments of a block into the arrays of all; the block begins at ``start``."""
+    p, work, report = scratch.parameters, scratch.work, scratch.report
+    write_state(state, report, first, last, p)
+    observe(state, work, first, last, p)
     for k in range(table.shape[0]):
         for i in range(first, last):
-            table[k, start + i] = rows[k, i]
+            table[k, start + i] = report.table[k, i]
     for i in range(first, last):
         for k in range(observations.shape[1]):
-            observations[start + i, k] = work.observation[k, i]
+            observations[start + i, k] = work.observation[p.observation_layout[k], i]
 
 
-@compiled
-def count_unfit(actions):
-    """How many numbers of some actions are not finite."""
-    unfit = 0
-    for lane in range(actions.shape[0]):
+@compiled_entry
+def first_not_finite(actions):
+    """Return the first environment whose action, of shape (environments, action size), is not finite, or -1."""
+    for i in range(actions.shape[0]):
         for k in range(actions.shape[1]):
-            unfit += 0 if abs(actions[lane, k]) < np.inf else 1
-    return unfit
+            if not np.isfinite(actions[i, k]):
+                return i
+    return -1
 
 
-def _entries(digest: str) -> tuple[Any, Any, Any]:
-    @compiled_entry
-    def first_unfit(actions):
-        """The first lane whose action, of shape (lanes, action size), is not finite, or -1."""
-        digest  # noqa: B018 - see compiled_entry
-        if count_unfit(actions) > 0:
-            for lane in range(actions.shape[0]):
-                for k in range(actions.shape[1]):
-                    if not np.isfinite(actions[lane, k]):
-                        return lane
-        return -1
-
-    @compiled_entry
-    def start_lanes(blocks, parameters, works, reports, rows, chosen, observations, table):
-        """Start an episode in every chosen lane (``chosen``: bool per lane)."""
-        digest  # noqa: B018 - see compiled_entry
-        p, work, report = parameters[0], works[0], reports[0]
-        for lane in range(chosen.shape[0]):
-            if chosen[lane]:
-                lanes, i = blocks[lane // WIDTH], lane % WIDTH
-                start_episode(lanes, work, report, i, p)
-                write_lanes(lanes, work, report, rows, i, i + 1, p, lane - i, observations, table)
-
-    @compiled_entry
-    def step_blocks(
-        blocks, parameters, works, reports, rows, actions, observations, rewards, ends, table, first_block, last_block
-    ):
-        """Run one interval in every lane of the blocks from ``first_block`` to before ``last_block``.
-
-        A lane that has ended starts its next episode instead.
-        """
-        digest  # noqa: B018 - see compiled_entry
-        p, work, report = parameters[0], works[0], reports[0]
-        for b in range(first_block, last_block):
-            lanes, start = blocks[b], b * WIDTH
-            count = min(WIDTH, rewards.shape[0] - start)
-            for i in range(count):
-                work.ended_before[i] = lanes.ended[i]
-            run_step(lanes, work, report, actions[start : start + WIDTH], count, p)
-            for i in range(count):
-                if work.ended_before[i] > 0:
-                    lanes.episode[i] += np.uint64(1)
-                    start_episode(lanes, work, report, i, p)
-                    work.reward[i] = 0.0
-                    work.terminated[i] = 0
-                    work.truncated[i] = 0
-            for i in range(count):
-                rewards[start + i] = work.reward[i]
-                ends[0, start + i] = work.terminated[i] > 0
-                ends[1, start + i] = work.truncated[i] > 0
-            write_lanes(lanes, work, report, rows, 0, count, p, start, observations, table)
-
-    return first_unfit, start_lanes, step_blocks
+@compiled_entry
+def start_episodes(states, scratches, chosen, observations, table):
+    """Start an episode in every chosen environment (``chosen``: bool, shape (environments,))."""
+    scratch = scratches[0]
+    for k in range(chosen.shape[0]):
+        if chosen[k]:
+            state, i = states[k // WIDTH], k % WIDTH
+            start_episode(state, scratch.work, scratch.report, i, scratch.parameters)
+            write_out(state, scratch, i, i + 1, k - i, observations, table)
 
 
-_first_unfit, _start_lanes, _step_blocks = _entries(source_digest())
+@compiled_entry
+def step_blocks(states, scratches, actions, observations, table, first_block, last_block):
+    """Run one step in blocks ``first_block`` to ``last_block - 1``. Ended environments start their next episode instead."""
+    scratch = scratches[0]
+    p, work, report = scratch.parameters, scratch.work, scratch.report
+    for b in range(first_block, last_block):
+        state, start = states[b], b * WIDTH
+        count = min(WIDTH, actions.shape[0] - start)
+        for i in range(count):
+            work.ended_before[i] = state.ended[i]
+        run_step(state, work, report, actions[start : start + WIDTH], count, p)
+        for i in range(count):
+            if work.ended_before[i] > 0:
+                state.episode[i] += np.uint64(1)
+                start_episode(state, work, report, i, p)
+        write_out(state, scratch, 0, count, start, observations, table)
 
 
-class Desk:
-    """Where the transition notes things down, with the records of the lanes that it works on.
-
-    Attributes:
-        records: what the entries take first.
-        rows: a report's fields as the rows of one array, float64, shape (len(REPORT_FIELDS), lanes of a block).
-    """
-
-    def __init__(self, blocks: Any, parameters: Any, work: Any, report: Any) -> None:
-        self.rows = np.ndarray((len(REPORT_FIELDS), report.itemsize // 8 // len(REPORT_FIELDS)), np.float64, report)
-        self.records = (*(handed_over(record) for record in (blocks, parameters, work, report)), self.rows)
-
-
-class Lathes:
-    """The lanes of one scenario and what their last interval gave; both environments drive this.
+class Batch:
+    """``num_envs`` environments of one scenario, and what their last step gave. Both Gymnasium environments drive this.
 
     Args:
         scenario: what is played.
-        count: number of lanes.
-        threads: how many share the work.
+        num_envs: how many environments.
+        threads: how many threads share the work; results do not depend on it.
 
     Attributes:
-        answers: what the last interval gave.
-        ended: whether the episode of a lane has ended, 0 or 1, shape (blocks, WIDTH).
+        seeded: whether episodes have been started.
+        observations: float32, shape (num_envs, entries).
+        table: float64, shape (len(quantities.REPORT), num_envs), a row for each quantity. Every step fills new arrays.
     """
 
-    _BLOCK: ClassVar[np.dtype[Any]] = LANES
-    _NOT_KEPT: ClassVar[tuple[str, ...]] = ("ended", "_given", "_desk", "_crew")
-
-    def __init__(self, scenario: Scenario, count: int, threads: int = 1) -> None:
-        self.count = count
-        self._threads = threads
+    def __init__(self, scenario: Scenario, num_envs: int, threads: int = 1) -> None:
+        self.num_envs = num_envs
         self.seeded = False
-        self.action_size = action_size(scenario)
-        self.entries = len(observation.bounds(scenario)[0])
-        self._parameters = parameter_records(scenario)
-        self._blocks = new_records(self._BLOCK, -(-count // WIDTH))
-        self._actions = np.zeros((count, self.action_size), np.float64)
-        self.answers = Answers(count, self.entries)
+        self._scenario, self._threads = scenario, threads
+        self._states = new_records(STATE, -(-num_envs // WIDTH))
+        self._actions = np.zeros((num_envs, action_size(scenario)))
+        self.observations = np.zeros((num_envs, len(quantities.layout(scenario))), np.float32)
+        self.table = np.zeros((len(quantities.REPORT), num_envs))
+        # Rows a whole number of memory pages apart would fall into the same few places of the processor's first cache.
+        padding = _PADDING if num_envs % _PAGE < _PADDING <= num_envs else 0
+        self._table_shape = len(quantities.REPORT), num_envs + padding
         self._prepare()
 
     def _prepare(self) -> None:
-        """Make what is not kept with a copy or a pickle: views, and the records that the transition notes things down in."""
-        self._given = self._actions
-        places = [(new_records(WORK, 1), new_records(REPORT, 1)) for _ in range(self._threads)]
-        self._set_up([Desk(self._blocks, self._parameters, work, report) for work, report in places])
-
-    def _set_up(self, desks: list[Desk]) -> None:
-        self.ended: NDArray[np.int64] = self._blocks["ended"]
-        self._shape = self._given.shape
-        self._desk = desks[0]
-        self._crew = Crew(desks)
+        """Make what a copy or a pickle does not hold."""
+        self._scratches = [scratch_records(self._scenario) for _ in range(self._threads)]
+        self._helpers = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name not in self._NOT_KEPT}
+        return {name: value for name, value in self.__dict__.items() if name not in ("_scratches", "_helpers", "_padded_table")}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
+    def __setstate__(self, values: dict[str, Any]) -> None:
+        self.__dict__.update(values)
+        self._states = new_records(STATE, len(values["_states"]))
+        self._states[...] = values["_states"]
         self._prepare()
 
-    def seed(self, lanes: Any, seeds: Any) -> None:
-        """Key the episodes of lanes: the next to start is the first of its seed (see ``checked_seed``)."""
-        block, i = np.divmod(lanes, WIDTH)
-        self._blocks["seed"][block, i] = seeds
-        self._blocks["episode"][block, i] = 0
+    @property
+    def ended(self) -> NDArray[np.bool_]:
+        """Whether the episodes have ended, shape (num_envs,)."""
+        ended: NDArray[np.bool_] = self._states["ended"].ravel()[: self.num_envs] > 0
+        return ended
 
-    def state(self, lane: int, field: str) -> Any:
-        """A field of a lane's record (``records.LANES``), for who draws it."""
-        block, i = divmod(lane, WIDTH)
-        return self._blocks[field][block, i]
+    def state(self, env_index: int, name: str) -> Any:
+        """Return a quantity of an environment's state (``quantities.STATE``)."""
+        block, i = divmod(env_index, WIDTH)
+        return self._states[name][block, i].item()
 
-    def action(self, lane: int) -> NDArray[np.float64]:
-        """The last action of a lane, shape (action_size,)."""
-        action: NDArray[np.float64] = self._actions[lane]
+    def info(self, env_index: int) -> Info:
+        """Return an environment's info after its last step or reset."""
+        return info_of(self.table[:, env_index].tolist())
+
+    def reward(self, env_index: int) -> float:
+        """Return an environment's last reward [s]."""
+        return float(self.table[REWARD, env_index])
+
+    def action(self, env_index: int) -> NDArray[np.float64]:
+        """Return an environment's last action, shape (action size,)."""
+        action: NDArray[np.float64] = self._actions[env_index]
         return action
 
+    def seed(self, env_indices: Any, seeds: Any) -> None:
+        """Give environments seeds; the next episode to start is the first of its seed. See ``checked_seed``."""
+        block, i = np.divmod(env_indices, WIDTH)
+        self._states["seed"][block, i] = seeds
+        self._states["episode"][block, i] = 0
+
     def start(self, chosen: NDArray[np.bool_]) -> None:
-        """Start the keyed episode in every chosen lane."""
-        _start_lanes(*self._desk.records, chosen, self.answers.observations, self.answers.padded_table)
+        """Start the episode of its seed and number in every chosen environment, shape (num_envs,)."""
+        self.observations, self.table = self.observations.copy(), self.table.copy()
+        start_episodes(self._states, self._scratches[0], chosen, self.observations, self.table)
+        self.seeded = True
 
     def next_episode(self, chosen: NDArray[np.bool_]) -> None:
-        """Move every chosen lane on to the next episode of its seed, and start it."""
+        """Start the next episode of its seed in every chosen environment, shape (num_envs,)."""
         block, i = np.divmod(np.flatnonzero(chosen), WIDTH)
-        self._blocks["episode"][block, i] += np.uint64(1)
+        self._states["episode"][block, i] += np.uint64(1)
         self.start(chosen)
 
     def step(self, actions: Any) -> None:
-        """Run one interval in every lane, or start the next episode where one has ended.
+        """Run one step in every environment, or start the next episode where one has ended.
 
         Raises:
-            ValueError: the actions are not numbers of shape (count, action_size), or not finite; no lane has moved then.
+            ValueError: the actions are not finite numbers of shape (num_envs, action size); no environment has moved then.
         """
         self._take(actions)
-        refused = _first_unfit(self._actions)
-        if refused >= 0:
-            raise ValueError(f"the action of lane {refused} must be finite, got {self._actions[refused].tolist()}")
-        answers, given = self.answers, self._actions
-        told = (given, answers.observations, answers.rewards, answers.ends, answers.padded_table)
-        self._crew.run(lambda desk, first, last: _step_blocks(*desk.records, *told, first, last), len(self.ended))
+        self.observations = np.empty(self.observations.shape, np.float32)
+        self._padded_table = np.empty(self._table_shape)
+        self.table = self._padded_table[:, : self.num_envs]
+        blocks = len(self._states)
+        if self._helpers is None or blocks < MIN_BLOCKS:
+            self._step_blocks(self._scratches[0], 0, blocks)
+            return
+        # Every thread claims the next few blocks until none are left, so nobody waits for a thread that the system does not run.
+        claims = itertools.count(0, BLOCKS_CLAIMED)
+
+        def work(scratch: Any) -> None:
+            while (first := next(claims)) < blocks:
+                self._step_blocks(scratch, first, min(first + BLOCKS_CLAIMED, blocks))
+
+        futures = [self._helpers.submit(work, scratch) for scratch in self._scratches[1:]]
+        work(self._scratches[0])
+        for future in futures:
+            if not future.cancel():
+                future.result()
 
     def close(self) -> None:
         """Let the threads go."""
-        self._crew.dismiss()
+        if self._helpers is not None:
+            self._helpers.shutdown()
+
+    def _step_blocks(self, scratch: Any, first: int, last: int) -> None:
+        step_blocks(self._states, scratch, self._actions, self.observations, self._padded_table, first, last)
 
     def _take(self, actions: Any) -> None:
+        shape = self._actions.shape
         try:
             given = np.asarray(actions)
         except ValueError as error:  # ragged
-            raise ValueError(f"actions must be numbers of shape {self._shape}, got {actions!r}") from error
+            raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}") from error
         if given.dtype.kind not in "fiu" or given.dtype.itemsize > 8:
-            raise ValueError(f"actions must be numbers of shape {self._shape}, got {actions!r}")
-        if given.shape != self._shape:
-            raise ValueError(f"actions must have shape {self._shape}, got {given.shape}")
-        self._given[...] = given
+            raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}")
+        if given.shape != shape:
+            raise ValueError(f"actions must have shape {shape}, got {given.shape}")
+        self._actions[...] = given
+        refused = first_not_finite(self._actions)
+        if refused >= 0:
+            raise ValueError(f"the action of environment {refused} must be finite, got {given[refused].tolist()}")
+
+
+REWARD, TERMINATED, TRUNCATED = range(len(quantities.INFO), len(quantities.REPORT))
+"""Rows of ``Batch.table``."""

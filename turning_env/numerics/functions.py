@@ -1,8 +1,8 @@
 """Exponential, logarithm, sine and cosine from nothing but additions, products and one division.
 
-The C library's functions are calls, which keep a loop over lanes from being compiled to vector instructions, and may differ in
-their last bit from one machine to the next. These are inlined and vectorised, and give the same bits in the interpreter, in a
-loop over one lane and in one over thousands. Every power law, noise and observation of the environment goes through them.
+The C library's functions are calls, which keep a loop over environments from being compiled to vector instructions, and may
+differ in their last bit from one machine to the next. These are inlined and vectorised, and give the same bits in the interpreter, in
+a loop over one environment and in one over thousands. Every power law, noise and observation of the environment goes through them.
 
 Errors, relative but for sine and cosine: ``exp`` 5e-16 (to 1e-15 where the result is beyond 1e150 or below 1e-150),
 ``log`` 5e-16, ``sine_and_cosine`` 4e-16 absolute. The polynomials interpolate at Chebyshev points; their coefficients were

@@ -1,7 +1,7 @@
 """Random numbers as a pure function of where they are used.
 
-Nothing here holds generator state. A number depends on the episode's key (seed, episode) and on a counter (channel,
-bar, index) alone, so that a lane among thousands, a lone environment and a replay all see the same lathe, bit for bit.
+Nothing here holds generator state. A number depends on the episode (seed, episode) and on a counter (channel,
+bar, index) alone, so that one environment of thousands, a single environment and a replay all see the same lathe, bit for bit.
 The hash is Philox4x32-10 (Salmon, Moraes, Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", 2011).
 """
 
@@ -48,7 +48,7 @@ def philox_4x32(counter_0, counter_1, counter_2, counter_3, key):
 
 @compiled
 def words(state, i, channel, bar, index):
-    """Return two words for one use of one episode: that of the lane i of a block, keyed by its ``seed`` and ``episode``."""
+    """Return two words for one use of one episode: that of environment i of a block, by its ``seed`` and ``episode``."""
     word_0, word_1, _, _ = philox_4x32(np.uint64(index), np.uint64(bar), channel, state.episode[i], state.seed[i])
     return word_0, word_1
 

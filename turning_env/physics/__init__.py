@@ -2,3 +2,6 @@
 
 Files hold equations of one environment; how many environments are driven, and by whom, belongs in ``batch``.
 """
+
+MODEL_VERSION = 1
+"""Version of the transition: raised when a golden trajectory (``tests/golden``) changes. Results of other versions are void."""

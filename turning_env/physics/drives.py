@@ -11,25 +11,25 @@ from turning_env.numerics.functions import sine_and_cosine
 
 
 def lag_share(time: float, time_constant: float) -> float:
-    """Share of the distance to a constant target that a first-order lag covers in ``time`` (same unit, e.g. s)."""
+    """Return the share of the distance to a constant target that a first-order lag covers in ``time`` (same unit, e.g. s)."""
     return 1.0 if time_constant == 0 else -math.expm1(-time / time_constant)
 
 
 @compiled
 def clipped(action):
-    """An action within -1..1."""
+    """Return an action clipped to -1..1."""
     return min(max(action, -1.0), 1.0)
 
 
 @compiled
 def set_point(action, low, high):
-    """What an action of -1..1 (what lies outside is clipped) commands, linear between a range's ends."""
+    """Return the value that an action commands, linear between a range's ends; the action is clipped to -1..1."""
     return low + 0.5 * (clipped(action) + 1.0) * (high - low)
 
 
 @compiled
 def steady_current(parameters, thrust_force, feed_velocity):
-    """Servo current [A] at a thrust force [N] and a feed velocity [mm/min], without ripple.
+    """Return the servo current [A] at a thrust force [N] and a feed velocity [mm/min], without ripple.
 
     The motor's torque 3/2 p lambda_m i balances friction, preload and force through the ball screw, L_0 / (2 pi eta) times
     each (servo current paper, equations (1), (2) and (8)). The feed force is taken as the thrust force, and the growth of
@@ -40,7 +40,7 @@ def steady_current(parameters, thrust_force, feed_velocity):
 
 
 def force_from_current(parameters, current, feed_velocity):
-    """Thrust force [N] at which ``steady_current`` is ``current`` [A]. Scalars or arrays.
+    """Return the thrust force [N] at which ``steady_current`` is ``current`` [A]. Scalars or arrays.
 
     The paper's equation (9) mixes torque and force as printed; this solves the equations that it stands on.
     """
@@ -50,7 +50,7 @@ def force_from_current(parameters, current, feed_velocity):
 
 @compiled
 def servo_current(parameters, thrust_force, feed_velocity, path):
-    """Servo current [A], with the ripple that the screw's position [mm] has it at."""
+    """Return the servo current [A] with the ripple at a position [mm] of the screw."""
     sine, _ = sine_and_cosine(parameters.ripples_per_path * path)
     ripple = 1.0 + parameters.current_ripple * sine
     return steady_current(parameters, thrust_force, feed_velocity) * ripple
@@ -58,5 +58,5 @@ def servo_current(parameters, thrust_force, feed_velocity, path):
 
 @compiled
 def spindle_torque(power, spindle_speed):
-    """Spindle torque [N m] for a power [kW] at a spindle speed [rev/min], which must be above 0."""
+    """Return the spindle torque [N m] for a power [kW] at a spindle speed [rev/min], which must be above 0."""
     return 30000.0 * power / (math.pi * spindle_speed)

@@ -1,4 +1,4 @@
-"""What an interval earns, in seconds of machine time: the terms of the reward, and the costs of its constraints.
+"""The terms of a step's reward, in seconds of machine time, and the costs of its constraints.
 
 Edges are charged in ``edge.py``. (Overload price: assumption, see docs/choices.md.)
 """
@@ -8,13 +8,13 @@ from turning_env.numerics.compilation import compiled
 
 @compiled
 def metal_value(parameters, removed):
-    """Worth [s] of removed metal [cm3]: the time in which reference productivity removes it."""
+    """Return the worth [s] of removed metal [cm3]: the time in which the reference removal rate removes it."""
     return 60.0 * removed / parameters.reference_removal_rate
 
 
 @compiled
-def settle(report, i, parameters, minutes):
-    """Fill in what is left of the reward's terms, and the costs over ``minutes`` at work; return the reward [s]."""
+def compute_reward(report, i, parameters, minutes):
+    """Fill in the rest of the reward's terms, and the mean costs over ``minutes`` at work; return the reward [s]."""
     report.reward_metal[i] = metal_value(parameters, report.removed[i])
     report.reward_time[i] = -report.time[i]
     report.reward_overload[i] = -60.0 * parameters.overload_price * (report.cost_force[i] + report.cost_power[i])

@@ -1,6 +1,6 @@
-"""Edges: how one is fitted, used up, broken and replaced, and what that costs in life and time.
+"""Edges: fitting, using up, breaking and replacing them, and what that costs in life and time.
 
-An edge's whole life is charged as its used share grows, so that every interval pays for what it consumes. A broken edge
+An edge's whole life is charged as its used share grows, so that every step pays for what it consumes. A broken edge
 pays the share that is left, and the downtime. (Life charge: cost of a part, adaptive part programming paper, tau_I and
 Q_I; breakage: assumption, see docs/choices.md.)
 
@@ -15,7 +15,7 @@ from turning_env.numerics.keyed_random import EDGE_CHANNEL, standard_normals
 
 @compiled
 def fit_edge(state, i, parameters):
-    """Put the lane's present edge into the holder, fresh as far as is known; the tool is out of the metal."""
+    """Put the present edge into the holder, fresh as far as is known; the tool is out of the metal."""
     edge_normal, strength_normal = standard_normals(state, i, EDGE_CHANNEL, 0, state.edge[i])
     state.log_wear_factor[i] = parameters.log_wear_mismatch + parameters.wear_factor_spread * edge_normal
     state.edge_strength[i] = parameters.edge_strength * exp(parameters.edge_strength_spread * strength_normal)

@@ -1,9 +1,9 @@
-"""The transition: one control interval of the lathes of a block.
+"""The transition: one step of the environments of a block.
 
-Written once, as scalar Python for one lane ``i`` of the records of ``records.py``, in short loops over some lanes of a block.
-Loops have no branches but on the scenario: compiled, they run several lanes at once, one lane or many give the same bits, and a
-lane that has stopped takes sub-steps of no length. What seldom happens, such as a bar's beginning or an edge's end, is left to
-loops that look for the lanes in which it did.
+It is written once, as scalar Python for one environment ``i`` of the records of ``records.py``, in short loops over some
+environments of a block. Loops branch on the scenario alone: compiled, they run several environments at once, one or many give the
+same bits, and an environment that has stopped takes sub-steps of no length. What seldom happens, such as a bar's beginning or an
+edge's end, is left to loops that look for the environments in which it did.
 
 Every sub-step takes the state at its end (so the result converges in the first order of the sub-step), and the fields at the
 middle of the metal it cut.
@@ -11,14 +11,14 @@ middle of the metal it cut.
 
 import math
 
-from turning_env.numerics.compilation import compiled, compiled_apart
+from turning_env.numerics.compilation import compiled, compiled_separately
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.physics.drives import clipped, set_point
-from turning_env.physics.economics import settle
+from turning_env.physics.economics import compute_reward
 from turning_env.physics.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
 from turning_env.physics.machinability import force_and_power, log_wear_coefficient
 from turning_env.physics.parts import end_passes, start_part, start_passes
-from turning_env.physics.records import END, OVERRIDE, PART, SET_POINT
+from turning_env.physics.quantities import END, OVERRIDE, PART, SET_POINT
 from turning_env.physics.report import clear_sums
 from turning_env.physics.sensors import follow_process, read_sensors
 from turning_env.physics.surface import draw_reference, roughness
@@ -29,9 +29,9 @@ _MIN_DEPTH = 1e-6  # [mm] keeps the logarithm of a depth that is not cut within 
 _MIN_LIFE = 1e-300  # [-] likewise of an edge that has not cut
 
 
-@compiled_apart
+@compiled_separately
 def start_episode(state, work, report, i, parameters):
-    """Put a fresh edge before the first bar. The lane's ``seed`` and ``episode`` say which edge and which bars."""
+    """Put a fresh edge before the first bar. The state's ``seed`` and ``episode`` determine edges and bars."""
     p = parameters
     state.step_count[i] = 0
     state.ended[i] = 0
@@ -57,20 +57,17 @@ def start_episode(state, work, report, i, parameters):
     state.measured_servo_current[i] = 0.0
     state.measured_power[i] = 0.0
     look_ahead(state, i, i + 1, p)
-    clear_sums(report, i)
+    clear_sums(report, i, i + 1)
     work.log_cutting_speed[i] = log(p.initial_cutting_speed)
     work.log_feed[i] = log(p.initial_feed)
 
 
-@compiled_apart
+@compiled_separately
 def run_step(state, work, report, actions, count, parameters):
-    """Run one control interval; ``actions``, shape (lanes, action size), are those of the block's lanes.
-
-    Leaves reward [s], terminated and truncated in ``work``.
-    """
+    """Run one step of the first ``count`` environments of a block; ``actions`` has shape (environments, action size)."""
     p = parameters
+    clear_sums(report, 0, count)
     for i in range(count):
-        clear_sums(report, i)
         work.minutes[i] = 0.0
         work.edge_failed[i] = 0
         work.worn[i] = 0
@@ -87,7 +84,7 @@ def run_step(state, work, report, actions, count, parameters):
         if p.action == PART:
             end_passes(state, work, report, 0, count, p, number)
         else:
-            mend(state, work, report, 0, count, p)
+            replace_failed_edges(state, work, report, 0, count, p)
     for i in range(count):
         state.step_count[i] += 1
     read_sensors(state, work, 0, count, p)
@@ -99,16 +96,16 @@ def run_step(state, work, report, actions, count, parameters):
 
 @compiled
 def finish_step(state, work, report, i, parameters, timeless, by_step):
-    """Find out whether the episode has ended, and settle what the interval earned."""
+    """Set terminated, truncated and reward [s]."""
     p = parameters
     finished = 1 if state.path[i] > p.path_end - 1e-6 else 0  # a path of whole bars, but for rounding
     ends_with_edge = 1 if timeless else 0
     terminated = finished | (work.edge_failed[i] & ends_with_edge)
-    out_of_intervals = 1 if state.step_count[i] >= p.step_limit else 0
+    out_of_steps = 1 if state.step_count[i] >= p.step_limit else 0
     out_of_minutes = 1 if state.clock[i] + 0.5 * p.sub_step >= p.time_limit else 0
-    out_of_time = out_of_intervals if timeless else out_of_minutes
-    work.terminated[i] = terminated
-    work.truncated[i] = out_of_time & (1 - terminated)
+    out_of_time = out_of_steps if timeless else out_of_minutes
+    report.terminated[i] = float(terminated)
+    report.truncated[i] = float(out_of_time & (1 - terminated))
     state.ended[i] = out_of_time | terminated
 
     report.finished[i] = float(finished)
@@ -116,12 +113,12 @@ def finish_step(state, work, report, i, parameters, timeless, by_step):
     engaged = report.engaged_time[i] if by_step and report.engaged_time[i] > 0.0 else 1.0
     report.mean_thrust_force[i] /= engaged
     report.mean_power[i] /= engaged
-    work.reward[i] = settle(report, i, p, work.minutes[i])
+    report.reward[i] = compute_reward(report, i, p, work.minutes[i])
 
 
 @compiled
 def prepare(state, work, actions, first, last, parameters):
-    """Take the actions in; return how often the lanes have to travel: once, but with parts as often as one has passes."""
+    """Apply the actions; return how often the tool has to travel: once, but with parts the most passes of any environment."""
     p = parameters
     if p.action != PART:
         command(state, work, actions, first, last, p)
@@ -162,18 +159,18 @@ def command(state, work, actions, first, last, parameters):
         state.commanded_feed[i] = min(max(feed, p.feed_min), p.feed_max)
 
 
-@compiled_apart
+@compiled_separately
 def travel(state, work, report, count, parameters):
-    """Run the sub-steps that every lane has left, but no further than to the end of its edge or of the job.
+    """Run the sub-steps that every environment has left, but no further than to the end of its edge or of the job.
 
-    With parts, an edge's end is looked after on the way. Adds to the report's sums, where ``cost_force``, ``cost_power`` and the
+    With parts, failed edges are replaced on the way. Adds to the report's sums, where ``cost_force``, ``cost_power`` and the
     means still are integrals: [min], [min], [N s] and [kJ].
     """
     p = parameters
     by_equivalent_time = p.wear_rule == EQUIVALENT_TIME
     for i in range(count):
         work.cut[i], _ = position_in_row(p, state.path[i])
-        begin_account(state, work, i)
+        begin_charging(state, work, i)
         work.chip_remains[i] = 0.0
         work.time_power[i] = 0.0
     if not by_equivalent_time:
@@ -184,21 +181,21 @@ def travel(state, work, report, count, parameters):
         if failed > 0 and p.action == PART:
             for i in range(count):
                 if work.worn[i] + work.broken[i] > 0:
-                    close_account(state, work, report, i, p, by_equivalent_time)
-            mend(state, work, report, 0, count, p)
+                    charge_time_and_life(state, work, report, i, p, by_equivalent_time)
+            replace_failed_edges(state, work, report, 0, count, p)
             for i in range(count):
                 if work.worn[i] + work.broken[i] > 0:
-                    begin_account(state, work, i)
+                    begin_charging(state, work, i)
                     work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time)
                 work.worn[i] = 0
                 work.broken[i] = 0
     for i in range(count):
-        close_account(state, work, report, i, p, by_equivalent_time)
+        charge_time_and_life(state, work, report, i, p, by_equivalent_time)
 
 
-@compiled_apart
+@compiled_separately
 def run_sub_step(state, work, report, count, parameters):
-    """Run one sub-step; return in how many lanes the edge is worn out or broken."""
+    """Run one sub-step; return in how many environments the edge is worn out or broken."""
     p = parameters
     for i in range(count):
         move(state, work, i, p)
@@ -238,7 +235,7 @@ def run_sub_step(state, work, report, count, parameters):
     failed, stops = 0, p.action != PART
     force_scale, power_scale = 1.0 / p.thrust_force_limit, 1.0 / p.power_limit
     for i in range(count):
-        sum_up(state, work, report, i, force_scale, power_scale, p.overload_tolerance)
+        add_to_sums(state, work, report, i, force_scale, power_scale, p.overload_tolerance)
         failed += watch_edge(state, work, i, p, stops)
         leave_metal(state, work, i)
         follow_process(state, work, i, p)
@@ -285,7 +282,7 @@ def log_coefficient(state, work, i, parameters):
 
 @compiled
 def load_edge(state, work, i, parameters):
-    """Let thrust force [N] and power [kW] follow, where metal was cut."""
+    """Set thrust force [N] and power [kW] where metal was cut."""
     force, power = force_and_power(
         parameters, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], work.log_wear[i], state.log_hardness[i]
     )
@@ -297,7 +294,7 @@ def load_edge(state, work, i, parameters):
 
 
 @compiled
-def sum_up(state, work, report, i, force_scale, power_scale, tolerance):
+def add_to_sums(state, work, report, i, force_scale, power_scale, tolerance):
     """Add what was cut, and by how much force and power exceeded their limits, to the report's sums."""
     engaged = work.engaged[i]  # [min]
     seconds = 60.0 * engaged
@@ -317,7 +314,7 @@ def sum_up(state, work, report, i, force_scale, power_scale, tolerance):
 
 @compiled
 def watch_edge(state, work, i, parameters, stops):
-    """Stop the lane at the end of its edge or of the job, if it ``stops`` there; return 1 if the edge has failed, else 0."""
+    """Stop the environment at the end of its edge or of the job, if it ``stops`` there; return 1 if the edge failed, else 0."""
     in_metal = 1 if work.engaged[i] > 0.0 else 0
     spent = 1 if state.used_life[i] >= 1.0 else 0
     overcome = 1 if state.thrust_force[i] > state.edge_strength[i] else 0
@@ -341,16 +338,16 @@ def leave_metal(state, work, i):
 
 
 @compiled
-def begin_account(state, work, i):
-    """Note down what the edge's life and cutting time are now."""
+def begin_charging(state, work, i):
+    """Note the edge's used life and cutting time, from which they are charged."""
     work.time[i] = 0.0
     work.used_life_before[i] = min(state.used_life[i], 1.0)
     work.cutting_time_before[i] = state.cutting_time[i]
 
 
 @compiled
-def close_account(state, work, report, i, parameters, by_equivalent_time):
-    """Bring clock, life charged and nominal wear up to date. The nominal model takes the speed and feed at the end."""
+def charge_time_and_life(state, work, report, i, parameters, by_equivalent_time):
+    """Bring clock, charged life and nominal wear up to date. The nominal model takes the speed and feed at the end."""
     p = parameters
     time = work.time[i]
     state.clock[i] += time
@@ -367,8 +364,8 @@ def close_account(state, work, report, i, parameters, by_equivalent_time):
 
 
 @compiled
-def mend(state, work, report, first, last, parameters):
-    """Book broken edges, and put a fresh one in place of one worn or broken, where that is not the episode's end."""
+def replace_failed_edges(state, work, report, first, last, parameters):
+    """Charge broken edges, and replace edges that are worn out or broken unless the episode ends with them."""
     p = parameters
     failed = 0
     for i in range(first, last):
@@ -383,7 +380,7 @@ def mend(state, work, report, first, last, parameters):
 
 @compiled
 def look_ahead(state, first, last, parameters):
-    """What the controller is told of the interval to come."""
+    """Draw what the control is told about the next step."""
     if parameters.holds_roughness:
         for i in range(first, last):
             draw_reference(state, i, parameters)

@@ -1,4 +1,4 @@
-"""The material's three responses at one point of the process: how fast the edge wears, thrust force and power.
+"""The material's three responses: wear of the edge, thrust force and power.
 
 All factors are natural logarithms: cutting speed [m/min], feed [mm/rev], depth of cut [mm], flank wear [mm] and relative
 hardness [-].
@@ -11,13 +11,13 @@ from turning_env.scenario.power_law import compiled_log_response
 
 @compiled
 def log_wear_coefficient(parameters, log_cutting_speed, log_feed, log_depth_of_cut, log_hardness):
-    """Logarithm of K in the fresh-edge wear W = K t^n: the wear [mm] after one minute."""
+    """Return the logarithm of K in the fresh-edge wear W = K t^n: the wear [mm] after one minute."""
     return compiled_log_response(parameters.wear_law, log_cutting_speed, log_feed, log_depth_of_cut, 0.0, 0.0, log_hardness)
 
 
 @compiled
 def force_and_power(parameters, log_cutting_speed, log_feed, log_depth_of_cut, log_wear, log_hardness):
-    """Thrust force [N] and spindle power [kW]."""
+    """Return thrust force [N] and spindle power [kW]."""
     log_force = compiled_log_response(
         parameters.force_law, log_cutting_speed, log_feed, log_depth_of_cut, 0.0, log_wear, log_hardness
     )

@@ -1,4 +1,4 @@
-"""Whole parts: how an action names the passes of one, and what a pass cuts.
+"""Whole parts: the passes that an action names, and what each cuts.
 
 A path is made for an allowance A in z passes of equal depth A/z, counted from the finished contour outwards. Its first pass takes
 whatever the blank has beyond that; where the blank has less, passes cut less, or air.
@@ -18,7 +18,7 @@ MIN_DEPTH = 0.01
 
 @compiled
 def start_part(state, work, i, parameters, action):
-    """Note down where the next part begins, and its passes of an action in -1..1: how many, and how deep [mm]."""
+    """Note where the next part begins, and the number and depth [mm] of its passes from an action in -1..1."""
     p = parameters
     work.part_start[i] = np.rint(state.path[i] * p.bars_per_path) * p.bar_pitch
     work.passes[i] = min(1 + int(0.5 * (clipped(action[0]) + 1.0) * p.passes_max), p.passes_max)
@@ -27,7 +27,7 @@ def start_part(state, work, i, parameters, action):
 
 @compiled
 def start_passes(state, work, report, actions, first, last, parameters, number):
-    """Start a pass, 0 the first, in every lane whose part has that many; the others stand still."""
+    """Start a pass, 0 the first, in every environment whose part has that many; the others stand still."""
     for i in range(first, last):
         work.sub_steps_left[i] = 0
         if number < work.passes[i]:
@@ -57,7 +57,7 @@ def start_pass(state, work, report, i, parameters, action, number):
 
 @compiled
 def end_passes(state, work, report, first, last, parameters, number):
-    """End a pass in every lane whose part has it, and the part where it was the last."""
+    """End a pass in every environment whose part has it, and the part where it was the last."""
     for i in range(first, last):
         if number < work.passes[i]:
             end_pass(state, work, report, i, parameters)

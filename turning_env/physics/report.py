@@ -1,45 +1,27 @@
-"""What an interval is reported as: sums over it, and the true state at its end."""
+"""The report of a step: sums over it, and the true state at its end."""
 
 import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
 from turning_env.physics.drives import spindle_torque
+from turning_env.physics.records import FIRST_SUM
 from turning_env.physics.surface import roughness
 from turning_env.physics.wear import log_wear
 
 
 @compiled
-def clear_sums(report, i):
-    """Zero what the report sums over an interval."""
-    report.mean_thrust_force[i] = 0.0
-    report.mean_power[i] = 0.0
-    report.time[i] = 0.0
-    report.engaged_time[i] = 0.0
-    report.stopped_time[i] = 0.0
-    report.removed[i] = 0.0
-    report.passes[i] = 0.0
-    report.edges_used[i] = 0.0
-    report.edges_broken[i] = 0.0
-    report.overload_time[i] = 0.0
-    report.severe_overload_time[i] = 0.0
-    report.roughness_deviation[i] = 0.0
-    report.cost[i] = 0.0
-    report.cost_force[i] = 0.0
-    report.cost_power[i] = 0.0
-    report.reward_metal[i] = 0.0
-    report.reward_time[i] = 0.0
-    report.reward_edge[i] = 0.0
-    report.reward_overload[i] = 0.0
-    report.reward_breakage[i] = 0.0
-    report.reward_roughness[i] = 0.0
-    report.broken[i] = 0.0
-    report.finished[i] = 0.0
+def clear_sums(report, first, last):
+    """Zero what the report sums over a step: ``quantities.OVER_STEP`` and ``OUTCOME``."""
+    table = report.table
+    for k in range(FIRST_SUM, table.shape[0]):
+        for i in range(first, last):
+            table[k, i] = 0.0
 
 
 @compiled
 def write_state(state, report, first, last, parameters):
-    """Report the true state of some lanes of a block at the interval's end."""
+    """Report the true state of some environments of a block at the step's end."""
     p = parameters
     for i in range(first, last):
         spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre

@@ -1,4 +1,4 @@
-"""What the controller is told: power, and thrust force or the servo current, each behind a first-order lag and with noise.
+"""Sensors of power, and of thrust force or servo current, each with a first-order lag and noise.
 
 The noise levels (power 2 %, force 5 %) and lags are assumptions; the roughness control paper gives up to 10 % for force.
 """
@@ -20,7 +20,7 @@ def follow_process(state, work, i, parameters):
 
 @compiled
 def read_sensors(state, work, first, last, parameters):
-    """Measure power [kW], and thrust force [N] or servo current [A], at the end of an interval."""
+    """Measure power [kW], and thrust force [N] or servo current [A], at the end of a step."""
     p = parameters
     for i in range(first, last):
         work.word_0[i], work.word_1[i] = words(state, i, SENSOR_CHANNEL, 0, state.step_count[i])

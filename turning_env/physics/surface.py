@@ -1,4 +1,4 @@
-"""Surface roughness, and the reference that the controller is to hold.
+"""Surface roughness, and the reference that the control is to hold.
 
 Ra = a exp(b F) with the thrust force F (roughness control paper, equation (5)). The reference changes in fixed periods; its
 logarithm is drawn evenly between two bounds.
@@ -15,13 +15,13 @@ _MAX_EXPONENT = 300.0  # keeps the roughness of a force beyond all sense finite
 
 @compiled
 def roughness(parameters, thrust_force):
-    """Ra [um] left at a thrust force [N]."""
+    """Return Ra [um] at a thrust force [N]."""
     return parameters.roughness_at_no_force * exp(min(parameters.roughness_rate * thrust_force, _MAX_EXPONENT))
 
 
 @compiled
 def draw_reference(state, i, parameters):
-    """Set a lane's reference of Ra [um] to that of the present period."""
+    """Set the reference of Ra [um] to that of the present period."""
     # Half a sub-step on, as the clock is a sum of sub-steps and may fall short of the period's end by rounding.
     period = np.floor((state.clock[i] + 0.5 * parameters.sub_step) / parameters.reference_time)
     share = uniform(state, i, REFERENCE_CHANNEL, 0, period)

@@ -5,9 +5,9 @@ The state is the used share of the edge's life, D = (W / W_max)^(1/n), from whic
 
 Equivalent time (default, consistent with Taylor): changing parameters continue the wear curve of the new parameters
 from the present wear. Then dD/dt = (K / W_max)^(1/n) = 1/T exactly, T being the Taylor life; how a cut is split into
-intervals does not matter.
+steps does not matter.
 
-Clock time (Alaskari and Oraby 2018, equation (4), as recovered): each interval adds K (t_i^n - t_{i-1}^n), t being the
+Clock time (Alaskari and Oraby 2018, equation (4), as recovered): each step adds K (t_i^n - t_{i-1}^n), t being the
 edge's total cutting time. It reproduces the publication; a controller can game it by idling through the first seconds.
 """
 
@@ -20,20 +20,20 @@ CLOCK_TIME = 1
 
 @compiled
 def life_share(parameters, log_wear_coefficient, time):
-    """Share of an edge's life [-] that it loses in a cutting time [min] with log K constant, by equivalent time."""
+    """Return the share of an edge's life [-] that it loses in a cutting time [min] with log K constant, by equivalent time."""
     return time * exp((log_wear_coefficient - parameters.log_wear_criterion) * parameters.life_exponent)
 
 
 @compiled
 def wear_by_clock(parameters, used_life, log_wear_coefficient, time_power_before, time_power):
-    """Wear over the criterion [-] after cutting on with log K constant, by clock time; t^n of the cutting time before and now."""
+    """Return wear over the criterion [-] after cutting on with log K constant, by clock time; powers of cutting time are t^n."""
     growth = exp(log_wear_coefficient - parameters.log_wear_criterion) * (time_power - time_power_before)
     return real_power(used_life, parameters.wear_law.time) + growth
 
 
 @compiled
 def life_by_clock(parameters, used_life, log_wear_coefficient, start, end):
-    """Used life share [-] after cutting from ``start`` to ``end`` [min] with log K constant, by clock time."""
+    """Return the used life [-] after cutting from ``start`` to ``end`` [min] with log K constant, by clock time."""
     exponent = parameters.wear_law.time
     wear = wear_by_clock(parameters, used_life, log_wear_coefficient, real_power(start, exponent), real_power(end, exponent))
     return real_power(wear, parameters.life_exponent)
@@ -41,7 +41,7 @@ def life_by_clock(parameters, used_life, log_wear_coefficient, start, end):
 
 @compiled
 def advance_used_life(parameters, used_life, log_wear_coefficient, start, end):
-    """Used life share [-] after cutting from ``start`` to ``end`` (the edge's cutting time [min]) with log K constant."""
+    """Return the used life [-] after cutting from ``start`` to ``end`` (the edge's cutting time [min]) with log K constant."""
     if parameters.wear_rule == EQUIVALENT_TIME:
         return used_life + life_share(parameters, log_wear_coefficient, end - start)
     return life_by_clock(parameters, used_life, log_wear_coefficient, start, end)
@@ -49,5 +49,5 @@ def advance_used_life(parameters, used_life, log_wear_coefficient, start, end):
 
 @compiled
 def log_wear(parameters, used_life):
-    """Logarithm of the flank wear [mm]; the edge must have cut (used life above 0)."""
+    """Return the logarithm of the flank wear [mm]; the edge must have cut (used life above 0)."""
     return parameters.log_wear_criterion + parameters.wear_law.time * log(used_life)

@@ -23,7 +23,7 @@ MIN_DEPTH_SHARE = 0.01
 
 @compiled
 def position_in_row(parameters, path):
-    """Where a path coordinate [mm] lies: (length of metal behind the tool [mm], whether the tool is in metal)."""
+    """Locate a path coordinate [mm]: return (length of metal behind the tool [mm], whether the tool is in metal)."""
     bar = np.floor(path * parameters.bars_per_path)
     along = path - bar * parameters.bar_pitch - parameters.approach
     return bar * parameters.bar_length + max(along, 0.0), along >= 0.0
@@ -40,7 +40,7 @@ def enter_bar(state, i, bar):
 
 @compiled
 def between_nodes(left, right, share):
-    """Unit-variance noise between two independent normal nodes, at a share 0..1 of the way.
+    """Return unit-variance noise between two independent normal nodes, at a share 0..1 of the way.
 
     The nodes' weights run along a quarter of the unit circle, so their squares add up to 1 everywhere.
     """
@@ -52,8 +52,8 @@ def between_nodes(left, right, share):
 def look_up_fields(state, work, first, last, parameters):
     """Set log hardness [-] and depth of cut [mm, 0 or less in air] to those in the middle of what is being cut.
 
-    For those of some lanes of a block that are ``engaged``. The nodes on either side are kept in the lanes until the tool has
-    passed them: they cost more than all the rest.
+    This holds for environments of a block that are ``engaged``. The nodes on either side are kept until the tool has passed them:
+    they cost more than all the rest.
     """
     p = parameters
     passing = 0
@@ -83,7 +83,7 @@ def look_up_fields(state, work, first, last, parameters):
 
 @compiled
 def locate(state, work, i, parameters):
-    """Find the place along the bar, and whether the nodes that the lane keeps are behind it."""
+    """Find the place along the bar, and whether the nodes that are kept are behind it."""
     p = parameters
     cut = work.middle[i]
     bar = np.floor(cut * p.bars_per_cut)
@@ -97,7 +97,7 @@ def locate(state, work, i, parameters):
 
 @compiled
 def pass_nodes(state, work, first, last, parameters):
-    """Enter bars, and draw the nodes on either side, in the lanes that have passed those that they keep.
+    """Enter bars, and draw the nodes on either side, in the environments that have passed those that they keep.
 
     The nodes ahead are listed, and drawn together. Where there is no noise along the bar, the nodes stay what they are: they are
     multiplied by 0.
@@ -116,20 +116,20 @@ def pass_nodes(state, work, first, last, parameters):
             nodes = state.depth_cell, state.depth_left, state.depth_right
             listed += pass_node(state, work, i, listed, DEPTH_CHANNEL, nodes, p.depth_nodes_per_length, p.depth_along_spread)
     for k in range(listed):
-        i = work.node_lane[k]
+        i = work.node_env[k]
         work.node_word_0[k], work.node_word_1[k] = words(state, i, work.node_channel[k], state.bar[i], work.node_number[k])
     for k in range(listed):
         work.node_value[k] = normals_of(work.node_word_0[k], work.node_word_1[k])[0]
     for k in range(listed):
         if work.node_channel[k] == HARDNESS_CHANNEL:
-            state.hardness_right[work.node_lane[k]] = work.node_value[k]
+            state.hardness_right[work.node_env[k]] = work.node_value[k]
         else:
-            state.depth_right[work.node_lane[k]] = work.node_value[k]
+            state.depth_right[work.node_env[k]] = work.node_value[k]
 
 
 @compiled
 def pass_node(state, work, i, k, channel, nodes, nodes_per_length, spread):
-    """Keep the nodes of a field on either side: (cell, left, right) of the block's lanes.
+    """Keep the nodes of a field on either side: (cell, left, right) of the block's environments.
 
     The one ahead, if it is another, is put on the list of those to be drawn, at place k. Return how many have been put there.
     """
@@ -142,7 +142,7 @@ def pass_node(state, work, i, k, channel, nodes, nodes_per_length, spread):
         left[i] = right[i]
     else:
         left[i] = standard_normals(state, i, channel, state.bar[i], cell)[0]
-    work.node_lane[k] = i
+    work.node_env[k] = i
     work.node_channel[k] = channel
     work.node_number[k] = cell + 1.0
     return 1
@@ -162,13 +162,13 @@ def blend_nodes(state, work, i, parameters):
 
 @compiled
 def noise_along(work, i, cells, left, right, nodes_per_length):
-    """A field's unit-variance noise at the lane's place along the bar."""
+    """Return a field's unit-variance noise at the place along the bar."""
     return between_nodes(left[i], right[i], work.along[i] * nodes_per_length - cells[i])
 
 
 @compiled
 def limit_depth(state, work, i):
-    """The depth of cut [mm] is what stands between the pass's floor and its ceiling, of a blank that is never quite gone."""
+    """Limit the depth of cut [mm] to what stands between the pass's floor and ceiling, of a blank that is never quite gone."""
     blank = max(work.blank_depth[i], MIN_DEPTH_SHARE * work.nominal_depth[i])
     work.blank_depth[i] = blank
     depth = min(blank, state.pass_ceiling[i]) - state.pass_floor[i]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from gymnasium.error import DependencyNotInstalled
 
 if TYPE_CHECKING:
-    from turning_env.batch.driver import Lathes
+    from turning_env.batch.driver import Batch
     from turning_env.env import RoughTurningEnv
     from turning_env.rendering.viewer import Viewer
     from turning_env.scenario import Scenario
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _LIBRARIES = ("PIL", "pygame")
 
 
-def make_viewer(env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Lathes", num_envs: int = 1) -> "Viewer":
+def make_viewer(env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Batch", num_envs: int = 1) -> "Viewer":
     """What draws the first ``num_envs`` of an environment's lathes, by its render mode; sets the pace in its metadata.
 
     Raises:

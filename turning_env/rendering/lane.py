@@ -4,12 +4,11 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
-from turning_env.physics.records import REPORT_FIELDS
 from turning_env.rendering.fields import Fields, Key
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
-    from turning_env.batch.driver import Lathes
+    from turning_env.batch.driver import Batch
 
 TRAIL = 90
 """Intervals of which the operating map shows where they were."""
@@ -20,7 +19,7 @@ class Lane:
     """One lathe as an onlooker sees it.
 
     Attributes:
-        now: the last interval's report, by the names of ``REPORT_FIELDS``.
+        now: the last interval's report, by the names of ``quantities.INFO``.
         time, total, removed, edges, broken: since the episode's start: machine time [s], return [s], metal [cm3], edges used up
             and broken [-].
         reward: of the last interval [s].
@@ -34,7 +33,7 @@ class Lane:
         ended: what has ended the episode, or nothing.
     """
 
-    def __init__(self, scenario: Scenario, lathes: "Lathes", lane: int, fields: Fields) -> None:
+    def __init__(self, scenario: Scenario, lathes: "Batch", lane: int, fields: Fields) -> None:
         self._scenario, self._lathes, self._lane, self.fields = scenario, lathes, lane, fields
         self._parts = scenario.control.action == "part"
         self.trail: deque[tuple[float, float]] = deque(maxlen=TRAIL)
@@ -45,8 +44,7 @@ class Lane:
 
     def note(self) -> None:
         """Take down what the last interval gave, or that an episode has begun."""
-        answers = self._lathes.answers
-        self.now: dict[str, float] = dict(zip(REPORT_FIELDS, answers.padded_table[:, self._lane].tolist(), strict=True))
+        self.now: dict[str, float] = self._lathes.info(self._lane)
         begins = int(self._state("step_count")) == 0
         if begins or not self.started:
             self._start(Key(int(self._state("seed")), int(self._state("episode"))))
@@ -54,7 +52,7 @@ class Lane:
         self.nominal_used_life = float(self._state("nominal_used_life"))
         self._find_place()
         if not begins:
-            self._add(float(answers.rewards[self._lane]))
+            self._add(self._lathes.reward(self._lane))
             if self._parts:
                 self.passes = self.fields.passes(self._lathes.action(self._lane))
         self.ended = self._end(bool(self._state("ended")))

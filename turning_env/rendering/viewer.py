@@ -10,7 +10,7 @@ from turning_env.rendering.lane import Lane
 from turning_env.rendering.theme import Pixels
 
 if TYPE_CHECKING:
-    from turning_env.batch.driver import Lathes
+    from turning_env.batch.driver import Batch
     from turning_env.env import RoughTurningEnv
     from turning_env.rendering.window import Window
     from turning_env.vector_env import RoughTurningVectorEnv
@@ -27,7 +27,7 @@ class Viewer:
     """
 
     def __init__(
-        self, env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Lathes", num_envs: int, window: "Window | None"
+        self, env: "RoughTurningEnv | RoughTurningVectorEnv", lathes: "Batch", num_envs: int, window: "Window | None"
     ) -> None:
         self._env, self._window = env, window
         scenario = env.scenario

@@ -8,10 +8,10 @@ import tomllib
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import tomli_w
-from pydantic import ValidationError, field_validator, model_validator
+from pydantic import BeforeValidator, PlainSerializer, ValidationError, field_validator, model_validator
 
 from turning_env.files import replace_file
 from turning_env.scenario.section import Section
@@ -169,15 +169,35 @@ class Scenario(Section):
         """Write the whole scenario as a TOML file: all of it or nothing; its folder is made."""
         replace_file(Path(path), lambda partial: partial.write_text(self.to_toml(), "utf-8"))
 
+    def differences(self) -> dict[str, Any]:
+        """Return the values that differ from the defaults, nested by section, without the name.
+
+        They identify a scenario: a new field with a neutral default, a reordering or a comment changes nothing here.
+        """
+        return _differences(self.model_dump(exclude={"name"}), _DEFAULTS.model_dump(exclude={"name"}))
+
     def digest(self) -> str:
-        """SHA-256 of all values but the name: equal digests mean equal physics. A lot that is as told is left out."""
-        left_out = {"name", "mismatch"} if self.mismatch == Mismatch() else {"name"}
-        values = json.dumps(self.model_dump(exclude=left_out), sort_keys=True)
-        return hashlib.sha256(values.encode()).hexdigest()
+        """Return the SHA-256 of ``differences()``: equal digests mean equal physics, whatever the scenarios are called."""
+        return hashlib.sha256(json.dumps(self.differences(), sort_keys=True).encode()).hexdigest()
 
     def nominal(self) -> "Scenario":
-        """The scenario as the controller knows it, with which it is built: of the same name, but nothing known of the lot."""
+        """Return the scenario of the nominal model, with which controllers are built: the same name, no model mismatch."""
         return self.model_copy(update={"mismatch": Mismatch()})
+
+
+_DEFAULTS = Scenario()
+
+
+def _from_differences(values: Any) -> Any:
+    return _merged(_DEFAULTS.model_dump(), values) if isinstance(values, dict) else values
+
+
+PortableScenario = Annotated[
+    Scenario,
+    BeforeValidator(_from_differences),
+    PlainSerializer(lambda scenario: {"name": scenario.name} | scenario.differences()),
+]
+"""A field of a file's model that keeps a scenario's name and what differs from the defaults."""
 
 
 class ScenarioError(ValueError):
@@ -187,6 +207,19 @@ class ScenarioError(ValueError):
 def presets() -> tuple[str, ...]:
     """Names of the scenarios that come with the package."""
     return tuple(sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir() if entry.name.endswith(".toml")))
+
+
+def _differences(values: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
+    found = {}
+    for key, value in values.items():
+        if isinstance(value, dict):
+            value = _differences(value, defaults[key])
+            if not value:
+                continue
+        elif value == defaults[key]:
+            continue
+        found[key] = value
+    return found
 
 
 def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:

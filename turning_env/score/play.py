@@ -1,4 +1,4 @@
-"""Plays a policy on given draws, one episode each, and sums up every episode."""
+"""Play a policy on given seeds, one episode each, and sum up every episode."""
 
 from collections.abc import Callable, Sequence
 
@@ -7,7 +7,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.score.policy import PolicyFactory
+from turning_env.score.policy import PolicyFactory, PolicySpec
 
 SUMS = (
     "reward_metal",  # [s]
@@ -29,9 +29,23 @@ SUMS = (
 )
 LAST = ("used_life", "wear", "finished")  # [-], [mm], [-]: their values when the episode ends
 EPISODE_FIELDS = ("return", "steps", *SUMS, "excess", *LAST, "truncated")
-"""Of each episode: the return [s], its length, sums and last values of ``info``; ``excess`` is the integral of ``cost`` [s]."""
+"""Of each episode: return [s], number of steps, sums and last values of ``info``; ``excess`` is the integral of ``cost`` [s]."""
 
 Episodes = dict[str, NDArray[np.float64]]
+
+
+def play_spec(
+    spec: PolicySpec, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None] = lambda ended: None
+) -> Episodes:
+    """Play a policy's episodes, or compute those of a bound: see ``play``.
+
+    Raises:
+        ValueError: the spec was read from a file and cannot play; or as for ``play``.
+    """
+    if spec.compute is not None:
+        computed: Episodes = spec.compute(scenario, seeds, on_step)
+        return computed
+    return play(spec.make, scenario, seeds, on_step, tell=spec.kind == "oracle")
 
 
 def play(
@@ -45,11 +59,11 @@ def play(
     """Play one episode per seed, all side by side.
 
     Args:
-        make_policy: makes the policy for ``len(seeds)`` lanes.
+        make_policy: makes the policy for ``len(seeds)`` environments.
         scenario: what to play.
-        seeds: the draws.
-        on_interval: called after each interval with the number of episodes that have ended.
-        tell: only for references that no policy may match: whether to call ``tell(infos)`` before every ``act``.
+        seeds: one episode of each.
+        on_interval: called after each step with the number of episodes that have ended.
+        tell: only for oracles, which are no policies: whether to call ``tell(infos)`` before every ``act``.
 
     Returns:
         An array of shape (len(seeds),) for each of ``EPISODE_FIELDS``.
@@ -57,33 +71,33 @@ def play(
     Raises:
         ValueError: the policy's actions have the wrong shape or are not finite.
     """
-    lanes = len(seeds)
-    env = RoughTurningVectorEnv(lanes, scenario, AutoresetMode.SAME_STEP)
-    policy = make_policy(lanes)
+    num_envs = len(seeds)
+    env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
+    policy = make_policy(num_envs)
     observations, infos = env.reset(seed=list(seeds))
-    policy.reset(np.ones(lanes, np.bool_))
-    episodes: Episodes = {name: np.zeros(lanes) for name in EPISODE_FIELDS}
-    running = np.ones(lanes, np.bool_)
+    policy.reset(np.ones(num_envs, np.bool_))
+    episodes: Episodes = {name: np.zeros(num_envs) for name in EPISODE_FIELDS}
+    running = np.ones(num_envs, np.bool_)
     while running.any():
         if tell:
             policy.tell(infos)  # type: ignore[attr-defined]
         observations, rewards, terminated, truncated, infos = env.step(policy.act(observations))
         ended = terminated | truncated
-        of_interval = infos
+        last = infos
         if ended.any():
             final = infos["final_info"]
-            of_interval = {name: np.where(ended, final[name], infos[name]) for name in (*SUMS, *LAST, "cost")}
+            last = {name: np.where(ended, final[name], infos[name]) for name in (*SUMS, *LAST, "cost")}
             policy.reset(ended)
             ending = running & ended
             for name in LAST:
-                episodes[name][ending] = of_interval[name][ending]
+                episodes[name][ending] = last[name][ending]
             episodes["truncated"] += running & truncated
         counted = running.astype(np.float64)
         episodes["return"] += counted * rewards
         episodes["steps"] += counted
         for name in SUMS:
-            episodes[name] += counted * of_interval[name]
-        episodes["excess"] += counted * of_interval["cost"] * of_interval["time"]
+            episodes[name] += counted * last[name]
+        episodes["excess"] += counted * last["cost"] * last["time"]
         running &= ~ended
-        on_step(lanes - int(running.sum()))
+        on_step(num_envs - int(running.sum()))
     return episodes

@@ -1,24 +1,115 @@
-"""What a policy is, for rules and agents alike."""
+"""What a policy is, and what identifies one: the same for controllers, agents and oracles."""
 
+import re
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator, model_validator
+
+from turning_env.scenario import Scenario
 
 Observations = NDArray[np.float32]
 Actions = NDArray[np.float32]
 
 
 class Policy(Protocol):
-    """Controls a fixed number of lanes. It sees their observations and nothing else."""
+    """Chooses the actions of a fixed number of environments. It sees their observations and nothing else."""
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget these lanes (bool, shape (lanes,)): their next observation is an episode's first."""
+        """Forget the environments of the mask, shape (num_envs,): their next observation is the first of an episode."""
 
     def act(self, observations: Observations) -> Actions:
-        """Actions of shape (lanes, 2) in -1..1 for observations of shape (lanes, 11), both float32."""
+        """Return actions in -1..1, float32 of shape (num_envs, actions), for float32 observations of shape (num_envs, entries).
+
+        The scenario decides how many there are: 11 or 12 entries, 1 to 10 actions (``turning_env.observation.layout``,
+        ``RoughTurningEnv.action_space``).
+        """
 
 
 PolicyFactory = Callable[[int], Policy]
-"""Makes a policy for a number of lanes."""
+"""Makes a policy for a number of environments."""
+
+
+def _known_by_name(num_envs: int) -> Policy:
+    raise ValueError("a policy that is known by name only cannot play: load the policy itself")
+
+
+class ScenarioId(BaseModel):
+    """A scenario's name, and the digest of its values."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    name: str
+    digest: str
+
+    @field_validator("name")
+    @classmethod
+    def _names_no_path(cls, name: str) -> str:
+        if not re.fullmatch(r"(?!\.)[A-Za-z0-9_.-]{1,64}", name):
+            raise ValueError(f"{name!r} cannot be a scenario's name")
+        return name
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Self:
+        """Identify a scenario."""
+        return cls(name=scenario.name, digest=scenario.digest())
+
+
+class PolicySpec(BaseModel):
+    """A policy that can play: who it is, and how to make it.
+
+    Two specs are the same policy if their ``identity`` is equal. Descriptions and commands may change freely; a rule that acts
+    otherwise than before needs another ``version``.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+
+    name: str
+    version: int = Field(default=1, ge=1)
+    """Of a rule or an oracle: raised when its actions change (``tests/golden/actions.json``)."""
+    kind: Literal["rule", "agent", "oracle"] = "rule"
+    """An oracle knows what no policy sees, or is a bound that nobody can play."""
+    description: str = ""
+    parameters: dict[str, JsonValue] = Field(default_factory=dict)
+    """Of a rule, its settings; of an agent, the hyperparameters of its training."""
+    training_seed: int | None = None
+    """Of an agent. Agents of one name with several training seeds are one policy on a leaderboard."""
+    sha256: str | None = None
+    """Of an agent's file."""
+    command: str | None = None
+    """What trained an agent."""
+    tuned_for: ScenarioId | None = None
+    """The scenario that it was tuned or trained on; None: the one that it plays."""
+    tolerance: float = 0.0
+    """By how much an episode's return [s] may differ on another processor; 0: every number is the same to the last bit."""
+    trained_on: Scenario | None = Field(default=None, exclude=True, repr=False)
+    """Of an agent that was just loaded: the scenario of its training."""
+    make: PolicyFactory = Field(default=_known_by_name, exclude=True, repr=False)
+    """Makes the policy for a number of environments."""
+    compute: Callable[..., Any] | None = Field(default=None, exclude=True, repr=False)
+    """Of a bound, in place of ``make``: its episodes for a scenario, seeds and a callback."""
+
+    @field_validator("name")
+    @classmethod
+    def _names_a_file(cls, name: str) -> str:
+        if not re.fullmatch(r"(?!\.)[^/\\\0-\x1f\x7f-\x9f]+", name) or name in ("trajectories", "manifest"):
+            raise ValueError(f"{name!r} cannot be a policy's name, as its results are kept in a file of that name")
+        return name
+
+    @model_validator(mode="after")
+    def _agents_have_seeds(self) -> Self:
+        if (self.kind == "agent") != (self.training_seed is not None):
+            raise ValueError(f"training_seed is {self.training_seed}, but an agent has one and others have none")
+        return self
+
+    @property
+    def label(self) -> str:
+        """The name, and of an agent also the training seed."""
+        return self.name if self.training_seed is None else f"{self.name}-seed{self.training_seed}"
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What tells this policy from others."""
+        return self.model_dump(exclude={"description", "command", "tolerance"})

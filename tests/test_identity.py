@@ -1,0 +1,96 @@
+"""What changes an identity and what does not, tried on a copy of the repository: versions and values do, words do not."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.walking import copy_to, run, walk
+
+pytestmark = pytest.mark.slow
+
+CHECK = """
+from pathlib import Path
+from baselines import tuned
+from train.agents import agent_file
+from turning_env import Scenario, presets
+
+for path in sorted(tuned.FOLDER.glob("*.json")):
+    assert tuned.rules(Scenario.load(path.stem)), path
+for path in sorted(Path("agents").glob("*/*/*.onnx")):
+    metadata = agent_file.read(path).metadata
+    assert metadata.scenario == Scenario.load(metadata.scenario.name), path
+"""
+
+
+@pytest.fixture
+def copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the repository, run interpreted: nothing has to be compiled for a change that is tried once."""
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    copy_to(tmp_path)
+    return tmp_path
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    text = path.read_text("utf-8")
+    assert old in text, f"{path} holds no {old!r}"
+    path.write_text(text.replace(old, new, 1), "utf-8")
+
+
+def python(copy: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    """Run Python in the copy."""
+    return run([sys.executable, *arguments], copy)
+
+
+def golden(copy: Path) -> "subprocess.CompletedProcess[str]":
+    tests = ("tests/turning_env/test_golden.py", "-k", "RoughTurning-v0")
+    return python(copy, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests)
+
+
+def test_words_fields_controllers_disturbances_and_entries_invalidate_nothing(copy: Path) -> None:
+    """The recipes, followed word for word: each page runs its own test, the golden trajectories and ``verify --check``."""
+    edit(copy / "turning_env" / "physics" / "wear.py", '"""', '"""Edited. ')
+    edit(copy / "baselines" / "fixed.py", '"""', '"""Edited. ')
+    for page in ("change_the_lathe", "add_a_controller"):
+        text = (copy / "docs" / "tutorials" / f"{page}.md").read_text("utf-8")
+        walk(
+            text,
+            copy,
+            {},
+            done=[line for line in text.splitlines() if line.startswith(("python -m baselines", "python -m leaderboard run"))],
+        )
+    checked = python(copy, "-c", CHECK)
+    assert checked.returncode == 0, checked.stderr
+    verified = python(copy, "-m", "leaderboard", "verify", "--check")
+    assert verified.returncode == 0, verified.stdout + verified.stderr
+    assert "every result is valid" in verified.stdout
+    assert "steady_load" in python(copy, "-c", "from baselines.catalogue import RULES; print(*RULES)").stdout
+    changed = python(copy, "-m", "turning_env", "show", "rough_turning").stdout
+    assert "chatter_gain" in changed
+    assert "torque = false" in changed
+
+
+def test_another_law_fails_its_golden_trajectory_and_says_what_to_raise(copy: Path) -> None:
+    path = copy / "turning_env" / "physics" / "wear.py"
+    before = path.read_text("utf-8")
+    edit(path, "    return time * exp(", "    return 1.0001 * time * exp(")
+    played = golden(copy)
+    path.write_text(before, "utf-8")
+    assert played.returncode == 1, played.stdout
+    assert "MODEL_VERSION" in played.stdout
+
+
+def test_another_version_of_the_model_or_of_a_rule_voids_results(copy: Path) -> None:
+    model, rule = copy / "turning_env" / "physics" / "__init__.py", copy / "baselines" / "grid_search.py"
+    for path, old, new, voided in (
+        (model, "MODEL_VERSION = 1", "MODEL_VERSION = 2", "was played with version 1 of the model, which is now 2"),
+        (rule, "        {},\n", "        {},\n        version=2,\n", "grid_search is no longer what played: version differ"),
+    ):
+        before = path.read_text("utf-8")
+        edit(path, old, new)
+        verified = python(copy, "-m", "leaderboard", "verify", "--check", "--env", "RoughTurning-Paper-v0")
+        path.write_text(before, "utf-8")
+        assert verified.returncode == 1, verified.stdout + verified.stderr
+        assert voided in verified.stdout
