@@ -37,7 +37,7 @@ SMALLER: Smaller = {
     "python -m benchmarks.peers": ("--repeats 1 --seconds 0.01", {}),
     "python -m benchmarks.growth": ("--max-envs 8 --repeats 1 --seconds 0.01", {}),
     "python -m benchmarks.training": ("--repeats 1 --num-envs 8", {}),
-    "python -m benchmarks.time_to_beat": ("--trainings 1 --seeds 2 --steps 16384 --rule fixed_handbook", {}),
+    "python -m benchmarks.time_to_beat": ("--seeds 1 --tuning-seeds 2 --steps 16384 --rule fixed_handbook", {}),
 }
 
 

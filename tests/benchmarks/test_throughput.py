@@ -14,7 +14,7 @@ def test_it_prints_every_case_and_meets_criteria_that_are_easy(capsys, monkeypat
     monkeypatch.setattr(throughput, "MIN_SHARE", 0.0)
     assert throughput.main(TINY) == 0
     printed = capsys.readouterr().out
-    for name in ("Pendulum-v1, single", "RoughTurning-v0, single", *(f"{env_id}, 3 lanes" for env_id in IDS)):
+    for name in ("Pendulum-v1, single", "RoughTurning-v0, single", *(f"{env_id}, 3 environments" for env_id in IDS)):
         assert name in printed
     assert (printed.count("met   "), printed.count("FAILED")) == (2, 0)
     assert throughput.main([*TINY, "--json"]) == 0
@@ -25,7 +25,7 @@ def test_it_prints_every_case_and_meets_criteria_that_are_easy(capsys, monkeypat
 
 @pytest.mark.parametrize("criterion", throughput.RECORDED)
 def test_a_missed_criterion_is_an_exit_status(capsys, monkeypatch, criterion):
-    monkeypatch.setattr(throughput, "RECORDED", {"single": 0.0, "lanes": 0.0} | {criterion: 1e9})
+    monkeypatch.setattr(throughput, "RECORDED", {"single": 0.0, "batch": 0.0} | {criterion: 1e9})
     assert throughput.main(TINY) == 1
     assert capsys.readouterr().out.count("FAILED") == 1
 

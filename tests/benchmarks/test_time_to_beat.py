@@ -29,7 +29,7 @@ def test_the_exit_status_says_whether_all_have_beaten_it(
 ) -> None:
     left = iter(times)
     monkeypatch.setattr(time_to_beat, "time_to_beat", lambda *arguments: next(left))
-    arguments = ["--seeds", "2", "--rule", "fixed_tuned", "--draws", "2"]
+    arguments = ["--seeds", "2", "--rule", "fixed_tuned", "--tuning-seeds", "2"]
     assert time_to_beat.main(arguments) == status
     assert f"median {np.median(times):.0f} s (3 to {times[1]:.0f})" in capsys.readouterr().out
 

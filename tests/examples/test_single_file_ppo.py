@@ -41,8 +41,8 @@ def test_it_learns() -> None:
 
 
 def test_the_command_says_what_it_reaches(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--steps", "1", "--num-envs", "2", "--rollout", "8", "--draws", "1"]) == 0
-    assert capsys.readouterr().out.startswith("PPO after 1 intervals: -")
+    assert main(["--steps", "1", "--num-envs", "2", "--rollout", "8", "--tuning-seeds", "1"]) == 0
+    assert capsys.readouterr().out.startswith("PPO after 1 steps: -")
 
 
 @pytest.mark.parametrize(
