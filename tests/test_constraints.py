@@ -24,7 +24,7 @@ def test_all_that_the_set_up_asks_for_is_pinned() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     extras = " ".join(re.findall(r"^(?:RUN|TEST)_EXTRAS = (.*)$", MAKEFILE, re.MULTILINE)).split()
     assert set(extras) == project["project"]["optional-dependencies"].keys() - {"peers"}
-    wanted = [*project["project"]["dependencies"], *sum(project["dependency-groups"].values(), [])]
+    wanted = [*project["project"]["dependencies"], *(need for group in project["dependency-groups"].values() for need in group)]
     wanted += [need for extra in extras for need in project["project"]["optional-dependencies"][extra]]
     names = {re.match(r"[\w-]+", need)[0].lower().replace("_", "-") for need in wanted}  # type: ignore[index]
     assert names | {"pip", "colorama", "triton"} <= PINS.keys()  # the last two are other platforms'
