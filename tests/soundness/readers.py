@@ -20,7 +20,7 @@ from google.protobuf import json_format
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from leaderboard.result import Digests, Result, ResultError, Task, read_part, write_part
+from leaderboard.result import Result, ResultError, read_part, read_result, write_part
 from leaderboard.trajectories import Trajectories
 from train.agents import agent_file
 from train.agents import graph as plain_graph
@@ -244,13 +244,12 @@ def smallest(folder: Path, pattern: str) -> list[Path]:
 
 
 def small_result() -> dict[str, Any]:
-    """Return the smallest result that ships, of three draws, as JSON has it."""
-    path = next(path for path in smallest(_RESULTS, "*/*/*.json.xz") if path.name != "trajectories.json.xz")
-    values: dict[str, Any] = json.loads(lzma.decompress(path.read_bytes()))
-    values["task"]["draws"] = values["task"]["draws"][:3]
-    values["episodes"] = {name: column[:3] for name, column in values["episodes"].items()}
-    digests = Digests.of(Task.model_validate(values["task"]), values["versions"]["rough-turning"], values["digests"]["code"])
-    return values | {"digests": digests.model_dump()}
+    """Return the smallest result that ships, of three seeds, as JSON has it."""
+    whole = read_result(next(path for path in smallest(_RESULTS, "*/*/*.json.xz") if path.name != "trajectories.json.xz"))
+    episodes = {name: np.array(values[:3]) for name, values in whole.episodes.items()}
+    task = whole.task.model_copy(update={"seeds": whole.task.seeds[:3]})
+    values: dict[str, Any] = json.loads(Result.of(task, whole.policy, episodes).model_dump_json(by_alias=True))
+    return values
 
 
 def _valid_results() -> tuple[bytes, ...]:
