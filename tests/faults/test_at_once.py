@@ -3,26 +3,27 @@
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from baselines import tuned
 from baselines.tune import __main__ as rule_tuning
 from baselines.tune import study
 from leaderboard import run
-from leaderboard.contestants import Contestant
 from leaderboard.result import Task, read_part, result_folder
-from leaderboard.trajectories import RECORDED_DRAWS, Trajectories
-from tests.leaderboard.conftest import ENV_ID, Steady, contestant
+from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
 from train import tune
 from train.run import Run
 from train.training import train
 from turning_env import Scenario
 from turning_env.locks import FolderTaken, exclusive_lock, file_lock, shared_lock
+from turning_env.score.policy import Actions, Observations, PolicyFactory, PolicySpec
 
 ROOT = Path(__file__).parents[2]
 HOLD = """
@@ -33,6 +34,23 @@ with getattr(locks, sys.argv[1])(Path(sys.argv[2])):
     print("held", flush=True)
     sys.stdin.readline()
 """
+
+
+ENV_ID = "RoughTurning-v0"
+
+
+class Steady:
+    """A policy that always takes the same action."""
+
+    def __init__(self, num_envs: int, feed: float) -> None:
+        self._actions = np.tile(np.array([0.0, feed], np.float32), (num_envs, 1))
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Forget nothing."""
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the same action for every environment."""
+        return self._actions
 
 
 @contextmanager
@@ -136,14 +154,16 @@ def test_a_search_of_hyperparameters_is_not_made_twice_at_once(tmp_path: Path, c
 @pytest.mark.slow
 def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path) -> None:
     scenario = Scenario.model_validate({"control": {"time_limit": 0.2}})
-    task = Task(env_id=ENV_ID, scenario=scenario, draws=[7, 8, 9, 10])
+    task = Task(env_id=ENV_ID, scenario=scenario, seeds=[7, 8, 9, 10])
 
-    def play(folder: Path, players: Sequence[Contestant]) -> None:
-        run.play_all([run.Round(task, players, folder)], fresh=False)
+    def policy(name: str, feed: float, make: PolicyFactory | None = None) -> PolicySpec:
+        return PolicySpec(name=name, parameters={"feed": feed}, make=make or (lambda num_envs: Steady(num_envs, feed)))
 
-    here = result_folder(tmp_path / "two", ENV_ID, scenario.name)
-    second = contestant("second", (0.0, 0.2))
-    third = contestant("third", (0.1, 0.2))
+    def play(folder: Path, *policies: PolicySpec) -> None:
+        run.play_all([run.TaskRun(task, policies, folder)], fresh=False)
+
+    here, expected = (result_folder(tmp_path / name, ENV_ID, scenario.name) for name in ("two", "one"))
+    second, third = policy("second", 0.2), policy("third", 0.3)
     recording = 0
 
     def make(num_envs: int) -> Steady:
@@ -151,15 +171,14 @@ def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path
         recording += num_envs == 1
         if recording == 1:  # while the first run records what its policy does
             recording += 1
-            play(here, [second, third])
-        return contestant("first").make(num_envs)  # type: ignore[return-value]
+            play(here, second, third)
+        return Steady(num_envs, 0.0)
 
-    play(here, [Contestant(contestant("first").policy, make), third])
-    expected = result_folder(tmp_path / "one", ENV_ID, scenario.name)
-    play(expected, [contestant("first"), second, third])
+    play(here, policy("first", 0.0, make), third)
+    play(expected, policy("first", 0.0), second, third)
     assert recording > 1
     names = [path.name for path in sorted(expected.iterdir())]
-    assert names == ["first.json.xz", "second.json.xz", "third.json.xz", "trajectories.json.xz"]
-    for name in names:
+    assert names == ["first.json.xz", "manifest.json", "second.json.xz", "third.json.xz", "trajectories.json.xz"]
+    for name in set(names) - {"manifest.json"}:
         assert (here / name).read_bytes() == (expected / name).read_bytes()
-    assert len(read_part(Trajectories, here / "trajectories.json.xz").episodes) == 3 * RECORDED_DRAWS
+    assert len(read_part(Trajectories, here / "trajectories.json.xz").episodes) == 3 * RECORDED_SEEDS
