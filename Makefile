@@ -1,107 +1,145 @@
-# The commands that people type. Every one sets up what it needs.
+# The commands that people type. Each sets up what it needs.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 SCENARIO ?= rough_turning
 STEPS ?=
-DRAWS ?= 256
-BOARD_DRAWS ?= 64
-LONG_DRAWS ?= 32
+NUM_SEEDS ?= 256
+BOARD_SEEDS ?= 64
+LONG_SEEDS ?= 32
 OTHER_PYTHON ?=
 RUNS ?= runs
 RESULTS ?= results
 SHIPPED ?= agents
-ROWS ?= leaderboard/results
+SHIPPED_RESULTS ?= leaderboard/results
 JOBS ?= 2
 ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurning-Surface-v0 RoughTurning-Shift-v0 RoughTurning-Batch-v0
 TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS) $(if $(STEPS),--steps $(STEPS))
-RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --draws $(DRAWS) --results $(RESULTS)
+RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --seeds $(NUM_SEEDS) --results $(RESULTS)
 AGENT = $(RUNS)/RoughTurning-v0/$(SCENARIO)/ppo-seed
+PYTEST = .venv/bin/pytest -n 2 --dist worksteal
 
-# What is installed beside the environment's own needs, by extra. pip takes hashes only of what it is told by name, not of a folder.
-EXTRAS = benchmark distributed render ecosystem docs test
+# Extras by set-up: `make leaderboard` and the like need the first, tests, examples and the site also the second.
+RUN_EXTRAS = benchmark
+TEST_EXTRAS = distributed render ecosystem docs test
 PIP = .venv/bin/python -m pip --disable-pip-version-check
+# Python compiles what it imports; compiled beforehand, the rest would be a tenth of the disk space.
+INSTALL = $(PIP) install --no-compile --only-binary :all: -c constraints.txt
+# Install an extra's requirements, compared with the hashes of constraints.txt: pip takes hashes for named packages, not for a folder.
 NEEDS = import sys, tomllib; project = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
 	print(*project["dependencies"], *(need for extra in sys.argv[1:] for need in project["optional-dependencies"][extra]), sep="\n")
-# A package's lines of constraints.txt: its version and the hashes of all of that version's files.
+install = .venv/bin/python -c '$(NEEDS)' $(1) > .venv/needs.txt && $(INSTALL) -r .venv/needs.txt
+# A package's lines of constraints.txt: its version and the hashes of all files of that version.
 pinned = sed -n '/^$(1)==/,/[^\]$$/p' constraints.txt
 
-# Agents that come with the project: environment's id and algorithm.
+# Agents that ship: environment id and algorithm.
 AGENTS ?= $(addprefix RoughTurning-v0/,analytic_gradient ppo recurrent_ppo lagrangian_ppo sac tqc) \
 	$(addprefix RoughTurning-Override-v0/,analytic_gradient ppo) RoughTurning-Surface-v0/ppo \
 	RoughTurning-Shift-v0/analytic_gradient RoughTurning-Batch-v0/ppo
 SEEDS ?= 0 1 2 3 4
 
-.PHONY: setup leaderboard agents rows verify test soak wheel audit constraints format clean
+# Processors that `make processors` imitates: kernels of OpenBLAS, and NumPy without AVX-512, then without any optional instructions.
+PROCESSORS ?= OPENBLAS_CORETYPE=Haswell OPENBLAS_CORETYPE=Zen $(if $(shell grep -m1 avx512f /proc/cpuinfo 2> /dev/null),OPENBLAS_CORETYPE=SkylakeX) \
+	NPY_DISABLE=AVX512 NPY_DISABLE=all
+FEATURES = import sys; from numpy._core._multiarray_umath import __cpu_dispatch__ as names; \
+	print(*(name for name in names if sys.argv[1] == "all" or "AVX512" in name or name == "X86_V4"))
+TESTS ?= -m "not slow"
 
-# What every other command needs.
-setup: .venv/ready
+.PHONY: setup leaderboard agents results verify check lint types fast test processors soak mutants wheel audit constraints format clean
 
-# Train an agent, play it, rank it with every rule and agent that comes with the project: their results need not be played again.
-leaderboard: .venv/ready
+# Install all that training, tuning, scoring and the papers need.
+setup: .venv/run
+
+# Train an agent, play it, and rank it with every policy that ships: their results need not be played again.
+leaderboard: .venv/run
 	$(TRAIN) --seed 0
 	mkdir -p $(RESULTS)
 	cp -R leaderboard/results/. $(RESULTS)
 	$(RUN) --agents $(AGENT)0
 
-# Train all agents that come with the project anew, two at a time, and export them.
-agents: .venv/ready
+# Train all agents that ship anew, two at a time, and export them.
+agents: .venv/run
 	printf '%s\n' $(foreach agent,$(AGENTS),$(foreach seed,$(SEEDS),$(agent)/$(seed))) | xargs -P 2 -I{} sh -c '\
 		set -e -- $$(echo {} | tr / " "); \
 		run=$$(.venv/bin/python -m train.$$2 --env $$1 --seed $$3 --runs $(RUNS) $(if $(STEPS),--steps $(STEPS))); \
 		folder=$$(dirname $$run); \
 		.venv/bin/python -m train.export $$folder --out $(SHIPPED)/$$1/$$(basename $$(dirname $$folder))'
 
-# Play all that comes with the project: the rows of the leaderboard.
-rows: .venv/ready
+# Play every policy that ships, and write the agents' cards.
+results: .venv/run
 	set -e; for env in $(ENVS); do \
 		case $$env in \
-			RoughTurning-v0) draws="--draws $(DRAWS) --splits --split-draws $(LONG_DRAWS)";; \
-			RoughTurning-Batch-v0) draws="--draws $(DRAWS)";; \
-			RoughTurning-Shift-v0) draws="--draws $(LONG_DRAWS)";; \
-			*) draws="--draws $(BOARD_DRAWS)";; \
+			RoughTurning-v0) seeds="--seeds $(NUM_SEEDS) --splits --split-seeds $(LONG_SEEDS)";; \
+			RoughTurning-Batch-v0) seeds="--seeds $(NUM_SEEDS)";; \
+			RoughTurning-Shift-v0) seeds="--seeds $(LONG_SEEDS)";; \
+			*) seeds="--seeds $(BOARD_SEEDS)";; \
 		esac; \
-		.venv/bin/python -m leaderboard run --env $$env --results $(ROWS) --jobs $(JOBS) $$draws \
+		.venv/bin/python -m leaderboard run --env $$env --results $(SHIPPED_RESULTS) --jobs $(JOBS) $$seeds \
 			--agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \
 	done
-	.venv/bin/python -m leaderboard cards --rows $(ROWS) --agents $(SHIPPED)
+	.venv/bin/python -m leaderboard cards --results $(SHIPPED_RESULTS) --agents $(SHIPPED)
 
-# Play the rows again and fail if a number does not come back.
-verify: .venv/ready
+# Play the results that ship again and fail if a number differs.
+verify: .venv/run
 	.venv/bin/python -m leaderboard verify --jobs $(JOBS) $(VERIFY)
 
-# Lint, types and tests.
-test: .venv/ready
+# Lint, types and fast tests, side by side: within a minute.
+check: .venv/test
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target fast lint types
+
+lint: .venv/test
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
-	.venv/bin/python -m tests.compile & compiling=$$!; .venv/bin/mypy && wait $$compiling
-	.venv/bin/pytest -n 2 --dist worksteal
 
-# What is promised, on far more inputs than in the tests, by fuzzing for ten minutes a reader, by twenty kills of each program and on
-# a hundred million intervals (docs/soundness.md): some hours.
-soak: .venv/ready
+types: .venv/test
+	.venv/bin/mypy
+
+fast: .venv/test
+	.venv/bin/python -m tests.compile
+	$(PYTEST) -m "not slow"
+
+# Lint, types and all tests.
+test: .venv/test lint
+	.venv/bin/python -m tests.compile & compiling=$$!; .venv/bin/mypy && wait $$compiling
+	$(PYTEST)
+
+# Tests as other processors compute, one after the other; TESTS= runs the slow ones, too. PROCESSORS=OPENBLAS_CORETYPE=Haswell imitates one.
+processors: .venv/test
+	set -e; failed=; for setting in $(PROCESSORS); do \
+		case $$setting in \
+			NPY_DISABLE=*) what="NPY_DISABLE_CPU_FEATURES=$$(.venv/bin/python -c '$(FEATURES)' $${setting#*=})";; \
+			*) what=$$setting;; \
+		esac; \
+		echo "== $$what"; env "$$what" $(PYTEST) $(TESTS) || failed="$$failed $$setting"; \
+	done; test -z "$$failed" || { echo "failed with:$$failed"; exit 1; }
+
+# The promises of docs/soundness.md on far more inputs, kills and steps than in the tests: some hours.
+soak: .venv/test
 	HYPOTHESIS_PROFILE=soak .venv/bin/pytest tests/soundness -n 2 --hypothesis-show-statistics
-	$(PIP) install --only-binary :all: -c constraints.txt --group fuzz || echo "There is no atheris for this machine: inputs are drawn at random."
-	.venv/bin/python -m benchmarks.fuzz
 	.venv/bin/python -m benchmarks.soak
 
-# The wheel in an empty environment: what it holds, that it runs, and gives the same bytes; likewise with other versions of Python.
-wheel: .venv/ready
+# Which small faults in the physics, the statistics and the models' gradients the tests find; MUTANTS="--count 20" tries fewer.
+mutants: .venv/test
+	.venv/bin/python -m benchmarks.mutants $(MUTANTS)
+
+# The wheel in an empty environment: its contents, and that every task gives the same bytes there; likewise with other versions of Python.
+wheel: .venv/run
 	.venv/bin/python -m benchmarks.wheel --python .venv/bin/python $(OTHER_PYTHON)
 
-# Licences, changed files and known vulnerabilities of what is installed.
-audit: .venv/ready
-	$(PIP) install --only-binary :all: -c constraints.txt --group audit
+# Licences of the installed packages, and known vulnerabilities of all that constraints.txt pins.
+audit: .venv/test
+	$(INSTALL) --group audit
 	.venv/bin/python -m benchmarks.audit
+	.venv/bin/pip-audit --require-hashes --disable-pip --progress-spinner off -r constraints.txt
 
-# Write constraints.txt anew for what pyproject.toml asks, on all platforms; versions stay, but with UPGRADE=--upgrade. Hashes of other
-# builds stay with their version, as that of torch without CUDA, which the index does not serve: `pip hash` gives that of a new one.
-constraints: .venv/ready
-	$(PIP) install --only-binary :all: -c constraints.txt --group pin
+# Resolve pyproject.toml into constraints.txt, for all platforms. Versions stay, unless UPGRADE=--upgrade is given. Hashes of other builds stay
+# with their version, such as that of torch without CUDA, which the index does not serve: `pip hash` gives that of a new one.
+constraints: .venv/run
+	$(INSTALL) --group pin
 	.venv/bin/uv pip compile --quiet --universal --python-version 3.11.5 --generate-hashes --no-annotate \
 		--custom-compile-command "make constraints" $(UPGRADE) -o constraints.txt pyproject.toml \
-		$(addprefix --extra ,$(EXTRAS)) --group setup --group audit --group pin --group fuzz
+		$(addprefix --extra ,$(RUN_EXTRAS) $(TEST_EXTRAS)) --group setup --group audit --group pin
 
-format: .venv/ready
+format: .venv/test
 	.venv/bin/ruff check --fix .
 	.venv/bin/ruff format .
 
@@ -110,11 +148,15 @@ clean:
 
 # pip first: older ones do not look for hashes in constraints. Then torch from a folder of wheels, if pip's settings name one: such a
 # build without CUDA is a tenth of the download. Every file is compared with its hashes; only the clone itself has none.
-.venv/ready: pyproject.toml constraints.txt
+.venv/run: pyproject.toml constraints.txt
 	test -x .venv/bin/python || $(PYTHON) -m venv .venv
-	$(call pinned,pip) | $(PIP) install -r /dev/stdin
-	$(call pinned,torch) | $(PIP) install --no-index --no-deps -r /dev/stdin || echo "No folder of wheels has torch: it comes from the index."
-	.venv/bin/python -c '$(NEEDS)' $(EXTRAS) > .venv/needs.txt
-	$(PIP) install --only-binary :all: -c constraints.txt --group setup -r .venv/needs.txt
+	$(call pinned,pip) | $(PIP) install --no-compile -r /dev/stdin
+	$(call pinned,torch) | $(PIP) install --no-compile --no-index --no-deps -r /dev/stdin || echo "No folder of wheels has torch: it comes from the index."
+	$(INSTALL) --group setup
+	$(call install,$(RUN_EXTRAS))
 	$(PIP) install --no-deps --no-build-isolation -e .
+	touch $@
+
+.venv/test: .venv/run
+	$(call install,$(TEST_EXTRAS))
 	touch $@

@@ -1,4 +1,4 @@
-"""What each choice in PPO's training is worth: agents trained alike but for one thing, played on the same tuning draws.
+"""What each choice in PPO's training is worth: agents trained alike but for one thing, played on the same tuning seeds.
 
     python -m benchmarks.ablation
     python -m benchmarks.ablation --steps 2000000 --seeds 3 --out docs/ablation.md
@@ -47,7 +47,7 @@ from turning_env.score.workers import spread, workers
 
 ENV_ID = "RoughTurning-v0"
 DRAWS = 128
-"""Tuning draws that each agent plays."""
+"""Tuning seeds that each agent plays."""
 FRAMES = 4
 """Observations in a row that an agent with history sees."""
 
@@ -213,11 +213,11 @@ VARIANTS = {
 
 @dataclass(frozen=True)
 class Played:
-    """The agents of a variant on the tuning draws."""
+    """The agents of a variant on the tuning seeds."""
 
     name: str
     episodes: Episodes
-    """As of ``turning_env.score.play``, each of shape (training seeds, draws)."""
+    """As of ``turning_env.score.play``, each of shape (training seeds, tuning seeds)."""
     seconds: float
     """Processor time of a training [s], mean over training seeds."""
 
@@ -228,7 +228,7 @@ def play_agent(
     """Train a variant's agent of a training seed, as far as that is not done, and play it.
 
     Returns:
-        The episodes, each of shape (draws,), and the training's processor time [s].
+        The episodes, each of shape (tuning seeds,), and the training's processor time [s].
 
     Raises:
         ValueError: the folder of the training holds one of other settings, or numbers have not stayed finite.
@@ -269,7 +269,7 @@ def table(rows: Sequence[Played]) -> list[str]:
 
 
 def _difference(bootstrap: Bootstrap, row: Played, other: Played) -> Estimate:
-    """Mean return [s] less another variant's, paired by draw."""
+    """Mean return [s] less another variant's, paired by seed."""
     ours, theirs = row.episodes["return"], other.episodes["return"]
     replicates = bootstrap.means(ours, row.name) - bootstrap.means(theirs, other.name)
     return Estimate.of(ours.mean() - theirs.mean(), replicates)
@@ -282,12 +282,16 @@ def _text(estimate: Estimate, decimals: int) -> str:
 
 def page(command: str, lines: Sequence[str], steps: int, seeds: int) -> str:
     """The table as a Markdown page, under the command and what it did."""
-    over = "draws and training seeds" if seeds > 1 else "draws: of what another training seed would do they know nothing"
+    over = (
+        "tuning seeds and training seeds"
+        if seeds > 1
+        else "tuning seeds: of what another training seed would do they know nothing"
+    )
     text = (
         "Each agent is PPO as in `train/hyperparameters/ppo.toml` but for what its row names, trained for "
-        f"{steps:,} steps\nwith {seeds} training seed{'s' * (seeds > 1)}, and plays the same {DRAWS} tuning draws of "
+        f"{steps:,} steps\nwith {seeds} training seed{'s' * (seeds > 1)}, and plays the same {DRAWS} tuning seeds of "
         f"{ENV_ID}. Returns are the environment's own,\nwhatever was learned from. In brackets: {100 * CONFIDENCE:.0f} % "
-        f"bootstrap steps over {over}.\nDifferences are paired by draw."
+        f"bootstrap steps over {over}.\nDifferences are paired by seed."
     )
     return "\n".join(["# What each choice in PPO's training is worth", "", "```bash", command, "```", "", text, "", *lines, ""])
 

@@ -1,9 +1,9 @@
 """How much the clairvoyant bound still moves when its grids are refined.
 
     python -m benchmarks.bound
-    python -m benchmarks.bound --scenario forging --draws 4 --json
+    python -m benchmarks.bound --scenario forging --seeds 4 --json
 
-Every step of the grids is halved in turn, then all of them. Draws are tuning draws.
+Every step of the grids is halved in turn, then all of them. Seeds are tuning seeds.
 """
 
 import argparse
@@ -20,19 +20,19 @@ from turning_env.score.seeds import tuning_seeds
 Row = tuple[str, float, float, float, float]
 
 
-def measure(scenario: Scenario, draws: int) -> list[Row]:
-    """Per grid: its name, the mean bound [s], the mean and the largest move from the bound as used [s], seconds per draw."""
+def measure(scenario: Scenario, num_seeds: int) -> list[Row]:
+    """Per grid: its name, the mean bound [s], the mean and the largest move from the bound as used [s], seconds per seed."""
     finer = GRID.halved()
     grids: dict[str, Grid] = {"as used": GRID}
     grids |= {f"{name} halved": GRID._replace(**{name: getattr(finer, name)}) for name in GRID._fields}
     grids |= {"all halved": finer}
-    rows, used = [], np.zeros(draws)
+    rows, used = [], np.zeros(num_seeds)
     for name, grid in grids.items():
         start = time.process_time()
-        bound = bounds(scenario, tuning_seeds(draws), grid)
+        bound = bounds(scenario, tuning_seeds(num_seeds), grid)
         used = bound if name == "as used" else used
         moves = bound - used
-        seconds = (time.process_time() - start) / draws
+        seconds = (time.process_time() - start) / num_seeds
         rows.append((name, float(bound.mean()), float(moves.mean()), float(np.abs(moves).max()), seconds))
     return rows
 
@@ -42,21 +42,21 @@ def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bound", **described(__doc__))
     parser.add_argument("--scenario", default="rough_turning", help="preset or TOML file (default: rough_turning)")
-    parser.add_argument("--draws", type=int, default=8, help="tuning draws (default: 8)")
+    parser.add_argument("--seeds", type=int, default=8, help="tuning seeds (default: 8)")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")
     parsed = parser.parse_args(arguments)
     scenario = Scenario.load(parsed.scenario)
-    draws = len(tuning_seeds(parsed.draws))
+    num_seeds = len(tuning_seeds(parsed.seeds))
     if not covers(scenario):
         raise ValueError(f"the bound does not cover scenario {scenario.name!r}")
     bounds(scenario, tuning_seeds(1), Grid(50.0, 10, 4))  # compiles
-    rows = measure(scenario, draws)
+    rows = measure(scenario, num_seeds)
     if parsed.json:
         print_json(
-            [dict(zip(("steps", "bound", "mean_move", "largest_move", "seconds_per_draw"), row, strict=True)) for row in rows]
+            [dict(zip(("steps", "bound", "mean_move", "largest_move", "seconds_per_seed"), row, strict=True)) for row in rows]
         )
         return 0
-    print(f"{'steps':>14}  {'bound [s]':>9}  {'mean move [s]':>13}  {'largest [s]':>11}  {'per draw [s]':>12}")
+    print(f"{'steps':>14}  {'bound [s]':>9}  {'mean move [s]':>13}  {'largest [s]':>11}  {'per seed [s]':>12}")
     for name, bound, mean, largest, seconds in rows:
         print(f"{name:>14}  {bound:9.2f}  {mean:13.2f}  {largest:11.2f}  {seconds:12.2f}")
     print(f"Tolerance: {TOLERANCE:.1%} of an episode's machine time.")

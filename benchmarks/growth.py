@@ -1,11 +1,11 @@
-"""What lanes cost as they become many.
+"""Measure how speed and memory grow with the number of environments.
 
     python -m benchmarks.growth growth.svg
-    python -m benchmarks.growth growth.svg --most 4096 --json
+    python -m benchmarks.growth growth.svg --max-envs 4096 --json
 
-Steps per second and bytes per lane of ``RoughTurning-v0`` from 1 lane to a million, as a table and a plot. All lane counts
-take turns, so that whatever else the machine does hits all alike. Bytes are what Python and NumPy have allocated once the
-environment has been stepped, while nobody holds an answer.
+Steps per second and bytes per environment of ``RoughTurning-v0`` from 1 environment to a million, as a table and a plot. All
+numbers of environments take turns, so that whatever else the machine does hits all alike. Bytes are what Python and NumPy
+have allocated once the environment has been stepped, while nobody holds an answer.
 """
 
 import argparse
@@ -21,11 +21,11 @@ from benchmarks.timing import measure
 from turning_env.console import described, exits, picture_path, print_json
 from turning_env.files import replace_file
 
-LANES = (1, 8, 64, 512, 4096, 32768, 262144, 1048576)
+NUM_ENVS = (1, 8, 64, 512, 4096, 32768, 262144, 1048576)
 
 
-def bytes_per_lane(num_envs: int) -> float:
-    """Memory [bytes per lane] of so many lanes."""
+def bytes_per_env(num_envs: int) -> float:
+    """Memory [bytes per environment] of so many environments."""
     tracemalloc.start()
     try:
         case = vector(MAIN, num_envs, batches=1)
@@ -40,23 +40,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print and draw; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.growth", **described(__doc__))
     parser.add_argument("plot", type=picture_path, metavar="PLOT", help="file to draw to: PNG, SVG or PDF, by its suffix")
-    parser.add_argument("--most", type=int, default=LANES[-1], help="most lanes (default: %(default)s)")
+    parser.add_argument("--max-envs", type=int, default=NUM_ENVS[-1], help="largest batch (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=1, help="threads of the vector environments (default: %(default)s)")
-    parser.add_argument("--repeats", type=int, default=5, help="turns that every lane count gets (default: %(default)s)")
+    parser.add_argument("--repeats", type=int, default=5, help="turns that each batch gets (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=0.25, help="length of one turn in s (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")
     options = parser.parse_args(arguments)
-    if min(options.most, options.threads, options.repeats) < 1 or not options.seconds > 0:
-        parser.error("--most, --threads and --repeats must be at least 1, and --seconds above 0")
+    if min(options.max_envs, options.threads, options.repeats) < 1 or not options.seconds > 0:
+        parser.error("--max-envs, --threads and --repeats must be at least 1, and --seconds above 0")
 
-    counts = [lanes for lanes in LANES if lanes <= options.most]
-    bytes_per_lane(1)  # what is imported and loaded at the first step belongs to no lane
-    sizes = [bytes_per_lane(lanes) for lanes in counts]
-    cases = [vector(MAIN, lanes, batches=2, threads=options.threads) for lanes in counts]
+    counts = [num_envs for num_envs in NUM_ENVS if num_envs <= options.max_envs]
+    bytes_per_env(1)  # what is imported and loaded at the first step belongs to no environment
+    sizes = [bytes_per_env(num_envs) for num_envs in counts]
+    cases = [vector(MAIN, num_envs, batches=2, threads=options.threads) for num_envs in counts]
     measured = measure(cases, options.repeats, options.seconds)
     speeds = [statistics.median(turn.rate for turn in turns) for turns in measured]
     if options.json:
-        names = ("lanes", "steps_per_second", "bytes_per_lane")
+        names = ("num_envs", "steps_per_second", "bytes_per_env")
         print_json([dict(zip(names, row, strict=True)) for row in zip(counts, speeds, sizes, strict=True)])
     else:
         _print(counts, speeds, sizes)
@@ -66,16 +66,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     upper.loglog(counts, speeds, "o-")
     upper.set_ylabel("steps per second")
     lower.loglog(counts, sizes, "o-")
-    lower.set_ylabel("bytes per lane")
-    lower.set_xlabel(f"lanes of {MAIN}")
+    lower.set_ylabel("bytes per environment")
+    lower.set_xlabel(f"environments of {MAIN}")
     replace_file(options.plot, figure.savefig)
     return 0
 
 
 def _print(counts: Sequence[int], speeds: Sequence[float], sizes: Sequence[float]) -> None:
-    print(f"{'lanes':>8}  {'steps per second':>16}  {'ns per lane':>11}  {'bytes per lane':>14}")
-    for lanes, speed, size in zip(counts, speeds, sizes, strict=True):
-        print(f"{lanes:>8}  {speed:>16,.0f}  {1e9 / speed:>11,.0f}  {size:>14,.0f}")
+    print(f"{'environments':>12}  {'steps per second':>16}  {'ns per step':>11}  {'bytes per environment':>14}")
+    for num_envs, speed, size in zip(counts, speeds, sizes, strict=True):
+        print(f"{num_envs:>12}  {speed:>16,.0f}  {1e9 / speed:>11,.0f}  {size:>14,.0f}")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """What the overload price does: which margin on the limits pays best at each price.
 
     python -m benchmarks.overload_price
-    python -m benchmarks.overload_price --draws 16 --json
+    python -m benchmarks.overload_price --seeds 16 --json
 
-The rescaled grid search plays tuning draws at several margins. It does not know the price, so each margin is played once, and
+The rescaled grid search plays tuning seeds at several margins. It does not know the price, so each margin is played once, and
 its return at another price follows from the same episodes.
 """
 
@@ -34,14 +34,14 @@ def mean_return(episodes: Episodes, price: float) -> float:
 def main(arguments: list[str] | None = None) -> int:
     """Print, for each price, the best margin and what it does; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.overload_price", **described(__doc__))
-    parser.add_argument("--draws", type=int, default=128, help="tuning draws (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=128, help="tuning seeds (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")
     options = parser.parse_args(arguments)
-    draws = tuning_seeds(options.draws)
+    seeds = tuning_seeds(options.seeds)
     scenario = Scenario.load("rough_turning")
     smoothing = tuned.rules(scenario)["rescaled_grid_search"]["smoothing"]
     played = [
-        play(partial(RescaledGridSearch, scenario, margin=margin, smoothing=smoothing), scenario, draws)
+        play(partial(RescaledGridSearch, scenario, margin=margin, smoothing=smoothing), scenario, seeds)
         for margin in tqdm(MARGINS, unit="margin", disable=None)
     ]
     rows = []

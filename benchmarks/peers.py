@@ -26,7 +26,7 @@ from turning_env import IDS
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 
-LANES = (1, 16, 256, 4096, 65536)
+NUM_ENVS = (1, 16, 256, 4096, 65536)
 REFERENCE = "Gymnasium Pendulum, unwrapped"
 OURS = "RoughTurning"
 _SCAN = 64  # steps in one call of a compiled loop
@@ -36,10 +36,10 @@ def gymnasium_cases() -> Iterator[Case]:
     """Gymnasium's own."""
     yield one(REFERENCE, gymnasium.make("Pendulum-v1").unwrapped)
     yield one("Gymnasium Pendulum", gymnasium.make("Pendulum-v1"))
-    for lanes in LANES:
-        env = gymnasium.make_vec("CartPole-v1", lanes, vectorization_mode="vector_entry_point")
+    for num_envs in NUM_ENVS:
+        env = gymnasium.make_vec("CartPole-v1", num_envs, vectorization_mode="vector_entry_point")
         env.reset(seed=0)
-        yield many("Gymnasium CartPole, vector", env, lanes, env.single_action_space)
+        yield many("Gymnasium CartPole, vector", env, num_envs, env.single_action_space)
 
 
 def our_cases() -> Iterator[Case]:
@@ -47,17 +47,17 @@ def our_cases() -> Iterator[Case]:
     yield single(MAIN)._replace(name=f"{MAIN}, unwrapped")
     yield one(MAIN, gymnasium.make(MAIN))
     for env_id in IDS:
-        for lanes in LANES if env_id == MAIN else (1024,):
-            yield vector(env_id, lanes)._replace(name=f"{env_id}, vector")
+        for num_envs in NUM_ENVS if env_id == MAIN else (1024,):
+            yield vector(env_id, num_envs)._replace(name=f"{env_id}, vector")
 
 
 def envpool_cases() -> Iterator[Case]:
     """EnvPool on one thread."""
     envpool = importlib.import_module("envpool")
-    for lanes in LANES[1:-1]:
-        env = envpool.make_gymnasium("Pendulum-v1", num_envs=lanes, num_threads=1)
+    for num_envs in NUM_ENVS[1:-1]:
+        env = envpool.make_gymnasium("Pendulum-v1", num_envs=num_envs, num_threads=1)
         env.reset()
-        yield many("EnvPool Pendulum, 1 thread", env, lanes, env.action_space)
+        yield many("EnvPool Pendulum, 1 thread", env, num_envs, env.action_space)
 
 
 def gymnax_cases() -> Iterator[Case]:
@@ -71,30 +71,30 @@ def gymnax_cases() -> Iterator[Case]:
         return state, reward
 
     def scan(states: Any, key: Any) -> Any:
-        def all_lanes(states: Any, key: Any) -> Any:
+        def all_envs(states: Any, key: Any) -> Any:
             return jax.vmap(step)(states, jax.random.split(key, jax.tree_util.tree_leaves(states)[0].shape[0]))
 
-        return jax.lax.scan(all_lanes, states, jax.random.split(key, _SCAN))
+        return jax.lax.scan(all_envs, states, jax.random.split(key, _SCAN))
 
     compiled_scan = jax.jit(scan)
 
-    for lanes in LANES[2:]:
+    for num_envs in NUM_ENVS[2:]:
         key = jax.random.PRNGKey(0)
-        _, states = jax.vmap(env.reset, in_axes=(0, None))(jax.random.split(key, lanes), parameters)
+        _, states = jax.vmap(env.reset, in_axes=(0, None))(jax.random.split(key, num_envs), parameters)
 
         def run(states: Any = states, key: Any = key) -> None:
             jax.block_until_ready(compiled_scan(states, key))
 
-        yield Case("gymnax Pendulum, scan", lanes, lanes * _SCAN, run)
+        yield Case("gymnax Pendulum, scan", num_envs, num_envs * _SCAN, run)
 
 
 def pufferlib_cases() -> Iterator[Case]:
     """PufferLib's CartPole in C."""
     cartpole = importlib.import_module("pufferlib.ocean.cartpole.cartpole")
-    for lanes in LANES:
-        env = cartpole.Cartpole(num_envs=lanes)
+    for num_envs in NUM_ENVS:
+        env = cartpole.Cartpole(num_envs=num_envs)
         env.reset()
-        yield many("PufferLib CartPole", env, lanes, env.single_action_space)
+        yield many("PufferLib CartPole", env, num_envs, env.single_action_space)
 
 
 def motor_cases() -> Iterator[Case]:
@@ -130,7 +130,7 @@ class Row(NamedTuple):
     """A case's medians over the turns, and the range of its ratio."""
 
     name: str
-    lanes: int
+    num_envs: int
     rate: float
     cpu_rate: float
     ratio: float
@@ -145,7 +145,7 @@ def rows_of(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[
     for case, turns in zip(cases, timings, strict=True):
         ratios = [turn.rate / base.rate for turn, base in zip(turns, timings[reference], strict=True)]
         rate, cpu_rate = (statistics.median(getattr(turn, name) for turn in turns) for name in ("rate", "cpu_rate"))
-        rows.append(Row(case.name, case.lanes, rate, cpu_rate, statistics.median(ratios), min(ratios), max(ratios)))
+        rows.append(Row(case.name, case.num_envs, rate, cpu_rate, statistics.median(ratios), min(ratios), max(ratios)))
     return rows
 
 
@@ -174,14 +174,14 @@ def page(rows: Sequence[Row], command: str, left_out: Sequence[str]) -> str:
         "",
         f"on {machine()}.",
         "",
-        "| | lanes | steps per second | per CPU second | ratio |",
+        "| | environments | steps per second | per CPU second | ratio |",
         "|---|---:|---:|---:|---:|",
     ]
     for row in rows:
         ratio = f"{row.ratio:.3g} ({row.lowest:.3g} to {row.highest:.3g})"
         name = f"**{row.name}**" if row.name.startswith(OURS) else row.name
-        lines.append(f"| {name} | {row.lanes} | {_rounded(row.rate)} | {_rounded(row.cpu_rate)} | {ratio} |")
-    lines += ["", "![Steps per second over lanes](peers.png)", ""]
+        lines.append(f"| {name} | {row.num_envs} | {_rounded(row.rate)} | {_rounded(row.cpu_rate)} | {ratio} |")
+    lines += ["", "![Steps per second over environments](peers.png)", ""]
     lines += [f"- {reason}" for reason in left_out]
     return "\n".join(lines).rstrip() + "\n"
 
@@ -194,7 +194,7 @@ def _rounded(rate: float) -> str:
 
 
 def plot(rows: Sequence[Row], path: Path) -> None:
-    """Steps per second over lanes, one line per peer."""
+    """Steps per second over environments, one line per environment library."""
     from matplotlib.figure import Figure
 
     from turning_env.workshop import plot_style as style
@@ -208,7 +208,7 @@ def plot(rows: Sequence[Row], path: Path) -> None:
         of_name = [row for row in rows if row.name == name]
         ours = name.startswith(OURS)
         axes.plot(
-            [row.lanes for row in of_name],
+            [row.num_envs for row in of_name],
             [row.rate for row in of_name],
             marker="os^Dv<>*Pp"[seen[ours] % 10],
             linewidth=2.0 if ours else 1.0,
@@ -218,7 +218,7 @@ def plot(rows: Sequence[Row], path: Path) -> None:
         )
         seen[ours] += 1
     axes.set(xscale="log", yscale="log", xlabel="environments side by side", ylabel="environment steps per second")
-    axes.set_xticks(LANES, [str(lanes) for lanes in LANES])
+    axes.set_xticks(NUM_ENVS, [str(num_envs) for num_envs in NUM_ENVS])
     axes.grid(True, which="major", alpha=0.3)
     figure.legend(loc="outside right upper", fontsize="small", frameon=False)
     replace_file(path, lambda temporary: figure.savefig(temporary, dpi=150, format="png"))

@@ -1,4 +1,4 @@
-"""Tries an installed wheel: every task is made, checked, played, and played in lanes. Knows nothing of the clone.
+"""Tries an installed wheel: every task is made, checked, played, and played as a batch. Knows nothing of the clone.
 
 Last it prints what all presets gave, as one digest, which must not depend on the version of Python.
 
@@ -32,39 +32,39 @@ def check_contents(installed: Distribution) -> None:
 
 
 def check_task(env_id: str) -> None:
-    """The task keeps Gymnasium's interface, and is played for a few steps alone and in lanes."""
+    """The task keeps Gymnasium's interface, and is played for a few steps alone and as a batch."""
     env = gymnasium.make(env_id)
     check_env(env.unwrapped, skip_render_check=True)
     env.reset(seed=1)
     env.action_space.seed(1)
     rewards = [env.step(env.action_space.sample())[1] for _ in range(3)]
     assert np.isfinite(np.array(rewards, float)).all(), rewards
-    lanes = gymnasium.make_vec(env_id, num_envs=4, vectorization_mode="vector_entry_point")
-    observations, _ = lanes.reset(seed=1)
+    envs = gymnasium.make_vec(env_id, num_envs=4, vectorization_mode="vector_entry_point")
+    observations, _ = envs.reset(seed=1)
     assert observations.shape == (4, *env.observation_space.shape)  # type: ignore[misc]
-    rewards = lanes.step(lanes.action_space.sample())[1]
+    rewards = envs.step(envs.action_space.sample())[1]
     assert np.isfinite(rewards).all(), rewards
     env.close()
-    lanes.close()
+    envs.close()
 
 
-def digest_of_plays(intervals: int = 60) -> str:
-    """SHA-256 of all that every preset gives over two episodes' beginnings, alone and in three lanes, by the same actions."""
+def digest_of_plays(steps: int = 60) -> str:
+    """Return SHA-256 of what every preset gives as two episodes begin, alone and as a batch of three."""
     whole = hashlib.sha256()
     for preset in turning_env.presets():
-        env, lanes = turning_env.RoughTurningEnv(preset), turning_env.RoughTurningVectorEnv(3, preset)
+        env, envs = turning_env.RoughTurningEnv(preset), turning_env.RoughTurningVectorEnv(3, preset)
         generator = np.random.default_rng(21)
         for seed in range(2):
-            whole.update(env.reset(seed=seed)[0].tobytes() + lanes.reset(seed=seed)[0].tobytes())
+            whole.update(env.reset(seed=seed)[0].tobytes() + envs.reset(seed=seed)[0].tobytes())
             ended = False
-            for actions in generator.uniform(-1.0, 1.0, (intervals, *lanes.action_space.shape)):  # type: ignore[misc]
-                observations, rewards, *_ = lanes.step(actions)
+            for actions in generator.uniform(-1.0, 1.0, (steps, *envs.action_space.shape)):  # type: ignore[misc]
+                observations, rewards, *_ = envs.step(actions)
                 whole.update(observations.tobytes() + rewards.tobytes())
                 if not ended:
                     observation, reward, terminated, truncated, info = env.step(actions[0])
                     whole.update(observation.tobytes() + repr((reward, sorted(info.items()))).encode())
                     ended = terminated or truncated
-        lanes.close()
+        envs.close()
     return whole.hexdigest()
 
 

@@ -7,8 +7,8 @@ One process, one thread. The time is the processor's, of which what else the mac
 cases take turns, so that it hits all alike, and ratios are taken within a turn. Actions are uniformly random and drawn
 beforehand; starting episodes anew counts as part of stepping.
 
-The exit status is 1 if it has become slow: if the rate of 1024 lanes, or of the unwrapped single environment, is below two thirds
-of the ratio to Pendulum's that is recorded here.
+The exit status is 1 if it has become slow: if the rate of 1024 environments, or of the unwrapped single environment, is below
+two thirds of the ratio to Pendulum's that is recorded here.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from turning_env.console import DONE, FAILED, described, exits, print_json
 
 PEER = "Pendulum-v1"
 MAIN = "RoughTurning-v0"
-RECORDED = {"single": 2.05, "lanes": 32.4}
+RECORDED = {"single": 2.05, "batch": 32.4}
 """Rates over Pendulum's in the same run, on the machine of docs/peers.md."""
 MIN_SHARE = 2.0 / 3.0
 """Of these; more is lost to slower code, not to noise."""
@@ -36,10 +36,10 @@ def single(env_id: str) -> Case:
 
 
 def vector(env_id: str, num_envs: int, batches: int = BATCHES, threads: int = 1) -> Case:
-    """Many lanes."""
+    """Many environments in one batch."""
     env = RoughTurningVectorEnv(num_envs, IDS[env_id], threads=threads)
     env.reset(seed=0)
-    return many(f"{env_id}, {num_envs} lanes", env, num_envs, env.single_action_space, batches)
+    return many(f"{env_id}, {num_envs} environments", env, num_envs, env.single_action_space, batches)
 
 
 @exits(checks=True)
@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure and print; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.throughput", **described(__doc__))
     parser.add_argument("--repeats", type=int, default=9, help="turns that every case gets (default: %(default)s)")
-    parser.add_argument("--num-envs", type=int, default=1024, help="lanes of the vector environments (default: %(default)s)")
+    parser.add_argument("--num-envs", type=int, default=1024, help="size of the vector environments (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=0.25, help="length of one turn in s (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print the medians as JSON")
     options = parser.parse_args(arguments)
@@ -61,8 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not options.json:
         _print(cases, measured, ratios, options.repeats)
 
-    found = {"single": statistics.median(ratios[1]), "lanes": statistics.median(ratios[2 + list(IDS).index(MAIN)])}
-    names = {"single": f"one {MAIN}", "lanes": f"{options.num_envs} lanes of {MAIN}"}
+    found = {"single": statistics.median(ratios[1]), "batch": statistics.median(ratios[2 + list(IDS).index(MAIN)])}
+    names = {"single": f"one {MAIN}", "batch": f"{options.num_envs} environments of {MAIN}"}
     verdicts = [
         (
             f"{names[key]}: {found[key]:.2f} times {PEER}'s steps per second, at least {MIN_SHARE * recorded:.2f}",

@@ -3,7 +3,7 @@
     python -m benchmarks.time_to_beat --seeds 5
     python -m benchmarks.time_to_beat --algorithm ppo --rule rescaled_grid_search --json
 
-Every so many steps the clock stops while the agent, as it is, plays tuning draws that the rule has played, too. It has beaten
+Every so many steps the clock stops while the agent, as it is, plays tuning seeds that the rule has played, too. It has beaten
 the rule once it earns more in the mean, with the paired 95 % bootstrap interval above zero. The clock runs from when lathes and
 network are made, on one core per training; the learning rate falls as in a whole training, which an agent here need not finish.
 
@@ -55,7 +55,7 @@ class Clock(BaseCallback):
         """Time of training so far [s]."""
         self._since = time.perf_counter()
         self._asked = 0
-        self._bar: Any = tqdm(total=total, unit="interval", unit_scale=True, desc=label, dynamic_ncols=True, disable=None)
+        self._bar: Any = tqdm(total=total, unit="step", unit_scale=True, desc=label, dynamic_ncols=True, disable=None)
 
     def _on_step(self) -> bool:
         return True
@@ -79,13 +79,13 @@ class Clock(BaseCallback):
 
 
 def difference(ours: NDArray[np.float64], theirs: NDArray[np.float64]) -> Estimate:
-    """Mean of returns less others' on the same draws, both of shape (draws,) [s]."""
+    """Mean of returns less others' on the same seeds, both of shape (seeds,) [s]."""
     replicates = Bootstrap(len(ours)).means((ours - theirs)[np.newaxis], "difference")
     return Estimate.of(float(np.mean(ours - theirs)), replicates)
 
 
 def time_to_beat(algorithm: Algorithm, seed: int, rule: NDArray[np.float64], every: int, overrides: dict[str, Any]) -> float:
-    """Seconds of training until an agent has beaten a rule's returns [s] on the first tuning draws; infinite if it never does."""
+    """Seconds of training until an agent has beaten a rule's returns [s] on the first tuning seeds; infinite if it never does."""
     scenario = Scenario.load(IDS[ENV_ID])
     torch.set_num_threads(1)
     with TemporaryDirectory() as folder:
@@ -116,17 +116,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--algorithm", choices=ALGORITHMS, default="analytic_gradient", help="who learns (default: %(default)s)")
     parser.add_argument("--rule", default="predictive", help="to be beaten (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=5, help="trainings (default: %(default)s)")
-    parser.add_argument("--draws", type=int, default=64, help="tuning draws played (default: %(default)s)")
+    parser.add_argument("--tuning-seeds", type=int, default=64, help="tuning seeds played (default: %(default)s)")
     parser.add_argument("--every", type=int, default=500_000, help="steps between looks (default: %(default)s)")
     parser.add_argument("--steps", type=int, help="of a whole training (default: the hyperparameter file's)")
     parser.add_argument("--json", action="store_true", help="print the times [s] as JSON; null for never")
     options = parser.parse_args(arguments)
-    for name, most in (("seeds", SEEDS), ("draws", 10**6), ("every", 10**12)):
+    for name, most in (("seeds", SEEDS), ("tuning_seeds", 10**6), ("every", 10**12)):
         if not 1 <= (value := getattr(options, name)) <= most:
-            parser.error(f"--{name} is {value}, but must be 1 to {most}")
+            parser.error(f"--{name.replace('_', '-')} is {value}, but must be 1 to {most}")
     scenario = Scenario.load(IDS[ENV_ID])
     try:
-        rule = play(catalogue.entry(options.rule, scenario).make, scenario, tuning_seeds(options.draws))["return"]
+        rule = play(catalogue.entry(options.rule, scenario).make, scenario, tuning_seeds(options.tuning_seeds))["return"]
     except (KeyError, ValueError) as error:
         parser.error(str(error.args[0]))
     overrides = {} if options.steps is None else {"steps": options.steps}

@@ -18,7 +18,7 @@ class Case(NamedTuple):
     """Something to time: ``step`` makes ``steps`` environment steps per call."""
 
     name: str
-    lanes: int
+    num_envs: int
     steps: int
     step: Callable[[], object]
 
@@ -52,14 +52,14 @@ def many(name: str, env: Any, num_envs: int, space: gymnasium.Space[Any], batche
     return Case(name, num_envs, num_envs, lambda: env.step(action()))
 
 
-def actions_of(space: gymnasium.Space[Any], *lanes: int, batches: int = BATCHES) -> Callable[[], Any]:
+def actions_of(space: gymnasium.Space[Any], *num_envs: int, batches: int = BATCHES) -> Callable[[], Any]:
     """Gives random actions of a space in turn, each with these dimensions before the space's own."""
     rng = np.random.default_rng(0)
     if isinstance(space, gymnasium.spaces.Discrete):
-        drawn: Any = rng.integers(0, space.n, (batches, *lanes))
+        drawn: Any = rng.integers(0, space.n, (batches, *num_envs))
     else:
         assert isinstance(space, gymnasium.spaces.Box)
-        drawn = rng.uniform(space.low, space.high, (batches, *lanes, *space.shape)).astype(space.dtype)
+        drawn = rng.uniform(space.low, space.high, (batches, *num_envs, *space.shape)).astype(space.dtype)
     return cycle(drawn).__next__
 
 
@@ -70,7 +70,7 @@ def measure(cases: Sequence[Case], repeats: int, seconds: float) -> list[list[Ti
     with tqdm(total=repeats * len(cases), unit="case", dynamic_ncols=True, disable=None) as bar:
         for _ in range(repeats):
             for case, count, turns in zip(cases, counts, timings, strict=True):
-                bar.set_description(f"{case.name}, {case.lanes}")
+                bar.set_description(f"{case.name}, {case.num_envs}")
                 turns.append(timed(case, count))
                 bar.update()
     return timings

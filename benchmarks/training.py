@@ -6,7 +6,7 @@
 Three questions, in one process on one thread, all cases in turn:
 
 - how much faster many lathes step behind ``train.vec_env`` than single environments in Stable-Baselines3's ``DummyVecEnv``;
-- how much faster all of PPO is so, at settings made for many lanes;
+- how much faster all of PPO is so, at settings made for many environments;
 - what share of PPO's time, at the settings of ``train.ppo``, is spent in the environment.
 
 The exit status is 1 if an answer is not as good as it should be.
@@ -37,9 +37,9 @@ from train.vec_env import RoughTurningVecEnv
 from turning_env import IDS, Scenario
 from turning_env.console import DONE, FAILED, described, exits, print_json
 
-LANES = 1024
-MANY_LANES: dict[str, Any] = {"n_steps": 16, "batch_size": 4096, "n_epochs": 2, "device": "cpu", "seed": 0}
-"""PPO for many lanes: long batches, few epochs."""
+NUM_ENVS = 1024
+MANY_ENVS: dict[str, Any] = {"n_steps": 16, "batch_size": 4096, "n_epochs": 2, "device": "cpu", "seed": 0}
+"""PPO for many environments: long batches, few epochs."""
 
 MIN_STEPPING_RATIO = 20.0
 MIN_TRAINING_RATIO = 2.0
@@ -59,12 +59,12 @@ def singles(num_envs: int) -> VecEnv:
 
 
 def together(num_envs: int) -> VecEnv:
-    """Lathes side by side."""
+    """Environments side by side."""
     return RoughTurningVecEnv(Scenario.load(IDS[MAIN]), num_envs)
 
 
 def stepping(env: VecEnv, steps: int) -> float:
-    """Time per step of all lanes [s], with actions drawn beforehand."""
+    """Time per step of all environments [s], with actions drawn beforehand."""
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (8, env.num_envs, 2)).astype(np.float32)
 
     def work() -> None:
@@ -75,7 +75,7 @@ def stepping(env: VecEnv, steps: int) -> float:
 
 
 def learning(model: PPO, rollouts: int) -> float:
-    """Time per interval [s] of PPO, with all that it does."""
+    """Time per step [s] of PPO, with all that it does."""
     intervals = rollouts * model.n_envs * model.n_steps
     return seconds(lambda: model.learn(intervals, reset_num_timesteps=False)) / intervals
 
@@ -124,7 +124,7 @@ def measure(repeats: int, num_envs: int, folder: Path) -> dict[str, list[float]]
         env.seed(0)
         env.reset()
         stepping(env, 2)  # not timed: what the first steps load
-    many = [PPO("MlpPolicy", make(num_envs), **MANY_LANES) for make in (singles, together)]
+    many = [PPO("MlpPolicy", make(num_envs), **MANY_ENVS) for make in (singles, together)]
     usual = new_model(ppo_run(folder), ppo.ALGORITHM)
     measured: dict[str, list[float]] = {"stepping": [], "training": [], "share": []}
     for _ in tqdm(range(repeats), unit="turn", dynamic_ncols=True, disable=None):
@@ -140,7 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure and print; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.training", **described(__doc__))
     parser.add_argument("--repeats", type=int, default=5, help="turns that every case gets (default: %(default)s)")
-    parser.add_argument("--num-envs", type=int, default=LANES, help="lathes side by side (default: %(default)s)")
+    parser.add_argument("--num-envs", type=int, default=NUM_ENVS, help="environments side by side (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print the medians as JSON")
     options = parser.parse_args(arguments)
     if options.repeats < 1 or options.num_envs < 1:
@@ -149,11 +149,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         measured = measure(options.repeats, options.num_envs, Path(folder))
     medians = {name: statistics.median(values) for name, values in measured.items()}
     spread = {name: f"({min(values):.3g} to {max(values):.3g})" for name, values in measured.items()}
-    batch = MANY_LANES["batch_size"]
+    batch = MANY_ENVS["batch_size"]
     verdicts = [
         (
-            f"{options.num_envs} lathes step {medians['stepping']:.3g} times {spread['stepping']} as fast as single environments in "
-            f"DummyVecEnv, at least {MIN_STEPPING_RATIO:g}",
+            f"{options.num_envs} environments step {medians['stepping']:.3g} times {spread['stepping']} as fast as single ones "
+            f"in DummyVecEnv, at least {MIN_STEPPING_RATIO:g}",
             medians["stepping"] >= MIN_STEPPING_RATIO,
         ),
         (

@@ -4,7 +4,7 @@
     python examples/offline.py clone runs/datasets/rough_turning-mixture-v0
 
 Behaviours: `grid_search`, the published controller; `analytic_gradient`, the best agent that comes with the project; `mixture`,
-both by turns. Episodes are those of draws that no agent has been trained on, rules are tuned on or anything is scored on.
+both by turns. Episodes are those of seeds that no agent has been trained on, rules are tuned on or anything is scored on.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines import catalogue
-from examples.shared import DRAWS, ENV_ID, at_least, extra, run, score
+from examples.shared import ENV_ID, NUM_SEEDS, at_least, extra, run, score
 from train.agents import onnx_policy
 from train.training import SEED_STRIDE, SEEDS
 from turning_env import RoughTurningVectorEnv, Scenario
@@ -35,9 +35,9 @@ with extra("ecosystem"):
     from minari.data_collector.episode_buffer import EpisodeBuffer  # type: ignore[import-untyped]
 
 AGENT = Path(__file__).parents[1] / "agents" / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
-FIRST_DRAW = (SEEDS - 1) * SEED_STRIDE
+FIRST_SEED = (SEEDS - 1) * SEED_STRIDE
 """Draws of the last training seed, which is kept for data sets."""
-LANES = 64
+NUM_ENVS = 64
 """Episodes played side by side."""
 BEHAVIOURS = {
     "grid_search": ("grid_search",),
@@ -53,14 +53,14 @@ def policy(behaviour: str) -> PolicyFactory:
     return catalogue.entry(behaviour, Scenario.load("rough_turning")).make
 
 
-def record(make: PolicyFactory, draws: Sequence[int]) -> list[EpisodeBuffer]:
-    """One episode per draw, all side by side: observations (T + 1, 11), actions (T, 2), rewards [s] and ends (T)."""
-    envs = RoughTurningVectorEnv(len(draws), "rough_turning", AutoresetMode.SAME_STEP)
-    controller = make(len(draws))
-    observations, _ = envs.reset(seed=list(draws))
-    controller.reset(np.ones(len(draws), np.bool_))
+def record(make: PolicyFactory, seeds: Sequence[int]) -> list[EpisodeBuffer]:
+    """One episode per seed, all side by side: observations (T + 1, 11), actions (T, 2), rewards [s] and ends (T)."""
+    envs = RoughTurningVectorEnv(len(seeds), "rough_turning", AutoresetMode.SAME_STEP)
+    controller = make(len(seeds))
+    observations, _ = envs.reset(seed=list(seeds))
+    controller.reset(np.ones(len(seeds), np.bool_))
     seen, steps = [observations], []
-    lengths = np.zeros(len(draws), np.int64)
+    lengths = np.zeros(len(seeds), np.int64)
     last = np.zeros_like(observations)
     while not lengths.all():
         actions = controller.act(observations).clip(-1.0, 1.0)
@@ -68,15 +68,15 @@ def record(make: PolicyFactory, draws: Sequence[int]) -> list[EpisodeBuffer]:
         steps.append((actions, rewards, terminated, truncated))
         seen.append(observations)
         ended = terminated | truncated
-        for lane in np.flatnonzero(ended & (lengths == 0)).tolist():
-            lengths[lane], last[lane] = len(steps), infos["final_obs"][lane]
+        for index in np.flatnonzero(ended & (lengths == 0)).tolist():
+            lengths[index], last[index] = len(steps), infos["final_obs"][index]
         controller.reset(ended)
     columns = [np.stack(column) for column in zip(*steps, strict=True)]
     episodes = []
-    for lane, (draw, length) in enumerate(zip(draws, lengths.tolist(), strict=True)):
-        entries = [*(row[lane] for row in seen[:length]), last[lane]]
-        acted, rewarded, worn, late = (column[:length, lane] for column in columns)
-        episodes.append(EpisodeBuffer(None, draw, None, np.stack(entries), acted, rewarded, worn, late, {}))
+    for index, (seed, length) in enumerate(zip(seeds, lengths.tolist(), strict=True)):
+        entries = [*(row[index] for row in seen[:length]), last[index]]
+        acted, rewarded, worn, late = (column[:length, index] for column in columns)
+        episodes.append(EpisodeBuffer(None, seed, None, np.stack(entries), acted, rewarded, worn, late, {}))
     return episodes
 
 
@@ -92,11 +92,11 @@ def make(behaviour: str, episodes: int, out: Path) -> Path:
     names = BEHAVIOURS[behaviour]
     buffers: list[EpisodeBuffer] = []
     with tqdm(total=episodes, unit="episode", disable=None) as bar:
-        for number, each in enumerate(names):  # by turns: draw i is played by behaviour i modulo their number
-            draws = range(FIRST_DRAW + number, FIRST_DRAW + episodes, len(names))
+        for number, each in enumerate(names):  # by turns: seed i is played by behaviour i modulo their number
+            seeds = range(FIRST_SEED + number, FIRST_SEED + episodes, len(names))
             maker = policy(each)
-            for start in range(0, len(draws), LANES):
-                buffers += record(maker, draws[start : start + LANES])
+            for start in range(0, len(seeds), NUM_ENVS):
+                buffers += record(maker, seeds[start : start + NUM_ENVS])
                 bar.update(len(buffers) - bar.n)
     buffers.sort(key=lambda buffer: buffer.seed)
     out.mkdir(parents=True, exist_ok=True)
@@ -132,9 +132,9 @@ def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -
         {
             "scenario": scenario.to_toml(),
             "scenario_digest": scenario.digest(),
-            "first_draw": buffers[0].seed,
-            "last_draw": buffers[-1].seed,
-            "draws_are": "of training seed 999: none is trained on, tuned on or held out by the project",
+            "first_seed": buffers[0].seed,
+            "last_seed": buffers[-1].seed,
+            "seeds_are": "of training seed 999: none is trained on, tuned on or held out by the project",
         }
     )
     names = BEHAVIOURS[behaviour]
@@ -207,10 +207,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     making.add_argument("--behaviour", choices=BEHAVIOURS, default="mixture", help="default: %(default)s")
     making.add_argument("--episodes", type=at_least(1), default=200, help="default: %(default)s")
     making.add_argument("--out", type=Path, default=Path("runs/datasets"), help="folder of data sets (default: %(default)s)")
-    cloning = commands.add_parser("clone", help="learn a data set's actions, and play tuning draws")
+    cloning = commands.add_parser("clone", help="learn a data set's actions, and play tuning seeds")
     cloning.add_argument("dataset", type=Path, help="the folder that make printed")
     cloning.add_argument("--epochs", type=at_least(1), default=20, help="default: %(default)s")
-    cloning.add_argument("--draws", type=at_least(1), default=DRAWS, help="tuning draws to score on (default: %(default)s)")
+    cloning.add_argument("--tuning-seeds", type=at_least(1), default=NUM_SEEDS, help="for the score (default: %(default)s)")
     options = parser.parse_args(arguments)
     try:
         if options.command == "make":
@@ -222,11 +222,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    print(f"{dataset.total_episodes} episodes, {dataset.total_steps} intervals")
+    print(f"{dataset.total_episodes} episodes, {dataset.total_steps} steps")
     for name in BEHAVIOURS[dataset.storage.metadata["algorithm_name"]]:
-        print(f"{name}: {score(policy(name), options.draws)}")
+        print(f"{name}: {score(policy(name), options.tuning_seeds)}")
     network = clone(dataset, options.epochs)
-    print(f"clone: {score(lambda lanes: Clone(network), options.draws)}")
+    print(f"clone: {score(lambda num_envs: Clone(network), options.tuning_seeds)}")
     return 0
 
 

@@ -14,15 +14,15 @@ from turning_env.score.policy import PolicyFactory
 from turning_env.score.seeds import tuning_seeds
 
 ENV_ID = "RoughTurning-v0"
-DRAWS = 32
-"""Tuning draws that are played for a score: what is tried out is never scored on the held-out ones."""
+NUM_SEEDS = 32
+"""Tuning seeds that are played for a score: what is tried out is never scored on the held-out ones."""
 
 
-def score(make: PolicyFactory, draws: int = DRAWS) -> str:
-    """Mean return per edge [s of machine time] on the first tuning draws, with its standard error, for people."""
-    returns = play(make, Scenario.load("rough_turning"), tuning_seeds(draws))["return"]
-    error = returns.std(ddof=1) / math.sqrt(draws) if draws > 1 else math.nan
-    return f"{returns.mean():.0f} s per edge (standard error {error:.0f}, {draws} tuning draws)"
+def score(make: PolicyFactory, num_seeds: int = NUM_SEEDS) -> str:
+    """Mean return per edge [s of machine time] on the first tuning seeds, with its standard error, for people."""
+    returns = play(make, Scenario.load("rough_turning"), tuning_seeds(num_seeds))["return"]
+    error = returns.std(ddof=1) / math.sqrt(num_seeds) if num_seeds > 1 else math.nan
+    return f"{returns.mean():.0f} s per edge (standard error {error:.0f}, {num_seeds} tuning seeds)"
 
 
 def at_least(least: int) -> Callable[[str], int]:

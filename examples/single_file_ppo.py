@@ -2,8 +2,8 @@
 
     python examples/single_file_ppo.py --steps 1000000
 
-All that is learned from stays in arrays of shape (rollout, lanes, ...): there is no loop over lanes. (Schulman et al. 2017,
-arXiv 1707.06347; advantages: Schulman et al. 2016, arXiv 1506.02438.)
+All that is learned from stays in arrays of shape (rollout, environments, ...): there is no loop over environments. (Schulman
+et al. 2017, arXiv 1707.06347; advantages: Schulman et al. 2016, arXiv 1506.02438.)
 """
 
 import argparse
@@ -33,9 +33,9 @@ class Settings:
     steps: int = 1_000_000
     """Environment steps of the whole training."""
     seed: int = 0
-    lanes: int = 64
+    num_envs: int = 64
     rollout: int = 64
-    """Intervals per lane between updates."""
+    """Steps per environment between updates."""
     epochs: int = 5
     batches: int = 4
     """Per epoch."""
@@ -47,8 +47,8 @@ class Settings:
     clip: float = 0.2
     reward_scale: float = 1 / 3
     """Of rewards in s."""
-    draws: int = 32
-    """Tuning draws that the agent is scored on."""
+    tuning_seeds: int = 32
+    """Tuning seeds that the agent is scored on."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -92,13 +92,13 @@ class Rollouts:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.envs = gymnasium.make_vec(
-            ENV_ID, settings.lanes, vectorization_mode="vector_entry_point", autoreset_mode=AutoresetMode.SAME_STEP
+            ENV_ID, settings.num_envs, vectorization_mode="vector_entry_point", autoreset_mode=AutoresetMode.SAME_STEP
         )
         self.observations = torch.from_numpy(self.envs.reset(seed=settings.seed)[0])
 
     @torch.no_grad()
     def next(self, agent: Agent) -> dict[str, Tensor]:
-        """What the agent sees, does and thereby gains: each of shape (rollout, lanes, ...)."""
+        """What the agent sees, does and thereby gains: each of shape (rollout, environments, ...)."""
         steps: dict[str, list[Tensor]] = {name: [] for name in ("observation", "action", "log_probability", "reward", "end")}
         for _ in range(self.settings.rollout):
             policy = agent.policy(self.observations)
@@ -116,7 +116,7 @@ class Rollouts:
         return {name: torch.stack(values) for name, values in steps.items()} | self._advantages(agent, steps)
 
     def _advantages(self, agent: Agent, steps: dict[str, list[Tensor]]) -> dict[str, Tensor]:
-        """Generalised advantages of the actions, and the returns that they make with the values: (rollout, lanes)."""
+        """Generalised advantages of the actions, and the returns that they make with the values: (rollout, environments)."""
         values = agent.values(torch.stack([*steps["observation"], self.observations]))
         advantages = torch.zeros_like(values)
         for step in reversed(range(self.settings.rollout)):
@@ -142,10 +142,10 @@ def train(settings: Settings) -> Agent:
     (entries,), (actions,) = rollouts.envs.single_observation_space.shape or (0,), rollouts.envs.single_action_space.shape or (0,)
     agent = Agent(entries, actions)
     optimizer = torch.optim.Adam(agent.parameters(), settings.learning_rate, eps=1e-5)
-    size = settings.lanes * settings.rollout
+    size = settings.num_envs * settings.rollout
     updates = -(-settings.steps // size)
     falling = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda update: 1 - update / updates)
-    for _ in tqdm(range(updates), unit_scale=size, unit="interval", disable=None):
+    for _ in tqdm(range(updates), unit_scale=size, unit="step", disable=None):
         rollout = {name: values.flatten(0, 1) for name, values in rollouts.next(agent).items()}
         for _ in range(settings.epochs):
             for indices in torch.randperm(size).chunk(settings.batches):
@@ -187,7 +187,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ValueError as error:
         parser.error(str(error))
     agent = train(settings)
-    print(f"PPO after {settings.steps} steps: {score(lambda lanes: Acting(agent), settings.draws)}")
+    print(f"PPO after {settings.steps} steps: {score(lambda num_envs: Acting(agent), settings.tuning_seeds)}")
     return 0
 
 

@@ -1,11 +1,11 @@
-"""Stable-Baselines3 and sb3-contrib, on single environments or on the project's own lathes side by side.
+"""Stable-Baselines3 and sb3-contrib, on single environments or on the project's own environments side by side.
 
     python examples/stable_baselines.py --algorithm ppo --steps 500000
     python examples/stable_baselines.py --algorithm sac --lathes single --steps 20000
 
 Single environments are what Stable-Baselines3 makes by itself (``make_vec_env``); they are stepped one after the other. The
-project's adapter (``train/vec_env.py``) steps all lanes in one call, which is some thirty times as fast. ``python -m train.ppo``
-and its like do the same with checkpoints and a learning curve.
+project's adapter (``train/vec_env.py``) steps all environments in one call, which is some thirty times as fast. ``python -m
+train.ppo`` and its like do the same with checkpoints and a learning curve.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from train.vec_env import RoughTurningVecEnv
 from turning_env.score.policy import Actions, Observations
 
 ROLLOUT = 4096
-"""Intervals of all lanes between two updates of an on-policy algorithm."""
+"""Intervals of all environments between two updates of an on-policy algorithm."""
 
 
 def lathes(kind: str, num_envs: int, seed: int) -> VecEnv:
@@ -65,7 +65,7 @@ class Predicting:
         self._starting = np.ones(num_envs, np.bool_)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget these lanes."""
+        """Forget these environments."""
         self._starting = self._starting | mask
 
     def act(self, observations: Observations) -> Actions:
@@ -86,16 +86,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--num-envs", type=at_least(1), help="environments side by side (default: 64 of the adapter's, 8 single)")
     parser.add_argument("--steps", type=at_least(1), default=500_000, help="environment steps (default: %(default)s)")
     parser.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
-    parser.add_argument("--draws", type=at_least(1), default=32, help="tuning draws to score on (default: %(default)s)")
+    parser.add_argument("--tuning-seeds", type=at_least(1), default=32, help="tuning seeds to score on (default: %(default)s)")
     options = parser.parse_args(arguments)
-    lanes = options.num_envs or (64 if options.lathes == "adapter" else 8)
-    if lanes > ROLLOUT // 2:
-        parser.error(f"--num-envs is {lanes}, but must be at most {ROLLOUT // 2}")
-    env = lathes(options.lathes, lanes, options.seed)
+    num_envs = options.num_envs or (64 if options.lathes == "adapter" else 8)
+    if num_envs > ROLLOUT // 2:
+        parser.error(f"--num-envs is {num_envs}, but must be at most {ROLLOUT // 2}")
+    env = lathes(options.lathes, num_envs, options.seed)
     model = new_model(options.algorithm, env, options.seed)
     model.learn(options.steps, progress_bar=sys.stderr.isatty())
     env.close()
-    print(f"{options.algorithm} after {model.num_timesteps} intervals: {score(lambda n: Predicting(model, n), options.draws)}")
+    print(f"{options.algorithm} after {model.num_timesteps} steps: {score(lambda n: Predicting(model, n), options.tuning_seeds)}")
     return 0
 
 

@@ -54,7 +54,7 @@ def serial(num_envs: int, seed: int) -> SerialEnv:
 
 
 def together(num_envs: int, seed: int) -> GymWrapper:
-    """Lathes side by side; lane i plays the episodes of seed + i."""
+    """Environments side by side; lane i plays the episodes of seed + i."""
     vector = gymnasium.make_vec(ENV_ID, num_envs, vectorization_mode="vector_entry_point", autoreset_mode=AutoresetMode.DISABLED)
     envs = GymWrapper(vector)
     check_env_specs(envs)
@@ -65,9 +65,7 @@ def together(num_envs: int, seed: int) -> GymWrapper:
 def summary(name: str, rollout: TensorDictBase, seconds: float) -> str:
     """A rollout's shape, its mean reward [s per interval] and how fast it was, for people."""
     reward = rollout["next", "reward"].mean().item()
-    return (
-        f"{name}: {tuple(rollout.batch_size)}, mean reward {reward:.2f} s, {rollout.numel() / seconds:.0f} intervals per second"
-    )
+    return f"{name}: {tuple(rollout.batch_size)}, mean reward {reward:.2f} s, {rollout.numel() / seconds:.0f} steps per second"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -75,8 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python examples/torch_rl.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--steps", type=at_least(1), default=100_000, help="of all lanes (default: %(default)s)")
-    parser.add_argument("--num-envs", type=at_least(1), default=1024, help="lathes side by side (default: %(default)s)")
+    parser.add_argument("--steps", type=at_least(1), default=100_000, help="of all environments (default: %(default)s)")
+    parser.add_argument("--num-envs", type=at_least(1), default=1024, help="environments side by side (default: %(default)s)")
     parser.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
     options = parser.parse_args(arguments)
     for env_id in turning_env.IDS:
@@ -87,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name, envs, steps in (
         (f"SerialEnv of {few}", serial(few, options.seed), min(options.steps, 1000)),
         (
-            f"GymWrapper of {options.num_envs} lanes",
+            f"GymWrapper of {options.num_envs} environments",
             together(options.num_envs, options.seed),
             -(-options.steps // options.num_envs),
         ),

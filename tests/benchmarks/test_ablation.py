@@ -21,43 +21,43 @@ from turning_env import RoughTurningVectorEnv, Scenario
 
 # Of its edges some wear out, some break, and some last till the end.
 MIXED = changed(SCENARIO, tool={"edge_strength": 1500.0, "edge_strength_spread": 0.3}, control={"time_limit": 0.3})
-LANES = 8
+NUM_ENVS = 8
 
 
 @pytest.mark.parametrize("lathes", [ChargedAtEnd, PricedByLeft])
 def test_what_is_learned_from_adds_up_over_an_edge(lathes: type[RoughTurningVecEnv]) -> None:
-    ours, single = lathes(MIXED, LANES, 0.5), RoughTurningVectorEnv(LANES, MIXED, "SameStep")
+    ours, single = lathes(MIXED, NUM_ENVS, 0.5), RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep")
     ours.seed(5)
     ours.reset()
     single.reset(seed=5)
     generator = np.random.default_rng(1)
-    learned, kinds = np.zeros(LANES), set()
+    learned, kinds = np.zeros(NUM_ENVS), set()
     for _ in range(400):
-        actions = generator.uniform(-0.5, 1.0, (LANES, 2)).astype(np.float32)
+        actions = generator.uniform(-0.5, 1.0, (NUM_ENVS, 2)).astype(np.float32)
         _, rewards, dones, infos = ours.step(actions)
         *_, terminated, truncated, terms = single.step(actions)
         learned += rewards / 0.5
-        for lane in np.flatnonzero(dones):
-            used, broken = (terms["final_info"][name][lane] for name in ("used_life", "broken"))
-            kinds.add("unfinished" if truncated[lane] else "broken" if broken else "worn")
-            counted = 1.0 if terminated[lane] else used
+        for index in np.flatnonzero(dones):
+            used, broken = (terms["final_info"][name][index] for name in ("used_life", "broken"))
+            kinds.add("unfinished" if truncated[index] else "broken" if broken else "worn")
+            counted = 1.0 if terminated[index] else used
             if isinstance(ours, PricedByLeft):
                 more = ours.potential(counted)
             else:  # what an edge has cost, if it is still in use, is still to be paid
-                more = edge_price(MIXED) * used if truncated[lane] else 0.0
-            assert learned[lane] == pytest.approx(infos[lane]["episode"]["r"] + more, rel=1e-4, abs=1e-2)
-            learned[lane] = 0.0
+                more = edge_price(MIXED) * used if truncated[index] else 0.0
+            assert learned[index] == pytest.approx(infos[index]["episode"]["r"] + more, rel=1e-4, abs=1e-2)
+            learned[index] = 0.0
     assert kinds == {"unfinished", "broken", "worn"}
 
 
 def test_an_edge_in_use_costs_nothing_where_it_is_charged_at_its_end() -> None:
-    ours, single = ChargedAtEnd(SCENARIO, LANES), RoughTurningVectorEnv(LANES, SCENARIO, "SameStep")
+    ours, single = ChargedAtEnd(SCENARIO, NUM_ENVS), RoughTurningVectorEnv(NUM_ENVS, SCENARIO, "SameStep")
     ours.seed(5)
     ours.reset()
     single.reset(seed=5)
     for _ in range(10):
-        _, rewards, dones, _ = ours.step(np.zeros((LANES, 2), np.float32))
-        _, full, _, _, infos = single.step(np.zeros((LANES, 2), np.float32))
+        _, rewards, dones, _ = ours.step(np.zeros((NUM_ENVS, 2), np.float32))
+        _, full, _, _, infos = single.step(np.zeros((NUM_ENVS, 2), np.float32))
         assert not dones.any()
         np.testing.assert_allclose(rewards, full - infos["reward_edge"], rtol=1e-5, atol=1e-5)
     assert (infos["reward_edge"] < 0.0).all()
@@ -80,9 +80,9 @@ class Shown(torch.nn.Module):
 
 def test_history_is_what_was_seen_since_the_episode_began_in_training_and_in_play() -> None:
     """An actor's layers are shown what the lathes of its training show."""
-    lathes, plain = Stacked(MIXED, LANES), RoughTurningVecEnv(MIXED, LANES)
+    lathes, plain = Stacked(MIXED, NUM_ENVS), RoughTurningVecEnv(MIXED, NUM_ENVS)
     shown = Shown()
-    policy = ActorPolicy(StackedActor(shown, entries=11), LANES)
+    policy = ActorPolicy(StackedActor(shown, entries=11), NUM_ENVS)
     lathes.seed(3)
     plain.seed(3)
     observations, single = lathes.reset().copy(), plain.reset()
@@ -92,16 +92,16 @@ def test_history_is_what_was_seen_since_the_episode_began_in_training_and_in_pla
         assert lathes.observation_space.contains(observations[0])
         policy.act(single)
         np.testing.assert_array_equal(shown.last.numpy(), observations)
-        actions = generator.uniform(-0.5, 1.0, (LANES, 2)).astype(np.float32)
+        actions = generator.uniform(-0.5, 1.0, (NUM_ENVS, 2)).astype(np.float32)
         before = observations
         observations, _, dones, infos = lathes.step(actions)
         single, _, _, plain_infos = plain.step(actions)
         policy.reset(dones)
-        for lane in np.flatnonzero(dones):
+        for index in np.flatnonzero(dones):
             ends += 1
-            last = np.concatenate([before[lane, 11:], plain_infos[lane]["terminal_observation"]])
-            np.testing.assert_array_equal(infos[lane]["terminal_observation"], last)
-            assert not observations[lane, :-11].any()
+            last = np.concatenate([before[index, 11:], plain_infos[index]["terminal_observation"]])
+            np.testing.assert_array_equal(infos[index]["terminal_observation"], last)
+            assert not observations[index, :-11].any()
     assert ends > 3
 
 
@@ -114,6 +114,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ablation, "DRAWS", 3)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small")
 def test_every_variant_is_trained_played_and_tabled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "docs" / "ablation.md"
@@ -135,6 +136,7 @@ def ablation_folder(folder: Path, name: str) -> Path:
     return folder / "runs" / "ablation" / name / ablation.ENV_ID / SCENARIO.name / "ppo-seed0"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small")
 def test_the_same_command_goes_on_and_repeats_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -175,6 +177,7 @@ def returns(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return [line.rsplit("|", 2)[0] for line in capsys.readouterr().out.splitlines()]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small")
 def test_trainings_of_other_settings_are_not_mixed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--variants", "as_it_is", "--runs", str(tmp_path), "--steps"]

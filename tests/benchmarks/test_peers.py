@@ -31,7 +31,7 @@ def test_what_cannot_be_imported_is_left_out_and_said(
     def broken() -> Iterator[Case]:
         raise RuntimeError("old drivers")
 
-    monkeypatch.setattr(peers, "LANES", (1, 2, 4))
+    monkeypatch.setattr(peers, "NUM_ENVS", (1, 2, 4))
     monkeypatch.setattr(peers, "PEERS", {"absent": absent, "gymnasium": peers.gymnasium_cases, "broken": broken})
     assert peers.main(["--repeats", "1", "--seconds", "0.001", "--out", str(tmp_path)]) == 0
     page = (tmp_path / "peers.md").read_text("utf-8")

@@ -11,10 +11,10 @@ TINY = ["--repeats", "2", "--num-envs", "3", "--seconds", "0.002"]
 
 
 def test_it_prints_every_case_and_meets_criteria_that_are_easy(capsys, monkeypatch):
-    monkeypatch.setattr(throughput, "LEAST_SHARE", 0.0)
+    monkeypatch.setattr(throughput, "MIN_SHARE", 0.0)
     assert throughput.main(TINY) == 0
     printed = capsys.readouterr().out
-    for name in ("Pendulum-v1, single", "RoughTurning-v0, single", *(f"{env_id}, 3 lanes" for env_id in IDS)):
+    for name in ("Pendulum-v1, single", "RoughTurning-v0, single", *(f"{env_id}, 3 environments" for env_id in IDS)):
         assert name in printed
     assert (printed.count("met   "), printed.count("FAILED")) == (2, 0)
     assert throughput.main([*TINY, "--json"]) == 0
@@ -25,14 +25,9 @@ def test_it_prints_every_case_and_meets_criteria_that_are_easy(capsys, monkeypat
 
 @pytest.mark.parametrize("criterion", throughput.RECORDED)
 def test_a_missed_criterion_is_an_exit_status(capsys, monkeypatch, criterion):
-    monkeypatch.setattr(throughput, "RECORDED", {"single": 0.0, "lanes": 0.0} | {criterion: 1e9})
+    monkeypatch.setattr(throughput, "RECORDED", {"single": 0.0, "batch": 0.0} | {criterion: 1e9})
     assert throughput.main(TINY) == 1
     assert capsys.readouterr().out.count("FAILED") == 1
-
-
-def test_it_has_not_become_slow(capsys):
-    # What else the machine does hits both sides of a ratio, but not always alike: three tries.
-    assert any(throughput.main(["--repeats", "5", "--seconds", "0.1"]) == 0 for _ in range(3)), capsys.readouterr().out
 
 
 @pytest.mark.parametrize("arguments", [["--repeats", "0"], ["--num-envs", "0"], ["--seconds", "0"], ["--lane", "x"]])

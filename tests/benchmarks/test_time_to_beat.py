@@ -13,6 +13,7 @@ def test_a_rule_is_beaten_only_if_the_interval_is_above_zero() -> None:
     assert time_to_beat.difference(hardly, theirs).low < 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ppo", "analytic_gradient"])
 def test_the_clock_runs_until_the_rule_is_beaten(name: str) -> None:
     easy, hard = np.full(2, -1e9), np.full(2, 1e9)
@@ -28,7 +29,7 @@ def test_the_exit_status_says_whether_all_have_beaten_it(
 ) -> None:
     left = iter(times)
     monkeypatch.setattr(time_to_beat, "time_to_beat", lambda *arguments: next(left))
-    arguments = ["--seeds", "2", "--rule", "fixed_tuned", "--draws", "2"]
+    arguments = ["--seeds", "2", "--rule", "fixed_tuned", "--tuning-seeds", "2"]
     assert time_to_beat.main(arguments) == status
     assert f"median {np.median(times):.0f} s (3 to {times[1]:.0f})" in capsys.readouterr().out
 

@@ -21,7 +21,7 @@ def test_the_stopwatch_counts_the_environment_alone_and_leaves_it_as_it_was() ->
 
 
 def test_every_question_gets_an_answer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(training, "MANY_LANES", training.MANY_LANES | {"batch_size": 32})
+    monkeypatch.setattr(training, "MANY_ENVS", training.MANY_ENVS | {"batch_size": 32})
     parameters = training.ppo_run(tmp_path).parameters
     assert parameters["num_envs"] * parameters["rollout"] > 1000
     small = {"num_envs": 8, "rollout": 16, "batch_size": 32}

@@ -23,6 +23,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_minari_finds_what_was_written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))
     dataset = minari.load_dataset("rough_turning-mixture-v0")
@@ -30,7 +31,7 @@ def test_minari_finds_what_was_written(folder: Path, monkeypatch: pytest.MonkeyP
     assert dataset.recover_environment().unwrapped.scenario.name == "rough_turning"
     metadata = dataset.storage.metadata
     assert metadata["algorithm_name"] == "mixture"
-    assert (metadata["first_draw"], metadata["last_draw"]) == (999_000_000, 999_000_003)
+    assert (metadata["first_seed"], metadata["last_seed"]) == (999_000_000, 999_000_003)
     assert metadata["scenario_digest"] == RoughTurningEnv().scenario.digest()
     marks = list(dataset.storage.get_episode_metadata(range(4)))
     assert [mark["behaviour"] for mark in marks] == ["grid_search", "analytic_gradient"] * 2
@@ -59,6 +60,7 @@ def test_episodes_can_be_played_again(folder: Path) -> None:
     assert max(seeds) < TUNING_START
 
 
+@pytest.mark.slow
 def test_a_clone_acts_as_the_behaviour_did(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["make", "--behaviour", "grid_search", "--episodes", "2", "--out", str(tmp_path)]) == 0
     dataset = load(tmp_path / "rough_turning-grid_search-v0")
@@ -66,7 +68,7 @@ def test_a_clone_acts_as_the_behaviour_did(tmp_path: Path, capsys: pytest.Captur
     episode = next(iter(dataset.iterate_episodes()))
     errors = offline.Clone(network).act(episode.observations[:-1]) - episode.actions
     assert np.square(errors).mean() < 0.3 * np.var(episode.actions, axis=0).mean()
-    assert main(["clone", str(tmp_path / "rough_turning-grid_search-v0"), "--epochs", "1", "--draws", "2"]) == 0
+    assert main(["clone", str(tmp_path / "rough_turning-grid_search-v0"), "--epochs", "1", "--tuning-seeds", "2"]) == 0
     assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()][-2:] == ["grid_search", "clone"]
 
 

@@ -29,6 +29,7 @@ def test_the_next_rollout_begins_where_the_last_one_ended() -> None:
     assert torch.equal(rollouts.next(agent)["observation"][0], left)
 
 
+@pytest.mark.slow
 def test_it_learns() -> None:
     torch.manual_seed(0)
     untrained, trained = Agent(11, 2), train(Settings(steps=60_000))
@@ -40,8 +41,8 @@ def test_it_learns() -> None:
 
 
 def test_the_command_says_what_it_reaches(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--steps", "1", "--num-envs", "2", "--rollout", "8", "--draws", "1"]) == 0
-    assert capsys.readouterr().out.startswith("PPO after 1 intervals: -")
+    assert main(["--steps", "1", "--num-envs", "2", "--rollout", "8", "--tuning-seeds", "1"]) == 0
+    assert capsys.readouterr().out.startswith("PPO after 1 steps: -")
 
 
 @pytest.mark.parametrize(

@@ -7,15 +7,18 @@ from examples import stable_baselines
 from examples.stable_baselines import lathes, main
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["adapter", "single"])
 @pytest.mark.parametrize(("algorithm", "steps"), [("ppo", 1), ("recurrent_ppo", 1), ("sac", 2010), ("tqc", 2010)])
 def test_every_algorithm_learns_on_both_kinds_of_lathes(
-    algorithm: str, intervals: int, kind: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    algorithm: str, steps: int, kind: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stable_baselines, "ROLLOUT", 512)
-    assert main(["--algorithm", algorithm, "--lathes", kind, "--num-envs", "8", "--steps", str(intervals), "--draws", "1"]) == 0
-    done = {1: 512, 2010: 2016}[intervals]
-    assert capsys.readouterr().out.startswith(f"{algorithm} after {done} intervals: -")
+    assert (
+        main(["--algorithm", algorithm, "--lathes", kind, "--num-envs", "8", "--steps", str(steps), "--tuning-seeds", "1"]) == 0
+    )
+    done = {1: 512, 2010: 2016}[steps]
+    assert capsys.readouterr().out.startswith(f"{algorithm} after {done} steps: -")
 
 
 def test_both_kinds_of_lathes_play_the_same() -> None:

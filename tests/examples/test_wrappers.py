@@ -99,6 +99,7 @@ def test_no_wrapper_is_forgotten() -> None:
     assert set(vector.__all__) == VECTOR.keys() | ((PICTURES.keys() | NOT_APPLICABLE) & set(vector.__all__))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PICTURES)
 def test_pictures(name: str, tmp_path: Path) -> None:
     env = PICTURES[name](gymnasium.make("RoughTurning-v0", render_mode="rgb_array"), tmp_path / "films")
@@ -113,6 +114,7 @@ def test_pictures(name: str, tmp_path: Path) -> None:
     assert len(list(tmp_path.glob("films/*.mp4"))) == (name == "RecordVideo")
 
 
+@pytest.mark.slow
 def test_films_of_lanes(tmp_path: Path) -> None:
     envs = gymnasium.make_vec("RoughTurning-v0", 2, vectorization_mode="vector_entry_point", render_mode="rgb_array")
     films: Any = vector.RecordVideo(envs, str(tmp_path / "films"), episode_trigger=lambda number: True, disable_logger=True)

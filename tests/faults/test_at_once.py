@@ -3,36 +3,54 @@
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from baselines import tuned
 from baselines.tune import __main__ as rule_tuning
 from baselines.tune import study
 from leaderboard import run
-from leaderboard.contestants import Contestant
 from leaderboard.result import Task, read_part, result_folder
-from leaderboard.trajectories import RECORDED_DRAWS, Trajectories
-from tests.leaderboard.conftest import ENV_ID, Steady, contestant
+from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
 from train import tune
 from train.run import Run
 from train.training import train
 from turning_env import Scenario
 from turning_env.files import FolderTaken, exclusive_lock, file_lock, shared_lock
+from turning_env.score.policy import Actions, Observations, PolicyFactory, PolicySpec
 
 ROOT = Path(__file__).parents[2]
 HOLD = """
 import sys
 from pathlib import Path
-from baselines import folders
-with getattr(folders, sys.argv[1])(Path(sys.argv[2])):
+from turning_env import locks
+with getattr(locks, sys.argv[1])(Path(sys.argv[2])):
     print("held", flush=True)
     sys.stdin.readline()
 """
+
+
+ENV_ID = "RoughTurning-v0"
+
+
+class Steady:
+    """A policy that always takes the same action."""
+
+    def __init__(self, num_envs: int, feed: float) -> None:
+        self._actions = np.tile(np.array([0.0, feed], np.float32), (num_envs, 1))
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Forget nothing."""
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the same action for every environment."""
+        return self._actions
 
 
 @contextmanager
@@ -50,7 +68,7 @@ def held(how: str, path: Path) -> Iterator["subprocess.Popen[str]"]:
 
 def test_a_folder_is_held_until_the_process_ends_however_it_ends(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "folder"
-    with held("alone", folder) as other:
+    with held("exclusive_lock", folder) as other:
         (folder / ".partial-7-file.txt").touch()
         with pytest.raises(FolderTaken, match=f"another process works in {folder}"), exclusive_lock(folder):
             pass
@@ -63,7 +81,7 @@ def test_a_folder_is_held_until_the_process_ends_however_it_ends(tmp_path: Path)
 
 def test_several_share_a_folder_and_the_first_clears_it(tmp_path: Path) -> None:
     (tmp_path / ".partial-7-file.txt").touch()
-    with held("together", tmp_path) as other:
+    with held("shared_lock", tmp_path) as other:
         assert not list(tmp_path.iterdir())
         (tmp_path / ".partial-8-file.txt").touch()
         with shared_lock(tmp_path):
@@ -84,10 +102,11 @@ def test_several_share_a_folder_and_the_first_clears_it(tmp_path: Path) -> None:
         thread.join()
 
 
+@pytest.mark.slow
 def test_a_training_is_not_trained_twice_at_once(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["ppo"]
     run = small_run(algorithm, tmp_path, steps=512)
-    with held("alone", run.folder) as other:
+    with held("exclusive_lock", run.folder) as other:
         with pytest.raises(ValueError, match=f"another process works in {run.folder}: wait until it has done"):
             train(run, algorithm)
         assert not list(run.folder.iterdir())
@@ -108,13 +127,14 @@ def test_a_damaged_run_says_which_file(tmp_path: Path) -> None:
             Run.read(run.folder)
 
 
+@pytest.mark.slow
 def test_a_search_of_rules_is_not_made_twice_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(tuned, "FOLDER", tmp_path / "tuned")
     SCENARIO.save(tmp_path / "short.toml")
     arguments = ["--scenario", str(tmp_path / "short.toml"), "--trials", "1", "--seeds", "2", "--rules"]
-    with held("holding", study.journal("fixed_tuned", SCENARIO)):
+    with held("file_lock", study.journal("fixed_tuned", SCENARIO)):
         assert rule_tuning.main([*arguments, "fixed_tuned"]) == 2
         assert "error: another process works with" in capsys.readouterr().err
         assert rule_tuning.main([*arguments, "rescaled_grid_search"]) == 0  # another rule, into the same file
@@ -122,6 +142,7 @@ def test_a_search_of_rules_is_not_made_twice_at_once(
     assert tuned.parameters(SCENARIO).keys() == {"fixed_tuned", "rescaled_grid_search"}
 
 
+@pytest.mark.slow
 def test_a_search_of_hyperparameters_is_not_made_twice_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     task = tune.Task("ppo", "RoughTurning-v0", Scenario.load("rough_turning"), 1, 1, tmp_path)
     with file_lock(task.folder / f".{task.name}.lock"):
@@ -130,16 +151,19 @@ def test_a_search_of_hyperparameters_is_not_made_twice_at_once(tmp_path: Path, c
     assert not list(tmp_path.rglob("run.json"))
 
 
+@pytest.mark.slow
 def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path) -> None:
     scenario = Scenario.model_validate({"control": {"time_limit": 0.2}})
-    task = Task(env_id=ENV_ID, scenario=scenario, draws=[7, 8, 9, 10])
+    task = Task(env_id=ENV_ID, scenario=scenario, seeds=[7, 8, 9, 10])
 
-    def play(folder: Path, players: Sequence[Contestant]) -> None:
-        run.play_all([run.Round(task, players, folder)], fresh=False)
+    def policy(name: str, feed: float, make: PolicyFactory | None = None) -> PolicySpec:
+        return PolicySpec(name=name, parameters={"feed": feed}, make=make or (lambda num_envs: Steady(num_envs, feed)))
 
-    here = result_folder(tmp_path / "two", ENV_ID, scenario.name)
-    second = contestant("second", (0.0, 0.2))
-    third = contestant("third", (0.1, 0.2))
+    def play(folder: Path, *policies: PolicySpec) -> None:
+        run.play_all([run.TaskRun(task, policies, folder)], fresh=False)
+
+    here, expected = (result_folder(tmp_path / name, ENV_ID, scenario.name) for name in ("two", "one"))
+    second, third = policy("second", 0.2), policy("third", 0.3)
     recording = 0
 
     def make(num_envs: int) -> Steady:
@@ -147,15 +171,14 @@ def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path
         recording += num_envs == 1
         if recording == 1:  # while the first run records what its policy does
             recording += 1
-            play(here, [second, third])
-        return contestant("first").make(num_envs)  # type: ignore[return-value]
+            play(here, second, third)
+        return Steady(num_envs, 0.0)
 
-    play(here, [Contestant(contestant("first").policy, make), third])
-    expected = result_folder(tmp_path / "one", ENV_ID, scenario.name)
-    play(expected, [contestant("first"), second, third])
+    play(here, policy("first", 0.0, make), third)
+    play(expected, policy("first", 0.0), second, third)
     assert recording > 1
     names = [path.name for path in sorted(expected.iterdir())]
-    assert names == ["first.json.xz", "second.json.xz", "third.json.xz", "trajectories.json.xz"]
-    for name in names:
+    assert names == ["first.json.xz", "manifest.json", "second.json.xz", "third.json.xz", "trajectories.json.xz"]
+    for name in set(names) - {"manifest.json"}:
         assert (here / name).read_bytes() == (expected / name).read_bytes()
-    assert len(read_part(Trajectories, here / "trajectories.json.xz").episodes) == 3 * RECORDED_DRAWS
+    assert len(read_part(Trajectories, here / "trajectories.json.xz").episodes) == 3 * RECORDED_SEEDS

@@ -12,7 +12,7 @@ import pytest
 
 from baselines import tuned
 from baselines.tune import __main__ as rule_tuning
-from benchmarks.soak.contents import files, unreadable
+from benchmarks.soak import files, unreadable
 from leaderboard import __main__ as board
 from leaderboard import watch
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
@@ -74,7 +74,7 @@ def commands(folder: Path, scenario: Path, results: Path = Path()) -> dict[str, 
             ["--scenario", str(scenario), "--rules", "fixed_tuned", "--trials", "1", "--seeds", "2"],
             2,
         ),
-        "leaderboard run": (board.main, ["run", *rules, "--draws", "1", "--results", str(folder / "results")], 2),
+        "leaderboard run": (board.main, ["run", *rules, "--seeds", "1", "--results", str(folder / "results")], 2),
         "leaderboard page": (board.main, ["page", "--results", str(results), "--out", str(folder / "p.html")], 2),
         "leaderboard figure": (board.main, ["figure", *env, "--results", str(results), "--out", str(folder / "f.png")], 2),
         "leaderboard.watch": (
@@ -85,6 +85,7 @@ def commands(folder: Path, scenario: Path, results: Path = Path()) -> dict[str, 
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", commands(Path(), Path()))
 def test_a_folder_that_must_not_be_written_is_an_error(
     name: str,
@@ -118,6 +119,7 @@ def scenario_file() -> Iterator[Path]:
         yield Path(file.name)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # the file that its library leaves open
 def test_a_training_that_finds_the_disk_full_goes_on_later(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["ppo"]
@@ -133,6 +135,7 @@ def test_a_training_that_finds_the_disk_full_goes_on_later(tmp_path: Path) -> No
     assert [path.name for path in files(run.folder)] == [path.name for path in files(undisturbed.folder)]
 
 
+@pytest.mark.slow
 def test_the_training_s_command_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with full_disk(200):
         assert ppo.main(["--steps", "1", "--runs", str(tmp_path)]) == 2
@@ -142,6 +145,7 @@ def test_the_training_s_command_says_so(tmp_path: Path, capsys: pytest.CaptureFi
     assert not [path for path in tmp_path.rglob("*") if path.is_file() and "tensorboard" not in path.parts]
 
 
+@pytest.mark.slow
 def test_a_search_of_rules_that_finds_the_disk_full_keeps_its_trials(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scenario_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -162,6 +166,7 @@ def test_a_search_of_rules_that_finds_the_disk_full_keeps_its_trials(
     assert json.loads(found.read_text()) == json.loads(expected.read_text())
 
 
+@pytest.mark.slow
 def test_a_leaderboard_that_finds_the_disk_full_keeps_what_is_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main, arguments, status = commands(tmp_path, tmp_path)["leaderboard run"]
     with full_disk(3000):  # of which the trajectories are more

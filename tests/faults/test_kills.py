@@ -10,26 +10,23 @@ from random import Random
 
 import pytest
 
-from benchmarks.soak import __main__ as soak
-from benchmarks.soak import kills
-from benchmarks.soak.contents import contents, unreadable
-from benchmarks.soak.kills import Toll
-from benchmarks.soak.victims import VICTIMS, Victim
+from benchmarks import soak
+from benchmarks.soak import PROGRAMS, Toll, contents, unreadable
 
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["training", "tuning of rules", "leaderboard"])
 def test_a_killed_program_goes_on_to_what_it_makes_undisturbed(name: str, tmp_path: Path) -> None:
-    (victim,) = (each for each in VICTIMS if each.name == name)
-    toll = kills.soak(victim, 1, tmp_path, Random(4))
+    toll = soak.kill(PROGRAMS[name], 1, tmp_path, Random(4))
     assert toll.kills == 1
     assert toll.survived, toll
     assert contents(tmp_path / "undisturbed")
 
 
 def careless(folder: Path) -> int:
-    """Writes a file bit by bit, and adds to what it finds of it."""
+    """Write a file bit by bit, after what it finds there."""
     with (folder / "result.json").open("a") as file:
         print("[", file=file, flush=True)
         time.sleep(0.5)
@@ -37,39 +34,41 @@ def careless(folder: Path) -> int:
     return 0
 
 
+@pytest.mark.slow
 def test_a_careless_program_is_found_out(tmp_path: Path) -> None:
-    toll = kills.soak(Victim("careless", careless), 1, tmp_path, Random(5))
+    toll = soak.kill(careless, 1, tmp_path, Random(5))
     assert toll.torn
     assert toll.differing
     assert not toll.survived
 
 
 def failing(folder: Path) -> int:
-    """Fails by itself."""
+    """Fail by itself."""
     print("I cannot")
     return 3
 
 
+@pytest.mark.slow
 def test_one_that_fails_by_itself_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(soak, "VICTIMS", (Victim("failing", failing),))
+    monkeypatch.setattr(soak, "PROGRAMS", {"failing": failing})
     assert soak.main(["--only", "kills", "--kills", "1"]) == 2
     assert capsys.readouterr().err == "error: it ended with status 3: I cannot\n"
     with pytest.raises(SystemExit):
         soak.main(["--kills", "0"])
 
 
-@pytest.mark.parametrize("toll", [Toll("", 1, 1, torn=1), Toll("", 1, 1, differing=1), Toll("", 1, 1, orphans=1), Toll("", 1)])
+@pytest.mark.parametrize("toll", [Toll(1, 1, torn=1), Toll(1, 1, differing=1), Toll(1, 1, orphans=1), Toll(1)])
 def test_any_loss_counts(toll: Toll) -> None:
     assert not toll.survived
-    assert Toll("", 1, 1).survived
+    assert Toll(1, 1).survived
 
 
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
     for name in ("a.json", "a.json.xz", "a.zip", "a.csv", "index.html", "journal.log"):
         (tmp_path / name).write_bytes(b"")
-        (tmp_path / f"half-{name}").write_bytes(b"intervals\n{")
+        (tmp_path / f"half-{name}").write_bytes(b"steps\n{")
     assert len(unreadable(tmp_path)) == 12
     (tmp_path / "tensorboard").mkdir()
     for name in (".hidden.json", "tensorboard/a.json"):
@@ -89,11 +88,12 @@ with processes(1) as over:
 
 
 def wait(mark: Path) -> None:
-    """Says which process it is, and then nothing for long."""
+    """Write the number of this process, and then wait for long."""
     mark.write_text(str(os.getpid()))
     time.sleep(600.0)
 
 
+@pytest.mark.slow
 def test_processes_end_though_who_started_them_is_killed(tmp_path: Path) -> None:
     mark = tmp_path / "process"
     with subprocess.Popen([sys.executable, "-c", PARENT, str(mark)], cwd=ROOT, stderr=subprocess.DEVNULL) as parent:

@@ -22,6 +22,9 @@ sys.meta_path.insert(0, Without())
 """
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture
 def without(tmp_path: Path) -> Path:
     """A folder that hides the package that WITHOUT names from who has it on its path."""
@@ -36,7 +39,7 @@ def without(tmp_path: Path) -> Path:
         ("optuna", "baselines.tune --trials 1"),
         ("matplotlib", "leaderboard figure --results leaderboard/results --env RoughTurning-Batch-v0"),
         ("matplotlib", "papers.figures"),
-        ("onnxruntime", "leaderboard gallery --draws 1 --out FILE --agents agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx"),
+        ("onnxruntime", "leaderboard gallery --seeds 1 --out FILE --agents agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx"),
         ("PIL", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --out FILE.gif"),
         ("moviepy", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --out FILE.mp4"),
         ("pygame", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --human"),
@@ -54,7 +57,7 @@ def test_what_is_missing_is_said_in_one_line(package: str, command: str, without
 
 
 def test_without_torch_rules_are_played(without: Path) -> None:
-    words = ["leaderboard", "run", "--env", "RoughTurning-Override-v0", "--draws", "1", "--policies", "programmed_feed"]
+    words = ["leaderboard", "run", "--env", "RoughTurning-Override-v0", "--seeds", "1", "--policies", "programmed_feed"]
     variables = os.environ | {"WITHOUT": "torch", "PYTHONPATH": os.pathsep.join((str(ROOT), str(without)))}
     command = [sys.executable, "-m", *words, "--results", str(without / "results")]
     assert subprocess.run(command, cwd=ROOT, env=variables, capture_output=True).returncode == 0

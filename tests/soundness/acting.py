@@ -1,8 +1,9 @@
-"""Actions to try, and what must hold of everything that an environment tells."""
+"""How many inputs a property is tried on, seeds and actions to try, and what must hold of every step."""
 
 from typing import Any
 
 import numpy as np
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -15,14 +16,26 @@ NUMBERS = st.sampled_from((-1.0, 0.0, 1.0, 1e300, -1e300, 5e-324)) | st.floats(-
 
 
 def action(scenario: Scenario) -> st.SearchStrategy[NDArray[np.float64]]:
-    """Actions of one lane."""
+    """Return actions of one environment."""
     size = action_size(scenario)
     return st.lists(NUMBERS, min_size=size, max_size=size).map(np.array)
 
 
 def assert_sound(env: RoughTurningEnv, observation: Any, reward: float, info: dict[str, Any]) -> None:
-    """Nothing is NaN or infinite, and the observation lies in its space."""
+    """Assert that nothing is NaN or infinite, and that the observation lies in its space."""
     assert env.observation_space.contains(observation), observation
     assert np.isfinite(reward), reward
     unsound = {name: value for name, value in info.items() if not np.isfinite(value)}
     assert not unsound
+
+
+def tried(short: int, soak: int) -> Any:
+    """Return settings for a property: ``short`` inputs in the suite, ``soak`` where ``HYPOTHESIS_PROFILE`` is ``soak``.
+
+    A file in pytest's ``tmp_path`` is written anew for every input, so the folder may be shared.
+    """
+    soaking = settings.get_current_profile_name() == "soak"
+    return settings(
+        max_examples=soak if soaking else short,
+        suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+    )

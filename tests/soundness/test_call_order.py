@@ -8,8 +8,7 @@ from gymnasium.error import ResetNeeded
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.soundness.acting import SEEDS
-from tests.soundness.effort import tried
+from tests.soundness.acting import SEEDS, tried
 from tests.turning_env.playing import SHORT_LIVED, changed
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv
 
@@ -37,6 +36,7 @@ class Singles:
         return given_back
 
 
+@pytest.mark.slow
 @tried(short=60, soak=5_000)
 @given(st.data(), st.integers(1, 6), SEEDS_OF_LANES)
 def test_resets_and_steps_in_any_order_are_those_of_single_environments(data: st.DataObject, num_envs: int, seed: int) -> None:

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from tests.soundness.acting import SEEDS, action, assert_sound
-from tests.soundness.effort import tried
+from tests.soundness.acting import SEEDS, action, assert_sound, tried
 from tests.soundness.scenarios import FIELDS, reconciled, scenarios, values
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 
@@ -31,12 +30,14 @@ def play_and_check(data: st.DataObject, scenario: Scenario, seed: int) -> None:
             assert_sound(env, observation, 0.0, info)
 
 
+@pytest.mark.slow
 @tried(short=250, soak=15_000)
 @given(st.data(), scenarios(), SEEDS)
 def test_everything_told_is_finite_and_within_its_space_on_any_lathe(data: st.DataObject, scenario: Scenario, seed: int) -> None:
     play_and_check(data, scenario, seed)
 
 
+@pytest.mark.slow
 @tried(short=250, soak=15_000)
 @given(st.data(), values(laws=True) | values(laws=True).map(reconciled), SEEDS)
 def test_any_values_are_played_or_refused_by_name(data: st.DataObject, drawn: dict[str, object], seed: int) -> None:

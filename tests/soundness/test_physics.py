@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.soundness.acting import SEEDS, action
-from tests.soundness.effort import tried
+from tests.soundness.acting import SEEDS, action, tried
 from tests.soundness.scenarios import scenarios
 from tests.turning_env.playing import UNDISTURBED, changed
 from turning_env import RoughTurningEnv, Scenario
@@ -33,6 +32,7 @@ def intervals(data: st.DataObject, scenario: Scenario, seed: int) -> list[tuple[
     return told
 
 
+@pytest.mark.slow
 @tried(short=200, soak=15_000)
 @given(st.data(), scenarios(), SEEDS)
 def test_wear_never_falls(data: st.DataObject, scenario: Scenario, seed: int) -> None:
@@ -48,6 +48,7 @@ def not_parts(scenario: Scenario) -> bool:
     return scenario.control.action != "part"
 
 
+@pytest.mark.slow
 @tried(short=200, soak=15_000)
 @given(st.data(), scenarios(), SEEDS)
 def test_what_is_told_of_an_interval_adds_up(data: st.DataObject, scenario: Scenario, seed: int) -> None:

@@ -1,4 +1,4 @@
-"""Whatever stands in a file: its reader gives what the file may hold, or an error of the reader's own."""
+"""A reader gives what a file may hold, or an error of its own, whatever the file holds."""
 
 import json
 import lzma
@@ -10,19 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from leaderboard.result import ResultError, read_result
-from tests.soundness.effort import tried
-from tests.soundness.mutation import damages, damages_of
-from tests.soundness.readers import READERS, attempt, rows, small_result
+from tests.soundness.acting import tried
+from tests.soundness.readers import READERS, ROOT, attempt, damages, damages_of, small_result, smallest
 from train.agents import onnx_policy
 from turning_env import Scenario, ScenarioError
 
-ROW = rows()[0]
+RESULT = smallest(ROOT / "leaderboard" / "results", "*/*/[!t]*.json.xz")[0]
 
 
 def tampered() -> bytes:
-    """A result with one of its draws exchanged, so that its digests no longer match."""
+    """Return a result with another return, so that its checksum no longer matches."""
     values = small_result()
-    values["task"]["draws"][0] += 1
+    values["episodes"]["return"][0] += 1.0
     return json.dumps(values).encode()
 
 
@@ -65,21 +64,22 @@ def test_results_and_trajectories_are_read_or_refused(tmp_path: Path, content: b
 
 
 @tried(short=60, soak=5_000)
-@given(damages_of(tampered()), st.booleans())
+@given(st.deferred(lambda: damages_of(tampered())), st.booleans())
 def test_results_that_were_tampered_with_are_refused(tmp_path: Path, content: bytes, compressed: bool) -> None:
     assert READERS["results"].check(tmp_path, lzma.compress(content, preset=0) if compressed else content) is None
 
 
 @tried(short=40, soak=3_000)
-@given(damages_of(ROW.read_bytes()))
-def test_a_compressed_row_is_read_or_refused(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path.joinpath(*ROW.parts[-3:])
+@given(damages_of(RESULT.read_bytes()))
+def test_a_compressed_result_is_read_or_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path.joinpath(*RESULT.parts[-3:])
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
     result = attempt(read_result, path, ResultError)
-    assert result is None or result == read_result(ROW)
+    assert result is None or result == read_result(RESULT)
 
 
+@pytest.mark.slow
 @tried(short=80, soak=2_000)
 @given(damages("agent"))
 def test_an_agent_is_read_and_acts_or_is_refused(tmp_path: Path, content: bytes) -> None:

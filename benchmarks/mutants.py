@@ -1,0 +1,182 @@
+"""Put small faults into the physics, the statistics and the models' gradients, and list those that the fast tests do not find.
+
+Each mutant is one change of one file, in a copy of the repository: another operator, comparison or constant, a dropped term, a
+negated condition, min for max, two arguments swapped. Two mutants are tried at a time; one in the physics takes about a minute,
+most of it compiling (NUMBA_DISABLE_JIT=1 has the tests interpreted). Outcomes are kept in ``--out``, so that the same command
+goes on where it stopped. The exit status is 1 if the share found is below ``--at-least``.
+
+    python -m benchmarks.mutants
+    python -m benchmarks.mutants --count 20 --seed 1
+"""
+
+import argparse
+import ast
+import difflib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from copy import deepcopy
+from hashlib import sha256
+from pathlib import Path
+from queue import Queue
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+from tqdm import tqdm
+
+from turning_env.console import described, exits
+
+ROOT = Path(__file__).parents[1]
+TARGETS = ("turning_env/physics/*.py", "turning_env/score/statistics.py", "train/model_gain.py")
+TESTS = ("tests/turning_env/test_golden.py", "tests/turning_env", "tests/train/test_model_gain.py")
+LEFT_OUT = shutil.ignore_patterns(".*", "__pycache__", "runs", "results", "agents", "docs", "site")
+OPERATORS: dict[type[ast.AST], tuple[type[ast.AST], ...]] = {
+    **{
+        ast.Add: (ast.Sub,),
+        ast.Sub: (ast.Add,),
+        ast.Mult: (ast.Div,),
+        ast.Div: (ast.Mult,),
+        ast.And: (ast.Or,),
+        ast.Or: (ast.And,),
+    },
+    **{ast.Lt: (ast.LtE, ast.Gt), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.Lt), ast.GtE: (ast.Gt, ast.Lt)},
+    **{ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,)},
+}
+SWAPPED = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum"}
+
+
+def changes(node: ast.AST) -> Iterator[ast.AST]:
+    """Every changed form of an expression."""
+    match node:
+        case ast.BinOp() | ast.BoolOp():
+            yield from (_with(node, op=other()) for other in OPERATORS.get(type(node.op), ()))
+            if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+                yield node.left  # a term is dropped
+        case ast.Compare(ops=[op]):
+            yield from (_with(node, ops=[other()]) for other in OPERATORS.get(type(op), ()))
+        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+            yield _with(node, value=value + 1 if isinstance(value, int) or value == 0.0 else 1.1 * value)
+        case ast.Call(func=ast.Name(id=name)) if name in SWAPPED:
+            yield _with(node, func=ast.Name(SWAPPED[name]))
+        case ast.Call(func=ast.Attribute(attr=name)) if name in SWAPPED:
+            yield _with(node, func=_with(node.func, attr=SWAPPED[name]))
+        case ast.Call(args=[ast.Name() | ast.Attribute() as first, ast.Name() | ast.Attribute() as second, *others]):
+            yield _with(node, args=[second, first, *others])
+        case ast.IfExp(test=test):
+            yield _with(node, test=ast.UnaryOp(ast.Not(), test))
+
+
+def _with(node: ast.AST, **fields: object) -> ast.AST:
+    other = deepcopy(node)
+    vars(other).update(fields)
+    return other
+
+
+def places(node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:
+    """Expressions below a node with their changed forms; texts, types, decorators and what is raised stay."""
+    if isinstance(node, ast.If | ast.While):
+        yield node.test, ast.UnaryOp(ast.Not(), node.test)
+    yield from ((node, changed) for changed in changes(node))
+    for name, value in ast.iter_fields(node):
+        if name not in ("annotation", "returns", "decorator_list", "type_params"):
+            for child in value if isinstance(value, list) else [value]:
+                if isinstance(child, ast.AST) and not isinstance(child, ast.Raise | ast.Assert | ast.JoinedStr | ast.ImportFrom):
+                    yield from places(child)
+
+
+class Mutant(NamedTuple):
+    """A file with one change."""
+
+    path: str
+    line: int
+    text: str
+
+    @property
+    def key(self) -> str:
+        """Name among outcomes: other once the file has changed."""
+        return f"{self.path}:{self.line} {sha256(self.text.encode()).hexdigest()[:16]}"
+
+
+def mutants() -> list[Mutant]:
+    """Return all mutants in the order of files and lines."""
+    found = {}
+    for path in sorted(path for target in TARGETS for path in ROOT.glob(target)):
+        source = path.read_bytes()
+        starts = [0]
+        for line in source.splitlines(keepends=True):
+            starts.append(starts[-1] + len(line))
+        for node, changed in places(ast.parse(source)):
+            place: Any = node
+            at, to = starts[place.lineno - 1] + place.col_offset, starts[place.end_lineno - 1] + place.end_col_offset
+            text = source[:at] + f"({ast.unparse(changed)})".encode() + source[to:]
+            found[text] = Mutant(str(path.relative_to(ROOT)), place.lineno, text.decode())
+    return list(found.values())
+
+
+def passes(copy: Path, limit: float | None = None) -> bool:
+    """Return whether the fast tests pass in a copy of the repository, within a limit [s]."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow", *TESTS]
+    variables = os.environ | {"PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1"}
+    try:
+        return subprocess.run(command, cwd=copy, env=variables, capture_output=True, timeout=limit, check=False).returncode == 0
+    except subprocess.TimeoutExpired:
+        return False
+
+
+def survives(mutant: Mutant, copies: "Queue[Path]", limit: float) -> bool:
+    """Try a mutant in one of the copies, which is then given back as it was."""
+    copy = copies.get()
+    try:
+        (copy / mutant.path).write_text(mutant.text, "utf-8")
+        return passes(copy, limit)
+    finally:
+        shutil.copy2(ROOT / mutant.path, copy / mutant.path)
+        copies.put(copy)
+
+
+@exits(RuntimeError, interrupted="interrupted: the same command goes on", checks=True)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Try mutants and print those that survive; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants", **described(__doc__))
+    parser.add_argument("--count", type=int, default=200, help="mutants, drawn at random (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the draw (default: %(default)s)")
+    parser.add_argument("--at-least", type=float, default=0.8, help="share to be found (default: %(default)s)")
+    parser.add_argument("--out", type=Path, default=Path("runs/mutants.jsonl"), help="file of outcomes (default: %(default)s)")
+    options = parser.parse_args(arguments)
+    every = mutants()
+    drawn = Random(options.seed).sample(every, min(options.count, len(every)))
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    survived = dict(map(json.loads, options.out.read_text("utf-8").splitlines())) if options.out.exists() else {}
+    left = [mutant for mutant in drawn if mutant.key not in survived]
+    with TemporaryDirectory() as folder, ThreadPoolExecutor(2) as pool, options.out.open("a", encoding="utf-8") as outcomes:
+        copies: Queue[Path] = Queue()
+        for name in ("first", "second"):
+            copies.put(shutil.copytree(ROOT, Path(folder) / name, ignore=LEFT_OUT))
+        start = time.monotonic()
+        if left and not passes(Path(folder) / "first"):
+            raise RuntimeError("the tests fail without a mutant")
+        limit = 120.0 + 5.0 * (time.monotonic() - start)
+        work = {pool.submit(survives, mutant, copies, limit): mutant for mutant in left}
+        try:
+            for done in tqdm(as_completed(work), total=len(work), unit="mutant", disable=None):
+                survived[work[done].key] = done.result()
+                print(json.dumps([work[done].key, done.result()]), file=outcomes, flush=True)
+        finally:
+            pool.shutdown(cancel_futures=True)
+    alive = [mutant for mutant in drawn if survived[mutant.key]]
+    for mutant in sorted(alive):
+        lines = (ROOT / mutant.path).read_text("utf-8").splitlines()
+        difference = list(difflib.unified_diff(lines, mutant.text.splitlines(), n=0, lineterm=""))[3:]
+        print(f"{mutant.path}:{mutant.line}", *difference, sep="\n  ")
+    print(f"{len(drawn) - len(alive)} of {len(drawn)} mutants found ({1 - len(alive) / len(drawn):.1%}), drawn of {len(every)}")
+    return 0 if len(alive) <= (1 - options.at_least) * len(drawn) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
