@@ -85,7 +85,6 @@ def exits(
         interrupted: Printed if the user interrupts the command: what is kept, and how to continue.
         checks: Whether the status is the result of a check. Then it is 1 if the reader of the output leaves early, else 0.
     """
-
     caught: tuple[type[Exception], ...] = (*mistakes, OSError)
 
     def decorated(command: Callable[_P, int]) -> Callable[_P, int]:

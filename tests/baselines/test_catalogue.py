@@ -14,7 +14,6 @@ from baselines.rule import Range, Rule
 from baselines.tune import __main__ as tune
 from turning_env import Scenario
 from turning_env.observation import bounds
-from turning_env.physics.quantities import OBS
 
 TUNABLE = Rule(
     "made up",

@@ -27,7 +27,7 @@ _MAX = 708.0
 
 @compiled
 def exp(x):
-    """e to the power of x, which is taken as within -708..708."""
+    """E to the power of x, which is taken as within -708..708."""
     x = min(max(x, -_MAX), _MAX)
     rounded = x * _PER_LOG_2 + _ROUNDING
     whole = rounded - _ROUNDING

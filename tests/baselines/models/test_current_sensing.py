@@ -11,7 +11,6 @@ from baselines.models.part_program import PartProgram
 from tests.turning_env.playing import changed
 from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
 from turning_env.physics.drives import steady_current
-from turning_env.physics.quantities import OBS
 from turning_env.physics.records import parameter_records
 from turning_env.score.play import play
 from turning_env.score.seeds import tuning_seeds
