@@ -11,7 +11,7 @@ step reaches almost any other.
 import numpy as np
 
 from baselines.models.kalman import Array, Outlook, feed_velocity
-from baselines.optimiser import PARAMETERS, Optimiser, plays
+from baselines.optimiser import PARAMETERS, TOLERANCE, Optimiser, plays
 from baselines.rule import Rule
 from turning_env import Reading, Scenario
 
@@ -57,7 +57,9 @@ RULES = {
         lambda scenario, num_envs, parameters: Predictive(scenario, num_envs, **parameters),
         plays,
         PARAMETERS,
+        version=2,
         changes_edges=True,
         tuned_on="rough_turning",
+        tolerance=TOLERANCE,
     )
 }

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from baselines.optimiser import TOLERANCE
 from baselines.oracles import clairvoyant, perfect_state
 from turning_env import Scenario
 from turning_env.score.play import EPISODE_FIELDS, Episodes
@@ -30,10 +31,10 @@ def oracles(scenario: Scenario) -> list[PolicySpec]:
         known.append(
             PolicySpec(
                 name=CAUSAL,
-                version=1,
+                version=2,
                 kind="oracle",
                 description="the optimiser with foresight, told the true depth, hardness and wear after every step",
-                tolerance=1.0,
+                tolerance=TOLERANCE,
                 make=lambda num_envs: perfect_state.PerfectState(nominal, num_envs),
             )
         )

@@ -21,8 +21,6 @@ FILE = Path(__file__).parents[1] / "golden" / "actions.json"
 STEPS, EVERY, NUM_ENVS = 40, 8, 2
 TOLERANCE = 2e-6
 """Of actions in -1..1: NumPy's exponential and logarithm may differ in their last bit from one processor to another."""
-LOOSE = 2e-2
-"""The same for rules with a tolerance, which search for an optimum."""
 
 
 def observations(scenario: Scenario) -> list[NDArray[np.float32]]:
@@ -62,9 +60,8 @@ def test_a_rule_acts_as_its_version_promises(name: str) -> None:
     advice = f"raise `version` of rule {name!r}, which is {rule.version}, and run `python -m tests.baselines.test_golden`"
     assert golden["version"] == rule.version, f"golden actions are of version {golden['version']}: {advice}"
     for preset, expected in golden["actions"].items():
-        tolerance = LOOSE if rule.tolerance else TOLERANCE
         found = np.array(actions(name, preset))
-        assert np.abs(found - np.array(expected)).max() <= tolerance, f"other actions on {preset}: {advice}"
+        assert np.abs(found - np.array(expected)).max() <= TOLERANCE, f"other actions on {preset}: {advice}"
 
 
 def test_every_rule_with_shipped_results_has_golden_actions() -> None:
