@@ -71,7 +71,7 @@ def _specification(env_id: str, level: int = 1) -> str:
 
 def _scenario() -> Iterator[str]:
     yield "# Scenario files\n"
-    yield "A scenario holds everything that defines an episode except its seed. `python -m turning_env schema` prints the same as JSON."
+    yield "A scenario defines an episode except for its seed. `python -m turning_env schema` prints the same as JSON."
     yield 'A TOML file states what differs from the defaults or, with `base = "PRESET"`, from a preset.'
     yield "Unknown keys are refused.\n"
     schema, sections = turning_env.Scenario.model_json_schema(), griffe.load("turning_env.scenario.sections")
