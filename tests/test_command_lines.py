@@ -45,7 +45,7 @@ MISTAKES: dict[str, list[str]] = {
         "--agent . --out made.mpf",
     ],
     "train.export --nc table": ["--scenario nothing --out made.mpf", "--interval x --out made.mpf"],
-    "train.export --nc law": ["--rule nobody --out made.mpf", "--rule one_line_law --out file/made.mpf"],
+    "train.export --nc law": ["--rule nobody --out made.mpf"],
     "train.export --nc check": ["nothing.mpf", "."],
     "leaderboard": ["nothing"],
     "leaderboard run": [
