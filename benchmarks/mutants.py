@@ -37,16 +37,9 @@ TARGETS = ("turning_env/physics/*.py", "turning_env/score/statistics.py", "train
 TESTS = ("tests/turning_env/test_golden.py", "tests/turning_env", "tests/train/test_model_gain.py")
 LEFT_OUT = shutil.ignore_patterns(".*", "__pycache__", "runs", "results", "agents", "docs", "site")
 OPERATORS: dict[type[ast.AST], tuple[type[ast.AST], ...]] = {
-    **{
-        ast.Add: (ast.Sub,),
-        ast.Sub: (ast.Add,),
-        ast.Mult: (ast.Div,),
-        ast.Div: (ast.Mult,),
-        ast.And: (ast.Or,),
-        ast.Or: (ast.And,),
-    },
-    **{ast.Lt: (ast.LtE, ast.Gt), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.Lt), ast.GtE: (ast.Gt, ast.Lt)},
-    **{ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,)},
+    **{ast.Add: (ast.Sub,), ast.Sub: (ast.Add,), ast.Mult: (ast.Div,), ast.Div: (ast.Mult,), ast.And: (ast.Or,)},
+    **{ast.Or: (ast.And,), ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,), ast.Lt: (ast.LtE, ast.Gt)},
+    **{ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.Lt), ast.GtE: (ast.Gt, ast.Lt)},
 }
 SWAPPED = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum"}
 

@@ -108,19 +108,14 @@ PROGRAMS: dict[str, Program] = {
 
 @dataclass
 class Toll:
-    """Counts over the kills of a program."""
+    """Counts over the kills of a program: unreadable files, other results, surviving processes; undisturbed time [s]."""
 
     kills: int = 0
-    finished: int = 0
-    """Times that it finished although it had been killed before."""
+    finished: int = 0  # although it had been killed before
     torn: int = 0
-    """Files that could not be read after a kill."""
     differing: int = 0
-    """Times that its results differed from those of an undisturbed run."""
     orphans: int = 0
-    """Kills that one of its processes outlived."""
     seconds: float = 0.0
-    """Duration of an undisturbed run [s]."""
 
     @property
     def survived(self) -> bool:
@@ -264,16 +259,13 @@ def _read(path: Path, otherwise: bytes | None = None) -> bytes:
 
 
 class Endured(NamedTuple):
-    """Outcome of long use."""
+    """Outcome of long use: memory growth [bytes] after the first tenth, and the number of environments that differ."""
 
     steps: int
-    """Steps, or resets."""
     episodes: int
     growth: int
-    """Growth of the process's memory after the first tenth [bytes]."""
     seconds: float
     differing: int
-    """Environments that differ from the single environment with their seed."""
 
 
 def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
