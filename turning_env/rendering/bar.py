@@ -58,8 +58,8 @@ def fields_in_view(scenario: Scenario, history: History, across: ui.Ruler, count
     """Return pixels, hardness [-] and allowance [mm] of those of ``count`` places along a ruler [mm] that lie in the bar."""
     step = (across.end - across.start) / count
     places = across.start + step * (np.arange(count) + 0.5)
-    places = np.asarray(places[(places > 0.0) & (places < scenario.workpiece.bar_length)], np.float64)
-    return [across(place) for place in places.tolist()], *history.fields.along(history.key, history.bar, places)
+    inside = np.asarray(places[(places > 0.0) & (places < scenario.workpiece.bar_length)], np.float64)
+    return [across(place) for place in inside.tolist()], *history.fields.along(history.key, history.bar, inside)
 
 
 class BarView:

@@ -141,24 +141,22 @@ def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
         "measurements": source,
         "base": base,
         "confidence": calibration.confidence,
-        "laws": {response: _law_report(fitted) for response, fitted in calibration.fits.items()},
+        "laws": {
+            response: {
+                "rows": len(fitted.lines),
+                "degrees_of_freedom": fitted.degrees,
+                "r_squared": fitted.r_squared,
+                "scatter": fitted.scatter,
+                "edges": fitted.edges and {"count": fitted.edges.count, "spread": fitted.edges.spread},
+                "largest_residual": dict(zip(("line", "relative"), fitted.largest_residual(), strict=True)),
+                "fitted": {name: estimate._asdict() for name, estimate in fitted.estimates.items()},
+                "assumed": {name: {"value": getattr(fitted.law, name), "reason": why} for name, why in fitted.assumed.items()},
+                "law": fitted.law.model_dump(),
+            }
+            for response, fitted in calibration.fits.items()
+        },
         "kept_from_base": calibration.kept,
         "warnings": list(calibration.warnings),
-    }
-
-
-def _law_report(fitted: Fit) -> dict[str, Any]:
-    line, residual = fitted.largest_residual()
-    return {
-        "rows": len(fitted.lines),
-        "degrees_of_freedom": fitted.degrees,
-        "r_squared": fitted.r_squared,
-        "scatter": fitted.scatter,
-        "edges": fitted.edges and {"count": fitted.edges.count, "spread": fitted.edges.spread},
-        "largest_residual": {"line": line, "relative": residual},
-        "fitted": {name: estimate._asdict() for name, estimate in fitted.estimates.items()},
-        "assumed": {name: {"value": getattr(fitted.law, name), "reason": why} for name, why in fitted.assumed.items()},
-        "law": fitted.law.model_dump(),
     }
 
 
