@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
 
+from turning_env.extras import missing
 from turning_env.rendering.fields import Fields
 from turning_env.rendering.history import History
 
@@ -103,7 +104,6 @@ def _named_if_missing() -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] not in ("PIL", "pygame"):
+        if (message := missing(error)) is None:
             raise
-        needed = f'{error.name} is not installed, which draws the environment: pip install "rough-turning[render]"'
-        raise DependencyNotInstalled(needed) from error
+        raise DependencyNotInstalled(message) from error
