@@ -157,21 +157,21 @@ class BarView:
         patch = ui.enlarged(Image.fromarray(frame[box[1] : box[3], box[0] : box[2]]))
         draw = ImageDraw.Draw(patch)
         x, y = ui.SCALE * (tip - box[0]), ui.SCALE * (_SURFACE - box[1])
-        cuts = history.now["cutting"] > 0.0 and history.now["depth_of_cut"] > 0.0
-        if cuts:
+        broken = history.now["broken"] > 0.0
+        if history.now["cutting"] > 0.0 and history.now["depth_of_cut"] > 0.0:
             thickness = max(2, round(10.0 * history.now["feed"]))
             depth = ui.SCALE * (_SURFACE - self._height.within(history.depth))
             _draw_chip(draw, (x, y - 0.5 * depth), thickness, history.now["path"])
         draw.polygon([(x - 62, y - 74), (x - 18, y - 82), (x - 18, 0), (x - 62, 0)], fill=(88, 92, 98))
         corners = [(x, y - 2), (x + 6, y - 84), (x - 76, y - 92), (x - 82, y - 10)]
-        if history.now["broken"] > 0.0:
+        if broken:
             corners[:1] = [(x - 26, y - 4), (x - 16, y - 20), (x - 6, y - 22), (x + 3, y - 40)]
         draw.polygon(corners, fill=ui.INSERT, outline=ui.INK, width=2)
         draw.ellipse((x - 50, y - 60, x - 26, y - 36), fill=ui.mixed(ui.INK, 0.6, ui.INSERT))
         worn = min(history.now["wear"] / self._scenario.tool.wear_criterion, 1.0)
-        if worn > 0.0 and not history.now["broken"]:
+        if worn > 0.0 and not broken:
             draw.line((x + 1, y - 4, x + 4, y - 4 - 60 * worn), fill=ui.INK, width=2 + round(5 * worn))
-        if history.now["broken"] > 0.0:
+        if broken:
             for angle in range(-60, 100, 40):
                 dx, dy = math.cos(math.radians(angle)), -math.sin(math.radians(angle))
                 draw.line((x + 10 * dx, y - 20 + 10 * dy, x + 34 * dx, y - 20 + 34 * dy), fill=ui.OVER, width=4)

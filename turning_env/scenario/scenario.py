@@ -33,6 +33,13 @@ from turning_env.scenario.validation import complaints
 
 _PRESETS = resources.files("turning_env.scenario") / "presets"
 
+SPLITS = ("harder_lot", "forging_skin", "worn_lot", "sensor_bias", "small_diameter", "ck45")
+"""Presets with bars, tools, sensors and steels for which policies of ``RoughTurning-v0`` were not tuned or trained, as reported.
+
+The first four have its nominal model and a model mismatch. The last two have a nominal model with another diameter or another
+steel. Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/choices.md``.
+"""
+
 
 class Scenario(Section):
     """Everything that defines an episode but its seed and the actions."""

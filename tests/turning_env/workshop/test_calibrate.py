@@ -89,12 +89,14 @@ def test_mistakes_end_with_2_and_one_line(arguments: list[str], message: str, ca
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
-def test_residuals_are_drawn(ending: str) -> None:
-    assert calibrate("--plot", f"residuals.{ending}") == 0
-    assert Path(f"residuals.{ending}").read_bytes()[:5] in (b"\x89PNG\r", b"<?xml", b"%PDF-")
+def test_residuals_are_drawn() -> None:
+    pictures = [Path("residuals.svg"), Path("again.svg"), Path("residuals.pdf")]
+    for picture in pictures:
+        assert calibrate("--plot", str(picture), "--overwrite") == 0
+    assert pictures[0].read_bytes() == pictures[1].read_bytes()  # the same figure gives the same bytes
+    assert pictures[2].read_bytes().startswith(b"%PDF-")
     Path("one.csv").write_text("cutting_speed,feed,depth_of_cut,wear,power\n" + "100,0.3,2.5,0.2,4.5\n" * 3)
-    assert calibrate("--plot", f"residuals.{ending}", "--overwrite", measurements="one.csv") == 0  # a coefficient alone
+    assert calibrate("--plot", "residuals.png", "--overwrite", measurements="one.csv") == 0  # a coefficient alone
 
 
 @pytest.mark.parametrize("package", ["matplotlib", "scipy"])

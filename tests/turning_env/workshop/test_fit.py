@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -65,6 +65,7 @@ exponents = st.floats(-2, 2)
 all_exponents = st.fixed_dictionaries({name: exponents for name in FACTORS["power"]})
 
 
+@settings(max_examples=30)
 @given(values=all_exponents, log_coefficient=st.floats(-3, 3), reference=st.floats(0.5, 5), seed=st.integers(0, 1000))
 def test_any_law_is_recovered(values: dict[str, float], log_coefficient: float, reference: float, seed: int) -> None:
     law = PowerLaw(coefficient=float(np.exp(log_coefficient)), reference_depth_of_cut=reference, **values)
@@ -74,6 +75,7 @@ def test_any_law_is_recovered(values: dict[str, float], log_coefficient: float, 
         assert estimate.value == pytest.approx(getattr(law, name), rel=1e-6, abs=1e-6)
 
 
+@settings(max_examples=30)
 @given(values=all_exponents, held=st.sampled_from(FACTORS["power"]))
 def test_factor_that_never_varies_keeps_its_exponent(values: dict[str, float], held: str) -> None:
     base = PowerLaw(coefficient=1.0, **{held: 0.7})
@@ -85,6 +87,7 @@ def test_factor_that_never_varies_keeps_its_exponent(values: dict[str, float], h
     assert found.predicted == pytest.approx(found.measured, rel=1e-6)
 
 
+@settings(max_examples=30)
 @given(first=st.sampled_from(("cutting_speed", "feed")), slope=st.sampled_from((-1.5, 0.5, 2.0)), assumed=exponents)
 def test_of_factors_that_vary_together_one_is_assumed(first: str, slope: float, assumed: float) -> None:
     measured = cuts(LAW, 30)
@@ -126,19 +129,6 @@ def test_too_few_rows_are_refused_with_the_number_needed(count: int, needed: int
     with pytest.raises(WorkshopError, match=rf"^power: {count} rows? with .* but {needed} are needed"):
         fit("power", cuts(LAW, count, 0.1), LAW)
     assert fit("power", cuts(LAW, 7, 0.1), LAW).degrees == 1
-
-
-@given(seed=st.integers(0, 100), scale=st.floats(0.1, 10))
-def test_order_of_rows_and_unit_of_the_response_do_not_matter(seed: int, scale: float) -> None:
-    measured = cuts(LAW, 20, 0.05, seed)
-    order = np.random.default_rng(seed).permutation(20)
-    changed = Measurements({name: values[order] for name, values in measured.columns.items()}, measured.lines[order])
-    changed.columns["power"] *= scale
-    first, second = fit("power", measured, LAW), fit("power", changed, LAW)
-    assert second.r_squared == pytest.approx(first.r_squared)
-    for name, estimate in first.estimates.items():
-        factor = scale if name == "coefficient" else 1.0
-        assert second.estimates[name].high == pytest.approx(factor * estimate.high, abs=1e-9)
 
 
 def with_edges(spread: float, seed: int) -> Measurements:
