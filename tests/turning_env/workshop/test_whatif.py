@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
@@ -33,6 +33,7 @@ def test_the_environment_says_the_same() -> None:
         assert said == pytest.approx([info[name] for name in names], rel=1e-4), minutes
 
 
+@settings(max_examples=30)
 @given(speed=st.floats(50, 200), feed=st.floats(0.06, 0.6), depth=st.floats(0.5, 5), hardness=st.floats(0.7, 1.4))
 def test_time_and_wear_are_two_sides_of_one_law(speed: float, feed: float, depth: float, hardness: float) -> None:
     worn = what_if(BASE, speed, feed, depth, hardness, wear=0.2)
