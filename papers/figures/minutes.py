@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from papers.figures.paper_figure import GRID_SEARCH, PaperFigure, legend, lettered
 from papers.figures.responses import best_at_each_speed, paper_run, plane, responses, sides, wear_before
-from papers.reproduce.alaskari_oraby import rows, table_1, table_2
+from papers.reproduce.alaskari_oraby import rows, table_checks
 from papers.reproduce.checks import Check, claim
 from turning_env.workshop import plot_style as style
 
@@ -173,7 +173,7 @@ def best_checks(minute: int) -> Iterable[Check]:
     found, scenario = best_at_each_speed(minute), paper_run().scenario
     limit = scenario.limits.thrust_force
     if minute in TABLES:
-        yield from (table_1 if minute == 1 else table_2)(paper_run())
+        yield from table_checks(paper_run(), minute)
     elif minute == 14:
         slow = found.speed <= 100.0
         yield claim("minute 14: force above its limit up to 100 m/min", bool(np.all(found.thrust_force[slow] > limit)))

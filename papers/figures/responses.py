@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.grid_search import highest_feed, predict
-from papers.reproduce.alaskari_oraby import PaperRun, whole_run
+from papers.reproduce.alaskari_oraby import PaperRun, whole_life
 
 Array = NDArray[np.float64]
 FINE = (76, 109)
@@ -24,7 +24,7 @@ def paper_run() -> PaperRun:
 
 def wear_before(minute: int) -> float:
     """Return the wear of the grid search's edge [mm] at the start of a minute, 1 to 15, of its life."""
-    return 0.0 if minute == 1 else whole_run()[minute - 2].wear
+    return 0.0 if minute == 1 else whole_life()[minute - 2].wear
 
 
 @dataclass(frozen=True)

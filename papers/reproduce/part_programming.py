@@ -82,7 +82,7 @@ class Blank:
 
     @property
     def largest(self) -> float:
-        """[mm]"""
+        """Greatest allowance [mm]."""
         return self.least + self.dispersion
 
     @property

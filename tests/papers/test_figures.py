@@ -12,7 +12,7 @@ from papers.figures import life, minutes, override, roughness, servo
 from papers.figures.paper_figure import PaperFigure
 from papers.figures.responses import best_at_each_speed, responses, sides
 from papers.reproduce import constant_force, servo_current
-from papers.reproduce.alaskari_oraby import rows, whole_run
+from papers.reproduce.alaskari_oraby import rows, whole_life
 from papers.reproduce.checks import Check, claim
 from papers.stepped_bar import stepped_bar
 from turning_env import Scenario
@@ -77,7 +77,7 @@ def test_points_lie_on_what_the_paper_prints(minute: int, table: str) -> None:
 
 def test_life_is_drawn_as_played() -> None:
     for axes, name in zip(life.draw_responses().axes, ("thrust_force", "power", "removed"), strict=True):
-        assert list(axes.lines[0].get_ydata()) == [getattr(minute, name) for minute in whole_run()]
+        assert list(axes.lines[0].get_ydata()) == [getattr(minute, name) for minute in whole_life()]
     assert life.stated("cutting speed") == {1: 150.0, 2: 140.0, 14: 200.0}
     for axes in life.draw_pairs().axes:
         ours, stated = (dict(zip(*line.get_data(), strict=True)) for line in axes.lines)
