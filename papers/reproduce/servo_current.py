@@ -178,13 +178,10 @@ def estimation_checks() -> Iterator[Check]:
     """Yield the checks of filter and root mean square against the inversion of every sample."""
     plain, *filtered = all_errors()["12 ms, stepped bar"]
     yield claim("stepped bar: the lowest cut-off lags so far that it does worse than one sample", filtered[0] > plain)
-    for name, what, most in (
-        ("12 ms, steady cutting", "error over that of one sample", 0.7),
-        ("12 ms, stepped bar, lag allowed for", "error over that of one sample", 0.8),
-    ):
+    for name, most in (("12 ms, steady cutting", 0.7), ("12 ms, stepped bar, lag allowed for", 0.8)):
         plain, *filtered = all_errors()[name]
         for (cutoff, window), error in zip(SETTINGS, filtered, strict=True):
-            yield at_most(f"{name}, cut-off {cutoff}, {window} samples: {what}", most, error / plain)
+            yield at_most(f"{name}, cut-off {cutoff}, {window} samples: error over one sample's", most, error / plain)
 
 
 def control_checks() -> Iterator[Check]:
