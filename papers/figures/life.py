@@ -83,14 +83,8 @@ def _draw_wear(axes: Axes) -> None:
         label = None if test.cutting_speed in labelled else f"tests at {test.cutting_speed:.0f} m/min, models"
         labelled.add(test.cutting_speed)
         axes.plot(minutes, [wear(test, minute) for minute in minutes], color=colour, linestyle=dashes, label=label)
-        axes.annotate(
-            test.name,
-            (minutes[-1], criterion),
-            xytext=(0, 4 + 10 * (place % 2)),
-            textcoords="offset points",
-            ha="center",
-            color=colour,
-        )
+        offset: dict[str, Any] = {"xytext": (0, 4 + 10 * (place % 2)), "textcoords": "offset points"}
+        axes.annotate(test.name, (minutes[-1], criterion), **offset, ha="center", color=colour)
     lives = {rival.test.name: rival.test.life for rival in rivals() if rival.test.life is not None}
     label = f"lives in the paper: {', '.join(sorted(lives, key=lambda name: lives[name]))}"
     axes.plot(list(lives.values()), [criterion] * len(lives), **_MEASURED, label=label)
@@ -136,10 +130,9 @@ def pair_checks() -> Iterable[Check]:
     pattern = r"\w+ \d+: (cutting speed|feed) \[.*\]|\w+ until .*"
     yield from (check for check in life_checks() if re.fullmatch(pattern, check.what))
     speeds, feeds = np.array([minute.pair for minute in whole_life()]).T
-    yield Check("lowest cutting speed [m/min]", 140.0, float(speeds.min()), 1e-9)
-    yield Check("highest cutting speed [m/min]", 200.0, float(speeds.max()), 1e-9)
-    yield Check("lowest feed [mm/rev]", 0.205, float(feeds.min()), 1e-9)
-    yield Check("highest feed [mm/rev]", 0.58, float(feeds.max()), 1e-9)
+    for what, values, low, high in (("cutting speed [m/min]", speeds, 140.0, 200.0), ("feed [mm/rev]", feeds, 0.205, 0.58)):
+        yield Check(f"lowest {what}", low, float(values.min()), 1e-9)
+        yield Check(f"highest {what}", high, float(values.max()), 1e-9)
     yield claim("feed falls from minute to minute, or stays", bool(np.all(np.diff(feeds) < 1e-9)))
     yield claim(
         "cutting speed continuously tends to rise",
