@@ -46,7 +46,7 @@ from turning_env.score.statistics import Bootstrap, Estimate
 from turning_env.score.workers import spread, workers
 
 ENV_ID = "RoughTurning-v0"
-DRAWS = 128
+NUM_SEEDS = 128
 """Tuning seeds that each agent plays."""
 FRAMES = 4
 """Observations in a row that an agent with history sees."""
@@ -239,7 +239,7 @@ def play_agent(
     scenario = variant.scenario(base)
     run = Run.plan("ppo", ENV_ID, scenario, seed, runs / "ablation" / name, command, variant.parameters | overrides)
     path = train(run, algorithm)
-    episodes = play(partial(ActorPolicy, algorithm.actor(path).eval()), scenario, tuning_seeds(DRAWS))
+    episodes = play(partial(ActorPolicy, algorithm.actor(path).eval()), scenario, tuning_seeds(NUM_SEEDS))
     model: Any = algorithm.model.load(path, device="cpu")
     return episodes, model.processor_time
 
@@ -289,7 +289,7 @@ def page(command: str, lines: Sequence[str], steps: int, seeds: int) -> str:
     )
     text = (
         "Each agent is PPO as in `train/hyperparameters/ppo.toml` but for what its row names, trained for "
-        f"{steps:,} steps\nwith {seeds} training seed{'s' * (seeds > 1)}, and plays the same {DRAWS} tuning seeds of "
+        f"{steps:,} steps\nwith {seeds} training seed{'s' * (seeds > 1)}, and plays the same {NUM_SEEDS} tuning seeds of "
         f"{ENV_ID}. Returns are the environment's own,\nwhatever was learned from. In brackets: {100 * CONFIDENCE:.0f} % "
         f"bootstrap steps over {over}.\nDifferences are paired by seed."
     )
