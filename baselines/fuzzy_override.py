@@ -54,7 +54,9 @@ def fuzzy_override(program: PartProgram, num_envs: int, target: float, k: float,
         program: part program.
         num_envs: number of environments.
         target: load over the load at the power limit [-].
-        k, p, d: coefficients of the equations [-].
+        k: share of the rise below the target [-].
+        p: share of the fall from the target on [-].
+        d: override that the fall leaves [-].
     """
     aim = target_load(program.scenario, target)
     return OverrideLaw(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.models.scales import Scales
+from baselines.models.process import Scales
 from baselines.rule import Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards

@@ -13,6 +13,7 @@ best speed and its neighbours gives the speed between them. The tried values do 
 the last bits of exponentials, which differ between processors, hardly ever change an action.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -241,15 +242,20 @@ TOLERANCE = 1e-6
 that are all but equal the better one is taken. With random last bits, returns of eight episodes differed by 1e-10 s at most."""
 PARAMETERS = {"severity": Range(0.5, 4.0, logarithmic=True), "caution": Range(0.5, 2.0, logarithmic=True)}
 
-RULES = {
-    "optimiser": Rule(
-        "the best expected net gain of each step, on a Kalman filter's estimates and a price of life by dynamic programming",
-        lambda scenario, num_envs, parameters: Optimiser(scenario, num_envs, **parameters),
+
+def optimising(description: str, optimiser: Callable[..., Optimiser], version: int) -> Rule:
+    """Return the rule of an optimiser: ``optimiser(scenario, num_envs, severity, caution)``."""
+    return Rule(
+        description,
+        lambda scenario, num_envs, parameters: optimiser(scenario, num_envs, **parameters),
         plays,
         PARAMETERS,
-        version=2,
+        version=version,
         changes_edges=True,
         tuned_on="rough_turning",
         tolerance=TOLERANCE,
     )
-}
+
+
+DESCRIPTION = "the best expected net gain of each step, on a Kalman filter's estimates and a price of life by dynamic programming"
+RULES = {"optimiser": optimising(DESCRIPTION, Optimiser, version=2)}

@@ -11,8 +11,7 @@ step reaches almost any other.
 import numpy as np
 
 from baselines.models.kalman import Array, Outlook, feed_velocity
-from baselines.optimiser import PARAMETERS, TOLERANCE, Optimiser, plays
-from baselines.rule import Rule
+from baselines.optimiser import Optimiser, optimising
 from turning_env import Reading, Scenario
 
 POINTS = 8
@@ -24,11 +23,7 @@ SETTLING = 3.0
 class Predictive(Optimiser):
     """Chooses the cutting speed and feed of each step by the gain that it expects of that step and of the bar to come.
 
-    Args:
-        scenario: task.
-        num_envs: number of environments.
-        severity: factor on the price of overload [-].
-        caution: factor on the standard deviations of force and power [-].
+    For the arguments see ``Optimiser``.
     """
 
     def __init__(self, scenario: Scenario, num_envs: int, severity: float, caution: float) -> None:
@@ -51,15 +46,5 @@ class Predictive(Optimiser):
         return self._best(reading, prospect)
 
 
-RULES = {
-    "predictive": Rule(
-        "the optimiser with foresight: it slows before it enters an unmeasured bar",
-        lambda scenario, num_envs, parameters: Predictive(scenario, num_envs, **parameters),
-        plays,
-        PARAMETERS,
-        version=2,
-        changes_edges=True,
-        tuned_on="rough_turning",
-        tolerance=TOLERANCE,
-    )
-}
+DESCRIPTION = "the optimiser with foresight: it slows before it enters an unmeasured bar"
+RULES = {"predictive": optimising(DESCRIPTION, Predictive, version=2)}

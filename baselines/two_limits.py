@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.fixed import FixedParameters
-from baselines.models.process import ALIKE, Array, Limit, Line, Process
-from baselines.models.scales import Scales
+from baselines.models.process import ALIKE, Array, Limit, Line, Process, Scales
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards

@@ -6,10 +6,12 @@ would swing over its whole range even on a smooth bar, which the paper's did not
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from papers import changed
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.score.policy import PolicyFactory
 
@@ -30,19 +32,20 @@ def stepped_bar(
         ripple_period: of a ripple of depth, and so of load [s]; None for a smooth bar.
         chip_lag: of force and power behind feed and depth [rev].
     """
-    values = Scenario.load("override").model_dump()
-    values["name"] = "stepped_bar"
-    values["tool"] |= {"wear_factor_spread": 0.0, "edge_strength": 1e6, "edge_strength_spread": 0.0}
-    values["machine"]["chip_lag"] = chip_lag
-    values["workpiece"] |= dict.fromkeys(("depth_bar_spread", "depth_along_spread"), 0.0)
-    values["workpiece"] |= dict.fromkeys(("hardness_bar_spread", "hardness_along_spread"), 0.0)
-    values["workpiece"] |= {"depth_profile": depths, "bar_length": bar_length}
-    values["workpiece"]["depth_ripple"] = 0.0 if ripple_period is None else RIPPLE
+    base = Scenario.load("override")
+    spreads = [f"{field}_{kind}_spread" for field in ("depth", "hardness") for kind in ("bar", "along")]
+    workpiece: dict[str, Any] = dict.fromkeys(spreads, 0.0) | {"depth_profile": depths, "bar_length": bar_length}
+    workpiece["depth_ripple"] = 0.0 if ripple_period is None else RIPPLE
     if ripple_period is not None:
-        diameter, speed = values["workpiece"]["diameter"], values["control"]["initial_cutting_speed"]
-        values["workpiece"]["depth_ripple_period"] = ripple_period / 60.0 * 1000.0 * speed / (np.pi * diameter)
-    values["sensors"] |= {"power_noise": 0.0, "force_noise": 0.0}
-    return Scenario.model_validate(values)
+        diameter, speed = base.workpiece.diameter, base.control.initial_cutting_speed
+        workpiece["depth_ripple_period"] = ripple_period / 60.0 * 1000.0 * speed / (np.pi * diameter)
+    return changed(
+        "override",
+        tool={"wear_factor_spread": 0.0, "edge_strength": 1e6, "edge_strength_spread": 0.0},
+        machine={"chip_lag": chip_lag},
+        workpiece=workpiece,
+        sensors={"power_noise": 0.0, "force_noise": 0.0},
+    )
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from baselines.fixed import FixedParameters
+from papers import changed
 from turning_env import Scenario
 from turning_env.score.play import play
 
@@ -61,13 +62,14 @@ def undisturbed(wear_factor: float = 1.0) -> Scenario:
     The spindle reaches the speed of T9, the edge does not break before it is worn (that of T4 would, just before 0.3 mm),
     episodes are long enough for T1, and an edge wears ``wear_factor`` times as much as the models say.
     """
-    values = Scenario.load("paper").model_dump()
-    values["name"] = "verification"
-    values["machine"]["cutting_speed_max"] = max(test.cutting_speed for test in TESTS)
-    values["tool"]["edge_strength"] = 1e6
-    values["control"] |= {"interval": 6.0, "time_limit": 1000.0}
-    values["material"]["wear"]["coefficient"] *= wear_factor
-    return Scenario.model_validate(values)
+    law = Scenario.load("paper").material.wear.model_dump()
+    return changed(
+        "paper",
+        machine={"cutting_speed_max": max(test.cutting_speed for test in TESTS)},
+        tool={"edge_strength": 1e6},
+        control={"interval": 6.0, "time_limit": 1000.0},
+        material={"wear": law | {"coefficient": law["coefficient"] * wear_factor}},
+    )
 
 
 @dataclass(frozen=True)

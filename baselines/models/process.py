@@ -1,4 +1,4 @@
-"""The nominal cutting process as power laws and limits, and the cost of cutting (Sharmazanashvili 2008).
+"""The nominal cutting process as power laws and limits, the cost of cutting (Sharmazanashvili 2008), and scales of its loads.
 
 The edge's life and all limited responses are power laws of cutting speed V, feed S and depth of cut t:
 
@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 
 ALIKE = 1e-9
 """Tolerance for equal exponents."""
+MIN_SCALE = 0.1
+"""Lower bound of a scale [-]: no lathe cuts with a tenth of the nominal force."""
 _LIVES = (1e-6, 1e6)  # in place of the economic lives 0 and infinity [min]
 
 
@@ -177,3 +179,28 @@ class Process:
         """Return the limit of wear for the economic life along a limit."""
         least, most = _LIVES
         return Limit(self.wear, self.wear_criterion, min(max(self.economic_life(limit), least), most))
+
+
+class Scales:
+    """Smoothed ratios of measured to predicted force and power.
+
+    Args:
+        num_envs: number of environments.
+        smoothing: weight of the newest ratio [-].
+    """
+
+    def __init__(self, num_envs: int, smoothing: float) -> None:
+        self._smoothing = smoothing
+        self._force, self._power = np.ones(num_envs), np.ones(num_envs)
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Return to the model's force and power."""
+        self._force[mask] = 1.0
+        self._power[mask] = 1.0
+
+    def follow(self, mask: NDArray[np.bool_], force_ratio: Array, power_ratio: Array) -> tuple[Array, Array]:
+        """Move the scales of the masked environments towards new ratios; return all scales of force and power [-]."""
+        gain = np.where(mask, self._smoothing, 0.0)
+        self._force += gain * (force_ratio - self._force)
+        self._power += gain * (power_ratio - self._power)
+        return np.maximum(self._force, MIN_SCALE), np.maximum(self._power, MIN_SCALE)

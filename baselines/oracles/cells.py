@@ -9,7 +9,7 @@ from turning_env.physics.workpiece import look_up_fields
 
 @compiled
 def between(values, place):
-    """Value between nodes, by the cubic through the two on either side (Catmull and Rom 1974).
+    """Return the value between nodes, by the cubic through the two on either side (Catmull and Rom 1974).
 
     Values depend on where along the bars the edge's life ends. Over hundreds of cells, straight lines would smear that out.
     """
@@ -63,7 +63,7 @@ def survey(states, scratches, fields, cells):
 
 @compiled_entry
 def best_return(states, scratches, fields, cells, log_speeds, log_feeds, steps, ripple, lives):
-    """(bound on the return [s], cell at which the edge is worn out at best).
+    """Return (bound on the return [s], cell at which the edge is worn out at best).
 
     ``steps``: log steps from the feed at the limit; ``ripple``: relative amplitude of the depth's run-out [-].
     """

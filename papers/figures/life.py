@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from papers.figures.paper_figure import GRID_SEARCH, PaperFigure, legend, lettered
 from papers.figures.responses import paper_run
-from papers.reproduce.alaskari_oraby import adaptive_control, rival_checks, rivals, run_checks, whole_run
+from papers.reproduce.alaskari_oraby import adaptive_control, life_checks, rival_checks, rivals, whole_life
 from papers.reproduce.checks import Check, claim
 from papers.verification import wear
 from turning_env.workshop import plot_style as style
@@ -21,13 +21,13 @@ _MEASURED: dict[str, Any] = style.PRINTED | {"marker": "s"}
 
 def stated(quantity: str) -> dict[int, float]:
     """Return what the paper's text says of some minutes: of ``cutting speed`` [m/min] or ``feed`` [mm/rev]."""
-    matches = [(re.fullmatch(rf"\w+ (\d+): {quantity} \[.*\]", check.what), check.paper) for check in run_checks()]
+    matches = [(re.fullmatch(rf"\w+ (\d+): {quantity} \[.*\]", check.what), check.paper) for check in life_checks()]
     return {int(match[1]): value for match, value in matches if match}
 
 
 def draw_responses() -> Figure:
     """Draw force, power and removal rate over the minutes, with their limits."""
-    run, limits = whole_run(), paper_run().scenario.limits
+    run, limits = whole_life(), paper_run().scenario.limits
     subjects = (
         ("thrust force [N]", [minute.thrust_force for minute in run], limits.thrust_force),
         ("power [kW]", [minute.power for minute in run], limits.power),
@@ -47,7 +47,7 @@ def draw_pairs() -> Figure:
     """Draw the chosen cutting speed and feed over the minutes, with what the text states."""
     figure, panels = lettered((style.SINGLE, 3.6), 2, 1, sharex=True)
     for place, (axes, name, unit) in enumerate(zip(panels, ("cutting speed", "feed"), ("m/min", "mm/rev"), strict=True)):
-        _over_minutes(axes, f"{name} [{unit}]", [minute.pair[place] for minute in whole_run()])
+        _over_minutes(axes, f"{name} [{unit}]", [minute.pair[place] for minute in whole_life()])
         printed = stated(name)
         axes.plot(list(printed), list(printed.values()), **style.PRINTED)
         axes.margins(y=0.15)
@@ -74,7 +74,7 @@ def draw_rivals() -> Figure:
 
 def _draw_wear(axes: Axes) -> None:
     criterion = paper_run().scenario.tool.wear_criterion
-    worn = [minute.wear for minute in whole_run()]
+    worn = [minute.wear for minute in whole_life()]
     axes.plot(range(1, len(worn) + 1), worn, **style.OURS, label="grid search")
     labelled = set()
     for place, rival in enumerate(sorted(rivals(), key=lambda rival: rival.nominal.life)):
@@ -83,14 +83,8 @@ def _draw_wear(axes: Axes) -> None:
         label = None if test.cutting_speed in labelled else f"tests at {test.cutting_speed:.0f} m/min, models"
         labelled.add(test.cutting_speed)
         axes.plot(minutes, [wear(test, minute) for minute in minutes], color=colour, linestyle=dashes, label=label)
-        axes.annotate(
-            test.name,
-            (minutes[-1], criterion),
-            xytext=(0, 4 + 10 * (place % 2)),
-            textcoords="offset points",
-            ha="center",
-            color=colour,
-        )
+        offset: dict[str, Any] = {"xytext": (0, 4 + 10 * (place % 2)), "textcoords": "offset points"}
+        axes.annotate(test.name, (minutes[-1], criterion), **offset, ha="center", color=colour)
     lives = {rival.test.name: rival.test.life for rival in rivals() if rival.test.life is not None}
     label = f"lives in the paper: {', '.join(sorted(lives, key=lambda name: lives[name]))}"
     axes.plot(list(lives.values()), [criterion] * len(lives), **_MEASURED, label=label)
@@ -121,25 +115,24 @@ def _draw_ratios(axes: Axes) -> None:
 
 def response_checks() -> Iterable[Check]:
     """Compare with what the text says of Figure 11."""
-    run, limits = whole_run(), paper_run().scenario.limits
+    run, limits = whole_life(), paper_run().scenario.limits
     rates = [minute.removed for minute in run]
     yield claim("the removal rate falls from minute to minute, or stays", bool(np.all(np.diff(rates) < 1e-9)))
     kept = [minute.thrust_force <= limits.thrust_force and minute.power <= limits.power for minute in run]
     yield claim("force and power are within their limits in every minute", all(kept))
     shares = [minute.power / limits.power for minute in run]
     yield claim("the power available is used (99 %) except in late stages, minutes 11 to 14", min(shares[:10]) > 0.985)
-    yield from (check for check in run_checks() if check.what.startswith("mean removal rate"))
+    yield from (check for check in life_checks() if check.what.startswith("mean removal rate"))
 
 
 def pair_checks() -> Iterable[Check]:
     """Compare with what the text says of Figure 12."""
     pattern = r"\w+ \d+: (cutting speed|feed) \[.*\]|\w+ until .*"
-    yield from (check for check in run_checks() if re.fullmatch(pattern, check.what))
-    speeds, feeds = np.array([minute.pair for minute in whole_run()]).T
-    yield Check("lowest cutting speed [m/min]", 140.0, float(speeds.min()), 1e-9)
-    yield Check("highest cutting speed [m/min]", 200.0, float(speeds.max()), 1e-9)
-    yield Check("lowest feed [mm/rev]", 0.205, float(feeds.min()), 1e-9)
-    yield Check("highest feed [mm/rev]", 0.58, float(feeds.max()), 1e-9)
+    yield from (check for check in life_checks() if re.fullmatch(pattern, check.what))
+    speeds, feeds = np.array([minute.pair for minute in whole_life()]).T
+    for what, values, low, high in (("cutting speed [m/min]", speeds, 140.0, 200.0), ("feed [mm/rev]", feeds, 0.205, 0.58)):
+        yield Check(f"lowest {what}", low, float(values.min()), 1e-9)
+        yield Check(f"highest {what}", high, float(values.max()), 1e-9)
     yield claim("feed falls from minute to minute, or stays", bool(np.all(np.diff(feeds) < 1e-9)))
     yield claim(
         "cutting speed continuously tends to rise",

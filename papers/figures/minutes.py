@@ -1,6 +1,6 @@
 """Figures 2 to 10 of Alaskari and Oraby (2018): what the grid search chooses from in one minute of its edge's life."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from papers.figures.paper_figure import GRID_SEARCH, PaperFigure, legend, lettered
 from papers.figures.responses import best_at_each_speed, paper_run, plane, responses, sides, wear_before
-from papers.reproduce.alaskari_oraby import rows, table_1, table_2
+from papers.reproduce.alaskari_oraby import rows, table_checks
 from papers.reproduce.checks import Check, claim
 from turning_env.workshop import plot_style as style
 
 Look = dict[str, Any]
+Draw = Callable[[int], Figure]
+Checks = Callable[[int], Iterable[Check]]
 
 TABLES = {1: ("table1.csv", "wear_mm"), 2: ("table2.csv", "total_wear_mm")}
 """Printed tables and their columns of wear, by minute."""
@@ -173,7 +175,7 @@ def best_checks(minute: int) -> Iterable[Check]:
     found, scenario = best_at_each_speed(minute), paper_run().scenario
     limit = scenario.limits.thrust_force
     if minute in TABLES:
-        yield from (table_1 if minute == 1 else table_2)(paper_run())
+        yield from table_checks(paper_run(), minute)
     elif minute == 14:
         slow = found.speed <= 100.0
         yield claim("minute 14: force above its limit up to 100 m/min", bool(np.all(found.thrust_force[slow] > limit)))
@@ -209,11 +211,15 @@ def plane_checks(minute: int) -> Iterable[Check]:
     yield Check(what, float(len(letters) - 1), float(sides(minute)), not_reproduced=reason if minute == 1 else "")
 
 
+def _figure(number: int, minute: int, caption: str, draw: Draw, checks: Checks, remark: str = "") -> PaperFigure:
+    name, source = f"grid_search_{number:02d}", f"{GRID_SEARCH}, Figure {number}"
+    return PaperFigure(name, source, caption, lambda: draw(minute), lambda: checks(minute), remark)
+
+
 def _best(number: int, minute: int, what: str) -> PaperFigure:
     caption = f"The grid search before the {what}: a) thrust force, b) power, c) wear at the end of the minute, d) removal rate."
     remark = "Panel d is added; the copy used lacks the curves themselves, so that printed tables and text are compared."
-    name, source = f"grid_search_{number:02d}", f"{GRID_SEARCH}, Figure {number}"
-    return PaperFigure(name, source, caption, lambda: draw_best(minute), lambda: best_checks(minute), remark)
+    return _figure(number, minute, caption, draw_best, best_checks, remark)
 
 
 def _plane(number: int, minute: int, what: str) -> PaperFigure:
@@ -222,9 +228,7 @@ def _plane(number: int, minute: int, what: str) -> PaperFigure:
         "over cutting speed and feed."
     )
     remark = "The chosen pair lies on the search's grid (10 m/min, 0.005 mm/rev), so just inside the limit that it meets."
-    name, source = f"grid_search_{number:02d}", f"{GRID_SEARCH}, Figure {number}"
-    checks = lambda: plane_checks(minute)  # noqa: E731
-    return PaperFigure(name, source, caption, lambda: draw_plane(minute), checks, remark if minute in STATED else "")
+    return _figure(number, minute, caption, draw_plane, plane_checks, remark if minute in STATED else "")
 
 
 _BEST = "with the highest feed that keeps all limits at each cutting speed"

@@ -1,6 +1,5 @@
 """What the grid search computes in one minute of its edge's life: at each cutting speed, and over the whole plane."""
 
-import itertools
 import math
 from dataclasses import dataclass
 from functools import cache
@@ -9,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.grid_search import highest_feed, predict
-from papers.reproduce.alaskari_oraby import PaperRun, whole_run
+from papers.reproduce.alaskari_oraby import PaperRun, whole_life
 
 Array = NDArray[np.float64]
 FINE = (76, 109)
@@ -24,7 +23,7 @@ def paper_run() -> PaperRun:
 
 def wear_before(minute: int) -> float:
     """Return the wear of the grid search's edge [mm] at the start of a minute, 1 to 15, of its life."""
-    return 0.0 if minute == 1 else whole_run()[minute - 2].wear
+    return 0.0 if minute == 1 else whole_life()[minute - 2].wear
 
 
 @dataclass(frozen=True)
@@ -97,22 +96,13 @@ def plane(minute: int) -> Responses:
 
 def sides(minute: int) -> int:
     """Return how many sides, and so corners, the feasible region of the plane has; 0 where nothing is feasible."""
-    found, scenario = plane(minute), paper_run().scenario
-    columns = found.within.any(axis=0)
-    if not columns.any():
+    found, most = plane(minute), paper_run().scenario.limits
+    columns = np.flatnonzero(found.within.any(axis=0))
+    if not columns.size:
         return 0
-    tops = found.within.shape[0] - 1 - np.argmax(found.within[::-1], axis=0)
-    above = []  # what ends the region upwards, in every column
-    for column in np.flatnonzero(columns):
-        row = tops[column] + 1
-        if row == found.within.shape[0]:
-            above.append("range")
-        elif found.thrust_force[row, column] > scenario.limits.thrust_force:
-            above.append("force")
-        elif found.power[row, column] > scenario.limits.power:
-            above.append("power")
-        else:
-            above.append("wear")
-    upper = 1 + sum(one != other for one, other in itertools.pairwise(above))
-    first, last = np.flatnonzero(columns)[[0, -1]]
-    return int(upper + 1 + (tops[first] > 0) + (tops[last] > 0))
+    last = found.within.shape[0] - 1
+    tops = (last - np.argmax(found.within[::-1], axis=0))[columns]
+    force, power = (values[np.minimum(tops + 1, last), columns] for values in (found.thrust_force, found.power))
+    # What ends the region upwards, in every column: the range of feeds, force, power or wear.
+    above = np.select([tops == last, force > most.thrust_force, power > most.power], [0, 1, 2], 3)
+    return int(2 + np.count_nonzero(np.diff(above)) + (tops[0] > 0) + (tops[-1] > 0))

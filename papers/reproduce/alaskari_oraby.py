@@ -1,28 +1,30 @@
-"""Alaskari and Oraby (2018): the grid search, its tables, its whole run, and the tests that it was compared with.
+"""Alaskari and Oraby (2018): the grid search, its tables, the life of its edge, and the tests that it was compared with.
 
-Table 1 (first interval of one minute) and Table 2 (second interval): the feed that the grid search chooses for each of 16 cutting
-speeds, and wear, force, power and removal rate there. Then the whole run, played by the grid search on RoughTurning-Paper-v0, and
-compared with the tests at fixed speed and feed.
+Table 1 (first minute) and Table 2 (second minute): the feed that the grid search chooses for each of 16 cutting speeds, and wear,
+force, power and removal rate there. Then the edge's whole life, played by the grid search on RoughTurning-Paper-v0, and compared
+with the tests at fixed speed and feed. The paper calls a minute a time interval.
 """
 
 import csv
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from baselines.grid_search import GridSearch, best_pair, grid, highest_feed, predict
 from papers import verification
 from papers.reproduce.checks import Check, at_most, table
-from papers.verification import COLLAPSE_FORCE, COLLAPSE_TIME, STATED_LIFE, TESTS
+from papers.verification import COLLAPSE_FORCE, COLLAPSE_TIME, STATED_LIFE, TESTS, Outcome, VerificationTest
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.physics.records import parameter_records
 
 PAPER = Path(__file__).parents[1] / "data"
-FIRST_WEAR = 0.157219
-"""Wear after the paper's first interval, from which its Table 2 starts [mm]."""
+WEAR_BEFORE = {1: 0.0, 2: 0.157219}
+"""Wear from which Tables 1 and 2 start [mm]."""
+EXACT = {"feed_mm_rev": 1e-9, "mrr_mm3_min": 1e-6}
+"""Tolerances of the columns that are no response."""
 
 MISPRINTS = {("50", "wear_increase_mm"): "0.01250"}
 """Table 2 prints 0.01255 here, but the row's 0.08003 - 0.06753 and its total wear give 0.01250."""
@@ -74,46 +76,30 @@ class PaperRun:
         return None if speed < 0 else (float(self.speeds[speed]), float(self.feeds[feed]))
 
 
-def table_1(run: PaperRun) -> Iterator[Check]:
-    """Yield the checks of the first interval: chosen feeds exactly, responses to 1e-5 of their value."""
-    for row in rows("table1.csv"):
+def table_checks(run: PaperRun, minute: int) -> Iterator[Check]:
+    """Yield the checks of Table 1 or 2: chosen feeds exactly, responses to 1e-5 of their value or to the last printed digit."""
+    depth, law = run.scenario.workpiece.depth_of_cut, run.scenario.material.wear
+    for row in rows(f"table{minute}.csv"):
         speed = float(row["speed_m_min"])
-        feed, wear, power, force = run.row(speed, 0.0, 0.0)
-        for name, ours, tolerance in (
-            ("feed_mm_rev", feed, 1e-9),
-            ("wear_mm", wear, 1e-5 * wear),
-            ("power_kw", power, 1e-5 * power),
-            ("thrust_force_n", force, 1e-5 * force),
-            ("mrr_mm3_min", 1000 * speed * feed * run.scenario.workpiece.depth_of_cut, 1e-6),
-        ):
-            yield Check(f"Table 1, {speed:.0f} m/min, {name}", float(row[name]), ours, tolerance)
-
-
-def table_2(run: PaperRun) -> Iterator[Check]:
-    """Yield the checks of the second interval: chosen feeds exactly, responses to the last printed digit."""
-    depth = run.scenario.workpiece.depth_of_cut
-    law = run.scenario.material.wear
-    for row in rows("table2.csv"):
-        speed = float(row["speed_m_min"])
-        feed, wear, power, force = run.row(speed, FIRST_WEAR, 1.0)
-        for name, ours in (
-            ("feed_mm_rev", feed),
-            ("wear_at_t_mm", float(law(speed, feed, depth, time=2.0))),
-            ("wear_at_t_minus_1_mm", float(law(speed, feed, depth, time=1.0))),
-            ("wear_increase_mm", wear - FIRST_WEAR),
-            ("total_wear_mm", wear),
-            ("power_kw", power),
-            ("thrust_force_n", force),
-            ("mrr_mm3_min", 1000 * speed * feed * depth),
-        ):
+        feed, wear, power, force = run.row(speed, WEAR_BEFORE[minute], minute - 1.0)
+        found = {"feed_mm_rev": feed, "power_kw": power, "thrust_force_n": force, "mrr_mm3_min": 1000 * speed * feed * depth}
+        if minute == 1:
+            found["wear_mm"] = wear
+        else:
+            found |= {
+                "wear_at_t_mm": float(law(speed, feed, depth, time=2.0)),
+                "wear_at_t_minus_1_mm": float(law(speed, feed, depth, time=1.0)),
+                "wear_increase_mm": wear - WEAR_BEFORE[minute],
+                "total_wear_mm": wear,
+            }
+        for name, ours in found.items():
             printed = MISPRINTS.get((row["speed_m_min"], name), row[name])
-            tolerance = 1e-9 if name == "feed_mm_rev" else last_digit(printed)
-            yield Check(f"Table 2, {speed:.0f} m/min, {name}", float(printed), ours, tolerance)
+            tolerance = EXACT.get(name, 1e-5 * ours if minute == 1 else last_digit(printed))
+            yield Check(f"Table {minute}, {speed:.0f} m/min, {name}", float(printed), ours, tolerance)
 
 
-@dataclass(frozen=True)
-class Interval:
-    """One minute of the whole run: the grid's pair, and the environment's response to the controller's action."""
+class Minute(NamedTuple):
+    """One minute of the edge's life: the grid's pair, and the environment's response to the controller's action."""
 
     pair: tuple[float, float]
     commanded: tuple[float, float]
@@ -131,53 +117,51 @@ class Interval:
 
 
 @cache
-def whole_run() -> tuple[Interval, ...]:
+def whole_life() -> tuple[Minute, ...]:
     """Return the edge's whole life, played on the environment until no pair is feasible."""
     run = PaperRun()
     env = RoughTurningEnv("paper")
     policy = GridSearch(run.scenario, 1)
     observation, info = env.reset(seed=0)
-    intervals: list[Interval] = []
-    while (pair := run.chosen(info["wear"], len(intervals))) is not None:
+    minutes: list[Minute] = []
+    while (pair := run.chosen(info["wear"], len(minutes))) is not None:
         observation, _, terminated, _, info = env.step(policy.act(observation[np.newaxis])[0])
         commanded = (info["cutting_speed"], info["feed"])
         state = (info["removed"], info["wear"], info["thrust_force"], info["power"])
-        intervals.append(Interval(pair, commanded, *state, terminated))
-    return tuple(intervals)
+        minutes.append(Minute(pair, commanded, *state, terminated))
+    return tuple(minutes)
 
 
-def run_checks() -> Iterator[Check]:
-    """Yield the checks of the whole run."""
-    intervals = whole_run()
-    for number, interval in enumerate(intervals, 1):
-        what = f"interval {number}: {{}} the controller commands"
-        yield Check(what.format("cutting speed"), interval.pair[0], interval.commanded[0], 1e-4)
-        yield Check(what.format("feed"), interval.pair[1], interval.commanded[1], 1e-6)
-        yield Check(f"interval {number}: edge finished", 0, interval.finished)
-    yield Check("intervals until no pair is feasible", 14, len(intervals))
+def life_checks() -> Iterator[Check]:
+    """Yield the checks of the edge's life."""
+    minutes = whole_life()
+    for number, minute in enumerate(minutes, 1):
+        yield Check(f"minute {number}: cutting speed the controller commands", minute.pair[0], minute.commanded[0], 1e-4)
+        yield Check(f"minute {number}: feed the controller commands", minute.pair[1], minute.commanded[1], 1e-6)
+        yield Check(f"minute {number}: edge finished", 0, minute.finished)
+    yield Check("minutes until no pair is feasible", 14, len(minutes))
     for number, speed, feed in ((1, 150.0, 0.58), (2, 140.0, 0.58), (14, 200.0, 0.205)):
-        yield Check(f"interval {number}: cutting speed [m/min]", speed, intervals[number - 1].pair[0], 1e-9)
-        yield Check(f"interval {number}: feed [mm/rev]", feed, intervals[number - 1].pair[1], 1e-9)
-    yield Check("wear after interval 14 [mm], just under 0.3", 0.2975, intervals[-1].wear, 0.0025)
+        yield Check(f"minute {number}: cutting speed [m/min]", speed, minutes[number - 1].pair[0], 1e-9)
+        yield Check(f"minute {number}: feed [mm/rev]", feed, minutes[number - 1].pair[1], 1e-9)
+    yield Check("wear after minute 14 [mm], just under 0.3", 0.2975, minutes[-1].wear, 0.0025)
     yield Check("mean removal rate [cm3/min], 158 to 159", 158.5, adaptive_control().rate, 1.5)
 
 
-def adaptive_control() -> verification.Outcome:
+def adaptive_control() -> Outcome:
     """Return the result of the grid search's edge."""
-    intervals = whole_run()
-    return verification.Outcome(sum(interval.removed for interval in intervals) / len(intervals), float(len(intervals)))
+    minutes = whole_life()
+    return Outcome(sum(minute.removed for minute in minutes) / len(minutes), float(len(minutes)))
 
 
-@dataclass(frozen=True)
-class Rival:
+class Rival(NamedTuple):
     """One of the tests T1 to T9, played."""
 
-    test: verification.VerificationTest
-    nominal: verification.Outcome
+    test: VerificationTest
+    nominal: Outcome
     """Result with nominal wear."""
-    wear_factor: float | None
-    """Factor on the nominal wear with which the edge lasts as long as measured [-]."""
-    measured: verification.Outcome | None
+    wear_factor: float
+    """Factor on the nominal wear with which the edge lasts as long as measured [-]; NaN where the paper gives no life."""
+    measured: Outcome | None
     """Result with the wear factor."""
 
 
@@ -186,76 +170,54 @@ def rivals() -> tuple[Rival, ...]:
     """Return all tests, played with nominal wear and, where the paper gives a life, with the wear that this implies."""
     found = []
     for test, nominal in zip(TESTS, verification.played(TESTS), strict=True):
-        factor = None if test.life is None else verification.implied_wear_factor(test, test.life)
-        measured = None if factor is None else verification.played([test], factor)[0]
-        found.append(Rival(test, nominal, factor, measured))
+        factor = np.nan if test.life is None else verification.implied_wear_factor(test, test.life)
+        found.append(Rival(test, nominal, factor, None if test.life is None else verification.played([test], factor)[0]))
     return tuple(found)
 
 
 def rival_checks() -> Iterator[Check]:
     """Yield the checks of the grid search against the tests."""
     control = adaptive_control()
-    for rival in rivals():
-        test, name = rival.test, rival.test.name
-        tolerance = ROUNDED * test.rate_ratio
-        yield Check(f"grid search / {name}, metal per minute", test.rate_ratio, control.rate / rival.nominal.rate, tolerance)
-        if test.life is None or rival.measured is None:
+    stated = Outcome(control.rate, STATED_LIFE)
+    for test, nominal, factor, measured in rivals():
+        what, ratio = f"grid search / {test.name}, metal per", test.rate_ratio
+        yield Check(f"{what} minute", ratio, control.rate / nominal.rate, ROUNDED * ratio)
+        if test.life is None or measured is None:
             continue
-        yield Check(
-            f"{name}: life [min], wear as measured (factor {rival.wear_factor:.2f})", test.life, rival.measured.life, 0.02
-        )
-        yield Check(
-            f"{name}: life [min], nominal wear",
-            test.life,
-            rival.nominal.life,
-            ROUNDED * test.life,
-            not_reproduced=f"the paper's edge wore {rival.wear_factor:.2f} times as much as its models say",
-        )
+        yield Check(f"{test.name}: life [min], wear as measured (factor {factor:.2f})", test.life, measured.life, 0.02)
+        reason = f"the paper's edge wore {factor:.2f} times as much as its models say"
+        yield Check(f"{test.name}: life [min], nominal wear", test.life, nominal.life, ROUNDED * test.life, not_reproduced=reason)
         if test.total_ratio is None:
             continue
-        tolerance = ROUNDED * test.total_ratio
-        what = f"grid search / {name}, metal per edge, {{}}"
-        stated = control.rate * STATED_LIFE / rival.measured.total
-        yield Check(what.format("life as measured; grid search 15 min"), test.total_ratio, stated, tolerance)
-        yield Check(
-            what.format("life as measured"),
-            test.total_ratio,
-            control.total / rival.measured.total,
-            tolerance,
-            not_reproduced="the ratio takes 15 min for the grid search, whose fifteenth minute has no feasible pair",
-        )
-        yield Check(
-            what.format("nominal wear"),
-            test.total_ratio,
-            control.total / rival.nominal.total,
-            tolerance,
-            not_reproduced="the grid search is given nominal wear, the test its measured wear",
-        )
-    by_name = {test.name: test for test in TESTS}
+        for given, ours, rival, reason in (
+            ("life as measured; grid search 15 min", stated, measured, ""),
+            (
+                "life as measured",
+                control,
+                measured,
+                "the ratio takes 15 min for the grid search, whose fifteenth minute has no feasible pair",
+            ),
+            ("nominal wear", control, nominal, "the grid search is given nominal wear, the test its measured wear"),
+        ):
+            tolerance = ROUNDED * test.total_ratio
+            yield Check(f"{what} edge, {given}", test.total_ratio, ours.total / rival.total, tolerance, not_reproduced=reason)
+    by_name = {rival.test.name: rival for rival in rivals()}
     for name in ("T5", "T8"):
-        _, power = verification.force_and_power(by_name[name], 0.3)
+        _, power = verification.force_and_power(by_name[name].test, 0.3)
         yield at_most(f"{name}: power when worn out [kW], the available not fully used", 7.0, power)
-    last = next(rival for rival in rivals() if rival.test.name == "T9")
-    assert last.wear_factor is not None
+    last = by_name["T9"]
     flank_wear = last.wear_factor * verification.wear(last.test, COLLAPSE_TIME)
     force, _ = verification.force_and_power(last.test, flank_wear)
-    yield Check(
-        "T9: thrust force when its edge collapsed [N]",
-        COLLAPSE_FORCE,
-        force,
-        ROUNDED * COLLAPSE_FORCE,
-        not_reproduced=f"at {flank_wear:.2f} mm of wear the force law gives less: it knows no plastic deformation",
-    )
+    reason = f"at {flank_wear:.2f} mm of wear the force law gives less: it knows no plastic deformation"
+    what = "T9: thrust force when its edge collapsed [N]"
+    yield Check(what, COLLAPSE_FORCE, force, ROUNDED * COLLAPSE_FORCE, not_reproduced=reason)
 
 
 def tables() -> Iterator[str]:
-    """Yield the tables of the whole run and of the comparison with the tests."""
-    for number, interval in enumerate(whole_run(), 1):
-        speed, feed = interval.pair
-        yield (
-            f"interval {number:2d}: {speed:.0f} m/min, {feed:.3f} mm/rev, {interval.removed:6.2f} cm3, "
-            f"{interval.wear:.4f} mm, {interval.thrust_force:.0f} N, {interval.power:.2f} kW"
-        )
+    """Yield the tables of the edge's life and of the comparison with the tests."""
+    for number, ((speed, feed), _, removed, wear, force, power, _) in enumerate(whole_life(), 1):
+        pair = f"minute {number:2d}: {speed:.0f} m/min, {feed:.3f} mm/rev"
+        yield f"{pair}, {removed:6.2f} cm3, {wear:.4f} mm, {force:.0f} N, {power:.2f} kW"
     control = adaptive_control()
     yield ""
     yield "Fixed speed and feed against the grid search (AC), at 2.5 mm; T6 and T7 cannot be recovered."
@@ -263,15 +225,14 @@ def tables() -> Iterator[str]:
     heads: tuple[str, ...] = ("", "m/min", "mm/rev", "cm3/min", "AC/test", "paper")
     heads += ("nominal min", "AC/test", "measured min", "wear", "AC/test", "at 15 min", "paper", "N", "kW")
     rows = []
-    for rival in rivals():
-        test, nominal, measured = rival.test, rival.nominal, rival.measured
+    for test, nominal, factor, measured in rivals():
         row = [test.name, f"{test.cutting_speed:.0f}", f"{test.feed:.3f}", f"{nominal.rate:.1f}"]
         row += [f"{control.rate / nominal.rate:.2f}", f"{test.rate_ratio:.2f}"]
         row += [f"{nominal.life:.1f}", f"{control.total / nominal.total:.2f}"]
         if measured is None:
             row += ["-"] * 5
         else:
-            row += [f"{measured.life:.1f}", f"{rival.wear_factor:.2f}", f"{control.total / measured.total:.2f}"]
+            row += [f"{measured.life:.1f}", f"{factor:.2f}", f"{control.total / measured.total:.2f}"]
             row += [f"{control.rate * STATED_LIFE / measured.total:.2f}", f"{test.total_ratio:.2f}" if test.total_ratio else "-"]
         force, power = verification.force_and_power(test, 0.3)
         rows.append([*row, f"{force:.0f}", f"{power:.2f}"])
@@ -282,7 +243,7 @@ def tables() -> Iterator[str]:
 def checks() -> Iterator[Check]:
     """Yield all checks of the paper."""
     run = PaperRun()
-    yield from table_1(run)
-    yield from table_2(run)
-    yield from run_checks()
+    yield from table_checks(run, 1)
+    yield from table_checks(run, 2)
+    yield from life_checks()
     yield from rival_checks()

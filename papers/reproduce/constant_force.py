@@ -7,10 +7,10 @@ means over seeds and over time after the control has settled. "Saturated" means 
 
 import csv
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from baselines.constant_force import ConstantForce, force_of_roughness
 from baselines.fixed import FixedParameters
 from baselines.models.part_program import PartProgram
+from papers import changed
 from papers.reproduce.checks import Check, at_least, at_most, claim, table
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.score.policy import Policy
@@ -34,9 +35,8 @@ FORCE_TOLERANCE, FEED_TOLERANCE = 0.08, 0.015
 """Relative, and in mm/rev: force over feed falls from 3080 to 2680 N per mm/rev in the table, and is 2850 here."""
 
 
-@dataclass(frozen=True)
-class Simulation:
-    """A row of Table 1."""
+class Simulation(NamedTuple):
+    """A simulation of Table 1."""
 
     number: int
     reference: float
@@ -54,13 +54,12 @@ class Simulation:
 
 
 def rows() -> list[Simulation]:
-    """Table 1 as printed (its Ra are in um, though it says mm)."""
+    """Return Table 1 as printed (its Ra are in um, though it says mm)."""
     with TABLE.open(newline="") as file:
         return [Simulation(int(number), *map(float, values)) for number, *values in list(csv.reader(file))[1:]]
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """Settled means of a simulation; arrays over seeds."""
 
     force: float
@@ -79,11 +78,7 @@ class Outcome:
 
 def held_at(reference: float, **sections: dict[str, Any]) -> Scenario:
     """Return the preset `surface` with one reference of Ra [um], and other values replaced."""
-    values = Scenario.load("surface").model_dump()
-    for section, replaced in sections.items():
-        values[section] |= replaced
-    values["surface"] |= {"reference_min": reference, "reference_max": reference}
-    return Scenario.model_validate(values)
+    return changed("surface", surface={"reference_min": reference, "reference_max": reference}, **sections)
 
 
 def record(policy: Policy, scenario: Scenario, num_envs: int) -> dict[str, NDArray[np.float64]]:
@@ -122,18 +117,17 @@ def outcomes() -> tuple[tuple[Simulation, Outcome, Outcome, Outcome | None], ...
         scenario = held_at(row.reference)
         uncontrolled = FixedParameters(scenario, scenario.control.initial_cutting_speed, row.uncontrolled_feed)
         program = PartProgram(scenario, {})
-        swinging = play(ConstantForce(program, NUM_SEEDS, on_command=True), scenario) if row.number in SHOWN else None
-        results.append((row, play(uncontrolled, scenario), play(ConstantForce(program, NUM_SEEDS), scenario), swinging))
+        on_command = play(ConstantForce(program, NUM_SEEDS, on_command=True), scenario) if row.number in SHOWN else None
+        results.append((row, play(uncontrolled, scenario), play(ConstantForce(program, NUM_SEEDS), scenario), on_command))
     return tuple(results)
 
 
 def simulation_checks() -> Iterator[Check]:
     """Yield the checks of the table."""
     for row, uncontrolled, controlled, on_command in outcomes():
-        name = f"simulation {row.number}, Ra {row.reference} um: "
-        free = controlled.saturated < 0.05
-        worst = np.abs(controlled.roughness[free] / row.reference - 1.0).max()
-        yield Check(f"{name}Ra reached [um]", row.reference, float(controlled.roughness.mean()), 0.05 * row.reference)
+        name, reference = f"simulation {row.number}, Ra {row.reference} um: ", row.reference
+        worst = np.abs(controlled.roughness[controlled.saturated < 0.05] / reference - 1.0).max()
+        yield Check(f"{name}Ra reached [um]", reference, float(controlled.roughness.mean()), 0.05 * reference)
         yield at_most(f"{name}deviation of mean Ra, worst unsaturated seed", 0.05, float(worst))
         yield Check(f"{name}force [N]", row.force, controlled.force, FORCE_TOLERANCE * row.force)
         yield Check(f"{name}feed [mm/rev]", row.feed, controlled.feed, FEED_TOLERANCE)
@@ -143,15 +137,14 @@ def simulation_checks() -> Iterator[Check]:
         printed = 0.2401 * float(np.exp(0.0034 * row.force))
         off = abs(printed / row.roughness - 1.0) > 0.05
         reason = "the table's force and Ra do not satisfy the paper's equation (5)" if off else ""
-        yield Check(
-            f"{name}Ra of the printed force by (5) [um]", row.roughness, printed, 0.05 * row.roughness, not_reproduced=reason
-        )
+        what = f"{name}Ra of the printed force by (5) [um]"
+        yield Check(what, row.roughness, printed, 0.05 * row.roughness, not_reproduced=reason)
 
 
 def text_checks() -> Iterator[Check]:
     """Yield the checks of the text."""
-    surface = Scenario.load("surface").surface
-    force = float(force_of_roughness(surface, np.array([1.6]))[0])
+    scenario = Scenario.load("surface")
+    force = float(force_of_roughness(scenario.surface, np.array([1.6]))[0])
     yield Check("force for Ra 1.6 um by the inverse of (5) [N]; the text: about 570", 570.0, force, 15.0)
     undisturbed = held_at(
         1.6,
@@ -160,58 +153,29 @@ def text_checks() -> Iterator[Check]:
     )
     ideal = play(ConstantForce(PartProgram(undisturbed, {}), NUM_SEEDS), undisturbed)
     yield at_most("without noise, deviation of Ra (ideal)", 0.001, ideal.deviation)
-    yield claim("when the reference falls, the feed is reduced at once", bool(np.all(reductions() > 0.0)))
-    yield claim(
-        "without force, the programmed feed is commanded", without_force() == Scenario.load("surface").control.initial_feed
-    )
-
-
-def reductions() -> NDArray[np.float64]:
-    """Return the reductions of the commanded feed in the step after each fall of the reference by a fifth or more [mm/rev]."""
-    scenario = Scenario.load("surface")
     kept = record(ConstantForce(PartProgram(scenario, {}), NUM_SEEDS), scenario, NUM_SEEDS)
     reference, feed = kept["roughness_reference"], kept["commanded_feed"]
-    # The info of a step holds the reference for the next one.
+    # The info of a step holds the reference for the next one: falls of a fifth or more, and the feed in the step after.
     falls = (reference[2:-1] < 0.8 * reference[1:-2]) & (kept["feed"][2:-1] > scenario.machine.feed_min)
-    return np.asarray((feed[2:-1] - feed[3:])[falls])
-
-
-def without_force() -> float:
-    """Return the feed commanded in air, where the force is 0 [mm/rev]."""
-    scenario = Scenario.load("surface")
-    env = RoughTurningVectorEnv(1, scenario)
-    observations, _ = env.reset(seed=0)
-    infos = env.step(ConstantForce(PartProgram(scenario, {}), 1).act(observations))[4]
-    return round(float(infos["commanded_feed"][0]), 6)
+    reduced = bool(np.all((feed[2:-1] - feed[3:])[falls] > 0.0))
+    yield claim("when the reference falls, the feed is reduced at once", reduced)
+    in_air = float(kept["commanded_feed"][0, 0])
+    yield claim("without force, the programmed feed is commanded", round(in_air, 6) == scenario.control.initial_feed)
 
 
 def tables() -> Iterator[str]:
     """Yield the table of the eight simulations and the paper's."""
     yield f"Means over {NUM_SEEDS} seeds, after {SETTLED:.0f} s; in brackets the paper's. Spread: of Ra over time, over its mean."
-    heads = (
-        "",
-        "Ra um",
-        "free: N",
-        "mm/rev",
-        "Ra",
-        "spread",
-        "held: N",
-        "mm/rev",
-        "Ra",
-        "spread",
-        "saturated",
-        "on command: spread",
-    )
+    heads = ["", "Ra um", "free: N", "mm/rev", "Ra", "spread", "held: N", "mm/rev", "Ra", "spread", "saturated"]
     lines = []
-    for row, free, held, swinging in outcomes():
+    for row, free, held, on_command in outcomes():
         line = [f"{row.number}", f"{row.reference:.1f}", f"{free.force:.0f} ({row.uncontrolled_force:.0f})", f"{free.feed:.3f}"]
         line += [f"{free.roughness.mean():.2f}", f"{free.spread:.1%}", f"{held.force:.0f} ({row.force:.0f})"]
         line += [f"{held.feed:.3f} ({row.feed:.2f})", f"{held.roughness.mean():.2f} ({row.roughness:.2f})", f"{held.spread:.1%}"]
-        lines.append([*line, f"{held.saturated.mean():.1%}", f"{swinging.spread:.1%}" if swinging is not None else "-"])
-    yield from table(heads, lines)
+        lines.append([*line, f"{held.saturated.mean():.1%}", f"{on_command.spread:.1%}" if on_command else "-"])
+    yield from table([*heads, "on command: spread"], lines)
 
 
 def checks() -> Iterator[Check]:
     """Yield all checks of the paper."""
-    yield from simulation_checks()
-    yield from text_checks()
+    return chain(simulation_checks(), text_checks())

@@ -82,7 +82,7 @@ class Blank:
 
     @property
     def largest(self) -> float:
-        """[mm]"""
+        """Greatest allowance [mm]."""
         return self.least + self.dispersion
 
     @property
@@ -142,11 +142,11 @@ def gain(rule: str, blank: Blank) -> tuple[int, float]:
     return 1 + int(np.argmin(uncorrected)), 100.0 * (min(uncorrected) / corrected - 1.0)
 
 
+_ONE_PASS = "its removal rate does not depend on depth: one pass is cheapest, and leaves nothing to correct"
+_TWO_PASSES = "the largest welded blank takes two passes: one would exceed the limit at the lathe's lowest feed"
 NOT_REPRODUCED = {
-    ("SN", "handbook"): "its removal rate does not depend on depth: one pass is cheapest, and leaves nothing to correct",
-    ("SN", "experience"): "its removal rate does not depend on depth: one pass is cheapest, and leaves nothing to correct",
-    ("PT", "experience"): "the largest welded blank takes two passes: one would exceed the limit at the lathe's lowest feed",
-    ("MT", "experience"): "the largest welded blank takes two passes: one would exceed the limit at the lathe's lowest feed",
+    **dict.fromkeys((("SN", "handbook"), ("SN", "experience")), _ONE_PASS),
+    **dict.fromkeys((("PT", "experience"), ("MT", "experience")), _TWO_PASSES),
 }
 
 

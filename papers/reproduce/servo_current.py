@@ -6,9 +6,8 @@ on the preset `override_current` (steps of 12 ms) and on `rough_turning_current`
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from baselines.current_limit import CUTOFF, WINDOW, CurrentLimit
 from baselines.fixed import FixedParameters
 from baselines.models.current_sensing import ForceEstimator
 from baselines.models.part_program import PartProgram
+from papers import changed
 from papers.reproduce.checks import Check, at_least, at_most, claim, table
 from turning_env import RoughTurningVectorEnv, Scenario, read
 from turning_env.physics.drives import force_from_current, steady_current
@@ -31,28 +31,16 @@ SETTLED = 3.0
 """Time after which the programmed feed has entered the bar and the estimates have settled [s]."""
 SETTINGS = ((0.2, 5), (0.5, 5), (CUTOFF, WINDOW))
 """Of the estimator: cut-off frequency over Nyquist's, samples of the root mean square. The last is the controller's."""
+DELAYS = [ForceEstimator(Scenario(), 1, *setting).delay for setting in SETTINGS]
+"""Of the estimates [samples]."""
 FEED_VELOCITIES = (50.0, 100.0, 150.0, 200.0)
 """At which the paper measures the idle current [mm/min]."""
 
-UNDISTURBED: dict[str, Any] = {
-    "depth_ripple": 0.0,
-    "depth_bar_spread": 0.0,
-    "depth_along_spread": 0.0,
-    "hardness_bar_spread": 0.0,
-    "hardness_along_spread": 0.0,
-}
+SPREADS = [f"{field}_{kind}_spread" for field in ("depth", "hardness") for kind in ("bar", "along")]
+UNDISTURBED: dict[str, Any] = dict.fromkeys(("depth_ripple", *SPREADS), 0.0)
 
 
-def changed(preset: str, **sections: dict[str, Any]) -> Scenario:
-    """Return a preset with some values replaced."""
-    values = Scenario.load(preset).model_dump()
-    for section, replaced in sections.items():
-        values[section] |= replaced
-    return Scenario.model_validate(values)
-
-
-@dataclass(frozen=True)
-class Record:
+class Record(NamedTuple):
     """Forces and currents at a fixed speed and feed; arrays of shape (steps, seeds)."""
 
     force: NDArray[np.float64]
@@ -70,45 +58,29 @@ class Record:
 def record(scenario: Scenario, seconds: float, feed: float | None = None) -> Record:
     """Play episodes from their start at the programmed speed, and the programmed feed or another [mm/rev]."""
     control = scenario.control
-    policy = FixedParameters(scenario, control.initial_cutting_speed, control.initial_feed if feed is None else feed)
+    policy = FixedParameters(scenario, control.initial_cutting_speed, feed or control.initial_feed)
     estimators = [ForceEstimator(scenario, NUM_SEEDS, cutoff, window) for cutoff, window in SETTINGS]
     env = RoughTurningVectorEnv(NUM_SEEDS, scenario)
     observations, _ = env.reset(seed=tuning_seeds(NUM_SEEDS))
-    kept: dict[str, list[Any]] = {"force": [], "current": [], "plain": [], "estimates": [], "cutting": []}
+    kept = []
     for _ in range(round(seconds / control.interval)):
         observations, _, _, _, infos = env.step(policy.act(observations))
         reading = read(observations, scenario)
-        kept["force"].append(infos["thrust_force"])
-        kept["current"].append(reading.servo_current)
-        kept["plain"].append(reading.thrust_force)
-        kept["estimates"].append([estimator.update(reading)[0] for estimator in estimators])
-        kept["cutting"].append(infos["cutting"])
-    arrays = {name: np.array(values) for name, values in kept.items()}
-    cutting = arrays["cutting"].astype(np.bool_)
+        estimates = [estimator.update(reading)[0] for estimator in estimators]
+        kept.append((infos["thrust_force"], reading.servo_current, reading.thrust_force, estimates, infos["cutting"]))
+    force, current, plain, estimated, cut = map(np.array, zip(*kept, strict=True))
+    cutting = cut.astype(np.bool_)
     in_metal = cutting.copy()
     for ago in range(1, 16):
         in_metal[ago:] &= cutting[:-ago]
         in_metal[:ago] = False
-    estimates = np.moveaxis(arrays["estimates"], 1, 0)
-    return Record(arrays["force"], arrays["current"], arrays["plain"], estimates, in_metal)
-
-
-@cache
-def steady() -> Record:
-    """Return the record with one depth, one hardness, no run-out: only sensor noise and motor ripple."""
-    return record(changed("override_current", workpiece=UNDISTURBED | {"depth_profile": []}), 15.0)
+    return Record(force, current, plain, np.moveaxis(estimated, 1, 0), in_metal)
 
 
 @cache
 def stepped() -> Record:
     """Return the record of the stepped bar."""
     return record(Scenario.load("override_current"), 19.0)
-
-
-@cache
-def slow() -> Record:
-    """Return the record at steps of 1 s."""
-    return record(Scenario.load("rough_turning_current"), 300.0)
 
 
 def errors(kept: Record, start: float, lags: tuple[int, ...] | None = None) -> list[float]:
@@ -133,38 +105,31 @@ def all_errors() -> dict[str, list[float]]:
     """Return the errors of the plain inversion and of every setting, by record."""
     start = SETTLED / Scenario.load("override_current").control.interval
     sensor = sensor_lag()
-    lags = (sensor, *(sensor + round(ForceEstimator(Scenario(), 1, *setting).delay) for setting in SETTINGS))
+    lags = (sensor, *(sensor + round(delay) for delay in DELAYS))
+    # One depth, one hardness, no run-out: only sensor noise and motor ripple.
+    steady = record(changed("override_current", workpiece=UNDISTURBED | {"depth_profile": []}), 15.0)
     return {
-        "12 ms, steady cutting": errors(steady(), start),
+        "12 ms, steady cutting": errors(steady, start),
         "12 ms, stepped bar": errors(stepped(), start),
         "12 ms, stepped bar, lag allowed for": errors(stepped(), start, lags),
-        "1 s": errors(slow(), 15),
+        "1 s": errors(record(Scenario.load("rough_turning_current"), 300.0), 15),
     }
 
 
-def best_lag(kept: Record, most: int = 40) -> int:
-    """Return the lag of the current's force behind the true force, at which they differ least [samples]."""
+@cache
+def sensor_lag(most: int = 40) -> int:
+    """Return the lag of the force by static inversion behind the true force, at which they differ least [samples]."""
     start = round(SETTLED / 0.012)
-    force, plain = kept.force[start - most :], kept.plain[start:]
+    force, plain = stepped().force[start - most :], stepped().plain[start:]
     differences = [np.mean((plain - force[most - lag :][: len(plain)]) ** 2) for lag in range(most)]
     return int(np.argmin(differences))
-
-
-@cache
-def sensor_lag() -> int:
-    """Return the lag of the static inversion of every sample [samples]."""
-    return best_lag(stepped())
 
 
 def no_load_currents() -> NDArray[np.float64]:
     """Return the mean measured current in air at the paper's feed velocities [A]."""
     scenario = changed("override_current", workpiece={"approach": 1000.0}, machine={"feed_min": 0.01})
     revolutions = 1000.0 / (math.pi * scenario.workpiece.diameter) * scenario.control.initial_cutting_speed
-    means = []
-    for feed_velocity in FEED_VELOCITIES:
-        feed = feed_velocity / revolutions
-        means.append(record(scenario, 1.2, feed).current[-20:].mean())
-    return np.array(means)
+    return np.array([record(scenario, 1.2, velocity / revolutions).current[-20:].mean() for velocity in FEED_VELOCITIES])
 
 
 def currents_of_depths() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -211,17 +176,12 @@ def motor_checks() -> Iterator[Check]:
 
 def estimation_checks() -> Iterator[Check]:
     """Yield the checks of filter and root mean square against the inversion of every sample."""
-    found = all_errors()
-    plain, *filtered = found["12 ms, steady cutting"]
-    for (cutoff, window), error in zip(SETTINGS, filtered, strict=True):
-        name = f"steady cutting, cut-off {cutoff}, {window} samples: error over that of one sample"
-        yield at_most(name, 0.7, error / plain)
-    plain, *filtered = found["12 ms, stepped bar"]
+    plain, *filtered = all_errors()["12 ms, stepped bar"]
     yield claim("stepped bar: the lowest cut-off lags so far that it does worse than one sample", filtered[0] > plain)
-    plain, *filtered = found["12 ms, stepped bar, lag allowed for"]
-    for (cutoff, window), error in zip(SETTINGS, filtered, strict=True):
-        name = f"stepped bar, cut-off {cutoff}, {window} samples: error but for the lag, over that of one sample"
-        yield at_most(name, 0.8, error / plain)
+    for name, most in (("12 ms, steady cutting", 0.7), ("12 ms, stepped bar, lag allowed for", 0.8)):
+        plain, *filtered = all_errors()[name]
+        for (cutoff, window), error in zip(SETTINGS, filtered, strict=True):
+            yield at_most(f"{name}, cut-off {cutoff}, {window} samples: error over one sample's", most, error / plain)
 
 
 def control_checks() -> Iterator[Check]:
@@ -259,11 +219,10 @@ def controlled() -> dict[str, tuple[float, float, float]]:
 
 def tables() -> Iterator[str]:
     """Yield the tables of the estimates' errors and of the adaptive feed."""
-    delays = [ForceEstimator(Scenario(), 1, *setting).delay for setting in SETTINGS]
     yield "Estimated against true thrust force, root mean square error over mean force, at the programmed feed."
     heads = ["", "every sample inverted", *(f"cut-off {cutoff}, {window} samples" for cutoff, window in SETTINGS)]
     rows = [[name, *(f"{error:.1%}" for error in found)] for name, found in all_errors().items()]
-    yield from table(heads, [*rows, ["lag of the estimate [samples]", "", *(f"{delay:.1f}" for delay in delays)]])
+    yield from table(heads, [*rows, ["lag of the estimate [samples]", "", *(f"{delay:.1f}" for delay in DELAYS)]])
     yield ""
     results = [
         [name, f"{mean_return:.1f}", f"{time:.1f}", f"{severe:.1%}"] for name, (mean_return, time, severe) in controlled().items()

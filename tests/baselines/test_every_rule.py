@@ -12,7 +12,13 @@ from turning_env.observation import bounds
 
 SCENARIOS = {name: Scenario.load(name).nominal() for name in presets()}
 SHOWN = ("rough_turning", "shift", "paper", "override", "surface", "batch_casting")
-PLAYED = [(name, preset) for name, rule in RULES.items() for preset in SHOWN if rule.plays(SCENARIOS[preset])]
+PLAYED = [
+    # The optimisers price the edge's life when they are built, which takes a second where edges are changed.
+    pytest.param(name, preset, marks=[pytest.mark.slow] if rule.tuned_on and preset == "shift" else [])
+    for name, rule in RULES.items()
+    for preset in SHOWN
+    if rule.plays(SCENARIOS[preset])
+]
 
 
 def parameters(rule: Rule) -> Parameters:

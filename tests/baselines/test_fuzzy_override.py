@@ -17,25 +17,23 @@ def percent(override: float, load: float, target: float, form: dict[str, float])
     return 100.0 * float(new_override(*shares, target / 100.0, 2.0, **form)[0])
 
 
-def test_equations_1_to_4() -> None:
-    # exp(-5/60^2 30^2) = 0.286505 and exp(-10/0.4 0.15^2) = 0.569783
-    assert percent(100.0, 30.0, 60.0, FIRST_FORM) == pytest.approx(200 * (0.5 + 0.286505 - 0.286505 * 0.5), rel=1e-5)
-    assert percent(100.0, 75.0, 60.0, FIRST_FORM) == pytest.approx(56.9783, rel=1e-5)
-
-
-def test_equations_5_to_7() -> None:
-    assert percent(100.0, 30.0, 60.0, MODIFIED_FORM) == pytest.approx(200 * (0.5 + 0.0286505 - 0.0286505 * 0.5), rel=1e-5)
-    assert percent(100.0, 75.0, 60.0, MODIFIED_FORM) == pytest.approx((0.1 * 0.569783 + 0.9) * 75 + 25, rel=1e-5)
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_on_target_the_override_stays(form: dict[str, float]) -> None:
-    assert percent(145.0, 60.0, 60.0, form) == pytest.approx(145.0)
-
-
-def test_without_load_the_first_form_goes_to_200_at_once_and_the_modified_a_tenth_of_the_way() -> None:
-    assert percent(1.0, 0.0, 60.0, FIRST_FORM) == pytest.approx(200.0)
-    assert percent(100.0, 0.0, 60.0, MODIFIED_FORM) == pytest.approx(110.0)
+@pytest.mark.parametrize(
+    ("form", "override", "load", "expected"),
+    [
+        # exp(-5/60^2 30^2) = 0.286505 and exp(-10/0.4 0.15^2) = 0.569783
+        (FIRST_FORM, 100.0, 30.0, 200 * (0.5 + 0.286505 - 0.286505 * 0.5)),
+        (FIRST_FORM, 100.0, 75.0, 56.9783),
+        (MODIFIED_FORM, 100.0, 30.0, 200 * (0.5 + 0.0286505 - 0.0286505 * 0.5)),
+        (MODIFIED_FORM, 100.0, 75.0, (0.1 * 0.569783 + 0.9) * 75 + 25),
+        # On target the override stays; without load the first form goes to 200 % at once, the modified a tenth of the way.
+        (FIRST_FORM, 145.0, 60.0, 145.0),
+        (MODIFIED_FORM, 145.0, 60.0, 145.0),
+        (FIRST_FORM, 1.0, 0.0, 200.0),
+        (MODIFIED_FORM, 100.0, 0.0, 110.0),
+    ],
+)
+def test_equations(form: dict[str, float], override: float, load: float, expected: float) -> None:
+    assert percent(override, load, 60.0, form) == pytest.approx(expected, rel=1e-5)
 
 
 def test_overload_stops_the_first_form_and_leaves_the_modified_a_quarter() -> None:

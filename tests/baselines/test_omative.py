@@ -4,7 +4,6 @@ import pytest
 from baselines.load_override import LOWEST_OVERRIDE
 from baselines.models.part_program import PartProgram
 from baselines.omative import ENTRY_TIME, AirGapControl
-from papers.stepped_bar import play_bar, stepped_bar
 from tests.baselines.observing import observe, override_of
 from tests.turning_env.playing import changed
 from turning_env import Scenario
@@ -42,7 +41,7 @@ def test_air_is_crossed_fast_and_metal_entered_gently() -> None:
     assert asked(policy, load=0.1, override=2.0) == pytest.approx(0.6)
 
 
-def test_entry_takes_one_interval_where_that_is_longer() -> None:
+def test_entry_takes_one_step_where_that_is_longer() -> None:
     scenario = changed(OVERRIDE, control={"interval": 1.0})
     policy = control(scenario)
     policy.act(observe(scenario, cutting=False))
@@ -64,10 +63,3 @@ def test_and_rises_gradually() -> None:
 def test_extreme_loads_leave_it_within_its_limits() -> None:
     assert asked(in_metal(), load=2.4, override=1.0, actual_override=0.01) == pytest.approx(LOWEST_OVERRIDE, rel=1e-3)
     assert asked(in_metal(rise=1e6), load=0.0, override=1.0) == pytest.approx(2.0, rel=1e-3)
-
-
-def test_the_load_is_held_at_the_target() -> None:
-    scenario = stepped_bar()
-    run = play_bar(lambda num_envs: control(scenario), scenario)
-    for depth in (2.0, 3.0):
-        np.testing.assert_allclose(run.at_depth(depth, 2.0).load, 0.6, rtol=0.01)

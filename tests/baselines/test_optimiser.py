@@ -5,6 +5,7 @@ import pytest
 
 from baselines.optimiser import RULES, Optimiser
 from tests.baselines.models.test_kalman import QUIET
+from tests.baselines.observing import seen
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.score.play import play
@@ -16,11 +17,11 @@ EXACT = changed(TIGHT, sensors={"force_noise": 0.0, "power_noise": 0.0})
 
 def driven(scenario: Scenario, policy: Optimiser, steps: int) -> list[dict[str, np.ndarray]]:
     env = RoughTurningVectorEnv(2, scenario)
-    seen, _ = env.reset(seed=0)
+    observations, _ = env.reset(seed=0)
     policy.reset(np.ones(2, np.bool_))
     infos = []
     for _ in range(steps):
-        seen, _, _, _, info = env.step(policy.act(seen))
+        observations, _, _, _, info = env.step(policy.act(observations))
         infos.append(info)
     return infos
 
@@ -42,20 +43,15 @@ def test_dear_overload_leaves_a_wider_margin() -> None:
     assert highest_load(4.0) < highest_load(0.5) - 0.01
 
 
-def observation(**entries: float) -> np.ndarray:
-    """An observation in metal, a few minutes into its edge, with loads as predicted but for ``entries``."""
-    names = ("power", "force", "speed", "feed", "commanded_speed", "commanded_feed", "time", "wear", "power_ratio", "force_ratio")
-    values = {name: 0.0 for name in names} | {"time": 1.5, "wear": 0.6, "cutting": 1.0} | entries
-    return np.array([list(values.values())], np.float32)
-
-
 @pytest.mark.parametrize("load", [2.5, 15.0])
 def test_a_load_above_the_limit_lowers_the_feed(load: float) -> None:
     policy = Optimiser(Scenario(), 1, 2.0, 1.0)
     policy.reset(np.ones(1, np.bool_))
-    policy.act(observation(cutting=0.0, power=-5.0, force=-5.0, power_ratio=-5.0, force_ratio=-5.0))
+    edge = {"cutting_time": 1.5, "nominal_wear": 0.6}
+    air = dict.fromkeys(("power", "thrust_force", "power_ratio", "force_ratio"), -5.0)
+    policy.act(seen(**edge, **air, cutting=0.0))
     for _ in range(5):
-        action = policy.act(observation(power=load, force=load, power_ratio=load, force_ratio=load))
+        action = policy.act(seen(**edge, **dict.fromkeys(air, load)))
     assert action[0, 1] < -0.3
 
 

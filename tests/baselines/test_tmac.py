@@ -90,14 +90,7 @@ def test_a_fresh_edge_is_learned_anew() -> None:
     assert not changes(policy, REFERENCE * 1.8, 5.0)
 
 
-def test_a_cut_without_power_is_learned_without_harm() -> None:
-    policy = LearnedPower(PartProgram(OVERRIDE, {}), 1, 1.0, 5.0, 2.5, 1.4)
-    with np.errstate(all="raise"):
-        overrides = [asked(policy, load=0.0, cutting_time=second / 60.0) for second in (0.6, 1.0, 2.0, 3.0)]
-    assert np.all(np.isfinite(overrides))
-
-
-def test_an_interval_longer_than_learning_learns_from_the_first_that_it_sees() -> None:
+def test_a_step_longer_than_learning_learns_from_the_first_that_it_sees() -> None:
     scenario = Scenario.load("paper")
     policy = LearnedPower(PartProgram(scenario, {}), 1, 1.0, 1.0, 2.0, 1.4)
     actions = [policy.act(observe(scenario, load=0.3, cutting_time=minute))[0, 1] for minute in (0.0, 1.0, 2.0)]

@@ -8,11 +8,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from papers.figures import __main__ as command
-from papers.figures import life, minutes, override, roughness, servo
+from papers.figures import minutes, override, roughness, servo
 from papers.figures.paper_figure import PaperFigure
 from papers.figures.responses import best_at_each_speed, responses, sides
 from papers.reproduce import constant_force, servo_current
-from papers.reproduce.alaskari_oraby import rows, whole_run
+from papers.reproduce.alaskari_oraby import rows
 from papers.reproduce.checks import Check, claim
 from papers.stepped_bar import stepped_bar
 from turning_env import Scenario
@@ -73,15 +73,6 @@ def test_points_lie_on_what_the_paper_prints(minute: int, table: str) -> None:
         np.testing.assert_allclose(
             np.asarray(ours.get_ydata()), np.asarray(printed.get_ydata()), atol=roundings[axes.get_ylabel()]
         )
-
-
-def test_life_is_drawn_as_played() -> None:
-    for axes, name in zip(life.draw_responses().axes, ("thrust_force", "power", "removed"), strict=True):
-        assert list(axes.lines[0].get_ydata()) == [getattr(minute, name) for minute in whole_run()]
-    assert life.stated("cutting speed") == {1: 150.0, 2: 140.0, 14: 200.0}
-    for axes in life.draw_pairs().axes:
-        ours, stated = (dict(zip(*line.get_data(), strict=True)) for line in axes.lines)
-        assert stated == pytest.approx({minute: ours[minute] for minute in stated})
 
 
 def test_the_plane_shows_the_chosen_pair_at_the_region_s_edge_and_lines_on_the_limits() -> None:

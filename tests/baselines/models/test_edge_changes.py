@@ -14,6 +14,7 @@ SHIFT = changed(Scenario.load("shift"), control={"time_limit": 90.0})
 RULE = Rule("fixed", lambda scenario, num_envs, p: FixedParameters(scenario, 150.0, 0.3), lambda scenario: True, {"margin": 1.0})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change_at", [0.6, 0.8])
 def test_the_edge_is_changed_when_the_nominal_wear_says_so(change_at):
     env = RoughTurningEnv(changed(SHIFT, tool={"wear_factor_spread": 0.0, "edge_strength": 1e6}))

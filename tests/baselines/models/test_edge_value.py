@@ -20,10 +20,6 @@ def test_the_expected_excess_is_the_integral(log_mean: float, spread: float) -> 
     assert expected_excess(np.array(log_mean), spread) == pytest.approx(quad(integrand, -8, 8, points=[-log_mean / spread])[0])
 
 
-def test_without_spread_the_excess_is_what_it_is() -> None:
-    assert expected_excess(np.log(np.array([0.5, 1.0, 1.3])), 1e-6) == pytest.approx([0.0, 0.0, 0.3], abs=1e-6)
-
-
 def test_a_fresh_edge_is_worth_more_than_a_worn_one() -> None:
     prices = worth(Scenario(), PRICE).life
     assert prices.shape == USED_LIVES.shape
@@ -35,6 +31,7 @@ def test_what_the_edge_is_charged_does_not_change_what_its_life_is_worth() -> No
     assert worth(dear, PRICE).life == pytest.approx(worth(Scenario(), PRICE).life)
 
 
+@pytest.mark.slow
 def test_where_edges_are_changed_a_whole_edge_pays_for_its_time() -> None:
     """Time that is dear makes a worn edge not worth keeping, the more so the cheaper its successor."""
     shift = Scenario.load("shift")

@@ -1,21 +1,11 @@
 import numpy as np
 import pytest
 
-from baselines import fuzzy_override, load_override, omative, tmac
-from baselines.models.part_program import PartProgram, target_load
-from baselines.rule import Range, Rule
+from baselines.models.part_program import PartProgram
 from tests.baselines.observing import observe, override_of
-from turning_env import RoughTurningVectorEnv, Scenario, presets, read
+from turning_env import RoughTurningVectorEnv, Scenario, read
 
 OVERRIDE = Scenario.load("override")
-RULES = fuzzy_override.RULES | load_override.RULES | tmac.RULES | omative.RULES
-PLAYED = [(name, preset) for name in RULES for preset in presets() if RULES[name].plays(Scenario.load(preset))]
-
-
-def middle(rule: Rule) -> dict[str, float]:
-    return {
-        name: 0.5 * (value.low + value.high) if isinstance(value, Range) else value for name, value in rule.parameters.items()
-    }
 
 
 def test_what_is_commanded_comes_back_as_the_present_override() -> None:
@@ -50,8 +40,3 @@ def test_a_program_of_its_own_sets_speed_and_feed(preset: str) -> None:
 def test_a_program_is_kept_within_the_machine() -> None:
     program = PartProgram(OVERRIDE, {"cutting_speed": 500.0, "feed": 5.0})
     assert (program.cutting_speed, program.feed) == (180.0, 0.8)
-
-
-def test_the_target_is_a_share_of_the_power_limit() -> None:
-    assert target_load(OVERRIDE, 1.0) == pytest.approx(0.6)
-    assert target_load(Scenario(), 0.75) == pytest.approx(0.7)

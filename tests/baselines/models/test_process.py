@@ -1,5 +1,4 @@
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,10 +24,6 @@ def test_at_the_life_the_wear_is_the_criterion() -> None:
 def test_the_cost_is_time_and_edges_per_metal() -> None:
     life = float(np.exp(STEEL.log_life(np.log(150.0), np.log(0.4), 3.0, 1.1)))
     assert math.exp(log_cost(STEEL, 150.0, 0.4, 3.0, 1.1)) == pytest.approx((1.0 + 5.0 / life) / (150.0 * 0.4 * 3.0))
-
-
-def test_edges_that_cost_nothing_leave_the_time() -> None:
-    assert math.exp(log_cost(replace(STEEL, edge_price=0.0), 150.0, 0.4, 3.0)) == pytest.approx(1.0 / 180.0)
 
 
 def test_torque_is_power_over_angular_speed() -> None:
