@@ -126,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error(f"--{name.replace('_', '-')} is {value}, but must be 1 to {most}")
     scenario = Scenario.load(IDS[ENV_ID])
     try:
-        rule = play(catalogue.entry(options.rule, scenario).make, scenario, tuning_seeds(options.tuning_seeds))["return"]
+        rule = play(catalogue.spec(options.rule, scenario).make, scenario, tuning_seeds(options.tuning_seeds))["return"]
     except (KeyError, ValueError) as error:
         parser.error(str(error.args[0]))
     overrides = {} if options.steps is None else {"steps": options.steps}

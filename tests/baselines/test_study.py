@@ -1,5 +1,6 @@
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -130,18 +131,17 @@ def test_what_is_found_is_found_again_without_playing(scored: Callable[[Score], 
     assert len(counted.settings) == 16
 
 
-@pytest.mark.parametrize(("trials", "seeds", "time_limit"), [(6, 4, 0.1), (5, 3, 0.1), (5, 4, 0.2)])
+@pytest.mark.parametrize(
+    ("trials", "seeds", "version", "time_limit"), [(6, 4, 1, 0.1), (5, 3, 1, 0.1), (5, 4, 2, 0.1), (5, 4, 1, 0.2)]
+)
 def test_another_task_starts_anew(
-    trials: int, seeds: int, time_limit: float, scored: Callable[[Score], Counted], monkeypatch: pytest.MonkeyPatch
+    trials: int, seeds: int, version: int, time_limit: float, scored: Callable[[Score], Counted]
 ) -> None:
     scenario = Scenario.model_validate({"name": "short", "control": {"time_limit": time_limit}})
     counted = scored(hill)
     run(trials=5)
-    search("made_up", RULE, scenario, trials, seeds)
+    search("made_up", replace(RULE, version=version), scenario, trials, seeds)
     assert len(counted.settings) == 5 + trials
-    monkeypatch.setattr(study, "code_digest", lambda: "changed")
-    run(trials=5)
-    assert len(counted.settings) == 10 + trials
 
 
 DAMAGES = ["garbled", "", "{}\n", "null\n", "[]\n", '{"op_code": 3}\n', "\xff\n", "[" * 100_000 + "\n"]

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from baselines import tuned
-from baselines.catalogue import RULES, entry
+from baselines.catalogue import RULES, spec
 from baselines.rule import Range, Rule
 from baselines.tune import __main__ as tune
 from baselines.tune import study
@@ -42,9 +42,10 @@ def test_the_same_command_writes_the_same_file(folder: Path) -> None:
     assert values["budget"] == {"trials": 3, "seeds": 2}
     assert list(values["rules"]) == ["fixed_tuned", "other"]
     for name, found in values["rules"].items():
-        played = play_setting(RULES[name], SHORT, entry(name, SHORT).parameters, [1_000_000_000, 1_000_000_001])
+        played = play_setting(RULES[name], SHORT, spec(name, SHORT).parameters, [1_000_000_000, 1_000_000_001])
         assert found.pop("parameters").keys() == RULES[name].ranges.keys()
         assert found == {
+            "version": 1,
             "mean_return": played.mean_return,
             "severe_share": played.severe_share,
             "feasible": played.severe_limit <= SHORT.limits.overload_allowance,
@@ -97,7 +98,7 @@ def test_interrupted_it_goes_on_to_the_same_file(
 def test_some_rules_are_tuned_and_the_others_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(folder, "--rules", "other") == 0
     with pytest.raises(tuned.NotTuned, match=r"fixed_tuned has not been tuned.*--rules fixed_tuned"):
-        entry("fixed_tuned", SHORT)
+        spec("fixed_tuned", SHORT)
     assert run(folder, "--rules", "fixed_tuned") == 0
     path = folder / "tuned" / "short.json"
     text = path.read_text()
@@ -115,7 +116,7 @@ def test_what_was_tuned_for_other_values_is_not_kept(folder: Path) -> None:
     other = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.2}})
     other.save(folder / "short.toml")
     assert run(folder, "--rules", "other", "--trials", "4") == 0
-    assert tuned.parameters(other).keys() == {"other"}
+    assert tuned.rules(other).keys() == {"other"}
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ def test_commands(tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixt
     assert "3 seeds" in captured.out
     assert "warning: 1 seeds of" in captured.err
     page = (results / "index.html").read_text("utf-8")
-    assert "3 seeds, private: only who scores knows them" in page
+    assert "3 seeds, private: only the scorer knows them" in page
     assert "--seeds PRIVATE_SEEDS.txt" in page
     assert not any(seed in page for seed in seeds.read_text().split()[1:])
     complaints = verify.check(results, tmp_path, verify.Selection())

@@ -32,7 +32,7 @@ def allowed(bound: Any, machine_time: Any) -> Any:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["fixed_tuned", "grid_search", "rescaled_grid_search"])
 def test_no_rule_earns_more(name: str, bound: NDArray[np.float64]) -> None:
-    episodes = play(catalogue.entry(name, BASE).make, BASE, SEEDS)
+    episodes = play(catalogue.spec(name, BASE).make, BASE, SEEDS)
     assert (episodes["return"] <= allowed(bound, episodes["time"])).all()
 
 
@@ -135,7 +135,7 @@ def test_every_seed_is_reported() -> None:
 def test_an_override_of_the_feed_is_bounded_too() -> None:
     override = Scenario.load("override")
     limit = bounds(override, SEEDS)
-    episodes = play(catalogue.entry("omative", override).make, override, SEEDS)
+    episodes = play(catalogue.spec("omative", override).make, override, SEEDS)
     assert (episodes["return"] <= allowed(limit, episodes["time"])).all()
     assert (limit - episodes["return"] < 10.0).all()
 

@@ -33,7 +33,7 @@ def test_it_knows_depth_hardness_and_wear() -> None:
 def test_who_knows_more_earns_more() -> None:
     seeds = tuning_seeds(6)
     told = play(lambda num_envs: PerfectState(BASE, num_envs), BASE, seeds, tell=True)
-    rule = play(catalogue.entry("predictive", BASE).make, BASE, seeds)
+    rule = play(catalogue.spec("predictive", BASE).make, BASE, seeds)
     assert (told["return"] > rule["return"]).mean() > 0.8
     assert told["return"].mean() > rule["return"].mean() + 15.0
 
