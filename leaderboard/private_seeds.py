@@ -1,9 +1,9 @@
-"""Seeds known only to those who score: a policy that has learned the public seeds by heart cannot know these.
+r"""Seeds known only to those who score: a policy that has learned the public seeds by heart cannot know these.
 
 A file holds them, as text with one number per line (``#`` begins a remark) or as a JSON list. The results that are played on them
 hold their digest and not the seeds. So that these cannot be found by trying, they should be drawn from all that there are:
 
-    python -c "import secrets; print(*(secrets.randbits(64) for _ in range(256)), sep='\\n')" > private_seeds.txt
+    python -c "import secrets; print(*(secrets.randbits(64) for _ in range(256)), sep='\n')" > private_seeds.txt
 """
 
 import json
