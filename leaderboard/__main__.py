@@ -48,7 +48,11 @@ def _run(options: argparse.Namespace) -> None:
     from leaderboard import run  # needed only here: plays
 
     task, private = _task(options)
-    tasks = [task, *(_splits(task, options.split_seeds) if options.splits else [])]
+    tasks = [task]
+    if options.splits:
+        if task.env_id != SPLITS_ENV_ID:
+            raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID}")
+        tasks += [task.model_copy(update={"scenario": Scenario.load(name), "seeds": options.split_seeds}) for name in SPLITS]
     runs = []
     for each in tasks:  # load all policies first, so that errors are found before anything is played
         policies = [
@@ -87,13 +91,6 @@ def _task(options: argparse.Namespace) -> tuple[Task, PrivateSeeds | None]:
     if private.public:
         print(f"warning: {private.public} seeds of {given} are below {PUBLIC}, where all seeds are public", file=sys.stderr)
     return private.task_of(task), private
-
-
-def _splits(task: Task, seeds: list[int]) -> list[Task]:
-    """Return the tasks that play these seeds of every split."""
-    if task.env_id != SPLITS_ENV_ID:
-        raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID}")
-    return [task.model_copy(update={"scenario": Scenario.load(name), "seeds": seeds}) for name in SPLITS]
 
 
 def _show(options: argparse.Namespace) -> None:

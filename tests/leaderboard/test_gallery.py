@@ -97,15 +97,6 @@ def test_feed_at_entry_is_that_of_later_bars_at_their_start(make_episode: MakeEp
     assert measure([make_episode(feed=np.where(path == 5.0, 0.1, 0.4))])["feed_at_entry"] == pytest.approx(100.0)
 
 
-def test_entries_need_long_bars_and_short_steps(make_episode: MakeEpisode) -> None:
-    episode = make_episode()
-    assert len(list(episode.entries())) == 2
-    coarse = Episode(7, episode.scenario, {name: values[::3] for name, values in episode.series.items()})
-    assert not list(coarse.entries())
-    short = Scenario.model_validate({"workpiece": BAR | {"bar_length": 40.0}})
-    assert not list(Episode(7, short, episode.series).entries())
-
-
 def test_table_and_json_hold_every_number(make_episode: MakeEpisode) -> None:
     played = {"one": [make_episode()], "two": [make_episode(used_life=0.1, feed=0.3)]}
     lines = behaviour.render(played).splitlines()
@@ -127,19 +118,6 @@ def test_every_picture_is_drawn(make_episode: MakeEpisode, tmp_path: Path) -> No
     (tmp_path / "file").write_text("")
     with pytest.raises(ResultError, match=r"operating_point\.png cannot be written"):
         gallery.write(played, tmp_path / "file")
-
-
-def test_titles_say_what_is_seen(make_episode: MakeEpisode) -> None:
-    moving = make_episode(cutting_speed=np.linspace(100.0, 200.0, 63))
-    figure = gallery.draw_operating_points({"moves": [moving], "rests": [make_episode()]})
-    assert figure is not None
-    titles = [axes.get_title(loc="left") for axes in figure.axes[:2]]
-    assert titles[0].startswith("moves\nfrom 11")
-    assert titles[1] == "rests\nstays at\n100 m/min, 0.20 mm/rev"
-    figure = gallery.draw_loads({"over": [make_episode(power=8.0)]})
-    assert figure is not None
-    texts = [legend.get_texts()[0].get_text() for axes in figure.axes if (legend := axes.get_legend())]
-    assert texts == ["over: 0.0 % above", "over: 100.0 % above"]
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 import os
 import pickle
 import signal
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -142,31 +141,3 @@ def test_a_cluster_writes_the_same_though_a_worker_is_killed(
         capsys.readouterr()
         assert main(["verify", *arguments, *verified]) == 1
         assert capsys.readouterr().out.startswith(f"{path}: removed differs for 1 of 2 seeds, by up to ")
-
-
-@pytest.mark.parametrize(
-    ("address", "message"),
-    [
-        ("tcp://127.0.0.1:1", "no scheduler can be reached at tcp://127.0.0.1:1: "),
-        ("127.0.0.1:8786", "the scheduler is '127.0.0.1:8786', but must be an address like tcp://host:8786"),
-        ("tcp://host:port", "the scheduler is 'tcp://host:port', but must be"),
-    ],
-)
-def test_a_scheduler_that_is_not_there_is_an_error(
-    address: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = ["run", "--policies", "fixed_handbook", "--seeds", "1", "--results", str(tmp_path)]
-    assert main([*arguments, "--scheduler", address]) == 2
-    assert capsys.readouterr().err.startswith(f"error: {message}")
-
-
-def test_without_dask_a_scheduler_is_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    arguments = ["run", "--policies", "fixed_handbook", "--seeds", "1", "--results", str(tmp_path)]
-    assert main([*arguments, "--scheduler", "tcp://127.0.0.1:1"]) == 2
-    assert "needs the extra 'distributed'" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        main([*arguments, "--jobs", "2", "--scheduler", "tcp://127.0.0.1:1"])
-    assert "not allowed with argument" in capsys.readouterr().err

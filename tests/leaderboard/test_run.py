@@ -273,35 +273,3 @@ def test_command_line(tmp_path: Path, scenario: Scenario, capsys: pytest.Capture
     assert first.keys() - words == told["units"].keys()
     assert main(["show", *common, "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == told
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["show"], "holds no results yet"),
-        (["page"], "holds no results yet"),
-        (["figure"], "holds no results"),
-        (["run", "--policies", "nonsense"], "no policy is called nonsense"),
-        (["run", "--policies"], "nothing to play"),
-        (["run", "--scenario", "nonsense"], "nonsense"),
-    ],
-)
-def test_bad_input_gets_a_message(tmp_path: Path, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([*arguments, "--results", str(tmp_path)]) == 2
-    assert message in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("seeds", ["0", "many"])
-def test_seeds_must_be_a_number(seeds: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main(["run", "--seeds", seeds])
-    assert "--seeds" in capsys.readouterr().err
-
-
-def test_an_interruption_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    def interrupted(*arguments: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("leaderboard.__main__.read_leaderboards", interrupted)
-    assert main(["show"]) == 130
-    assert "interrupted" in capsys.readouterr().err
