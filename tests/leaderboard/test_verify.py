@@ -144,13 +144,6 @@ def test_policies_that_are_gone_are_found(shipped: Path, monkeypatch: pytest.Mon
     assert checked(shipped)[1:] == [f"{file_of(shipped, 'oracle')}: there is no oracle 'oracle' for scenario 'short'"]
 
 
-def test_words_change_no_result(shipped: Path) -> None:
-    for label in (RULE, "oracle"):
-        rewrite(file_of(shipped, label), description="other words", command="another command")
-    assert checked(shipped) == []
-    assert complaints(shipped, ONE_RULE) == []
-
-
 def test_a_manifest_that_disagrees_is_found(shipped: Path) -> None:
     path = file_of(shipped, RULE)
     manifest = path.with_name(MANIFEST_FILE)
