@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from leaderboard import generalisation, table
-from leaderboard.private_seeds import PUBLIC, PrivateSeeds
+from leaderboard.private_seeds import PUBLIC, private_task, read_seeds
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import ResultError, Task, result_folder
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
@@ -79,18 +79,18 @@ def _run(options: argparse.Namespace) -> None:
     print(f"wrote {path}", file=sys.stderr if options.json else sys.stdout)
 
 
-def _task(options: argparse.Namespace) -> tuple[Task, PrivateSeeds | None]:
+def _task(options: argparse.Namespace) -> tuple[Task, Sequence[int] | None]:
     """Return the task to play, and its seeds if they are private."""
     given = options.seeds
     task = Task(env_id=options.env, scenario=_scenario(options), seeds=[] if isinstance(given, Path) else given)
     if not isinstance(given, Path):
         return task, None
-    private = PrivateSeeds.read(given)
+    private = read_seeds(given)
     if options.splits:
         raise ResultError("splits are played on held-out seeds: give --scenario and --seeds FILE for each of them")
-    if private.public:
-        print(f"warning: {private.public} seeds of {given} are below {PUBLIC}, where all seeds are public", file=sys.stderr)
-    return private.task_of(task), private
+    if public := sum(seed < PUBLIC for seed in private):
+        print(f"warning: {public} seeds of {given} are below {PUBLIC}, where all seeds are public", file=sys.stderr)
+    return private_task(task, private), private
 
 
 def _show(options: argparse.Namespace) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from tqdm import tqdm
 
 from leaderboard.oracles import oracles
-from leaderboard.private_seeds import PrivateSeeds
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import (
     TRAJECTORIES_FILE,
@@ -126,13 +125,13 @@ class TaskRun:
     task: Task
     policies: Sequence[PolicySpec]
     folder: Path
-    private: PrivateSeeds | None = None
+    private: Sequence[int] | None = None
     """The seeds, if the task hides them."""
 
     @property
     def seeds(self) -> Sequence[int]:
         """Return the seeds that are played."""
-        return self.task.seeds if self.private is None else self.private.seeds
+        return self.task.seeds if self.private is None else self.private
 
 
 class PoliciesFailed(ResultError):

@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -203,23 +204,21 @@ def differences(result: Result, episodes: Episodes, tolerance: float) -> list[st
     return complaints
 
 
-def _beyond_the_bound(paths: Sequence[Path]) -> Iterator[str]:
-    """Yield a complaint for every result that earns more on a seed than the clairvoyant bound, beyond its tolerance."""
-    bounds: dict[Path, Result] = {}
+def _beyond_the_bound(paths: Sequence[Path]) -> list[str]:
+    """Return a complaint for every result that earns more on a seed than the clairvoyant bound, beyond its tolerance."""
+    complaints, read_bound = [], cache(read_result)
     for path in paths:
-        limit = path.with_name(f"{oracles.CLAIRVOYANT}{SUFFIX}")
-        if path == limit or not limit.is_file():
-            continue
         try:
-            bound, result = bounds.get(limit) or bounds.setdefault(limit, read_result(limit)), read_result(path)
-        except ResultError:
+            result, bound = read_result(path), read_bound(path.with_name(f"{oracles.CLAIRVOYANT}{SUFFIX}"))
+        except ResultError:  # ``check`` tells of it, or there is no bound
             continue
         if bound.task.digest != result.task.digest:
             continue
         allowed = np.array(bound.episodes["return"]) + clairvoyant.TOLERANCE * np.array(result.episodes["time"])
         beyond = np.array(result.episodes["return"]) - allowed
         if count := int((beyond > 0.0).sum()):
-            yield f"{path}: beyond the clairvoyant bound for {count} seeds, by up to {float(beyond.max()):g} s"
+            complaints.append(f"{path}: beyond the clairvoyant bound for {count} seeds, by up to {float(beyond.max()):g} s")
+    return complaints
 
 
 def _remembered(memory: Path) -> set[str]:

@@ -45,7 +45,7 @@ def test_the_first_seeds_come_back(tmp_path: Path, env_id: str, scenario: str | 
 def test_no_result_is_beyond_the_clairvoyant_bound() -> None:
     paths = [path for folder in RESULTS.glob("*/*") for path in result_files(folder)]
     assert sum(path.name == f"{CLAIRVOYANT}{SUFFIX}" for path in paths) >= 2 + len(SPLITS)
-    assert list(verify._beyond_the_bound(paths)) == []
+    assert verify._beyond_the_bound(paths) == []
 
 
 @pytest.mark.parametrize(("env_id", "preset"), [*IDS.items(), *(("RoughTurning-v0", split) for split in SPLITS)])
