@@ -131,14 +131,14 @@ def _gallery(options: argparse.Namespace) -> None:
     from leaderboard import behaviour, gallery, run  # needed only here: imports Matplotlib, plays
 
     scenario = _scenario(options)
-    players = [*run.named(options.policies, scenario), *run.agents(options.agents, scenario)]
-    courses = gallery.play(players, scenario, options.seeds)
-    written = gallery.write(courses, options.out)
+    policies = [*run.named(options.policies, scenario), *run.agents(options.agents, scenario)]
+    played = gallery.play(policies, scenario, options.seeds)
+    written = gallery.write(played, options.out)
     if options.json:
-        told = {"env_id": options.env, "scenario": scenario.name, "seeds": options.seeds, "policies": behaviour.as_json(courses)}
-        print_json(told)
+        metrics = {label: behaviour.measure(episodes) for label, episodes in played.items()}
+        print_json({"env_id": options.env, "scenario": scenario.name, "seeds": options.seeds, "policies": metrics})
         return
-    print(behaviour.render(courses))
+    print(behaviour.render(played))
     for path in written:
         print(f"wrote {path}")
     if left_out := [name for name in gallery.PICTURES if options.out / name not in written]:

@@ -142,14 +142,6 @@ def by_life_stage(episodes: Sequence[Episode], name: str) -> Array:
     return means
 
 
-def as_json(played: Mapping[str, Sequence[Episode]]) -> dict[str, dict[str, float | None]]:
-    """Return the metrics of each policy as JSON can hold them: None for what cannot be told."""
-    return {
-        label: {name: value if math.isfinite(value) else None for name, value in measure(episodes).items()}
-        for label, episodes in played.items()
-    }
-
-
 def render(played: Mapping[str, Sequence[Episode]]) -> str:
     """Return the metrics as text: a line each, a column for every policy."""
     columns = [measure(episodes) for episodes in played.values()]

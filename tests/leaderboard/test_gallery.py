@@ -97,15 +97,11 @@ def test_feed_at_entry_is_that_of_later_bars_at_their_start(make_episode: MakeEp
     assert measure([make_episode(feed=np.where(path == 5.0, 0.1, 0.4))])["feed_at_entry"] == pytest.approx(100.0)
 
 
-def test_table_and_json_hold_every_number(make_episode: MakeEpisode) -> None:
+def test_the_table_holds_every_number(make_episode: MakeEpisode) -> None:
     played = {"one": [make_episode()], "two": [make_episode(used_life=0.1, feed=0.3)]}
     lines = behaviour.render(played).splitlines()
     assert lines[0].split() == ["one", "two"]
     assert len(lines) == 1 + len(METRICS)
-    data = json.loads(json.dumps(behaviour.as_json(played), allow_nan=False))
-    assert data["two"]["first_feed"] == pytest.approx(0.3)
-    assert data["two"]["last_feed"] is None
-    assert set(data["one"]) == set(METRICS)
 
 
 @pytest.mark.slow
@@ -163,6 +159,8 @@ def test_command(scenario: Scenario, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main([*common, "--policies", "fixed_handbook", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["seeds"] == [2_000_000_000]
-    assert data["policies"]["fixed_handbook"]["first_feed"] > 0.0
+    metrics = data["policies"]["fixed_handbook"]
+    assert metrics["first_feed"] > 0.0
+    assert metrics["feed_at_entry"] is None
     assert main(common) == 2
     assert "nothing to draw" in capsys.readouterr().err
