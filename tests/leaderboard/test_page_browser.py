@@ -37,7 +37,7 @@ def leaderboard(task: Task, make_result: MakeResult) -> Leaderboard:
     results = [
         make_result("grid_search", **{"return": [1.0, 2.0, 3.0, 5.0]}),
         make_result("fixed_tuned", **{"return": [0.0, 1.0, 2.0, 3.0]}),
-        make_result("oracle", kind="oracle", **{"return": 9.0}),
+        make_result("oracle", policy=spec("oracle", kind="oracle"), **{"return": 9.0}),
         *(make_result("ppo", seed, severe_overload_time=30.0, **{"return": 2.0 * seed}) for seed in (0, 1)),
     ]
     for place, name in enumerate((HOSTILE, BACKWARDS, LONG)):
@@ -236,7 +236,11 @@ def test_the_page_is_no_wider_than_the_screen(opened: Open, width: int) -> None:
     inner = shown.locator(".inner:visible").bounding_box()
     assert inner is not None
     assert inner["width"] <= width
-    # Hostile names are text, and long ones take no more room than others.
+
+
+def test_hostile_names_are_text(opened: Open) -> None:
+    shown = opened()
+    row(shown, HOSTILE).click()
     shown.locator(".inner:visible summary").click()
     assert shown.locator("img").count() == 0
     assert shown.title() == "RoughTurning leaderboard"
