@@ -90,6 +90,3 @@ def spec(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> Pol
         tolerance=rule.tolerance,
         make=lambda num_envs: rule.build(nominal, num_envs, parameters),
     )
-
-
-entry = spec

@@ -11,9 +11,10 @@ import contextlib
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from leaderboard import generalisation, table
-from leaderboard.private_seeds import PUBLIC, PrivateSeeds
+from leaderboard.private_seeds import PUBLIC, private_task, read_seeds
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import ResultError, Task, result_folder
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
@@ -28,41 +29,6 @@ SPLITS_ENV_ID = "RoughTurning-v0"
 """The id that has splits."""
 
 
-_RUN = """Play policies on held-out seeds, then print the ranking and write the page. Results that exist are kept.
-
-    python -m leaderboard run --seeds 16 --policies fixed_tuned predictive
-    python -m leaderboard run --agents my-agents/ppo-seed1.onnx --jobs 2
-    python -m leaderboard run --agents my-agents/ppo-seed1.onnx --seeds private_seeds.txt --results private_results
-"""
-_SHOW = """Print the ranking of every environment and scenario in the results' folder.
-
-    python -m leaderboard show --results leaderboard/results
-    python -m leaderboard show --results leaderboard/results --json
-"""
-_PAGE = """Write all rankings as one HTML file.
-
-    python -m leaderboard page --results leaderboard/results --out page.html
-"""
-_VERIFY = """Play results again. The exit status is 1 if a number differs. ``--check`` plays nothing.
-
-    python -m leaderboard verify --check
-    python -m leaderboard verify --seeds 4
-    python -m leaderboard verify --env RoughTurning-Surface-v0 --jobs 2
-"""
-_CARDS = """Write the model card of every agent in the agents' folder.
-
-    python -m leaderboard cards --results leaderboard/results --agents agents
-"""
-_FIGURE = """Draw the ranking for print.
-
-    python -m leaderboard figure --results leaderboard/results --out docs/leaderboard.png
-"""
-_GALLERY = """Draw the trajectories of a few policies on the same bars.
-
-    python -m leaderboard gallery --policies grid_search predictive --seeds 3 --out docs/gallery
-"""
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     options = _parser().parse_args(arguments)
@@ -73,10 +39,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
+    """Play policies on held-out seeds, then print the ranking and write the page. Results that exist are kept.
+
+    python -m leaderboard run --seeds 16 --policies fixed_tuned predictive
+    python -m leaderboard run --agents my-agents/ppo-seed1.onnx --jobs 2
+    python -m leaderboard run --agents my-agents/ppo-seed1.onnx --seeds private_seeds.txt --results private_results
+    """
     from leaderboard import run  # needed only here: plays
 
     task, private = _task(options)
-    tasks = [task, *(_splits(task, options.split_seeds) if options.splits else [])]
+    tasks = [task]
+    if options.splits:
+        if task.env_id != SPLITS_ENV_ID:
+            raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID}")
+        tasks += [task.model_copy(update={"scenario": Scenario.load(name), "seeds": options.split_seeds}) for name in SPLITS]
     runs = []
     for each in tasks:  # load all policies first, so that errors are found before anything is played
         policies = [
@@ -103,38 +79,44 @@ def _run(options: argparse.Namespace) -> None:
     print(f"wrote {path}", file=sys.stderr if options.json else sys.stdout)
 
 
-def _task(options: argparse.Namespace) -> tuple[Task, PrivateSeeds | None]:
+def _task(options: argparse.Namespace) -> tuple[Task, Sequence[int] | None]:
     """Return the task to play, and its seeds if they are private."""
     given = options.seeds
     task = Task(env_id=options.env, scenario=_scenario(options), seeds=[] if isinstance(given, Path) else given)
     if not isinstance(given, Path):
         return task, None
-    private = PrivateSeeds.read(given)
+    private = read_seeds(given)
     if options.splits:
         raise ResultError("splits are played on held-out seeds: give --scenario and --seeds FILE for each of them")
-    if private.public:
-        print(f"warning: {private.public} seeds of {given} are below {PUBLIC}, where all seeds are public", file=sys.stderr)
-    return private.task_of(task), private
-
-
-def _splits(task: Task, seeds: list[int]) -> list[Task]:
-    """Return the tasks that play these seeds of every split."""
-    if task.env_id != SPLITS_ENV_ID:
-        raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID}")
-    return [task.model_copy(update={"scenario": Scenario.load(name), "seeds": seeds}) for name in SPLITS]
+    if public := sum(seed < PUBLIC for seed in private):
+        print(f"warning: {public} seeds of {given} are below {PUBLIC}, where all seeds are public", file=sys.stderr)
+    return private_task(task, private), private
 
 
 def _show(options: argparse.Namespace) -> None:
+    """Print the ranking of every environment and scenario in the results' folder.
+
+    python -m leaderboard show --results leaderboard/results
+    python -m leaderboard show --results leaderboard/results --json
+    """
     _print(read_leaderboards(options.results), options.json)
 
 
 def _page(options: argparse.Namespace) -> None:
+    """Write all rankings as one HTML file.
+
+    python -m leaderboard page --results leaderboard/results --out page.html
+    """
     path = options.out or options.results / PAGE
     _write_page(read_leaderboards(options.results), path)
     print(f"wrote {path}")
 
 
 def _figure(options: argparse.Namespace) -> None:
+    """Draw the ranking for print.
+
+    python -m leaderboard figure --results leaderboard/results --out docs/leaderboard.png
+    """
     from leaderboard import figure  # needed only here: imports Matplotlib
 
     figure.write(read_leaderboard(result_folder(options.results, options.env, _scenario(options).name)), options.out)
@@ -142,17 +124,21 @@ def _figure(options: argparse.Namespace) -> None:
 
 
 def _gallery(options: argparse.Namespace) -> None:
+    """Draw the trajectories of a few policies on the same bars.
+
+    python -m leaderboard gallery --policies grid_search predictive --seeds 3 --out docs/gallery
+    """
     from leaderboard import behaviour, gallery, run  # needed only here: imports Matplotlib, plays
 
     scenario = _scenario(options)
-    players = [*run.named(options.policies, scenario), *run.agents(options.agents, scenario)]
-    courses = gallery.play(players, scenario, options.seeds)
-    written = gallery.write(courses, options.out)
+    policies = [*run.named(options.policies, scenario), *run.agents(options.agents, scenario)]
+    played = gallery.play(policies, scenario, options.seeds)
+    written = gallery.write(played, options.out)
     if options.json:
-        told = {"env_id": options.env, "scenario": scenario.name, "seeds": options.seeds, "policies": behaviour.as_json(courses)}
-        print_json(told)
+        metrics = {label: behaviour.measure(episodes) for label, episodes in played.items()}
+        print_json({"env_id": options.env, "scenario": scenario.name, "seeds": options.seeds, "policies": metrics})
         return
-    print(behaviour.render(courses))
+    print(behaviour.render(played))
     for path in written:
         print(f"wrote {path}")
     if left_out := [name for name in gallery.PICTURES if options.out / name not in written]:
@@ -160,6 +146,12 @@ def _gallery(options: argparse.Namespace) -> None:
 
 
 def _verify(options: argparse.Namespace) -> int:
+    """Play results again. The exit status is 1 if a number differs. ``--check`` plays nothing.
+
+    python -m leaderboard verify --check
+    python -m leaderboard verify --seeds 4
+    python -m leaderboard verify --env RoughTurning-Surface-v0 --jobs 2
+    """
     from leaderboard import verify  # needed only here: plays
 
     selection = verify.Selection(options.env, options.scenario, options.policies)
@@ -176,6 +168,10 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _cards(options: argparse.Namespace) -> None:
+    """Write the model card of every agent in the agents' folder.
+
+    python -m leaderboard cards --results leaderboard/results --agents agents
+    """
     from leaderboard import cards  # needed only here: imports Jinja2 and ONNX
 
     for path in cards.write_all(options.results, options.agents):
@@ -219,96 +215,75 @@ def _seeds_or_file(text: str) -> list[int] | Path:
     return Path(text)
 
 
-def _positive(text: str) -> int:
+def positive(text: str) -> int:
+    """Return a whole number above 0, as an argparse type."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
     return int(text)
 
 
 def _parser() -> argparse.ArgumentParser:
+    def shared(*names: str, **options: Any) -> argparse.ArgumentParser:
+        parser = argparse.ArgumentParser(add_help=False)
+        parser.add_argument(*names, **options)
+        return parser
+
     parser = argparse.ArgumentParser(prog="python -m leaderboard", **described(__doc__))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    results = argparse.ArgumentParser(add_help=False)
-    results.add_argument(
-        "--results",
-        type=Path,
-        default=Path("results"),
-        help="folder of results (default: results; the project's own are in leaderboard/results)",
-    )
-    printed = argparse.ArgumentParser(add_help=False)
-    printed.add_argument("--json", action="store_true", help="print JSON with all numbers and their units")
-    environment = argparse.ArgumentParser(add_help=False)
-    environment.add_argument("--env", choices=IDS, default="RoughTurning-v0", help="the environment's id")
-    environment.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own")
 
+    def command(does: Callable[[argparse.Namespace], int | None], brief: str, *parents: argparse.ArgumentParser) -> Any:
+        name = does.__name__.removeprefix("_")
+        added = commands.add_parser(name, parents=parents, help=brief, **described(does.__doc__))
+        added.set_defaults(command=does)
+        return added.add_argument
+
+    which = "folder of results (default: results; the project's own are in leaderboard/results)"
+    results = shared("--results", type=Path, default=Path("results"), help=which)
+    shipped = shared("--results", type=Path, default=SHIPPED, help=f"folder of results (default: {SHIPPED})")
+    agents_folder = shared("--agents", type=Path, default=Path("agents"), help="folder of agents' ONNX files (default: agents)")
+    printed = shared("--json", action="store_true", help="print JSON with all numbers and their units")
+    environment = shared("--env", choices=IDS, default=SPLITS_ENV_ID, help="the environment's id")
+    environment.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own")
+    agents = shared("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders of your own")
     elsewhere = argparse.ArgumentParser(add_help=False)
     who = elsewhere.add_mutually_exclusive_group()
-    who.add_argument("--jobs", type=_positive, default=1, metavar="N", help="number of processes (default: 1)")
+    who.add_argument("--jobs", type=positive, default=1, metavar="N", help="number of processes (default: 1)")
     who.add_argument("--scheduler", metavar="URL", help="play on the workers of a Dask cluster, such as tcp://host:8786")
 
-    run = commands.add_parser(
-        "run", parents=[results, printed, environment, elsewhere], help="play policies, then show and page", **described(_RUN)
-    )
+    add = command(_run, "play policies, then show and page", results, printed, environment, agents, elsewhere)
     which = "number of held-out seeds (default: 256), or a file of private seeds; give these --results of their own"
-    run.add_argument("--seeds", type=_seeds_or_file, default="256", metavar="SEEDS", help=which)
-    run.add_argument("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all)")
-    run.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders of your own")
-    run.add_argument("--splits", action="store_true", help=f"also play the splits: {', '.join(SPLITS)}")
-    on_each = "number of held-out seeds on each split (default: 32)"
-    run.add_argument("--split-seeds", type=_seeds, default="32", metavar="SEEDS", help=on_each)
-    run.add_argument("--fresh", action="store_true", help="play again even if results exist")
-    run.set_defaults(command=_run)
+    add("--seeds", type=_seeds_or_file, default="256", metavar="SEEDS", help=which)
+    add("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all)")
+    add("--splits", action="store_true", help=f"also play the splits: {', '.join(SPLITS)}")
+    which = "number of held-out seeds on each split (default: 32)"
+    add("--split-seeds", type=_seeds, default="32", metavar="SEEDS", help=which)
+    add("--fresh", action="store_true", help="play again even if results exist")
 
-    show = commands.add_parser("show", parents=[results, printed], help="print the ranking", **described(_SHOW))
-    show.set_defaults(command=_show)
+    command(_show, "print the ranking", results, printed)
+    add = command(_page, "write all rankings as one HTML file", results)
+    add("--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)")
 
-    page = commands.add_parser("page", parents=[results], help="write all rankings as one HTML file", **described(_PAGE))
-    page.add_argument("--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)")
-    page.set_defaults(command=_page)
+    add = command(_verify, "play results again; fail if any differs", shipped, agents_folder, elsewhere)
+    add("--env", choices=IDS, help="only results of this id")
+    add("--scenario", metavar="NAME", help="only results on this scenario")
+    add("--policies", nargs="+", metavar="NAME", help="only results of these policies")
+    add("--seeds", type=positive, metavar="N", help="play only the first N seeds of each result")
+    which = "play nothing: compare versions, scenario values, parameters and agents' files"
+    add("--check", action="store_true", help=which)
+    add("--fresh", action="store_true", help="play again what came back before an interruption, too")
+    memory, which = Path("results/verified.json"), "file that remembers what came back until all has"
+    add("--memory", type=Path, default=memory, metavar="FILE", help=f"{which} (default: {memory})")
 
-    shipped = argparse.ArgumentParser(add_help=False)
-    shipped.add_argument("--results", type=Path, default=SHIPPED, help="folder of results (default: leaderboard/results)")
-    shipped.add_argument("--agents", type=Path, default=Path("agents"), help="folder of agents' ONNX files (default: agents)")
+    command(_cards, "write the model card of every agent", shipped, agents_folder)
+    add = command(_figure, "draw the ranking for print", results, environment)
+    picture = Path("docs/leaderboard.png")
+    add("--out", type=Path, default=picture, help=f"picture to write (default: {picture})")
 
-    verify = commands.add_parser(
-        "verify",
-        parents=[shipped, elsewhere],
-        help="play results again; fail if any differs",
-        **described(_VERIFY),
-    )
-    verify.add_argument("--env", choices=IDS, help="only results of this id")
-    verify.add_argument("--scenario", metavar="NAME", help="only results on this scenario")
-    verify.add_argument("--policies", nargs="+", metavar="NAME", help="only results of these policies")
-    quick = "play only the first N seeds of each result"
-    verify.add_argument("--seeds", type=_positive, metavar="N", help=quick)
-    verify.add_argument(
-        "--check", action="store_true", help="play nothing: compare versions, scenario values, parameters and agents' files"
-    )
-    verify.add_argument("--fresh", action="store_true", help="play again what came back before an interruption, too")
-    memory = "file that remembers what came back until all has (default: results/verified.json)"
-    verify.add_argument("--memory", type=Path, default=Path("results/verified.json"), metavar="FILE", help=memory)
-    verify.set_defaults(command=_verify)
-
-    cards = commands.add_parser("cards", parents=[shipped], help="write the model card of every agent", **described(_CARDS))
-    cards.set_defaults(command=_cards)
-
-    figure = commands.add_parser(
-        "figure", parents=[results, environment], help="draw the ranking for print", **described(_FIGURE)
-    )
-    figure.add_argument(
-        "--out", type=Path, default=Path("docs/leaderboard.png"), help="picture to write (default: docs/leaderboard.png)"
-    )
-    figure.set_defaults(command=_figure)
-
-    gallery = commands.add_parser(
-        "gallery", parents=[environment], help="draw the trajectories of a few policies on the same bars", **described(_GALLERY)
-    )
-    gallery.add_argument("--seeds", type=_seeds, default="3", help="number of held-out seeds (default: 3)")
-    gallery.add_argument("--policies", nargs="*", default=[], metavar="NAME", help="rule-based controllers")
-    gallery.add_argument("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders")
-    gallery.add_argument("--out", type=Path, default=Path("docs/gallery"), help="folder to write to (default: docs/gallery)")
-    gallery.add_argument("--json", action="store_true", help="print the numbers as JSON")
-    gallery.set_defaults(command=_gallery)
+    add = command(_gallery, "draw the trajectories of a few policies on the same bars", environment, agents)
+    add("--seeds", type=_seeds, default="3", help="number of held-out seeds (default: 3)")
+    add("--policies", nargs="*", default=[], metavar="NAME", help="rule-based controllers")
+    add("--out", type=Path, default=Path("docs/gallery"), help="folder to write to (default: docs/gallery)")
+    add("--json", action="store_true", help="print the numbers as JSON")
     return parser
 
 

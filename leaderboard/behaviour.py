@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leaderboard.result import ResultError
+from leaderboard.table import aligned
 from leaderboard.trajectories import play_trajectory
 from turning_env import Scenario
 from turning_env.score.policy import PolicySpec
@@ -141,27 +142,14 @@ def by_life_stage(episodes: Sequence[Episode], name: str) -> Array:
     return means
 
 
-def as_json(played: Mapping[str, Sequence[Episode]]) -> dict[str, dict[str, float | None]]:
-    """Return the metrics of each policy as JSON can hold them: None for what cannot be told."""
-    return {
-        label: {name: value if math.isfinite(value) else None for name, value in measure(episodes).items()}
-        for label, episodes in played.items()
-    }
-
-
 def render(played: Mapping[str, Sequence[Episode]]) -> str:
     """Return the metrics as text: a line each, a column for every policy."""
     columns = [measure(episodes) for episodes in played.values()]
-    lines = [["", *played]]
+    rows = [["", *played]]
     for name, metric in METRICS.items():
-        values = [column[name] for column in columns]
-        texts = [f"{value:.{metric.decimals}f}" if math.isfinite(value) else "" for value in values]
-        lines.append([f"{metric.heading} [{metric.unit}]", *texts])
-    first, *widths = (max(map(len, texts)) for texts in zip(*lines, strict=True))
-    return "\n".join(
-        "  ".join([line[0].ljust(first), *(text.rjust(width) for text, width in zip(line[1:], widths, strict=True))])
-        for line in lines
-    )
+        values = [f"{column[name]:.{metric.decimals}f}" if math.isfinite(column[name]) else "" for column in columns]
+        rows.append([f"{metric.heading} [{metric.unit}]", *values])
+    return aligned(rows)
 
 
 def _entry_feed(episodes: Sequence[Episode], place: float) -> float:

@@ -30,7 +30,10 @@ def write_all(results: Path, agents: Path) -> list[Path]:
         raise ResultError(f"{agents} holds no agents")
     written = []
     for folder in folders:
-        leaderboard, across = _results(results, *folder.parts[-2:])
+        env_id, scenario = folder.parts[-2:]
+        leaderboard = read_leaderboard(result_folder(results, env_id, scenario))
+        splits = [other for name in SPLITS if name != scenario and result_files(other := result_folder(results, env_id, name))]
+        across = generalisation.across([leaderboard, *map(read_leaderboard, splits)])
         played = {result.policy.label: result.policy.sha256 for result in leaderboard.results}
         for name, files in _agents(folder).items():
             for file in files:
@@ -55,6 +58,11 @@ def render(files: Sequence[AgentFile], leaderboard: Leaderboard, across: general
     standing = next(standing for standing in leaderboard.standings if standing.name == metadata.algorithm)
     shown = (*columns.RETURNS, *columns.COMPARISONS, *columns.LIMITS, *columns.WORKSHOP)
     low, high = metadata.observation_space.low, metadata.observation_space.high
+    elsewhere: list[tuple[str, Cell, bool]] = []  # split, return there, whether feasible there
+    if across and across.tuned_for == metadata.scenario.name and standing.name in across.rows:
+        for split in across.scenarios[1:]:
+            if (cell := across.cell(standing.name, split)) is not None:
+                elsewhere.append((split, cell, across.feasible(standing.name, split)))
     templates = Environment(  # what it writes is Markdown, not HTML
         loader=FileSystemLoader(Path(__file__).parent), autoescape=False, undefined=StrictUndefined, trim_blocks=True
     )
@@ -68,7 +76,7 @@ def render(files: Sequence[AgentFile], leaderboard: Leaderboard, across: general
             seeds=len(leaderboard.task.seeds),
             standing=standing,
             cells=[(column, column.cell(standing)) for column in columns.applying(shown, [standing])],
-            elsewhere=_elsewhere(across, metadata.algorithm) if across and across.tuned_for == metadata.scenario.name else [],
+            elsewhere=elsewhere,
             example=example,
         )
         + "\n"
@@ -82,21 +90,6 @@ def _title(algorithm: str) -> str:
     except (ModuleNotFoundError, AttributeError):
         return algorithm
     return title
-
-
-def _elsewhere(across: generalisation.Across, name: str) -> list[tuple[str, Cell, bool]]:
-    """Return for each split that an agent has played: the split's name, the return, and whether the agent is feasible there."""
-    if name not in across.rows:
-        return []
-    cells = [(split, across.cell(name, split), across.feasible(name, split)) for split in across.scenarios[1:]]
-    return [(split, cell, feasible) for split, cell, feasible in cells if cell is not None]
-
-
-def _results(results: Path, env_id: str, scenario: str) -> tuple[Leaderboard, generalisation.Across | None]:
-    """Return the leaderboard of a scenario, and the table over it and its splits."""
-    leaderboard = read_leaderboard(result_folder(results, env_id, scenario))
-    splits = [folder for name in SPLITS if result_files(folder := result_folder(results, env_id, name)) and name != scenario]
-    return leaderboard, generalisation.across([leaderboard, *map(read_leaderboard, splits)])
 
 
 def _agents(folder: Path) -> dict[str, list[AgentFile]]:

@@ -1,6 +1,7 @@
 """The clairvoyant bound and the causal oracle, which know what no policy can know."""
 
 from collections.abc import Callable, Sequence
+from itertools import count
 
 import numpy as np
 
@@ -43,12 +44,6 @@ def oracles(scenario: Scenario) -> list[PolicySpec]:
 
 def _bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
     """Return the bound on each return; all other fields are 0, as no lathe can play it."""
-    done = 0
-
-    def on_seed() -> None:
-        nonlocal done
-        done += 1
-        on_step(done)
-
-    returns = clairvoyant.bounds(scenario, seeds, on_seed=on_seed)
+    played = count(1)
+    returns = clairvoyant.bounds(scenario, seeds, on_seed=lambda: on_step(next(played)))
     return {name: np.zeros(len(seeds)) for name in EPISODE_FIELDS} | {"return": returns}

@@ -1,16 +1,16 @@
-"""Seeds known only to those who score: a policy that has learned the public seeds by heart cannot know these.
+r"""Seeds known only to those who score: a policy that has learned the public seeds by heart cannot know these.
 
 A file holds them, as text with one number per line (``#`` begins a remark) or as a JSON list. The results that are played on them
 hold their digest and not the seeds. So that these cannot be found by trying, they should be drawn from all that there are:
 
-    python -c "import secrets; print(*(secrets.randbits(64) for _ in range(256)), sep='\\n')" > private_seeds.txt
+    python -c "import secrets; print(*(secrets.randbits(64) for _ in range(256)), sep='\n')" > private_seeds.txt
 """
 
 import json
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from leaderboard.result import ResultError, Task, digest_of
 from turning_env.batch.driver import MAX_SEED
@@ -22,46 +22,34 @@ PUBLIC = HELD_OUT_START + MAX_SEEDS
 """Lower seeds are public: policies may have been trained or tuned on them."""
 
 
-@dataclass(frozen=True)
-class PrivateSeeds:
-    """The seeds of a file."""
+def read_seeds(path: Path) -> list[int]:
+    """Read a file of seeds.
 
-    seeds: Sequence[int]
+    Raises:
+        ResultError: it cannot be read, or holds something other than different whole numbers of 0 to 2**64 - 1, at least one;
+            names the first that is wrong.
+    """
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
+            raise ValueError(f"it is larger than {MAX_BYTES} bytes")
+        seeds = [_seed(entry) for entry in _entries(content.decode("utf-8"))]
+    except OSError as error:
+        raise ResultError(f"the seeds of {path} cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise ResultError(f"the seeds of {path} cannot be used: {error}") from error
+    if not 1 <= len(seeds) <= MAX_SEEDS:
+        raise ResultError(f"{path} holds {len(seeds)} seeds, but must hold 1 to {MAX_SEEDS}")
+    (seed, times), *_ = Counter(seeds).most_common(1)
+    if times > 1:
+        raise ResultError(f"{path} holds the seed {seed} twice")
+    return seeds
 
-    @classmethod
-    def read(cls, path: Path) -> Self:
-        """Read a file of seeds.
 
-        Raises:
-            ResultError: it cannot be read, or holds something other than different whole numbers of 0 to 2**64 - 1, at least one;
-                names the first that is wrong.
-        """
-        try:
-            with path.open("rb") as stream:
-                content = stream.read(MAX_BYTES + 1)
-            if len(content) > MAX_BYTES:
-                raise ValueError(f"it is larger than {MAX_BYTES} bytes")
-            seeds = [_seed(entry) for entry in _entries(content.decode("utf-8"))]
-        except OSError as error:
-            raise ResultError(f"the seeds of {path} cannot be read: {error.strerror}") from error
-        except (ValueError, RecursionError) as error:
-            raise ResultError(f"the seeds of {path} cannot be used: {error}") from error
-        if not 1 <= len(seeds) <= MAX_SEEDS:
-            raise ResultError(f"{path} holds {len(seeds)} seeds, but must hold 1 to {MAX_SEEDS}")
-        if len(set(seeds)) != len(seeds):
-            seen: set[int] = set()
-            twice = next(seed for seed in seeds if seed in seen or seen.add(seed))  # type: ignore[func-returns-value]
-            raise ResultError(f"{path} holds the seed {twice} twice")
-        return cls(tuple(seeds))
-
-    @property
-    def public(self) -> int:
-        """Return how many of them are no secret: see ``PUBLIC``."""
-        return sum(seed < PUBLIC for seed in self.seeds)
-
-    def task_of(self, task: Task) -> Task:
-        """Return a task on these seeds, which names their places in the file and their digest."""
-        return task.model_copy(update={"seeds": list(range(len(self.seeds))), "private": digest_of(list(self.seeds))})
+def private_task(task: Task, seeds: Sequence[int]) -> Task:
+    """Return a task on private seeds, which names their places in their file and their digest."""
+    return task.model_copy(update={"seeds": list(range(len(seeds))), "private": digest_of(list(seeds))})
 
 
 def _entries(text: str) -> Sequence[Any]:

@@ -92,8 +92,12 @@ def _place(folder: Path) -> tuple[int, str, bool, str]:
 
 
 def _trajectories(folder: Path, results: list[Result]) -> Trajectories | None:
-    """Read the recorded trajectories that still belong to the results."""
+    """Read the recorded trajectories that still belong to the results; None if there are none."""
     path = folder / TRAJECTORIES_FILE
     if not path.exists():
         return None
-    return read_part(Trajectories, path).of_policies(results[0].task, [result.policy for result in results])
+    recorded, identities = read_part(Trajectories, path), [result.policy.identity for result in results]
+    if recorded.task != results[0].task.digest:
+        return None
+    episodes = [each for each in recorded.episodes if each.policy.identity in identities]
+    return recorded.model_copy(update={"episodes": episodes}) if episodes else None

@@ -12,6 +12,7 @@ import hashlib
 import json
 import lzma
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -150,9 +151,8 @@ class Entry(Part):
     def of(cls, result: Result) -> Self:
         """Summarise a result, in six significant digits."""
         mean = {name: float(np.mean(values)) for name, values in result.episodes.items()}
-        values = {"return": mean["return"], "time": mean["time"], "removed": mean["removed"], "edges": mean["edges_used"]}
-        values["severe_share"] = mean["severe_overload_time"] / (mean["engaged_time"] or 1.0)
-        rounded = {name: float(f"{value:.6g}") for name, value in values.items()}
+        mean |= {"edges": mean["edges_used"], "severe_share": mean["severe_overload_time"] / (mean["engaged_time"] or 1.0)}
+        rounded = {name: float(f"{mean[name]:.6g}") for name in ("return", "time", "removed", "edges", "severe_share")}
         return cls(version=result.policy.version, sha256=result.checksum, **rounded)
 
 
@@ -210,11 +210,9 @@ def write_result(result: Result, folder: Path) -> None:
         ResultError: the folder or the file cannot be written.
     """
     path = result_path(folder, result.policy)
-    try:
+    with suppress(ResultError):
         if read_result(path).same_as(result):
             return
-    except ResultError:
-        pass
     write_part(result, path)
 
 
@@ -271,21 +269,18 @@ def write_part(part: Part, path: Path) -> None:
         ResultError: the folder or the file cannot be written.
     """
     content = (json.dumps(part.model_dump(by_alias=True), allow_nan=False) + "\n").encode()
-    _write(path, lzma.compress(content, preset=9 | lzma.PRESET_EXTREME) if path.name.endswith(".xz") else content)
+    write_whole(path, lzma.compress(content, preset=9 | lzma.PRESET_EXTREME) if path.name.endswith(".xz") else content)
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file, all of it or nothing; its folder is made.
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file, all of it or nothing; its folder is made.
 
     Raises:
         ResultError: the folder or the file cannot be written.
     """
-    _write(path, text.encode())
-
-
-def _write(path: Path, content: bytes) -> None:
+    encoded = content.encode() if isinstance(content, str) else content
     try:
-        replace_file(path, lambda partial: partial.write_bytes(content))
+        replace_file(path, lambda partial: partial.write_bytes(encoded))
     except OSError as error:
         raise ResultError(f"{path} cannot be written: {error.strerror}") from error
 

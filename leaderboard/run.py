@@ -2,15 +2,13 @@
 
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Never
 
 from tqdm import tqdm
 
 from leaderboard.oracles import oracles
-from leaderboard.private_seeds import PrivateSeeds
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import (
     TRAJECTORIES_FILE,
@@ -108,16 +106,16 @@ def agent(path: Path, scenario: Scenario) -> PolicySpec:
     return spec
 
 
-def attempt(piece: tuple[PolicySpec, Scenario, Sequence[int]], on_step: Callable[[int], None] = lambda ended: None) -> "Attempt":
+Attempt = Episodes | ResultError
+
+
+def attempt(piece: tuple[PolicySpec, Scenario, Sequence[int]], on_step: Callable[[int], None] = lambda ended: None) -> Attempt:
     """Play a policy's episodes on some seeds of a scenario, or return why it cannot, so that others go on."""
     spec, scenario, seeds = piece
     try:
         return play_spec(spec, scenario, seeds, on_step)
     except ValueError as error:
         return ResultError(f"{spec.label} cannot play: {error}")
-
-
-Attempt = Episodes | ResultError
 
 
 @dataclass(frozen=True)
@@ -127,13 +125,13 @@ class TaskRun:
     task: Task
     policies: Sequence[PolicySpec]
     folder: Path
-    private: PrivateSeeds | None = None
+    private: Sequence[int] | None = None
     """The seeds, if the task hides them."""
 
     @property
     def seeds(self) -> Sequence[int]:
         """Return the seeds that are played."""
-        return self.task.seeds if self.private is None else self.private.seeds
+        return self.task.seeds if self.private is None else self.private
 
 
 class PoliciesFailed(ResultError):
@@ -179,8 +177,11 @@ def _play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None) -> Non
     with tqdm(total=total, initial=done, unit="episode", miniters=0, dynamic_ncols=True, disable=None) as bar:
 
         def play_here(piece: tuple[PolicySpec, Scenario, Sequence[int]]) -> Attempt:
+            def on_step(ended: int) -> None:
+                bar.update(done + ended - bar.n)
+
             bar.set_description(piece[0].label)
-            return attempt(piece, lambda ended: _move(bar, done + ended))
+            return attempt(piece, on_step)
 
         failed: dict[tuple[Path, str], ResultError] = {}
         for (each, spec), played in spread(over, attempt if over else play_here, pieces):
@@ -189,7 +190,7 @@ def _play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None) -> Non
             else:
                 write_result(Result.of(each.task, spec, played), each.folder)
             done += len(each.seeds)
-            _move(bar, done)
+            bar.update(done - bar.n)
     complaints = list(failed.values())
     for each in runs:
         able = [spec for spec in each.policies if (each.folder, spec.label) not in failed]
@@ -200,10 +201,6 @@ def _play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None) -> Non
                 write_manifest(each.folder, each.task)
     if complaints:
         raise PoliciesFailed("; ".join(map(str, complaints)))
-
-
-def _move(bar: "tqdm[Never]", to: int) -> None:
-    bar.update(to - bar.n)
 
 
 def _finished(run: TaskRun) -> set[str]:
@@ -234,7 +231,9 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
     """Record missing trajectories of policies on the first seeds; return the errors of those that cannot play."""
     complaints = []
     path = run.folder / TRAJECTORIES_FILE
-    before = _read_trajectories(path)
+    before = None
+    with suppress(ResultError):  # an unreadable file is recorded anew
+        before = read_part(Trajectories, path)
     if fresh or before is None:
         path.unlink(missing_ok=True)
     wanted, trajectories = _recorded(run)
@@ -275,10 +274,3 @@ def _trajectory(piece: tuple[PolicySpec, Scenario, int]) -> Trajectory | ResultE
         return record(spec, scenario, seed)
     except ValueError as error:
         return ResultError(f"{spec.label} cannot play seed {seed}: {error}")
-
-
-def _read_trajectories(path: Path) -> Trajectories | None:
-    try:
-        return read_part(Trajectories, path)
-    except ResultError:
-        return None

@@ -91,12 +91,7 @@ def rank(results: Sequence[Result]) -> list[Standing]:
     bootstrap = Bootstrap(len(results[0].task.seeds))
     rules = {name: float(np.mean(played[name]["return"])) for name, group in groups.items() if group[0].policy.kind == "rule"}
     standings = [_standing(group, played, rules, bootstrap) for group in groups.values()]
-    return sorted(standings, key=_place)
-
-
-def _place(standing: Standing) -> tuple[bool, bool, float, str]:
-    """Return the sort key of a standing."""
-    return standing.kind == "oracle", not standing.feasible, -standing.mean_return.value, standing.name
+    return sorted(standings, key=lambda each: (each.kind == "oracle", not each.feasible, -each.mean_return.value, each.name))
 
 
 def highest(returns: Mapping[str, float]) -> str | None:

@@ -1,6 +1,6 @@
 """Rankings as text, and as data for ``--json``."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -8,16 +8,8 @@ from leaderboard.columns import COMPARISONS, LIMITS, RETURNS, SCORE, WORKSHOP, C
 from leaderboard.ranking import Leaderboard
 from leaderboard.standings import Standing
 
-UNITS: Mapping[str, str] = {
-    **dict.fromkeys(("mean_return", "interquartile_return"), "s"),
-    **dict.fromkeys(("over_fixed", "over_published", "over_best_rule", "over_causal"), "s"),
-    **dict.fromkeys(("minutes", "part_cost"), "min"),
-    "removal_rate": "cm3/min",
-    "cost": "min/dm3",
-    "edges": "1",
-    **dict.fromkeys(("improves_on_published", "score", "gap_closed", "roughness_deviation", "overload_share"), "share"),
-    **dict.fromkeys(("severe_share", "severe_limit", "excess", "broken_share", "used_life"), "share"),
-}
+GROUPS = (RETURNS, SCORE, COMPARISONS, LIMITS, WORKSHOP)
+UNITS = {column.field: column.unit if column.factor == 1.0 else "share" for group in GROUPS for column in group}
 """Units of the numbers of a standing."""
 
 
@@ -45,7 +37,7 @@ def render(leaderboard: Leaderboard) -> str:
     """Return a leaderboard as tables, one per subject, under a line that names the task."""
     task = leaderboard.task
     lines = [f"{task.env_id}, scenario {task.scenario.name}, {len(task.seeds)} seeds, task {task.digest[:12]}"]
-    for group in (RETURNS, SCORE, COMPARISONS, LIMITS, WORKSHOP):
+    for group in GROUPS:
         if columns := applying(group, leaderboard.standings):
             lines += ["", aligned(_rows(leaderboard.standings, columns), left=1)]
     return "\n".join(lines)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from leaderboard.result import Part, Task
+from leaderboard.result import Part
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.score.policy import PolicyFactory, PolicySpec
 
@@ -60,12 +60,6 @@ class Trajectories(Part):
     """The task's digest."""
     episodes: list[Trajectory]
 
-    def of_policies(self, task: Task, policies: Sequence[PolicySpec]) -> "Trajectories | None":
-        """Return those of this task and these very policies, or None if there are none."""
-        identities = [policy.identity for policy in policies]
-        episodes = [each for each in self.episodes if task.digest == self.task and each.policy.identity in identities]
-        return self.model_copy(update={"episodes": episodes}) if episodes else None
-
 
 def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
     """Play one episode and keep its trajectory, thinned.
@@ -79,7 +73,7 @@ def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
     minutes, *columns = (np.array(values) for values in play_trajectory(spec.make, scenario, seed, names).values())
     whole = {"minutes": minutes} | dict(zip(SERIES, columns, strict=True))
     steps = kept(whole, scenario)
-    series = {name: [_rounded(value, _DIGITS.get(name, 4)) for value in values[steps]] for name, values in whole.items()}
+    series = {name: [float(f"{value:.{_DIGITS.get(name, 4)}g}") for value in values[steps]] for name, values in whole.items()}
     return Trajectory(policy=spec, seed=seed, steps=len(minutes), series=series)
 
 
@@ -124,7 +118,3 @@ def play_trajectory(make: PolicyFactory, scenario: Scenario, seed: int, names: S
             series[name].append(info[name])
         ended = terminated or truncated
     return series
-
-
-def _rounded(value: float, digits: int) -> float:
-    return float(f"{value:.{digits}g}")

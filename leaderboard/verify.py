@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,6 @@ from leaderboard.result import (
     Manifest,
     Result,
     ResultError,
-    Task,
     read_part,
     read_result,
     result_files,
@@ -148,50 +148,37 @@ def policy_of(result: Result, agents: Path) -> PolicySpec:
     Raises:
         ResultError: it is no longer there, or no longer the same, or the task is not.
     """
-    _check(result, agents)
-    if result.policy.kind == "agent":
-        return run.agent(_agent_path(result.policy, result.task, agents), result.task.scenario)
-    return _by_name(result.policy, result.task.scenario)
+    found = _check(result, agents)
+    return run.agent(found, result.task.scenario) if isinstance(found, Path) else found
 
 
-def _check(result: Result, agents: Path) -> None:
-    """Check that a result's task and policy are what they were."""
-    policy = result.policy
-    _check_task(result.task)
-    if policy.kind == "agent":
-        path = _agent_path(policy, result.task, agents)
-        if hashlib.sha256(path.read_bytes()).hexdigest() != policy.sha256:
-            raise ResultError(f"{policy.label} is no longer what played: {path} is another file")
-        return
-    now = _by_name(policy, result.task.scenario).identity
-    if fields := [name for name, value in now.items() if value != policy.identity[name]]:
-        raise ResultError(f"{policy.label} is no longer what played: {', '.join(fields)} differ")
-
-
-def _by_name(policy: PolicySpec, scenario: Scenario) -> PolicySpec:
-    if policy.kind == "rule":
-        return run.rule(policy.name, scenario, _tuned_on(policy.tuned_for))
-    known = {oracle.name: oracle for oracle in oracles.oracles(scenario)}
-    if policy.name not in known:
-        raise ResultError(f"there is no oracle {policy.name!r} for scenario {scenario.name!r}")
-    return known[policy.name]
-
-
-def _check_task(task: Task) -> None:
+def _check(result: Result, agents: Path) -> PolicySpec | Path:
+    """Check that task and policy are what they were; return the rule or the oracle, or the path of the agent's file."""
+    policy, task, scenario = result.policy, result.task, result.task.scenario
     if task.private is not None:
         raise ResultError("was played on private seeds: only the owner of their file can play it again, by run --seeds FILE")
     if task.model_version != MODEL_VERSION:
         raise ResultError(f"was played with version {task.model_version} of the model, which is now {MODEL_VERSION}")
-    if task.scenario.name in presets() and Scenario.load(task.scenario.name) != task.scenario:
-        raise ResultError(f"is not of the present preset {task.scenario.name!r}: values differ")
-
-
-def _agent_path(policy: PolicySpec, task: Task, agents: Path) -> Path:
-    trained_on = task.scenario.name if policy.tuned_for is None else policy.tuned_for.name
-    path = result_folder(agents, task.env_id, trained_on) / f"{policy.label}{ONNX_SUFFIX}"
-    if not path.is_file():
-        raise ResultError(f"its agent's file is missing: {path}")
-    return path
+    if scenario.name in presets() and Scenario.load(scenario.name) != scenario:
+        raise ResultError(f"is not of the present preset {scenario.name!r}: values differ")
+    if policy.kind == "agent":
+        trained_on = scenario.name if policy.tuned_for is None else policy.tuned_for.name
+        path = result_folder(agents, task.env_id, trained_on) / f"{policy.label}{ONNX_SUFFIX}"
+        if not path.is_file():
+            raise ResultError(f"its agent's file is missing: {path}")
+        if hashlib.sha256(path.read_bytes()).hexdigest() != policy.sha256:
+            raise ResultError(f"{policy.label} is no longer what played: {path} is another file")
+        return path
+    if policy.kind == "rule":
+        now = run.rule(policy.name, scenario, _tuned_on(policy.tuned_for))
+    else:
+        known = {oracle.name: oracle for oracle in oracles.oracles(scenario)}
+        if policy.name not in known:
+            raise ResultError(f"there is no oracle {policy.name!r} for scenario {scenario.name!r}")
+        now = known[policy.name]
+    if fields := [name for name, value in now.identity.items() if value != policy.identity[name]]:
+        raise ResultError(f"{policy.label} is no longer what played: {', '.join(fields)} differ")
+    return now
 
 
 def _tuned_on(known: ScenarioId | None) -> Scenario | None:
@@ -217,23 +204,21 @@ def differences(result: Result, episodes: Episodes, tolerance: float) -> list[st
     return complaints
 
 
-def _beyond_the_bound(paths: Sequence[Path]) -> Iterator[str]:
-    """Yield a complaint for every result that earns more on a seed than the clairvoyant bound, beyond its tolerance."""
-    bounds: dict[Path, Result] = {}
+def _beyond_the_bound(paths: Sequence[Path]) -> list[str]:
+    """Return a complaint for every result that earns more on a seed than the clairvoyant bound, beyond its tolerance."""
+    complaints, read_bound = [], cache(read_result)
     for path in paths:
-        limit = path.with_name(f"{oracles.CLAIRVOYANT}{SUFFIX}")
-        if path == limit or not limit.is_file():
-            continue
         try:
-            bound, result = bounds.get(limit) or bounds.setdefault(limit, read_result(limit)), read_result(path)
-        except ResultError:
+            result, bound = read_result(path), read_bound(path.with_name(f"{oracles.CLAIRVOYANT}{SUFFIX}"))
+        except ResultError:  # ``check`` tells of it, or there is no bound
             continue
         if bound.task.digest != result.task.digest:
             continue
         allowed = np.array(bound.episodes["return"]) + clairvoyant.TOLERANCE * np.array(result.episodes["time"])
         beyond = np.array(result.episodes["return"]) - allowed
         if count := int((beyond > 0.0).sum()):
-            yield f"{path}: beyond the clairvoyant bound for {count} seeds, by up to {float(beyond.max()):g} s"
+            complaints.append(f"{path}: beyond the clairvoyant bound for {count} seeds, by up to {float(beyond.max()):g} s")
+    return complaints
 
 
 def _remembered(memory: Path) -> set[str]:

@@ -15,6 +15,7 @@ from gymnasium.error import ClosedEnvironmentError
 from tqdm import tqdm
 
 from leaderboard import film, run
+from leaderboard.__main__ import positive
 from leaderboard.film import Frame
 from leaderboard.result import ResultError
 from train.agents.agent_file import ONNX_SUFFIX
@@ -149,12 +150,6 @@ def frames(shows: Sequence[Show], most: int | None, every: int, width: int | Non
         yield frame
 
 
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
-    return int(text)
-
-
 def _width(text: str) -> int:
     if not text.isdecimal() or not 64 <= int(text) <= 4096 or int(text) % 2:
         raise argparse.ArgumentTypeError(f"{text!r} is not an even number, 64 to 4096")
@@ -170,13 +165,13 @@ def _parser() -> argparse.ArgumentParser:
     who.add_argument("--agent", metavar="AGENT", help="an agent: an ONNX file, or a run folder of your own")
     parser.add_argument("--beside", metavar="NAME_OR_AGENT", help="another policy or agent, on the same bars, beside the first")
     parser.add_argument("--seed", type=int, default=0, help="determines the edge and the bars (default: 0)")
-    parser.add_argument("--steps", type=_positive, metavar="N", help="at most so many steps (default: the episode)")
+    parser.add_argument("--steps", type=positive, metavar="N", help="at most so many steps (default: the episode)")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--out", type=Path, metavar="FILE", help="an .mp4 or .gif of it all, or a .png of its end")
     where.add_argument("--human", action="store_true", help="show it in a window")
-    parser.add_argument("--every", type=_positive, default=1, metavar="N", help="film every so many steps (default: 1)")
+    parser.add_argument("--every", type=positive, default=1, metavar="N", help="film every so many steps (default: 1)")
     parser.add_argument("--width", type=_width, metavar="N", help="pixels across (default: as drawn, 960 for each policy)")
-    parser.add_argument("--fps", type=_positive, metavar="N", help="frames in a second (default: as the task has it)")
+    parser.add_argument("--fps", type=positive, metavar="N", help="frames in a second (default: as the task has it)")
     return parser
 
 

