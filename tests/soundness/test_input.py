@@ -52,7 +52,7 @@ def test_any_values_are_played_or_refused_by_name(data: st.DataObject, drawn: di
 
 @tried(short=50, soak=5_000)
 @given(st.integers(1, 70), st.data(), st.sampled_from((np.nan, np.inf, -np.inf)))
-def test_an_action_that_is_not_finite_is_refused_with_its_lane_and_nothing_moves(
+def test_an_action_that_is_not_finite_is_refused_by_environment_and_nothing_moves(
     num_envs: int, data: st.DataObject, unfit: float
 ) -> None:
     envs = RoughTurningVectorEnv(num_envs)
@@ -61,7 +61,7 @@ def test_an_action_that_is_not_finite_is_refused_with_its_lane_and_nothing_moves
     bad, place = good.copy(), data.draw(st.tuples(st.integers(0, num_envs - 1), st.integers(0, 1)))
     bad[place] = unfit
     other = copy.deepcopy(envs)
-    with pytest.raises(ValueError, match=f"lane {place[0]} must be finite"):
+    with pytest.raises(ValueError, match=f"environment {place[0]} must be finite"):
         envs.step(bad)
     for ours, theirs in zip(envs.step(good)[:4], other.step(good)[:4], strict=True):
         assert ours.tobytes() == theirs.tobytes()
