@@ -143,7 +143,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self.observation_space = observation_space(self.scenario)
         self.action_space = action_space(self.scenario)
-        self._batch = Batch(self.scenario, 1)
+        self._batch = Batch(self.scenario, 1, keeps_table=True)
         self._under_way = False
         self._viewer: Viewer | None = None
         if render_mode is not None:
@@ -182,7 +182,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f"an action must be {numbers}, got {action!r}") from error
         if self._viewer is not None:
             self._viewer.note()
-        report = batch.table[:, 0].tolist()
+        report = batch.table.ravel().tolist()
         terminated, truncated = report[TERMINATED] != 0.0, report[TRUNCATED] != 0.0
         self._under_way = not (terminated or truncated)
         return batch.observations[0], report[REWARD], terminated, truncated, info_of(report)

@@ -9,12 +9,14 @@ Info = dict[str, Any]
 
 INFO_KEYS = tuple(quantity.name for quantity in INFO)
 INFO_UNITS = {quantity.name: quantity.unit for quantity in INFO}
+_EMPTY = dict.fromkeys(INFO_KEYS)
 _FLAGS = tuple(quantity.name for quantity in INFO if quantity.unit == "bool")
 
 
 def info_of(values: Iterable[Any]) -> Info:
     """Return the info of a report's values, numbers or arrays in the order of ``quantities.REPORT``; flags become bool."""
-    info = dict(zip(INFO_KEYS, values))  # noqa: B905 - the report goes on with what is no info
+    info: Info = _EMPTY.copy()  # values are replaced more quickly than keys are put in
+    info.update(zip(INFO_KEYS, values))  # noqa: B905 - the report goes on with what is no info
     for name in _FLAGS:
         info[name] = info[name] != 0.0
     return info

@@ -3,8 +3,7 @@
 import gymnasium
 import numpy as np
 
-from tests.turning_env.playing import fixed_actions
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv
+from turning_env import RoughTurningEnv
 from turning_env.info import INFO_KEYS, INFO_UNITS, info_of
 
 VALUES = [0.5 * number for number in range(len(INFO_KEYS) + 3)]
@@ -17,17 +16,6 @@ def test_every_quantity_has_its_value_and_flags_are_bool():
         assert info[name] == (value != 0 if INFO_UNITS[name] == "bool" else value)
         assert type(info[name]) is (bool if INFO_UNITS[name] == "bool" else float)
     assert [name for name, unit in INFO_UNITS.items() if unit == "bool"] == ["cutting", "broken", "finished"]
-
-
-def test_a_step_s_info_is_that_of_an_environment_of_many():
-    env, envs = RoughTurningEnv(), RoughTurningVectorEnv(1)
-    infos = [(env.reset(seed=3)[1], envs.reset(seed=3)[1])]
-    infos += [(env.step(action[0])[4], envs.step(action)[4]) for action in fixed_actions(30, 1)]
-    assert any(info["cutting"] for info, _ in infos)
-    for info, many in infos:
-        assert {name: (value, type(value)) for name, value in info.items()} == {
-            name: (many[name].item(), type(many[name].item())) for name in INFO_KEYS
-        }
 
 
 def test_gymnasium_s_wrappers_find_what_they_expect():

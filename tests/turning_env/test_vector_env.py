@@ -1,6 +1,5 @@
 """Many environments: each is the single environment, and the whole behaves as Gymnasium's own vector environments do."""
 
-import copy
 import re
 
 import gymnasium
@@ -10,7 +9,6 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, fixed_actions, play
-from tests.turning_env.test_env import BAD_ACTIONS
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
 from turning_env.batch.driver import BLOCKS_CLAIMED, MIN_BLOCKS
 from turning_env.physics.quantities import WIDTH
@@ -168,17 +166,6 @@ def test_bad_seeds_are_refused_and_nothing_moves(seed, said):
         assert_same_answers(env.step(np.ones((3, 2))), untouched.step(np.ones((3, 2))))
 
 
-@pytest.mark.parametrize("action", BAD_ACTIONS.values(), ids=BAD_ACTIONS.keys())
-def test_bad_actions_are_refused_and_nothing_moves(action):
-    env, untouched = RoughTurningVectorEnv(3), RoughTurningVectorEnv(3)
-    env.reset(seed=0)
-    untouched.reset(seed=0)
-    with pytest.raises(ValueError, match=r"the action of environment 1 must be finite|actions must .* \(3, 2\)"):
-        env.step([[0.0, 0.0], action, [0.0, 0.0]])
-    for _ in range(5):
-        assert_same_answers(env.step(np.ones((3, 2))), untouched.step(np.ones((3, 2))))
-
-
 @pytest.mark.parametrize("shape", [(2,), (2, 3), (4, 2), (3, 2, 1)])
 def test_actions_of_the_wrong_shape_are_refused(shape):
     env = RoughTurningVectorEnv(3)
@@ -219,18 +206,6 @@ def test_what_was_returned_stays_as_it_was():
     env.reset(seed=0)
     for answer, actions in zip(answers, fixed_actions(40, 2), strict=True):
         assert_same_answers(answer, env.step(actions))
-
-
-def test_a_copy_goes_on_alike():
-    env = RoughTurningVectorEnv(3, SHORT_LIVED)
-    env.reset(seed=0)
-    actions = fixed_actions(60, 3)
-    for action in actions[:10]:
-        env.step(action)
-    twin = copy.deepcopy(env)
-    answers = [env.step(action) for action in actions[10:]]
-    for answer, action in zip(answers, actions[10:], strict=True):
-        assert_same_answers(twin.step(action), answer)
 
 
 def test_threads_share_the_work_and_change_nothing():

@@ -114,14 +114,15 @@ class Batch:
         scenario: what is played.
         num_envs: how many environments.
         threads: how many threads share the work; results do not depend on it.
+        keeps_table: every step fills the same ``table``, for callers that copy what they need of it.
 
     Attributes:
         seeded: whether episodes have been started.
-        observations: float32, shape (num_envs, entries).
-        table: float64, shape (len(quantities.REPORT), num_envs), a row for each quantity. Every step fills new arrays.
+        observations: float32, shape (num_envs, entries). Every step fills a new array.
+        table: float64, shape (len(quantities.REPORT), num_envs), a row for each quantity. Likewise, but for ``keeps_table``.
     """
 
-    def __init__(self, scenario: Scenario, num_envs: int, threads: int = 1) -> None:
+    def __init__(self, scenario: Scenario, num_envs: int, threads: int = 1, keeps_table: bool = False) -> None:
         self.num_envs = num_envs
         self.seeded = False
         self._scenario, self._threads = scenario, threads
@@ -131,7 +132,7 @@ class Batch:
         self.table = np.zeros((len(quantities.REPORT), num_envs))
         # Rows a whole number of memory pages apart would fall into the same few places of the processor's first cache.
         padding = _PADDING if num_envs % _PAGE < _PADDING <= num_envs else 0
-        self._table_shape = len(quantities.REPORT), num_envs + padding
+        self._table_shape = None if keeps_table else (len(quantities.REPORT), num_envs + padding)
         self._prepare()
 
     def _prepare(self) -> None:
@@ -180,7 +181,8 @@ class Batch:
 
     def start(self, chosen: NDArray[np.bool_]) -> None:
         """Start the episode of its seed and number in every chosen environment, shape (num_envs,)."""
-        self.observations, self.table = self.observations.copy(), self.table.copy()
+        self.observations = self.observations.copy()
+        self.table = self.table if self._table_shape is None else self.table.copy()
         start_episodes(self._states, self._scratches[0], chosen, self.observations, self.table)
         self.seeded = True
 
@@ -197,7 +199,8 @@ class Batch:
             ValueError: the actions are not finite numbers of shape (num_envs, action size); no environment has moved then.
         """
         self._take(actions)
-        observations, table = np.empty(self.observations.shape, np.float32), np.empty(self._table_shape)
+        observations = np.empty(self.observations.shape, np.float32)
+        table = self.table if self._table_shape is None else np.empty(self._table_shape)
         if self._helpers is None or len(self._states) < MIN_BLOCKS:
             finite = step_blocks(self._states, self._scratches[0], self._actions, observations, table, 0, len(self._states))
         else:
@@ -207,7 +210,9 @@ class Batch:
         if not finite:
             i = int(np.isfinite(self._actions).all(axis=1).argmin())
             raise ValueError(f"the action of environment {i} must be finite, got {self._actions[i].tolist()}")
-        self.observations, self.table = observations, table[:, : self.num_envs]
+        self.observations = observations
+        if self._table_shape is not None:
+            self.table = table[:, : self.num_envs]
 
     def _share_steps(self, observations: NDArray[np.float32], table: NDArray[np.float64]) -> None:
         """Let every thread claim the next few blocks until none are left, so that nobody waits for a thread that does not run."""

@@ -12,9 +12,6 @@ from turning_env.physics.drives import lag_share
 def test_share_is_exact_for_any_split_of_time():
     assert 1 - lag_share(0.7, 0.4) == pytest.approx((1 - lag_share(0.1, 0.4)) ** 7, rel=1e-12)
     assert lag_share(0.4, 0.4) == pytest.approx(1 - math.exp(-1))
-
-
-def test_no_time_constant_is_no_lag():
     assert lag_share(0.1, 0) == 1.0
 
 

@@ -1,12 +1,9 @@
 """The transition: what holds in every interval, how episodes end, and convergence."""
 
-import math
-
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from tests.turning_env.physics.test_workpiece import fields
 from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions, play, variants
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
 
@@ -20,8 +17,10 @@ def test_what_holds_in_every_interval(scenario):
     economics, control = scenario.economics, scenario.control
     timeless = control.edge_changes == "end"
     edge_price = 60 * (economics.edge_cost + (economics.edge_change_time if timeless else 0))
-    for seed in range(5):
-        record = play(RoughTurningEnv(scenario), seed, fixed_actions(600, 1, scenario)[:, 0])
+    for seed in range(2):
+        env = RoughTurningEnv(scenario)
+        record = play(env, seed, fixed_actions(600, 1, scenario)[:, 0])
+        assert all(env.observation_space.contains(row) for row in record["observation"])
         assert record["reward"] == pytest.approx(sum(record[f"reward_{term}"] for term in REWARD_TERMS), rel=1e-12)
         assert record["reward_time"] == pytest.approx(-record["time"], rel=1e-12)
         assert record["cost"] == pytest.approx(record["cost_force"] + record["cost_power"], rel=1e-12)
@@ -54,6 +53,7 @@ def test_what_holds_in_every_interval(scenario):
                 assert (np.diff(record[name][episode]) >= 0).all(), name
 
 
+@pytest.mark.slow
 def test_every_quantity_can_take_either_end_of_its_range():
     def ends(value, field):
         declared = field.json_schema_extra or {}
@@ -130,32 +130,10 @@ def test_force_and_power_rise_with_wear_hardness_and_depth(name):
         assert (np.diff(infos[name][np.argsort(infos[field])]) > 0).all()
 
 
-@pytest.mark.parametrize("sub_steps", [10, 100])
-def test_removed_volume_is_the_integral_of_the_depth_of_cut(sub_steps):
-    scenario = changed(Scenario(), tool={"edge_strength": 1e6}, control={"sub_steps": sub_steps})
-    workpiece = scenario.workpiece
-    record = play(RoughTurningEnv(scenario), 6, fixed_actions(400, 1)[:, 0])
-    pitch = workpiece.bar_length + workpiece.approach
-    bar, along = divmod(record["path"][-1], pitch)
-    cut = bar * workpiece.bar_length + max(along - workpiece.approach, 0)
-    assert bar >= 2
-    step = cut / 20_000
-    depth = fields(scenario, np.arange(0.5 * step, cut, step), seed=6)[1]
-    volume = depth.sum() * step * math.pi * workpiece.diameter / 1000
-    # Every sub-step takes the depth at its middle, so the error falls with the square of the sub-step.
-    assert record["removed"].sum() == pytest.approx(volume, rel=0.02 / sub_steps)
-
-
-def test_results_converge_in_the_first_order_of_the_sub_step():
-    """Along one uniform bar: fields have kinks, which the sub-steps hit at random."""
-    uniform = {"approach": 0.0} | {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
-
-    def totals(sub_steps, **sections):
-        scenario = changed(Scenario(), tool={"edge_strength": 1e6}, control={"sub_steps": sub_steps}, **sections)
+def test_the_default_sub_steps_are_fine_enough():
+    def totals(sub_steps):
+        scenario = changed(Scenario(), tool={"edge_strength": 1e6}, control={"sub_steps": sub_steps})
         record = play(RoughTurningEnv(scenario), 6, fixed_actions(150, 1)[:, 0])
-        return np.array([record["used_life"][-1], record["reward"].sum(), record["removed"].sum()])
+        return [record["used_life"][-1], record["reward"].sum(), record["removed"].sum()]
 
-    exact = totals(10_000, workpiece=uniform)
-    errors = np.array([np.abs(totals(sub_steps, workpiece=uniform) - exact) for sub_steps in (80, 160, 320)])
-    assert errors[:-1] / errors[1:] == pytest.approx(2.0, rel=0.15)
-    assert totals(Scenario().control.sub_steps) == pytest.approx(totals(10_000), rel=0.01)
+    assert totals(Scenario().control.sub_steps) == pytest.approx(totals(2_000), rel=0.01)

@@ -59,10 +59,6 @@ def test_noise_between_nodes_has_unit_variance_everywhere(share):
     assert between_nodes(1.0, 0.0, share) ** 2 + between_nodes(0.0, 1.0, share) ** 2 == pytest.approx(1.0, rel=1e-12)
 
 
-def test_noise_meets_the_nodes():
-    assert (between_nodes(3.0, 7.0, 0.0), between_nodes(3.0, 7.0, 1.0)) == (3.0, 7.0)
-
-
 @pytest.mark.parametrize("along", [0.0, 10.0, 137.3])
 def test_spreads_are_those_of_the_scenario(along):
     """Over 4000 bars the standard error of a standard deviation is 1.1 %."""
@@ -78,10 +74,10 @@ def test_spreads_are_those_of_the_scenario(along):
 
 
 def test_fields_are_continuous_in_a_bar_and_jump_between_bars():
-    step = 0.1
-    jumps = np.abs(np.diff(fields(Scenario(), np.arange(0.5 * step, 10 * WORKPIECE.bar_length, step))))
+    step = 0.2
+    jumps = np.abs(np.diff(fields(Scenario(), np.arange(0.5 * step, 5 * WORKPIECE.bar_length, step))))
     per_bar = round(WORKPIECE.bar_length / step)
-    between_bars = np.arange(1, 10) * per_bar - 1
+    between_bars = np.arange(1, 5) * per_bar - 1
     within_bars = np.delete(jumps, between_bars, axis=1)
     # Noise runs from node to node: a few standard deviations in one correlation length, at twice the mean slope at most.
     steepest = 2 * 6 * step
