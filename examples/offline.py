@@ -50,7 +50,7 @@ def policy(behaviour: str) -> PolicyFactory:
     """The rule or the agent of that name."""
     if behaviour == "analytic_gradient":
         return onnx_policy.load(AGENT).make
-    return catalogue.entry(behaviour, Scenario.load("rough_turning")).make
+    return catalogue.spec(behaviour, Scenario.load("rough_turning")).make
 
 
 def record(make: PolicyFactory, seeds: Sequence[int]) -> list[EpisodeBuffer]:

@@ -42,7 +42,7 @@ def written_and_read(program: Program) -> Program:
 )
 def test_a_schedule_does_what_the_controller_did(preset: str, rule: str, bars: int, tolerance: float) -> None:
     scenario = Scenario.load(preset)
-    program, original = schedule.play_schedule(catalogue.entry(rule, scenario).make, scenario, 11, bars, tolerance)
+    program, original = schedule.play_schedule(catalogue.spec(rule, scenario).make, scenario, 11, bars, tolerance)
     simulated = simulate.simulate(written_and_read(program), scenario, 11)
     assert simulated.difference(original) < 0.01
     assert original.removed > 30.0
@@ -50,7 +50,7 @@ def test_a_schedule_does_what_the_controller_did(preset: str, rule: str, bars: i
 
 
 def test_more_tolerance_means_fewer_blocks_that_end_at_the_same_place() -> None:
-    make = catalogue.entry("rescaled_grid_search", SCENARIO).make
+    make = catalogue.spec("rescaled_grid_search", SCENARIO).make
     programs = [schedule.play_schedule(make, SCENARIO, 11, 2, tolerance)[0] for tolerance in (0.0, 0.03, 1.0)]
     counts = [program.blocks for program in programs]
     assert counts[0] > counts[1] > counts[2] >= 2
@@ -121,7 +121,7 @@ def test_the_interval_table_does_on_nominal_bars_what_the_models_say(preset: str
 @pytest.mark.parametrize("rule", laws.LAWS)
 def test_a_law_does_what_the_rule_does(rule: str) -> None:
     program = written_and_read(laws.law_program(rule, OVERRIDES))
-    compared = simulate_law.compare(program, catalogue.entry(rule, OVERRIDES).make, OVERRIDES, 11)
+    compared = simulate_law.compare(program, catalogue.spec(rule, OVERRIDES).make, OVERRIDES, 11)
     assert compared.largest_difference < 0.5
     assert compared.mean_difference < 0.05
     assert compared.steps > 1000
@@ -154,7 +154,7 @@ def test_a_fuzzy_law_is_the_papers_over_all_loads(rule: str, k: float, p: float,
 
 
 def test_a_constant_load_law_is_the_rules_up_to_the_tabulated_load() -> None:
-    parameters = catalogue.entry("iadapts", OVERRIDES).parameters
+    parameters = catalogue.spec("iadapts", OVERRIDES).parameters
     share, law = lag_share(0.012, 1.0 / parameters["gain"]), law_of("iadapts")
     for override, load in GRID:
         if load <= laws.MAX_LOAD:

@@ -15,23 +15,20 @@ from train.agents import run_folder
 from train.run import Run
 from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
 from turning_env import IDS, Scenario
-from turning_env.batch.driver import Lathes, action_space, observation_space
+from turning_env.batch.driver import Batch, action_space, observation_space
 from turning_env.score.seeds import TUNING_START
 
 ROOT = Path(__file__).parents[2]
 PPO = ALGORITHMS["ppo"]
 every_algorithm = pytest.mark.parametrize("algorithm", ALGORITHMS.values(), ids=ALGORITHMS)
-every_algorithm_if_slow = pytest.mark.parametrize(
-    "algorithm",
-    [pytest.param(each, id=name, marks=() if name == "ppo" else pytest.mark.slow) for name, each in ALGORITHMS.items()],
-)
 
 
 class Killed(Exception):
     pass
 
 
-@every_algorithm_if_slow
+@every_algorithm
+@pytest.mark.slow
 def test_a_killed_training_resumes_to_the_very_same_agent(
     algorithm: Algorithm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -71,18 +68,19 @@ def _bytes(parameters: Any) -> bytes:
     return stream.getvalue()
 
 
-@every_algorithm_if_slow
+@every_algorithm
+@pytest.mark.slow
 def test_a_loaded_agent_acts_as_its_model_and_was_trained_on_its_own_seeds(
     algorithm: Algorithm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given: set[int] = set()
-    seed = Lathes.seed
+    seed = Batch.seed
 
-    def watched(self: Lathes, mask: Any, seeds: Any) -> None:
+    def watched(self: Batch, env_indices: Any, seeds: Any) -> None:
         given.update(int(number) for number in seeds)
-        seed(self, mask, seeds)
+        seed(self, env_indices, seeds)
 
-    monkeypatch.setattr(Lathes, "seed", watched)
+    monkeypatch.setattr(Batch, "seed", watched)
     run = small_run(algorithm, tmp_path, steps=1024)
     path = train(run, algorithm)
     assert given
@@ -90,7 +88,7 @@ def test_a_loaded_agent_acts_as_its_model_and_was_trained_on_its_own_seeds(
 
     model: Any = algorithm.model.load(path, device="cpu")
     loaded = run_folder.load(run.folder)
-    assert (loaded.name, loaded.seed, loaded.command) == (algorithm.name, 3, "a command")
+    assert (loaded.name, loaded.training_seed, loaded.command) == (algorithm.name, 3, "a command")
     policy = loaded.make(6)
     policy.reset(np.ones(6, np.bool_))
     random, state, starts = np.random.default_rng(0), None, np.ones(6, np.bool_)

@@ -1,7 +1,7 @@
 """Load an agent's ONNX file, which may come from anywhere, and play it in a process of its own, without PyTorch.
 
 from pathlib import Path
-from train import onnx_policy
+from train.agents import onnx_policy
 
 agent = onnx_policy.load(Path("ppo-seed0.onnx"))
 policy = agent.make(1)

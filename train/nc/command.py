@@ -143,7 +143,7 @@ def _schedule(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
 def _policy(parsed: argparse.Namespace) -> tuple[str, PolicyFactory, Scenario]:
     if parsed.agent is None:
         scenario = Scenario.load(parsed.scenario or "rough_turning")
-        return parsed.rule, catalogue.entry(parsed.rule, scenario).make, scenario
+        return parsed.rule, catalogue.spec(parsed.rule, scenario).make, scenario
     agent = onnx_policy.load(parsed.agent)
     scenario = Scenario.load(parsed.scenario) if parsed.scenario or agent.trained_on is None else agent.trained_on
     check_fits(agent, scenario)
@@ -172,7 +172,7 @@ def _law(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
         f"interpolation cycle of {1000.0 * scenario.control.interval:g} ms",
     ]
     text, program = _text_of(program, comments, command)
-    compared = simulate_law.compare(program, catalogue.entry(parsed.rule, scenario).make, scenario, _seed(parsed))
+    compared = simulate_law.compare(program, catalogue.spec(parsed.rule, scenario).make, scenario, _seed(parsed))
     if not compared.largest_difference <= MAX_OVERRIDE_DIFFERENCE:
         raise NcError(
             f"the law read back differs from {parsed.rule} by {compared.largest_difference:.2f} percentage points of override; "

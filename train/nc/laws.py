@@ -200,7 +200,7 @@ def law_program(name: str, scenario: Scenario) -> Program:
         NcError: the controller is not one of ``LAWS``, or the scenario does not set the override of a programmed feed.
         ValueError: the controller cannot play the scenario, or has not been tuned for it.
     """
-    entry = catalogue.entry(name, scenario)
+    entry = catalogue.spec(name, scenario)
     if name not in LAWS:
         raise NcError(f"{name} cannot be written as synchronized actions; those that can are {', '.join(LAWS)}")
     with_bars(scenario, 1)  # raises if no program can be written
