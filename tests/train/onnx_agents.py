@@ -77,14 +77,14 @@ def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = Fa
 
 
 def of_nodes(
-    nodes: Sequence[onnx.NodeProto], weights: Weights, memory: int = 0, seed: int = 0, algorithm: str = "ppo"
+    nodes: Sequence[onnx.NodeProto], weights: Weights, memory: int = 0, seed: int = 0, algorithm: str = "ppo", actions: int = 2
 ) -> bytes:
     """A file of nodes from ``observation`` (and ``memory``) to ``action`` (and ``next_memory``)."""
 
     def value(name: str, entries: int) -> onnx.ValueInfoProto:
         return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["environments", entries])
 
-    inputs, outputs = [value("observation", 11)], [value("action", 2)]
+    inputs, outputs = [value("observation", 11)], [value("action", actions)]
     if memory:
         inputs, outputs = [*inputs, value("memory", memory)], [*outputs, value("next_memory", memory)]
     held = [numpy_helper.from_array(array, name) for name, array in weights.items()]
