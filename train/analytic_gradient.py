@@ -15,7 +15,6 @@ arXiv 1912.12294; GRU: Cho et al. 2014, arXiv 1406.1078.)
 import sys
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -227,12 +226,6 @@ def new_model(run: Run, vec_env: RoughTurningVecEnv) -> AnalyticGradient:
     )
 
 
-def actor(path: Path) -> GruActor:
-    """Load the finished agent from a ``policy.zip`` of your own."""
-    policy: GruActor = AnalyticGradient.load(path, device="cpu").policy
-    return policy
-
-
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
     "rollout": CategoricalDistribution([32, 64, 128]),
@@ -246,7 +239,9 @@ def plays(scenario: Scenario) -> bool:
 
 
 ALGORITHM = Algorithm(
-    "analytic_gradient", "analytic gradients", AnalyticGradient, new_model, actor, SEARCH, vec_env=HindsightVecEnv, plays=plays
+    *("analytic_gradient", "analytic gradients", AnalyticGradient, new_model, lambda policy: policy, SEARCH),
+    vec_env=HindsightVecEnv,
+    plays=plays,
 )
 
 main = partial(command_line, ALGORITHM)

@@ -117,7 +117,7 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Evaluation | str:
         with exclusive_lock(run.folder, wait=True):
             run.begin()  # outside the try: a folder with other settings is no fault of this setting
         try:
-            make = partial(ActorPolicy, algorithm.actor(train(run, algorithm, wait=True)).eval())
+            make = partial(ActorPolicy, algorithm.actor(train(run, algorithm, wait=True)))
             episodes.append(play(make, task.scenario, tuning_seeds(NUM_EPISODES)))
         except ValueError as error:
             return str(error)

@@ -31,10 +31,10 @@ def load(folder: Path) -> PolicySpec:
 
 
 def load_actor(run: Run) -> Actor:
-    """The actor of a finished training, by the ``actor`` of its algorithm's file. Never load a stranger's: see ``load``.
+    """Return the actor of a finished training. Never load a stranger's: see ``load``.
 
     Raises:
-        ValueError: the training is not finished, or of no algorithm that is known.
+        ValueError: the training is not finished, or of no known algorithm.
     """
     if not (HYPERPARAMETERS / f"{run.algorithm}.toml").is_file():
         known = ", ".join(sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
@@ -42,5 +42,5 @@ def load_actor(run: Run) -> Actor:
     if not run.policy.exists():
         raise ValueError(f"the training in {run.folder} is not finished: run its command again: {run.command}")
     warn_of_pickle(run.policy)
-    actor: Actor = importlib.import_module(f"train.{run.algorithm}").actor(run.policy)
-    return actor.eval()
+    actor: Actor = importlib.import_module(f"train.{run.algorithm}").ALGORITHM.actor(run.policy)
+    return actor
