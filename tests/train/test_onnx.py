@@ -98,8 +98,8 @@ def test_agents_of_every_algorithm_can_be_exported(algorithm: Algorithm, tmp_pat
     model.env = None
     model.save(run.policy)
     exported = export.export(run.folder, tmp_path / "out")
-    assert exported.largest_difference <= 1e-5
-    mine, its = agent.load(run.folder).make(5), onnx_policy.load(Path(exported.path)).make(5)
+    assert exported["largest_difference"] <= 1e-5
+    mine, its = agent.load(run.folder).make(5), onnx_policy.load(Path(exported["path"])).make(5)
     for observation in observations(5):
         np.testing.assert_allclose(its.act(observation), mine.act(observation), rtol=0, atol=1e-5)
 
@@ -198,7 +198,10 @@ REFUSED: dict[str, tuple[Change, str]] = {
     "another space": (retold("action_space", '{"low": [0.0], "high": [1.0]}'), "action_space is not that of"),
     "another width": (resized(1, 12), "has inputs {'observation': 12}, but must have {'observation': 11}"),
     "a fixed number of environments": (resized(0, 4), "'observation' must be float32 of shape"),
-    "another output": (lambda model: setattr(model.graph.output[0], "name", "deed"), "has outputs {'deed': 2}, but must have {'action': 2}"),
+    "another output": (
+        lambda model: setattr(model.graph.output[0], "name", "deed"),
+        "has outputs {'deed': 2}, but must have {'action': 2}",
+    ),
     "weights elsewhere": (elsewhere, "keeps its weights .* in another file"),
     "a loop": (insert(helper.make_node("Loop", ["", ""], ["x"], body=BRANCH)), "uses the operator 'Loop'"),
     "a foreign operator": (insert(helper.make_node("Relu", ["x"], ["y"], domain="evil")), "uses the operator 'Relu'"),

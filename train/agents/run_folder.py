@@ -18,16 +18,8 @@ def load(folder: Path) -> PolicySpec:
     """
     run = Run.read(folder)
     actor = load_actor(run)
-    return trained_policy(
-        run.algorithm,
-        run.seed,
-        run.scenario,
-        run.parameters,
-        run.parameters["steps"],
-        run.command,
-        digest_of_files(folder, folder.rglob("*")),
-        lambda num_envs: ActorPolicy(actor, num_envs),
-    )
+    digest = digest_of_files(folder, folder.rglob("*"))
+    return trained_policy(run, run.parameters["steps"], digest, lambda num_envs: ActorPolicy(actor, num_envs))
 
 
 def load_actor(run: Run) -> Actor:
