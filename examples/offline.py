@@ -36,7 +36,7 @@ with extra("ecosystem"):
 
 AGENT = Path(__file__).parents[1] / "agents" / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
 FIRST_SEED = (SEEDS - 1) * SEED_STRIDE
-"""Draws of the last training seed, which is kept for data sets."""
+"""Seeds of the last training seed, which is kept for data sets."""
 NUM_ENVS = 64
 """Episodes played side by side."""
 BEHAVIOURS = {
@@ -94,9 +94,8 @@ def make(behaviour: str, episodes: int, out: Path) -> Path:
     with tqdm(total=episodes, unit="episode", disable=None) as bar:
         for number, each in enumerate(names):  # by turns: seed i is played by behaviour i modulo their number
             seeds = range(FIRST_SEED + number, FIRST_SEED + episodes, len(names))
-            maker = policy(each)
             for start in range(0, len(seeds), NUM_ENVS):
-                buffers += record(maker, seeds[start : start + NUM_ENVS])
+                buffers += record(policy(each), seeds[start : start + NUM_ENVS])
                 bar.update(len(buffers) - bar.n)
     buffers.sort(key=lambda buffer: buffer.seed)
     out.mkdir(parents=True, exist_ok=True)

@@ -87,7 +87,7 @@ def layers(entries: int, results: int, gain: float) -> torch.nn.Sequential:
 
 
 class Rollouts:
-    """Lathes that go on from where the last rollout left them."""
+    """Environments that go on from where the last rollout left them."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -105,7 +105,7 @@ class Rollouts:
             action = policy.sample()
             observations, rewards, terminated, truncated, infos = self.envs.step(action.numpy())
             reward = torch.from_numpy(rewards * self.settings.reward_scale).float()
-            if truncated.any():  # the lathe would go on: what it would yet have gained counts
+            if truncated.any():  # the episode would go on: the value of the last state counts
                 last = torch.from_numpy(np.stack(list(infos["final_obs"][truncated])))
                 reward[torch.from_numpy(truncated)] += self.settings.discount * agent.values(last)
             end = torch.from_numpy(terminated | truncated)

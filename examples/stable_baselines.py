@@ -27,11 +27,11 @@ from train.vec_env import RoughTurningVecEnv
 from turning_env.score.policy import Actions, Observations
 
 ROLLOUT = 4096
-"""Intervals of all environments between two updates of an on-policy algorithm."""
+"""Steps of all environments between two updates of an on-policy algorithm."""
 
 
 def lathes(kind: str, num_envs: int, seed: int) -> VecEnv:
-    """``num_envs`` environments behind Stable-Baselines3's interface; lane i plays the episodes of seed + i."""
+    """``num_envs`` environments behind Stable-Baselines3's interface; environment i plays the episodes of seed + i."""
     if kind == "single":
         return make_vec_env(ENV_ID, n_envs=num_envs, seed=seed, env_kwargs={"render_mode": None})  # else it asks for pictures
     env = RoughTurningVecEnv(turning_env.Scenario.load("rough_turning"), num_envs, reward_scale=1 / 3)

@@ -53,8 +53,8 @@ def serial(num_envs: int, seed: int) -> SerialEnv:
     return envs
 
 
-def together(num_envs: int, seed: int) -> GymWrapper:
-    """Environments side by side; lane i plays the episodes of seed + i."""
+def batch(num_envs: int, seed: int) -> GymWrapper:
+    """Environments side by side; environment i plays the episodes of seed + i."""
     vector = gymnasium.make_vec(ENV_ID, num_envs, vectorization_mode="vector_entry_point", autoreset_mode=AutoresetMode.DISABLED)
     envs = GymWrapper(vector)
     check_env_specs(envs)
@@ -63,7 +63,7 @@ def together(num_envs: int, seed: int) -> GymWrapper:
 
 
 def summary(name: str, rollout: TensorDictBase, seconds: float) -> str:
-    """A rollout's shape, its mean reward [s per interval] and how fast it was, for people."""
+    """A rollout's shape, its mean reward [s per step] and how fast it was, for people."""
     reward = rollout["next", "reward"].mean().item()
     return f"{name}: {tuple(rollout.batch_size)}, mean reward {reward:.2f} s, {rollout.numel() / seconds:.0f} steps per second"
 
@@ -80,15 +80,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for env_id in turning_env.IDS:
         rollout = one(env_id, options.seed).rollout(10)
         force, power, wear = (rollout["next", name][-1].item() for name in SEEN)
-        print(f"{env_id}: checked; after {len(rollout)} intervals {force:.0f} N, {power:.2f} kW, {wear:.3f} mm of wear")
-    few = min(options.num_envs, 4)
+        print(f"{env_id}: checked; after {len(rollout)} steps {force:.0f} N, {power:.2f} kW, {wear:.3f} mm of wear")
+    few, many = min(options.num_envs, 4), -(-options.steps // options.num_envs)
     for name, envs, steps in (
         (f"SerialEnv of {few}", serial(few, options.seed), min(options.steps, 1000)),
-        (
-            f"GymWrapper of {options.num_envs} environments",
-            together(options.num_envs, options.seed),
-            -(-options.steps // options.num_envs),
-        ),
+        (f"GymWrapper of {options.num_envs} environments", batch(options.num_envs, options.seed), many),
     ):
         start = time.perf_counter()
         rollout = envs.rollout(steps, break_when_any_done=False)

@@ -54,8 +54,8 @@ def export(folder: Path, out: Path) -> dict[str, Any]:
     """Write the finished agent of one of your own runs into the folder ``out``, named by algorithm and training seed.
 
     Returns:
-        ``path``, ``digest`` (SHA-256) and ``size`` [bytes] of the file, ``largest_difference`` between actions of the agent and of
-        the file on so many ``observations``, and ``latency``, the median time of a call with one observation [s].
+        ``path``, ``digest`` (SHA-256) and ``size`` [bytes] of the file; the ``largest_difference`` between actions of the
+        agent and of the file on so many ``observations``; ``latency``, the median time of a call with one observation [s].
 
     Raises:
         ValueError: training is not finished, the network cannot be written as ONNX, or the file does not act as the agent.
@@ -218,8 +218,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parsed = parser.parse_args(arguments)
     for folder in tqdm(parsed.folders, unit="agent", disable=None, leave=False):
         exported = export(folder, parsed.out)
-        line = "{path}: {size} bytes, {us:.0f} us per call, largest difference {largest_difference:.1e} on {observations} observations"
-        tqdm.write(json.dumps(exported) if parsed.json else line.format(us=1e6 * exported["latency"], **exported))
+        us, difference = 1e6 * exported["latency"], exported["largest_difference"]
+        line = f"{us:.0f} us per call, largest difference {difference:.1e} on {exported['observations']} observations"
+        tqdm.write(json.dumps(exported) if parsed.json else f"{exported['path']}: {exported['size']} bytes, {line}")
     return 0
 
 

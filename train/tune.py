@@ -137,13 +137,7 @@ def open_storage(where: str) -> BaseStorage:
         try:
             Path(where).parent.mkdir(parents=True, exist_ok=True)
             return JournalStorage(JournalFileBackend(where, JournalFileOpenLock(where)))
-        except (
-            OSError,
-            ValueError,
-            LookupError,
-            TypeError,
-            AttributeError,
-        ) as error:  # the last three: it is no journal
+        except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:  # the last three: it is no journal
             raise ValueError(f"a study cannot be kept in {where}: {error}") from error
     url = _url(where)
     # A database closes connections that are not used while an agent is trained.

@@ -1,4 +1,4 @@
-"""Data sets: what is written can be played again, and is of draws that nothing is scored or tuned on."""
+"""Data sets: what is written can be played again, and is of seeds that nothing is scored or tuned on."""
 
 from pathlib import Path
 
@@ -48,11 +48,8 @@ def test_episodes_can_be_played_again(folder: Path) -> None:
         for step, action in enumerate(episode.actions):
             np.testing.assert_array_equal(observation, episode.observations[step])
             observation, reward, terminated, truncated, _ = env.step(action)
-            assert (reward, terminated, truncated) == (
-                episode.rewards[step],
-                episode.terminations[step],
-                episode.truncations[step],
-            )
+            recorded = episode.rewards[step], episode.terminations[step], episode.truncations[step]
+            assert (reward, terminated, truncated) == recorded
         np.testing.assert_array_equal(observation, episode.observations[-1])
         assert terminated or truncated
         assert mark["return"] == pytest.approx(episode.rewards.sum())
