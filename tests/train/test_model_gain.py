@@ -280,7 +280,8 @@ def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None
     truth = Truth(BASE, before, after, np.stack(changed), np.stack(failed))
     log_speed, log_feed = commands.commanded(target, seen)
     given = log_speed, log_feed, *commands.speed_and_feed(seen, ACTUAL), truth
-    gain, free, dear = ModelGain(BASE), ModelGain(BASE), ModelGain(BASE)
+    gain = ModelGain(BASE)
+    free, dear = copy(gain), copy(gain)
     free._scenario = BASE.model_copy(update={"economics": BASE.economics.model_copy(update={"overload_price": 0.0})})
     dear._prices = dear._prices + 1000.0
     charged = (free(*given)[0] - gain(*given)[0]).numpy()

@@ -1,6 +1,7 @@
 """A program, read back and played, repeats its original."""
 
 import itertools
+from functools import cache
 
 import numpy as np
 import pytest
@@ -128,6 +129,7 @@ def test_a_law_does_what_the_rule_does(rule: str) -> None:
     assert simulate_law.simulate_law(program, OVERRIDES, 11) == compared.simulated
 
 
+@cache
 def law_of(rule: str) -> Law:
     law = written_and_read(laws.law_program(rule, OVERRIDES)).law
     assert law is not None

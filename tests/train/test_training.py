@@ -123,14 +123,15 @@ def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_
 
 
 def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_alone(tmp_path: Path) -> None:
-    run = small_run(PPO, tmp_path, steps=512)
+    few = {"steps": 128, "rollout": 16, "batch_size": 64}
+    run = small_run(PPO, tmp_path, **few)
     path = train(run, PPO)
     before = path.stat().st_mtime_ns
     assert train(run, PPO) == path
     assert path.stat().st_mtime_ns == before
     assert not run.checkpoint.exists()
     with pytest.raises(ValueError, match="holds a training with other settings"):
-        train(small_run(PPO, tmp_path, steps=512, discount=0.9), PPO)
+        train(small_run(PPO, tmp_path, **few, discount=0.9), PPO)
 
 
 def test_there_is_no_agent_before_a_training_is_finished(tmp_path: Path) -> None:
@@ -144,7 +145,7 @@ def test_there_is_no_agent_before_a_training_is_finished(tmp_path: Path) -> None
 
 def test_an_agent_is_small_and_holds_no_environments(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["sac"]
-    path = train(small_run(algorithm, tmp_path, memory=1_000_000, steps=64), algorithm)
+    path = train(small_run(algorithm, tmp_path, memory=100_000, steps=64), algorithm)
     assert path.stat().st_size < 1_000_000
     assert not hasattr(algorithm.model.load(path, device="cpu"), "resume_state")
 
