@@ -4,8 +4,8 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 SCENARIO ?= rough_turning
 STEPS ?=
 NUM_SEEDS ?= 256
-BOARD_SEEDS ?= 64
-LONG_SEEDS ?= 32
+TASK_SEEDS ?= 64
+SPLIT_SEEDS ?= 32
 OTHER_PYTHON ?=
 RUNS ?= runs
 RESULTS ?= results
@@ -68,10 +68,10 @@ agents: .venv/run
 results: .venv/run
 	set -e; for env in $(ENVS); do \
 		case $$env in \
-			RoughTurning-v0) seeds="--seeds $(NUM_SEEDS) --splits --split-seeds $(LONG_SEEDS)";; \
+			RoughTurning-v0) seeds="--seeds $(NUM_SEEDS) --splits --split-seeds $(SPLIT_SEEDS)";; \
 			RoughTurning-Batch-v0) seeds="--seeds $(NUM_SEEDS)";; \
-			RoughTurning-Shift-v0) seeds="--seeds $(LONG_SEEDS)";; \
-			*) seeds="--seeds $(BOARD_SEEDS)";; \
+			RoughTurning-Shift-v0) seeds="--seeds $(SPLIT_SEEDS)";; \
+			*) seeds="--seeds $(TASK_SEEDS)";; \
 		esac; \
 		.venv/bin/python -m leaderboard run --env $$env --results $(SHIPPED_RESULTS) --jobs $(JOBS) $$seeds \
 			--agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \

@@ -17,7 +17,7 @@ from baselines.models.scales import Scales
 from baselines.rule import Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
-from turning_env.numerics.compilation import compiled
+from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.physics.machinability import force_and_power, log_wear_coefficient
 from turning_env.physics.records import parameter_records
 from turning_env.physics.wear import advance_used_life, log_wear
@@ -75,7 +75,7 @@ def best_pair(parameters, speeds, feeds, used_life, start, end, force_limit, pow
     return best_speed, best_feed
 
 
-@compiled
+@compiled_entry
 def search(parameters, speeds, feeds, used_lives, times, interval, force_limits, power_limits, chosen):
     """Fill ``chosen``, shape (num_envs, 2), with cutting speeds [m/min] and feeds [mm/rev]."""
     p = parameters[0]

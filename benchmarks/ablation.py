@@ -1,13 +1,13 @@
-"""What each choice in PPO's training is worth: agents trained alike but for one thing, played on the same tuning seeds.
+"""Measure what each choice in PPO's training is worth: agents that differ in one choice play the same tuning seeds.
 
     python -m benchmarks.ablation
     python -m benchmarks.ablation --steps 2000000 --seeds 3 --out docs/ablation.md
     python -m benchmarks.ablation --variants as_it_is discount_0.99
     python -m benchmarks.ablation --seeds 5 --jobs 8
 
-Each variant is trained as ``train/hyperparameters/ppo.toml`` says but for what its row names, and all for as many steps.
-Whatever an agent learns from, it is scored by the environment's own return. Trainings are kept in ``RUNS/ablation``, so that the
-same command goes on where it stopped, and one with more seeds adds to them.
+Each variant is trained with ``train/hyperparameters/ppo.toml`` except for what its row names, all for as many steps.
+Every agent is scored by the environment's own return, whatever its training rewards. Trainings are kept in ``RUNS/ablation``:
+the same command continues where it stopped, and one with more seeds adds to them.
 """
 
 import argparse
@@ -46,7 +46,7 @@ from turning_env.score.statistics import Bootstrap, Estimate
 from turning_env.score.workers import spread, workers
 
 ENV_ID = "RoughTurning-v0"
-DRAWS = 128
+NUM_SEEDS = 128
 """Tuning seeds that each agent plays."""
 FRAMES = 4
 """Observations in a row that an agent with history sees."""
@@ -58,16 +58,16 @@ def edge_price(scenario: Scenario) -> float:
 
 
 def life_left_behind(infos: dict[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Used share of life [-] at the interval's end, and whether the edge is worn out or broken, each of shape (count,)."""
+    """Return used share of life [-] at the step's end, and whether the edge is worn out or broken, each of shape (num_envs,)."""
     used = np.minimum(info_at_end_of_step(infos, "used_life"), 1.0)
     return used, (used >= 1.0) | info_at_end_of_step(infos, "broken").astype(np.bool_)
 
 
 class ChargedAtEnd(RoughTurningVecEnv):
-    """Lathes from which it is learned that an edge costs nothing until it is worn out or broken, and then its whole price."""
+    """Environments whose training rewards charge an edge when it is worn out or broken, and then its whole price."""
 
     def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
-        """Rewards in which what is charged for used life is put off to the edge's end."""
+        """Return rewards [s] in which the charge for used life is put off to the edge's end."""
         used, ended = life_left_behind(infos)
         # A broken edge pays for what was left of it as it is: what is put off is what it had used.
         return (
@@ -78,9 +78,9 @@ class ChargedAtEnd(RoughTurningVecEnv):
 
 
 class PricedByLeft(RoughTurningVecEnv):
-    """Lathes from which it is learned that life has the price at which it is best used, p(D), in place of the flat price.
+    """Environments whose training rewards charge used life D at its marginal price p(D) instead of the flat price.
 
-    What is added to an interval's reward is the difference of a potential of the used life D,
+    They add the difference of a potential of D to a step's reward,
 
         price D - integral of p from 0 to D,
 
@@ -98,19 +98,19 @@ class PricedByLeft(RoughTurningVecEnv):
         self._potentials = self._price * self._used_lives - integral
 
     def potential(self, used: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of used shares of life [-], of any shape; in s."""
+        """Return the potential [s] of used shares of life [-], of any shape."""
         potential: NDArray[np.float64] = np.interp(used, self._used_lives, self._potentials)
         return potential
 
     def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
-        """Rewards and the potential's difference."""
+        """Return rewards [s] plus the potential's difference."""
         used, ended = life_left_behind(infos)
         before = used + info_at_end_of_step(infos, "reward_edge") / self._price
         return rewards + self.potential(np.where(ended, 1.0, used)) - self.potential(before)
 
 
 class Stacked(RoughTurningVecEnv):
-    """Lathes that show the last ``FRAMES`` observations side by side, latest last; before an episode's first they are 0."""
+    """Environments that show the last ``FRAMES`` observations side by side, latest last, 0 before an episode's first."""
 
     def __init__(self, scenario: Scenario, count: int, reward_scale: float = 1.0) -> None:
         super().__init__(scenario, count, reward_scale)
@@ -120,7 +120,7 @@ class Stacked(RoughTurningVecEnv):
         self.observation_space = Box(np.tile(one.low, FRAMES), np.tile(one.high, FRAMES), dtype=np.float32)
 
     def reset(self) -> NDArray[np.float32]:
-        """First observations, shape (count, FRAMES * 11), 0 but for the last 11."""
+        """Return first observations, shape (num_envs, FRAMES * 11), 0 except for the last 11."""
         observations: NDArray[np.float32] = self._stack.reset(super().reset())
         return observations
 
@@ -146,14 +146,14 @@ class StackedActor(Actor):
 
 
 def stacked_actor(path: Path) -> StackedActor:
-    """The finished agent with history in a ``policy.zip`` of your own."""
+    """Return the finished agent with history of a ``policy.zip`` of your own."""
     policy: Any = PPO.load(path, device="cpu").policy
     entries = policy.observation_space.shape[0] // FRAMES
     return StackedActor(policy.mlp_extractor.policy_net, policy.action_net, entries=entries)
 
 
 class ProcessorTime(BaseCallback):
-    """Counts the processor time [s] of a training in its model, from where its agent's file and its checkpoints have it."""
+    """Counts a training's processor time [s] in its model, so that checkpoints and the agent's file keep it."""
 
     def _on_training_start(self) -> None:
         self._start = time.process_time() - getattr(self.model, "processor_time", 0.0)
@@ -174,18 +174,18 @@ class ProcessorTime(BaseCallback):
 
 @dataclass(frozen=True)
 class Variant:
-    """A training of PPO that differs in what is given here."""
+    """Differences of a training of PPO."""
 
     title: str
     """For people."""
     parameters: dict[str, Any] = field(default_factory=dict)
     """Hyperparameters that differ."""
     control: dict[str, Any] = field(default_factory=dict)
-    """What differs in the scenario's table ``control``, in training and in play."""
+    """Fields of the scenario's section ``control`` that differ, in training and in play."""
     algorithm: Algorithm = ppo.ALGORITHM
 
     def scenario(self, base: Scenario) -> Scenario:
-        """The scenario with what differs."""
+        """Return the scenario with the differences."""
         values = base.model_dump()
         values["control"] |= self.control
         return Scenario.model_validate(values)
@@ -239,19 +239,19 @@ def play_agent(
     scenario = variant.scenario(base)
     run = Run.plan("ppo", ENV_ID, scenario, seed, runs / "ablation" / name, command, variant.parameters | overrides)
     path = train(run, algorithm)
-    episodes = play(partial(ActorPolicy, algorithm.actor(path).eval()), scenario, tuning_seeds(DRAWS))
+    episodes = play(partial(ActorPolicy, algorithm.actor(path).eval()), scenario, tuning_seeds(NUM_SEEDS))
     model: Any = algorithm.model.load(path, device="cpu")
     return episodes, model.processor_time
 
 
 def gathered(name: str, agents: Sequence[tuple[Episodes, float]]) -> Played:
-    """A variant's agents, by training seed."""
+    """Gather a variant's agents by training seed."""
     episodes = {key: np.stack([each[key] for each, _ in agents]) for key in agents[0][0]}
     return Played(name, episodes, float(np.mean([seconds for _, seconds in agents])))
 
 
 def table(rows: Sequence[Played]) -> list[str]:
-    """Lines of a Markdown table of what the variants reached; differences are from the first row."""
+    """Return the lines of a Markdown table of the variants; differences are from the first row."""
     bootstrap = Bootstrap(rows[0].episodes["return"].shape[1])
     lines = [
         "| | return [s] | less the first row's [s] | severely over a limit [% of cutting time] | edges broken per 100 "
@@ -269,7 +269,7 @@ def table(rows: Sequence[Played]) -> list[str]:
 
 
 def _difference(bootstrap: Bootstrap, row: Played, other: Played) -> Estimate:
-    """Mean return [s] less another variant's, paired by seed."""
+    """Return the mean return [s] less another variant's, paired by seed."""
     ours, theirs = row.episodes["return"], other.episodes["return"]
     replicates = bootstrap.means(ours, row.name) - bootstrap.means(theirs, other.name)
     return Estimate.of(ours.mean() - theirs.mean(), replicates)
@@ -281,17 +281,13 @@ def _text(estimate: Estimate, decimals: int) -> str:
 
 
 def page(command: str, lines: Sequence[str], steps: int, seeds: int) -> str:
-    """The table as a Markdown page, under the command and what it did."""
-    over = (
-        "tuning seeds and training seeds"
-        if seeds > 1
-        else "tuning seeds: of what another training seed would do they know nothing"
-    )
+    """Return the table as a Markdown page with the command and an explanation."""
+    over = "tuning seeds and training seeds" if seeds > 1 else "tuning seeds, which leave out the spread over training seeds"
     text = (
-        "Each agent is PPO as in `train/hyperparameters/ppo.toml` but for what its row names, trained for "
-        f"{steps:,} steps\nwith {seeds} training seed{'s' * (seeds > 1)}, and plays the same {DRAWS} tuning seeds of "
-        f"{ENV_ID}. Returns are the environment's own,\nwhatever was learned from. In brackets: {100 * CONFIDENCE:.0f} % "
-        f"bootstrap steps over {over}.\nDifferences are paired by seed."
+        "Each agent is PPO with `train/hyperparameters/ppo.toml` except for what its row names, trained for "
+        f"{steps:,} steps\nwith {seeds} training seed{'s' * (seeds > 1)}, and plays the same {NUM_SEEDS} tuning seeds of "
+        f"{ENV_ID}. Returns are the environment's own,\nwhatever the training rewards. In brackets: {100 * CONFIDENCE:.0f} % "
+        f"bootstrap intervals over {over}.\nDifferences are paired by seed."
     )
     return "\n".join(["# What each choice in PPO's training is worth", "", "```bash", command, "```", "", text, "", *lines, ""])
 

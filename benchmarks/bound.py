@@ -1,9 +1,9 @@
-"""How much the clairvoyant bound still moves when its grids are refined.
+"""Measure how much the clairvoyant bound moves when its grids are refined.
 
     python -m benchmarks.bound
     python -m benchmarks.bound --scenario forging --seeds 4 --json
 
-Every step of the grids is halved in turn, then all of them. Seeds are tuning seeds.
+Each grid step is halved in turn, then all of them, on tuning seeds.
 """
 
 import argparse
@@ -21,7 +21,7 @@ Row = tuple[str, float, float, float, float]
 
 
 def measure(scenario: Scenario, num_seeds: int) -> list[Row]:
-    """Per grid: its name, the mean bound [s], the mean and the largest move from the bound as used [s], seconds per seed."""
+    """Return per grid: name, mean bound [s], mean and largest move from the bound as used [s], time per seed [s]."""
     finer = GRID.halved()
     grids: dict[str, Grid] = {"as used": GRID}
     grids |= {f"{name} halved": GRID._replace(**{name: getattr(finer, name)}) for name in GRID._fields}
@@ -39,7 +39,7 @@ def measure(scenario: Scenario, num_seeds: int) -> list[Row]:
 
 @exits(ValueError)
 def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Measure and print; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bound", **described(__doc__))
     parser.add_argument("--scenario", default="rough_turning", help="preset or TOML file (default: rough_turning)")
     parser.add_argument("--seeds", type=int, default=8, help="tuning seeds (default: 8)")

@@ -4,8 +4,7 @@
     python -m benchmarks.growth growth.svg --max-envs 4096 --json
 
 Steps per second and bytes per environment of ``RoughTurning-v0`` from 1 environment to a million, as a table and a plot. All
-numbers of environments take turns, so that whatever else the machine does hits all alike. Bytes are what Python and NumPy
-have allocated once the environment has been stepped, while nobody holds an answer.
+numbers of environments take turns, so that other load hits all of them. Bytes are Python's and NumPy's allocations after a step.
 """
 
 import argparse
@@ -25,7 +24,7 @@ NUM_ENVS = (1, 8, 64, 512, 4096, 32768, 262144, 1048576)
 
 
 def bytes_per_env(num_envs: int) -> float:
-    """Memory [bytes per environment] of so many environments."""
+    """Return the memory of a vector environment [bytes per environment]."""
     tracemalloc.start()
     try:
         case = vector(MAIN, num_envs, batches=1)

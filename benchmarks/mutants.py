@@ -1,4 +1,4 @@
-"""Put small faults into the physics, the statistics and the models' gradients, and list those that the fast tests do not find.
+"""Make small changes to the physics, the statistics and the models' gradients, and list those that the fast tests miss.
 
 Each mutant is one change of one file, in a copy of the repository: another operator, comparison or constant, a dropped term, a
 negated condition, min for max, two arguments swapped. Two mutants are tried at a time; one in the physics takes about a minute,
@@ -37,22 +37,15 @@ TARGETS = ("turning_env/physics/*.py", "turning_env/score/statistics.py", "train
 TESTS = ("tests/turning_env/test_golden.py", "tests/turning_env", "tests/train/test_model_gain.py")
 LEFT_OUT = shutil.ignore_patterns(".*", "__pycache__", "runs", "results", "agents", "docs", "site")
 OPERATORS: dict[type[ast.AST], tuple[type[ast.AST], ...]] = {
-    **{
-        ast.Add: (ast.Sub,),
-        ast.Sub: (ast.Add,),
-        ast.Mult: (ast.Div,),
-        ast.Div: (ast.Mult,),
-        ast.And: (ast.Or,),
-        ast.Or: (ast.And,),
-    },
-    **{ast.Lt: (ast.LtE, ast.Gt), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.Lt), ast.GtE: (ast.Gt, ast.Lt)},
-    **{ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,)},
+    **{ast.Add: (ast.Sub,), ast.Sub: (ast.Add,), ast.Mult: (ast.Div,), ast.Div: (ast.Mult,), ast.And: (ast.Or,)},
+    **{ast.Or: (ast.And,), ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,), ast.Lt: (ast.LtE, ast.Gt)},
+    **{ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.Lt), ast.GtE: (ast.Gt, ast.Lt)},
 }
 SWAPPED = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum"}
 
 
 def changes(node: ast.AST) -> Iterator[ast.AST]:
-    """Every changed form of an expression."""
+    """Yield every changed form of an expression."""
     match node:
         case ast.BinOp() | ast.BoolOp():
             yield from (_with(node, op=other()) for other in OPERATORS.get(type(node.op), ()))
@@ -79,7 +72,7 @@ def _with(node: ast.AST, **fields: object) -> ast.AST:
 
 
 def places(node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:
-    """Expressions below a node with their changed forms; texts, types, decorators and what is raised stay."""
+    """Yield expressions below a node with their changed forms; texts, types, decorators and what is raised stay."""
     if isinstance(node, ast.If | ast.While):
         yield node.test, ast.UnaryOp(ast.Not(), node.test)
     yield from ((node, changed) for changed in changes(node))

@@ -1,4 +1,4 @@
-"""What the overload price does: which margin on the limits pays best at each price.
+"""Show which margin on the limits pays best at each overload price.
 
     python -m benchmarks.overload_price
     python -m benchmarks.overload_price --seeds 16 --json
@@ -26,13 +26,13 @@ MARGINS = (0.85, 0.90, 0.925, 0.95, 0.975, 1.0, 1.05, 1.1)
 
 
 def mean_return(episodes: Episodes, price: float) -> float:
-    """Mean return [s] of the episodes if overload were charged at ``price``: ``excess`` is the integral that it multiplies."""
+    """Return the mean return [s] of the episodes if overload were charged at ``price`` [-]."""
     return float((episodes["return"] - episodes["reward_overload"] - price * episodes["excess"]).mean())
 
 
 @exits(ValueError)
 def main(arguments: list[str] | None = None) -> int:
-    """Print, for each price, the best margin and what it does; return the exit status."""
+    """Print the best margin at each price and its overload; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.overload_price", **described(__doc__))
     parser.add_argument("--seeds", type=int, default=128, help="tuning seeds (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")

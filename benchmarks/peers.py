@@ -1,4 +1,4 @@
-"""Environment steps per second beside peers; with ``--out`` written to peers.md and peers.png.
+"""Measure environment steps per second beside other environments; ``--out`` writes peers.md and peers.png.
 
     python -m benchmarks.peers --out docs
 
@@ -33,7 +33,7 @@ _SCAN = 64  # steps in one call of a compiled loop
 
 
 def gymnasium_cases() -> Iterator[Case]:
-    """Gymnasium's own."""
+    """Yield Gymnasium's own."""
     yield one(REFERENCE, gymnasium.make("Pendulum-v1").unwrapped)
     yield one("Gymnasium Pendulum", gymnasium.make("Pendulum-v1"))
     for num_envs in NUM_ENVS:
@@ -43,7 +43,7 @@ def gymnasium_cases() -> Iterator[Case]:
 
 
 def our_cases() -> Iterator[Case]:
-    """This project's."""
+    """Yield this project's."""
     yield single(MAIN)._replace(name=f"{MAIN}, unwrapped")
     yield one(MAIN, gymnasium.make(MAIN))
     for env_id in IDS:
@@ -52,7 +52,7 @@ def our_cases() -> Iterator[Case]:
 
 
 def envpool_cases() -> Iterator[Case]:
-    """EnvPool on one thread."""
+    """Yield EnvPool on one thread."""
     envpool = importlib.import_module("envpool")
     for num_envs in NUM_ENVS[1:-1]:
         env = envpool.make_gymnasium("Pendulum-v1", num_envs=num_envs, num_threads=1)
@@ -61,7 +61,7 @@ def envpool_cases() -> Iterator[Case]:
 
 
 def gymnax_cases() -> Iterator[Case]:
-    """gymnax: a compiled loop over steps, with random actions drawn in it."""
+    """Yield gymnax: a compiled loop over steps and random actions."""
     jax, gymnax = importlib.import_module("jax"), importlib.import_module("gymnax")
     env, parameters = gymnax.make("Pendulum-v1")
 
@@ -88,17 +88,8 @@ def gymnax_cases() -> Iterator[Case]:
         yield Case("gymnax Pendulum, scan", num_envs, num_envs * _SCAN, run)
 
 
-def pufferlib_cases() -> Iterator[Case]:
-    """PufferLib's CartPole in C."""
-    cartpole = importlib.import_module("pufferlib.ocean.cartpole.cartpole")
-    for num_envs in NUM_ENVS:
-        env = cartpole.Cartpole(num_envs=num_envs)
-        env.reset()
-        yield many("PufferLib CartPole", env, num_envs, env.single_action_space)
-
-
 def motor_cases() -> Iterator[Case]:
-    """gym-electric-motor: the nearest peer by its field."""
+    """Yield gym-electric-motor, the nearest field."""
     motor = importlib.import_module("gym_electric_motor")
     yield one("gym-electric-motor Cont-CC-PMSM", motor.make("Cont-CC-PMSM-v0"))
 
@@ -107,14 +98,13 @@ PEERS: dict[str, Callable[[], Iterator[Case]]] = {
     "gymnasium": gymnasium_cases,
     "envpool": envpool_cases,
     "gymnax": gymnax_cases,
-    "pufferlib": pufferlib_cases,
     "gym_electric_motor": motor_cases,
 }
 """Modules that hold peers."""
 
 
 def importable_cases(report: Callable[[str], None]) -> list[Case]:
-    """All cases of this project and of the peers that can be imported; of others, ``report`` is told why not."""
+    """Return all cases of this project and of importable peers; ``report`` gets the reason for each other peer."""
     cases: list[Case] = []
     for module, peer in PEERS.items():
         try:
@@ -139,7 +129,7 @@ class Row(NamedTuple):
 
 
 def rows_of(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[Row]:
-    """The table; ratios are those to ``REFERENCE`` in the same turn."""
+    """Return the table; ratios are to ``REFERENCE`` in the same turn."""
     reference = [case.name for case in cases].index(REFERENCE)
     rows = []
     for case, turns in zip(cases, timings, strict=True):
@@ -150,7 +140,7 @@ def rows_of(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[
 
 
 def machine() -> str:
-    """What it was measured on."""
+    """Return processor, cores, system and Python."""
     model = platform.processor() or platform.machine()
     information = Path("/proc/cpuinfo")
     if information.exists():
@@ -160,7 +150,7 @@ def machine() -> str:
 
 
 def page(rows: Sequence[Row], command: str, left_out: Sequence[str]) -> str:
-    """The table as Markdown."""
+    """Return the table as Markdown."""
     lines = [
         "# Beside peers",
         "",
@@ -194,7 +184,7 @@ def _rounded(rate: float) -> str:
 
 
 def plot(rows: Sequence[Row], path: Path) -> None:
-    """Steps per second over environments, one line per environment library."""
+    """Plot steps per second over environments, one line per case."""
     from matplotlib.figure import Figure
 
     from turning_env.workshop import plot_style as style

@@ -1,6 +1,6 @@
-"""Tries an installed wheel: every task is made, checked, played, and played as a batch. Knows nothing of the clone.
+"""Make, check and play every task of an installed wheel, single and as a batch, without the clone.
 
-Last it prints what all presets gave, as one digest, which must not depend on the version of Python.
+At last print the digest of what all presets played, which must not depend on the version of Python.
 
 Run by ``benchmarks/wheel.py`` with the Python into which the wheel was installed, from an empty folder.
 """
@@ -20,7 +20,7 @@ DIGEST = "digest of what all presets gave: "
 
 
 def check_contents(installed: Distribution) -> None:
-    """The distribution holds one package, its own records and its licence, and nothing else."""
+    """Check that the distribution holds one package, its own records and its licence only."""
     files = installed.files or []
     top = {file.parts[0] for file in files}
     records = {name for name in top if name.endswith(".dist-info")}
@@ -32,7 +32,7 @@ def check_contents(installed: Distribution) -> None:
 
 
 def check_task(env_id: str) -> None:
-    """The task keeps Gymnasium's interface, and is played for a few steps alone and as a batch."""
+    """Check a task's interface by Gymnasium's checker, and play it for a few steps, single and as a batch."""
     env = gymnasium.make(env_id)
     check_env(env.unwrapped, skip_render_check=True)
     env.reset(seed=1)
@@ -69,7 +69,7 @@ def digest_of_plays(steps: int = 60) -> str:
 
 
 def main() -> None:
-    """Check everything, printing what is done."""
+    """Check everything and print progress."""
     home = Path(turning_env.__file__).resolve()
     assert home.is_relative_to(Path(sys.prefix).resolve()), f"{home} is not of this environment"
     check_contents(distribution("rough-turning"))

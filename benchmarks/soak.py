@@ -37,7 +37,7 @@ from tqdm import tqdm
 
 from baselines import tuned
 from baselines.tune import __main__ as rule_tuning
-from leaderboard import __main__ as board
+from leaderboard import __main__ as leaderboard_command
 from train import ppo, tune
 from train.run import Run
 from train.training import train
@@ -86,7 +86,7 @@ def tuning_of_an_agent(folder: Path) -> int:
 def leaderboard(folder: Path, more: Sequence[str] = ()) -> int:
     """Play a few rules."""
     words = ["run", "--results", str(folder / "results"), "--env", "RoughTurning-Override-v0", "--seeds", "16"]
-    return board.main(
+    return leaderboard_command.main(
         [*words, "--policies", "constant_force_limit", "programmed_feed", "fuzzy_override", "omative", "tmac", *more]
     )
 
@@ -108,19 +108,14 @@ PROGRAMS: dict[str, Program] = {
 
 @dataclass
 class Toll:
-    """Counts over the kills of a program."""
+    """Counts over the kills of a program: unreadable files, other results, surviving processes; undisturbed time [s]."""
 
     kills: int = 0
-    finished: int = 0
-    """Times that it finished although it had been killed before."""
+    finished: int = 0  # although it had been killed before
     torn: int = 0
-    """Files that could not be read after a kill."""
     differing: int = 0
-    """Times that its results differed from those of an undisturbed run."""
     orphans: int = 0
-    """Kills that one of its processes outlived."""
     seconds: float = 0.0
-    """Duration of an undisturbed run [s]."""
 
     @property
     def survived(self) -> bool:
@@ -206,7 +201,7 @@ def _finish(process: BaseProcess, folder: Path) -> None:
 
 
 def files(folder: Path) -> Iterator[Path]:
-    """Files of results: neither hidden ones, which are being filled, nor TensorBoard's, which grow."""
+    """Yield the files of results: neither hidden ones, which are being filled, nor TensorBoard's, which grow."""
     for path in sorted(folder.rglob("*")):
         parts = path.relative_to(folder).parts
         if path.is_file() and "tensorboard" not in parts and not any(part.startswith(".") for part in parts):
@@ -214,7 +209,7 @@ def files(folder: Path) -> Iterator[Path]:
 
 
 def unreadable(folder: Path) -> list[str]:
-    """Files that cannot be read to their end, each with the reason."""
+    """Return the files that cannot be read to their end, each with the reason."""
     complaints = []
     for path in files(folder):
         try:
@@ -226,13 +221,13 @@ def unreadable(folder: Path) -> list[str]:
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Digests of the files, but for times, and for journals, which also hold the trials that were killed."""
+    """Return digests of the files without times, and without journals, which also hold killed trials."""
     kept = (path for path in files(folder) if path.suffix != ".log" and path.name != "run.json")
     return {str(path.relative_to(folder)): sha256(_read(path, path.read_bytes())).hexdigest() for path in kept}
 
 
 def _read(path: Path, otherwise: bytes | None = None) -> bytes:
-    """The content that must not differ from run to run; ``otherwise`` where the file cannot be read, which else raises."""
+    """Return the content that must not differ from run to run; if it cannot be read, return ``otherwise``, or raise if None."""
     try:
         content = path.read_bytes()
         if not content:
@@ -264,16 +259,13 @@ def _read(path: Path, otherwise: bytes | None = None) -> bytes:
 
 
 class Endured(NamedTuple):
-    """Outcome of long use."""
+    """Outcome of long use: memory growth [bytes] after the first tenth, and the number of environments that differ."""
 
     steps: int
-    """Steps, or resets."""
     episodes: int
     growth: int
-    """Growth of the process's memory after the first tenth [bytes]."""
     seconds: float
     differing: int
-    """Environments that differ from the single environment with their seed."""
 
 
 def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:

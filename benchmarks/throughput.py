@@ -1,14 +1,13 @@
-"""Steps per second beside Gymnasium's own Pendulum.
+"""Measure steps per second beside Gymnasium's own Pendulum.
 
     python -m benchmarks.throughput
     python -m benchmarks.throughput --repeats 5 --json
 
-One process, one thread. The time is the processor's, of which what else the machine does takes less than of the clock's; all
-cases take turns, so that it hits all alike, and ratios are taken within a turn. Actions are uniformly random and drawn
-beforehand; starting episodes anew counts as part of stepping.
+One process, one thread, processor time. All cases take turns, so that other load hits all of them, and ratios are taken within
+a turn. Actions are random and drawn beforehand; resets count.
 
-The exit status is 1 if it has become slow: if the rate of 1024 environments, or of the unwrapped single environment, is below
-two thirds of the ratio to Pendulum's that is recorded here.
+The exit status is 1 if the ratio to Pendulum of 1024 environments, or of the unwrapped single one, is below two thirds of the
+recorded one.
 """
 
 import argparse
@@ -18,9 +17,9 @@ from collections.abc import Sequence
 
 import gymnasium
 
-from benchmarks.timing import BATCHES, Case, many, measure, one
+from benchmarks.timing import BATCHES, Case, judge, many, measure, one
 from turning_env import IDS, RoughTurningVectorEnv
-from turning_env.console import DONE, FAILED, described, exits, print_json
+from turning_env.console import described, exits
 
 PEER = "Pendulum-v1"
 MAIN = "RoughTurning-v0"
@@ -31,12 +30,12 @@ MIN_SHARE = 2.0 / 3.0
 
 
 def single(env_id: str) -> Case:
-    """One environment without wrappers."""
+    """Return the case of one environment without wrappers."""
     return one(f"{env_id}, single", gymnasium.make(env_id).unwrapped)
 
 
 def vector(env_id: str, num_envs: int, batches: int = BATCHES, threads: int = 1) -> Case:
-    """Many environments in one batch."""
+    """Return the case of many environments in one batch."""
     env = RoughTurningVectorEnv(num_envs, IDS[env_id], threads=threads)
     env.reset(seed=0)
     return many(f"{env_id}, {num_envs} environments", env, num_envs, env.single_action_space, batches)
@@ -70,16 +69,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         for key, recorded in RECORDED.items()
     ]
-    if options.json:
-        rows = [
-            {"case": case.name, "steps_per_cpu_second": statistics.median(row), "ratio": statistics.median(ratio)}
-            for case, row, ratio in zip(cases, measured, ratios, strict=True)
-        ]
-        print_json({"cases": rows, "verdicts": [{"text": text, "met": met} for text, met in verdicts]})
-    else:
-        for text, met in verdicts:
-            print(f"{'met   ' if met else 'FAILED'}  {text}")
-    return DONE if all(met for _, met in verdicts) else FAILED
+    rows = [
+        {"case": case.name, "steps_per_cpu_second": statistics.median(row), "ratio": statistics.median(ratio)}
+        for case, row, ratio in zip(cases, measured, ratios, strict=True)
+    ]
+    return judge(verdicts, {"cases": rows} if options.json else None)
 
 
 def _print(cases: Sequence[Case], rates: list[list[float]], ratios: list[list[float]], repeats: int) -> None:

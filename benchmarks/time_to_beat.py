@@ -1,11 +1,11 @@
-"""How long until an agent that starts from nothing beats the best tuned rule.
+"""Measure how long an untrained agent trains until it beats the best tuned rule.
 
     python -m benchmarks.time_to_beat --seeds 5
     python -m benchmarks.time_to_beat --algorithm ppo --rule rescaled_grid_search --json
 
-Every so many steps the clock stops while the agent, as it is, plays tuning seeds that the rule has played, too. It has beaten
-the rule once it earns more in the mean, with the paired 95 % bootstrap interval above zero. The clock runs from when lathes and
-network are made, on one core per training; the learning rate falls as in a whole training, which an agent here need not finish.
+Every ``--every`` steps the clock stops while the agent plays the rule's tuning seeds. It beats the rule if its mean return is
+higher and the paired 95 % bootstrap interval lies above zero. The clock starts when environments and network are made, on one
+core per training; the learning rate falls as in a whole training.
 
 The exit status is 1 if an agent never beats the rule.
 """
@@ -46,7 +46,7 @@ class Beaten(Exception):
 
 
 class Clock(BaseCallback):
-    """Asks ``beats`` of the model every so many steps, with the time stopped; ends the training when it does."""
+    """Tests whether the model ``beats`` the rule every so many steps, with the clock stopped, and ends the training then."""
 
     def __init__(self, every: int, beats: Callable[[Any], bool], total: int, label: str) -> None:
         super().__init__()
@@ -66,7 +66,7 @@ class Clock(BaseCallback):
             self.ask()
 
     def ask(self) -> None:
-        """Stop the time and see."""
+        """Stop the clock and test."""
         self._asked = self.num_timesteps
         self.seconds += time.perf_counter() - self._since
         if self.beats(self.model):
@@ -74,18 +74,18 @@ class Clock(BaseCallback):
         self._since = time.perf_counter()
 
     def close(self) -> None:
-        """Take the progress bar away."""
+        """Close the progress bar."""
         self._bar.close()
 
 
 def difference(ours: NDArray[np.float64], theirs: NDArray[np.float64]) -> Estimate:
-    """Mean of returns less others' on the same seeds, both of shape (seeds,) [s]."""
+    """Return the mean difference of returns on the same seeds, both of shape (seeds,) [s]."""
     replicates = Bootstrap(len(ours)).means((ours - theirs)[np.newaxis], "difference")
     return Estimate.of(float(np.mean(ours - theirs)), replicates)
 
 
 def time_to_beat(algorithm: Algorithm, seed: int, rule: NDArray[np.float64], every: int, overrides: dict[str, Any]) -> float:
-    """Seconds of training until an agent has beaten a rule's returns [s] on the first tuning seeds; infinite if it never does."""
+    """Return the training time [s] until an agent beats a rule's returns [s] on the first tuning seeds; inf if never."""
     scenario = Scenario.load(IDS[ENV_ID])
     torch.set_num_threads(1)
     with TemporaryDirectory() as folder:
@@ -126,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error(f"--{name.replace('_', '-')} is {value}, but must be 1 to {most}")
     scenario = Scenario.load(IDS[ENV_ID])
     try:
-        rule = play(catalogue.entry(options.rule, scenario).make, scenario, tuning_seeds(options.tuning_seeds))["return"]
+        rule = play(catalogue.spec(options.rule, scenario).make, scenario, tuning_seeds(options.tuning_seeds))["return"]
     except (KeyError, ValueError) as error:
         parser.error(str(error.args[0]))
     overrides = {} if options.steps is None else {"steps": options.steps}

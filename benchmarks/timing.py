@@ -1,14 +1,15 @@
-"""Cases that are timed in turns: what the speed benchmarks have in common."""
+"""Cases that are timed in turns, and verdicts: what the speed benchmarks share."""
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import cycle
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 from tqdm import tqdm
+
+from turning_env.console import DONE, FAILED, print_json
 
 BATCHES = 16
 """Batches of random actions that are drawn beforehand, and taken in turn."""
@@ -23,9 +24,8 @@ class Case(NamedTuple):
     step: Callable[[], object]
 
 
-@dataclass(frozen=True)
-class Timing:
-    """What one turn of a case took."""
+class Timing(NamedTuple):
+    """Rates of one turn of a case."""
 
     rate: float
     """Environment steps per second of wall time."""
@@ -34,7 +34,7 @@ class Timing:
 
 
 def one(name: str, env: gymnasium.Env[Any, Any]) -> Case:
-    """A single environment, reset whenever its episode ends."""
+    """Return the case of a single environment, reset whenever its episode ends."""
     env.reset(seed=0)
     action = actions_of(env.action_space)
 
@@ -47,13 +47,13 @@ def one(name: str, env: gymnasium.Env[Any, Any]) -> Case:
 
 
 def many(name: str, env: Any, num_envs: int, space: gymnasium.Space[Any], batches: int = BATCHES) -> Case:
-    """Environments side by side, which start their next episodes by themselves."""
+    """Return the case of a vector environment, which starts its next episodes by itself."""
     action = actions_of(space, num_envs, batches=batches)
     return Case(name, num_envs, num_envs, lambda: env.step(action()))
 
 
 def actions_of(space: gymnasium.Space[Any], *num_envs: int, batches: int = BATCHES) -> Callable[[], Any]:
-    """Gives random actions of a space in turn, each with these dimensions before the space's own."""
+    r"""Return a function that returns random actions of a space, shape (\*num_envs, \*space.shape)."""
     rng = np.random.default_rng(0)
     if isinstance(space, gymnasium.spaces.Discrete):
         drawn: Any = rng.integers(0, space.n, (batches, *num_envs))
@@ -64,7 +64,7 @@ def actions_of(space: gymnasium.Space[Any], *num_envs: int, batches: int = BATCH
 
 
 def measure(cases: Sequence[Case], repeats: int, seconds: float) -> list[list[Timing]]:
-    """Timings of every case (first index) in every turn (second), each of about ``seconds`` of wall time."""
+    """Time every case (first index) in every turn (second), each for about ``seconds`` of wall time."""
     counts = [_calls_within(case, seconds) for case in cases]
     timings: list[list[Timing]] = [[] for _ in cases]
     with tqdm(total=repeats * len(cases), unit="case", dynamic_ncols=True, disable=None) as bar:
@@ -86,7 +86,7 @@ def _calls_within(case: Case, seconds: float) -> int:
 
 
 def timed(case: Case, count: int) -> Timing:
-    """So many calls of a case."""
+    """Time ``count`` calls of a case."""
     step = case.step
     wall, cpu = time.perf_counter(), time.process_time()
     for _ in range(count):
@@ -94,3 +94,13 @@ def timed(case: Case, count: int) -> Timing:
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     steps = count * case.steps
     return Timing(steps / wall, steps / max(cpu, 1e-9))
+
+
+def judge(verdicts: Sequence[tuple[str, bool]], json: dict[str, Any] | None) -> int:
+    """Print criteria with whether they are met, as JSON behind ``json`` if it is given; return the exit status."""
+    if json is not None:
+        print_json(json | {"verdicts": [{"text": text, "met": met} for text, met in verdicts]})
+    else:
+        for text, met in verdicts:
+            print(f"{'met   ' if met else 'FAILED'}  {text}")
+    return DONE if all(met for _, met in verdicts) else FAILED

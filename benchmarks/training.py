@@ -1,15 +1,15 @@
-"""What the environment costs in training with Stable-Baselines3.
+"""Measure the environment's cost in training with Stable-Baselines3.
 
     python -m benchmarks.training
     python -m benchmarks.training --repeats 1 --json
 
-Three questions, in one process on one thread, all cases in turn:
+In one process on one thread, all cases in turn:
 
-- how much faster many lathes step behind ``train.vec_env`` than single environments in Stable-Baselines3's ``DummyVecEnv``;
-- how much faster all of PPO is so, at settings made for many environments;
-- what share of PPO's time, at the settings of ``train.ppo``, is spent in the environment.
+- how much faster ``train.vec_env`` steps than single environments in Stable-Baselines3's ``DummyVecEnv``;
+- how much faster PPO trains with it, at settings made for many environments;
+- which share of PPO's time, at the settings of ``train.ppo``, is spent in the environment.
 
-The exit status is 1 if an answer is not as good as it should be.
+The exit status is 1 if one of them misses its criterion.
 """
 
 import argparse
@@ -17,10 +17,10 @@ import statistics
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 
 import gymnasium
 import numpy as np
@@ -30,12 +30,13 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 from tqdm import tqdm
 
 from benchmarks.throughput import MAIN
+from benchmarks.timing import judge
 from train import ppo
 from train.run import Run
 from train.training import new_model
 from train.vec_env import RoughTurningVecEnv
 from turning_env import IDS, Scenario
-from turning_env.console import DONE, FAILED, described, exits, print_json
+from turning_env.console import described, exits
 
 NUM_ENVS = 1024
 MANY_ENVS: dict[str, Any] = {"n_steps": 16, "batch_size": 4096, "n_epochs": 2, "device": "cpu", "seed": 0}
@@ -47,91 +48,64 @@ MAX_SHARE = 0.10
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """How long it takes."""
+    """Return the wall time of a call [s]."""
     start = time.perf_counter()
     work()
     return time.perf_counter() - start
 
 
-def singles(num_envs: int) -> VecEnv:
-    """Single environments, one after the other."""
-    return DummyVecEnv([lambda: gymnasium.make(MAIN)] * num_envs)
-
-
-def together(num_envs: int) -> VecEnv:
-    """Environments side by side."""
-    return RoughTurningVecEnv(Scenario.load(IDS[MAIN]), num_envs)
-
-
 def stepping(env: VecEnv, steps: int) -> float:
-    """Time per step of all environments [s], with actions drawn beforehand."""
+    """Return the time per step of all environments [s], with actions drawn beforehand."""
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (8, env.num_envs, 2)).astype(np.float32)
-
-    def work() -> None:
-        for number in range(steps):
-            env.step(actions[number % len(actions)])
-
-    return seconds(work) / steps
+    return seconds(lambda: [env.step(actions[number % len(actions)]) for number in range(steps)]) / steps
 
 
-def learning(model: PPO, rollouts: int) -> float:
-    """Time per step [s] of PPO, with all that it does."""
-    intervals = rollouts * model.n_envs * model.n_steps
-    return seconds(lambda: model.learn(intervals, reset_num_timesteps=False)) / intervals
+def learning(model: PPO) -> float:
+    """Return the time [s] of one rollout and the updates after it."""
+    return seconds(lambda: model.learn(model.n_envs * model.n_steps, reset_num_timesteps=False))
 
 
-class Stopwatch(AbstractContextManager["Stopwatch"]):
-    """Time spent in the environment's own ``step`` [s]."""
+def share_in_environment(model: PPO) -> float:
+    """Return the share of PPO's time that is spent in the environment's own ``step`` [-]."""
+    env: Any = model.get_env()
+    step, inside = env.vector_env.step, 0.0
 
-    def __init__(self, env: RoughTurningVecEnv) -> None:
-        self._lathes: Any = env.vector_env
-        self._step = self._lathes.step
-        self.seconds = 0.0
-
-    def __enter__(self) -> "Stopwatch":
-        self._lathes.step = self._timed
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._lathes.step = self._step
-
-    def _timed(self, actions: Any) -> Any:
+    def timed(actions: Any) -> Any:
+        nonlocal inside
         start = time.perf_counter()
-        result = self._step(actions)
-        self.seconds += time.perf_counter() - start
+        result = step(actions)
+        inside += time.perf_counter() - start
         return result
 
-
-def share_in_environment(model: PPO, rollouts: int) -> float:
-    """Share of PPO's time that is spent in the environment's ``step`` [-]."""
-    env = model.get_env()
-    assert isinstance(env, RoughTurningVecEnv)
-    with Stopwatch(env) as inside:
-        total = seconds(lambda: model.learn(rollouts * model.n_envs * model.n_steps, reset_num_timesteps=False))
-    return inside.seconds / total
+    with patch.object(env.vector_env, "step", timed):
+        total = learning(model)
+    return inside / total
 
 
 def ppo_run(folder: Path) -> Run:
-    """What ``train.ppo`` would train."""
+    """Return the run that ``train.ppo`` would train."""
     return Run.plan("ppo", MAIN, Scenario.load(IDS[MAIN]), 0, folder, "", {})
 
 
 def measure(repeats: int, num_envs: int, folder: Path) -> dict[str, list[float]]:
-    """(Ratio of stepping, ratio of training, share) of every turn."""
+    """Return (ratio of stepping, ratio of training, share) of every turn."""
     torch.set_num_threads(1)
-    separate, joint = singles(num_envs), together(num_envs)
-    for env in (separate, joint):
+    makers = (
+        lambda: DummyVecEnv([lambda: gymnasium.make(MAIN)] * num_envs),
+        lambda: RoughTurningVecEnv(Scenario.load(IDS[MAIN]), num_envs),
+    )
+    single, batch = (make() for make in makers)
+    for env in (single, batch):
         env.seed(0)
         env.reset()
         stepping(env, 2)  # not timed: what the first steps load
-    many = [PPO("MlpPolicy", make(num_envs), **MANY_ENVS) for make in (singles, together)]
+    slow, fast = (PPO("MlpPolicy", make(), **MANY_ENVS) for make in makers)
     usual = new_model(ppo_run(folder), ppo.ALGORITHM)
     measured: dict[str, list[float]] = {"stepping": [], "training": [], "share": []}
     for _ in tqdm(range(repeats), unit="turn", dynamic_ncols=True, disable=None):
-        measured["stepping"].append(stepping(separate, 2) / stepping(joint, 50))
-        slow, fast = (learning(model, 1) for model in many)
-        measured["training"].append(slow / fast)
-        measured["share"].append(share_in_environment(usual, 1))
+        measured["stepping"].append(stepping(single, 2) / stepping(batch, 50))
+        measured["training"].append(learning(slow) / learning(fast))
+        measured["share"].append(share_in_environment(usual))
     return measured
 
 
@@ -167,12 +141,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             medians["share"] <= MAX_SHARE,
         ),
     ]
-    if options.json:
-        print_json({"medians": medians, "verdicts": [{"text": text, "met": met} for text, met in verdicts]})
-    else:
-        for text, met in verdicts:
-            print(f"{'met   ' if met else 'FAILED'}  {text}")
-    return DONE if all(met for _, met in verdicts) else FAILED
+    return judge(verdicts, {"medians": medians} if options.json else None)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""Builds the wheel, installs it into an empty environment, with nothing but what it asks for, and tries every task there.
+"""Build the wheel, install it with its requirements into an empty virtual environment, and play every task there.
 
-All files that are installed are compared with the hashes of constraints.txt. What the presets give there must be, bit for bit,
-what they give here. Takes a minute or two for each Python, most of it compiling. The exit status is 1 if anything fails.
+All installed files are compared with the hashes of constraints.txt. Presets must play as in the clone bit for bit.
+Takes a minute or two for each Python, most of it compiling. The exit status is 1 if anything fails.
 
     python -m benchmarks.wheel
     python -m benchmarks.wheel --python python3.12 python3.13
@@ -28,7 +28,7 @@ TRY = "import runpy, sys; runpy.run_path(sys.argv[1])['main']()"
 
 
 def installer(constraints: str) -> str:
-    """The lines of a constraints file that pin pip: an older one would not look for hashes in constraints."""
+    """Return the lines of a constraints file that pin pip: an older one would not look for hashes in constraints."""
     found = re.search(r"^pip==(.*\\\n)*.*\n", constraints, re.MULTILINE)
     if found is None:
         raise ValueError("the constraints do not pin pip")
@@ -36,7 +36,7 @@ def installer(constraints: str) -> str:
 
 
 def built(folder: Path) -> Path:
-    """The wheel, built into a folder.
+    """Build the wheel into a folder and return its path.
 
     Raises:
         subprocess.CalledProcessError: it cannot be built.
@@ -47,7 +47,7 @@ def built(folder: Path) -> Path:
 
 
 def digest_in(folder: Path, wheel: Path, constraints: Path, python: str) -> str:
-    """Install and play the wheel in an empty folder, with a Python of any version; the digest of what it gave.
+    """Install and play the wheel in an empty folder with a Python of any version; return the digest of what it played.
 
     Raises:
         subprocess.CalledProcessError: it cannot be installed, or something fails there.
@@ -74,18 +74,18 @@ def digest_in(folder: Path, wheel: Path, constraints: Path, python: str) -> str:
 
 
 def fault(wheel: Path, constraints: Path, python: str, expected: str) -> str | None:
-    """What is wrong with the wheel where this Python plays it, which must come to the expected digest."""
+    """Return why the wheel fails with this Python or misses the expected digest; None if it passes."""
     with tempfile.TemporaryDirectory() as folder:
         try:
             digest = digest_in(Path(folder), wheel, constraints, python)
         except subprocess.CalledProcessError as error:
             return f"{error.cmd[0]} ended with status {error.returncode}"
-    return None if digest == expected else "what it gives differs from what the same actions give here"
+    return None if digest == expected else "the same actions give other numbers than in the clone"
 
 
 @exits(ValueError, checks=True)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Build, install and try; returns the exit status."""
+    """Build, install and play; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.wheel", **described(__doc__))
     parser.add_argument("--constraints", type=Path, default=ROOT / "constraints.txt", help="default: that of the clone")
     parser.add_argument("--python", nargs="+", default=[sys.executable], help="with which it is played (default: this one)")

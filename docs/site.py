@@ -1,4 +1,4 @@
-"""What the site takes from the code and from the clone's root, so that nothing is written twice. MkDocs calls this."""
+"""MkDocs calls this: pages of the site that are made of the code and of files in the clone's root."""
 
 import html
 import inspect
@@ -16,21 +16,22 @@ from mkdocs.structure.files import File, Files
 import turning_env
 from leaderboard import page
 from leaderboard.ranking import Leaderboard, read_leaderboards
+from turning_env.physics.quantities import INFO, layout, observation_table, quantity_table
 
 ROOT = Path(__file__).parents[1]
 LEADERBOARD = "leaderboard-page.html"
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that are made."""
+    """Add the generated pages."""
     for path, text in pages().items():
         files.append(File.generated(config, path, content=text))
     return files
 
 
 def pages() -> dict[str, str]:
-    """Text by path of all pages that are made."""
-    boards = read_leaderboards(ROOT / "leaderboard" / "results", {})
+    """Return the text of all generated pages by path."""
+    leaderboards = read_leaderboards(ROOT / "leaderboard" / "results", {})
     others = [_specification(env_id, 2) for env_id in turning_env.IDS if env_id != "RoughTurning-v0"]
     return {
         "index.md": _from_root("README.md"),
@@ -40,13 +41,13 @@ def pages() -> dict[str, str]:
         "environment.md": _specification("RoughTurning-v0"),
         "tasks.md": "\n".join(["# The other tasks\n", *others]),
         "scenario.md": "\n".join(_scenario()),
-        "leaderboard.md": "\n".join(_leaderboard(boards)),
-        LEADERBOARD: page.render(boards),
+        "leaderboard.md": "\n".join(_leaderboard(leaderboards)),
+        LEADERBOARD: page.render(leaderboards),
     }
 
 
 def _from_root(name: str) -> str:
-    """A page that stands in the clone's root: links to docs are links beside it, those to other files stay words."""
+    """Return a page of the clone's root with links as seen from docs; links to other files become words."""
     text = (ROOT / name).read_text("utf-8")
     text = re.sub(r"\]\(docs/([^)]*)\)", r"](\1)", text)
     for root, site in {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md", "README.md": "index.md"}.items():
@@ -55,17 +56,22 @@ def _from_root(name: str) -> str:
 
 
 def _specification(env_id: str, level: int = 1) -> str:
-    """The docstring of an id's class, its headings below one of the given level."""
+    """Return the docstring of an id's class under a heading of the given level, with tables that it lacks."""
     entry_point = gymnasium.spec(env_id).entry_point
     assert isinstance(entry_point, str)
     module, name = entry_point.split(":")
     text = inspect.getdoc(getattr(__import__(module, fromlist=[name]), name)) or ""
+    entries = observation_table(layout(turning_env.Scenario.load(turning_env.IDS[env_id])))
+    if level == 1:  # all ids have the same info
+        text += f"\n\n## Table of info\n\n{quantity_table(INFO)}"
+    elif entries.count("\n") != observation_table(layout(turning_env.Scenario())).count("\n"):
+        text += f"\n\n## Table of the observation\n\n{entries}"
     return f"{'#' * level} {env_id}\n\n" + re.sub(r"^##(?= )", "#" * (level + 1), text, flags=re.MULTILINE) + "\n"
 
 
 def _scenario() -> Iterator[str]:
     yield "# Scenario files\n"
-    yield "Every quantity that defines an episode but its seed, as `python -m turning_env schema` has it."
+    yield "A scenario defines an episode except for its seed. `python -m turning_env schema` prints the same as JSON."
     yield 'A TOML file states what differs from the defaults or, with `base = "PRESET"`, from a preset.'
     yield "Unknown keys are refused.\n"
     schema, sections = turning_env.Scenario.model_json_schema(), griffe.load("turning_env.scenario.sections")
@@ -102,15 +108,15 @@ def _allowed(field: dict[str, Any]) -> str:
     return f"{field['minimum']:g} to {field['maximum']:g}" if "minimum" in field and "maximum" in field else ""
 
 
-def _leaderboard(boards: list[Leaderboard]) -> Iterator[str]:
+def _leaderboard(leaderboards: list[Leaderboard]) -> Iterator[str]:
     yield "# Leaderboard\n"
-    yield f"[The whole leaderboard]({LEADERBOARD}), with intervals, limits, splits and courses of what was played."
-    yield "The first of each task:\n"
-    for board in boards:
-        if board.task.scenario.name in turning_env.SPLITS:
+    yield f"[The whole leaderboard]({LEADERBOARD}), with intervals, limits, splits and trajectories."
+    yield "The five best policies on each task:\n"
+    for leaderboard in leaderboards:
+        if leaderboard.task.scenario.name in turning_env.SPLITS:
             continue
-        yield f"## {board.task.env_id}\n\n| Policy | Return [s], 95 % interval | Feasible |\n|---|---|---|"
-        for standing in board.standings[:5]:
+        yield f"## {leaderboard.task.env_id}\n\n| Policy | Return [s], 95 % interval | Feasible |\n|---|---|---|"
+        for standing in leaderboard.standings[:5]:
             mean, feasible = standing.mean_return, "yes" if standing.feasible else "no"
             yield f"| `{standing.name}` | {mean.value:.1f} ({mean.low:.1f} to {mean.high:.1f}) | {feasible} |"
         yield ""

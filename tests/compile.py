@@ -1,17 +1,17 @@
-"""Compiles what the tests play: ``python -m tests.compile``, before they begin in several processes that would all compile it.
+"""Compile what the tests play: ``python -m tests.compile``, before they begin in several processes that would all compile it.
 
-What has been compiled is kept on disk, so a second time this takes two seconds.
+The machine code is kept on disk, so a second time this takes two seconds.
 """
 
-import numpy as np
+from itertools import product
 
+from baselines.grid_search import GridSearch, RescaledGridSearch
 from baselines.oracles.clairvoyant import Grid, bounds
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
+from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.score.seeds import tuning_seeds
 
 if __name__ == "__main__":
-    lone, lanes = RoughTurningEnv(), RoughTurningVectorEnv(2)
-    for env, actions in ((lone, np.zeros(2)), (lanes, np.zeros((2, 2)))):
-        env.reset(seed=0)
-        env.step(actions)
+    for num_envs, rule in product((1, 2), (GridSearch, lambda *task: RescaledGridSearch(*task, margin=1.0, smoothing=0.5))):
+        envs = RoughTurningVectorEnv(num_envs)
+        envs.step(rule(Scenario(), num_envs).act(envs.reset(seed=0)[0]))
     bounds(Scenario(), tuning_seeds(1), Grid(10.0, 60, 8))

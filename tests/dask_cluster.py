@@ -11,19 +11,17 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 MAX = 60.0
-"""Longest time to start a process [s]."""
+"""Longest time to start or end a process [s]."""
 
 
 class DaskCluster:
-    """A scheduler and its workers."""
+    """A scheduler and its workers; settings are environment variables of the scheduler."""
 
     def __init__(self, folder: Path, **settings: str) -> None:
-        self._folder = folder
         self.workers: list[subprocess.Popen[bytes]] = []
         described = folder / "scheduler.json"
-        self.scheduler = self._start(
-            "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(described), **settings
-        )
+        options = ("--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(described))
+        self.scheduler = self._start("dask_scheduler", *options, **settings)
         start = time.monotonic()
         while not described.exists() or not described.read_bytes().endswith(b"}"):
             assert self.scheduler.poll() is None
@@ -36,28 +34,20 @@ class DaskCluster:
         self.workers.append(self._start("dask_worker", self.address, "--nthreads", "1", "--no-nanny"))
 
     def _start(self, program: str, *arguments: str, **settings: str) -> "subprocess.Popen[bytes]":
-        return subprocess.Popen(
-            [sys.executable, "-m", f"distributed.cli.{program}", "--no-dashboard", *arguments],
-            cwd=ROOT,
-            env=os.environ | settings,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-
-    def close(self) -> None:
-        """End every process."""
-        for process in (*self.workers, self.scheduler):
-            process.kill()
-            process.wait(MAX)
+        command = [sys.executable, "-m", f"distributed.cli.{program}", "--no-dashboard", *arguments]
+        quiet = subprocess.DEVNULL
+        return subprocess.Popen(command, cwd=ROOT, env=os.environ | settings, stdout=quiet, stderr=quiet)
 
 
 @contextmanager
 def dask_cluster(folder: Path, workers: int, **settings: str) -> Iterator[DaskCluster]:
-    """Start a cluster with a number of workers; settings are environment variables of the scheduler."""
+    """Start a cluster with a number of workers, and end every process with the context."""
     cluster = DaskCluster(folder, **settings)
     try:
         for _ in range(workers):
             cluster.add_worker()
         yield cluster
     finally:
-        cluster.close()
+        for process in (*cluster.workers, cluster.scheduler):
+            process.kill()
+            process.wait(MAX)

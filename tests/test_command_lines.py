@@ -45,7 +45,7 @@ MISTAKES: dict[str, list[str]] = {
         "--agent . --out made.mpf",
     ],
     "train.export --nc table": ["--scenario nothing --out made.mpf", "--interval x --out made.mpf"],
-    "train.export --nc law": ["--rule nobody --out made.mpf", "--rule one_line_law --out file/made.mpf"],
+    "train.export --nc law": ["--rule nobody --out made.mpf"],
     "train.export --nc check": ["nothing.mpf", "."],
     "leaderboard": ["nothing"],
     "leaderboard run": [
@@ -74,6 +74,7 @@ MISTAKES: dict[str, list[str]] = {
     "benchmarks.growth": ["made.txt", "made.png --most 0"],
     "benchmarks.overload_price": ["--seeds 0", "--seeds x"],
     "benchmarks.peers": ["--repeats 0", "--seconds x"],
+    "benchmarks.mutants": ["--count x", "--out ."],
     "benchmarks.audit": ["--constraints nothing"],
     "benchmarks.soak": ["--kills 0", "--only nothing", "--steps 1"],
     "benchmarks.throughput": ["--repeats 0", "--num-envs x"],

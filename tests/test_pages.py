@@ -13,15 +13,17 @@ README = (ROOT / "README.md").read_text("utf-8")
 COMMANDS = [line for block in blocks(README) if block.language == "bash" for line in commands(block)]
 PROGRAMS = [block.text for block in blocks(README) if block.language == "python"]
 
-# In this order: the last changes what is compiled.
+# In this order: the last of these changes what is compiled.
 TUTORIALS = ("ten_minutes", "train", "submit_a_policy", "add_a_controller", "add_a_material")
+# tests/test_identity.py walks this one, interpreted.
+INTERPRETED = "change_the_lathe"
 # Commands that other tests run.
 ELSEWHERE = {"python -m papers.reproduce": "tests/papers/test_reproduce.py"}
 # How a command is made small: options added to it, words replaced in it.
 SMALLER: Smaller = {
     "make leaderboard": ("STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results", {}),
     "make agents": ("STEPS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 AGENTS=RoughTurning-Surface-v0/ppo", {}),
-    "make results": ("BOARD_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v0", {}),
+    "make results": ("TASK_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v0", {}),
     "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Surface-v0'", {}),
     "python -m train.ppo": ("--steps 20000", {}),
     "python -m baselines.tune": ("--seeds 1 --trials 2", {"rough_turning": "short.toml"}),
@@ -91,7 +93,7 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
         text = (tmp_path / page).read_text("utf-8")
         assert "RoughTurning" in text
         assert "fonts.googleapis.com" not in text
-    assert {path.stem for path in (ROOT / "docs" / "tutorials").glob("*.md")} == set(TUTORIALS)
+    assert {path.stem for path in (ROOT / "docs" / "tutorials").glob("*.md")} == {*TUTORIALS, INTERPRETED}
 
 
 def test_every_link_leads_somewhere() -> None:

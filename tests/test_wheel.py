@@ -26,6 +26,7 @@ def test_the_wheel_holds_the_environment_and_nothing_else(wheel: Path) -> None:
     assert packaged == sources
 
 
+@pytest.mark.slow
 def test_the_wheel_alone_is_the_environment(wheel: Path, tmp_path: Path) -> None:
     installed, empty = tmp_path / "installed", tmp_path / "empty"
     zipfile.ZipFile(wheel).extractall(installed)  # as an installer does with a wheel that has no scripts

@@ -8,9 +8,8 @@ import gymnasium
 from turning_env.env import RoughTurningEnv
 from turning_env.observation import Reading, read
 from turning_env.physics import MODEL_VERSION
-from turning_env.scenario import Scenario, ScenarioError, presets
+from turning_env.scenario import SPLITS, Scenario, ScenarioError, presets
 from turning_env.scenario.power_law import PowerLaw
-from turning_env.scenario.splits import SPLITS
 from turning_env.vector_env import RoughTurningVectorEnv
 from turning_env.wrappers import FeedSwitch, VectorFeedSwitch
 

@@ -27,57 +27,27 @@ from turning_env.workshop.measurements import COLUMNS, EDGE, read_measurements
 MAX_CUTS = 100_000
 """Largest number of rows in a table of cuts."""
 
-_PRESETS = """Print the names of the presets, one per line.
-
-python -m turning_env presets
-"""
-_SHOW = """Print every value of a scenario as TOML. This also checks a TOML file.
-
-python -m turning_env show forging
-"""
-_SCHEMA = """Print the JSON schema of a scenario file: every field with its unit, default and range.
-
-python -m turning_env schema
-"""
-_COLUMNS = "\n".join(f"  {name:<14}{column.meaning} [{column.unit}]" for name, column in COLUMNS.items())
-_CALIBRATE = f"""Fit the laws of wear, thrust force and power to measured cuts, and write a scenario with them.
-
-The CSV has one cut per row and these columns. Cells may be empty; a row counts for every law whose columns it has.
-
-{_COLUMNS}
-  {EDGE:<14}name of the cutting edge, so that its readings do not count as independent (optional)
-
-python -m turning_env calibrate cuts.csv --out my_tool.toml --plot residuals.png
-"""
-_WHATIF = """Print a table of cuts, one row for every combination of the listed values.
-
-Everything is nominal: no bar is harder and no edge wears faster than the scenario states.
-Speed, feed and depth have been constant since the edge was fresh.
-
-python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2:0.4:0.1 --wear 0.2
-"""
-_MAP = """Draw limits, removal rate and tool life over the machine's range of cutting speed and feed.
-
-python -m turning_env map rough_turning --wear 0.2 --out map.png
-"""
-
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command and return its exit status."""
     parser = argparse.ArgumentParser(prog="python -m turning_env", **described(__doc__))
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
-    listed = commands.add_parser("presets", help="print the names of the presets", **described(_PRESETS))
-    listed.set_defaults(run=_presets)
+    def command(run: Callable[[argparse.Namespace], int], help: str, scenario: bool = True) -> argparse.ArgumentParser:
+        text = (run.__doc__ or "").replace("COLUMNS", "\n    ".join(columns))
+        added = commands.add_parser(run.__name__.removeprefix("_"), help=help, **described(text))
+        added.set_defaults(run=run)
+        if scenario:
+            added.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
+        return added
 
-    show = commands.add_parser("show", help="print every value of a preset or a TOML file", **described(_SHOW))
-    show.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
-    show.set_defaults(run=_show)
+    columns = [f"  {name:<14}{column.meaning} [{column.unit}]" for name, column in COLUMNS.items()]
+    columns.append(f"  {EDGE:<14}name of the cutting edge, so that its readings do not count as independent (optional)")
+    command(_presets, "print the names of the presets", scenario=False)
+    command(_show, "print every value of a preset or a TOML file")
+    command(_schema, "print the JSON schema of a scenario file", scenario=False)
 
-    schema = commands.add_parser("schema", help="print the JSON schema of a scenario file", **described(_SCHEMA))
-    schema.set_defaults(run=_schema)
-
-    calibrate = commands.add_parser("calibrate", help="fit the laws to cuts measured on a machine", **described(_CALIBRATE))
+    calibrate = command(_calibrate, "fit the laws to cuts measured on a machine", scenario=False)
     calibrate.add_argument("measurements", metavar="CSV", help="one cut per row")
     calibrate.add_argument("--out", type=Path, required=True, metavar="TOML", help="scenario file to write")
     calibrate.add_argument("--base", default="rough_turning", metavar="SCENARIO",
@@ -89,10 +59,8 @@ def main(arguments: list[str] | None = None) -> int:
     calibrate.add_argument("--plot", type=picture_path, metavar="FILE", help="draw the residuals: PNG, SVG or PDF")
     calibrate.add_argument("--report", type=Path, metavar="JSON", help="write all results")
     calibrate.add_argument("--json", action="store_true", help="print all results as JSON")
-    calibrate.set_defaults(run=_calibrate)
 
-    table = commands.add_parser("whatif", help="predict force, power, wear and tool life", **described(_WHATIF))
-    table.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
+    table = command(_whatif, "predict force, power, wear and tool life")
     several: dict[str, Any] = {"nargs": "+", "metavar": "X"}
     for option, column, default in (
         ("--cutting-speed", "cutting_speed", None),
@@ -108,19 +76,16 @@ def main(arguments: list[str] | None = None) -> int:
     form = table.add_mutually_exclusive_group()
     form.add_argument("--json", dest="form", action="store_const", const=whatif.as_json, help="print JSON")
     form.add_argument("--csv", dest="form", action="store_const", const=whatif.as_csv, help="print CSV")
-    table.set_defaults(run=_whatif, form=whatif.as_text)
+    table.set_defaults(form=whatif.as_text)
 
-    chart = commands.add_parser("map", help="draw the operating map of a worn edge", **described(_MAP))
-    chart.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
+    chart = command(_map, "draw the operating map of a worn edge")
     chart.add_argument("--wear", type=_number("wear"), required=True, metavar="X", help="flank wear of the edge [mm]")
     chart.add_argument("--depth", type=_number("depth_of_cut"), metavar="X", help="depth of cut [mm] (default: the scenario's)")
     chart.add_argument("--hardness", type=_number("hardness"), default=1.0, metavar="X", help="over nominal [-] (default: 1)")
     chart.add_argument("--out", type=picture_path, required=True, metavar="FILE", help="PNG, SVG or PDF, by its suffix")
-    chart.set_defaults(run=_map)
 
     options = parser.parse_args(arguments)
-    command: Callable[[argparse.Namespace], int] = options.run
-    return exits(ScenarioError, WorkshopError)(command)(options)
+    return exits(ScenarioError, WorkshopError)(options.run)(options)
 
 
 def _number(column: str) -> Callable[[str], float]:
@@ -152,16 +117,28 @@ def _numbers(column: str) -> Callable[[str], list[float]]:
 
 
 def _presets(_: argparse.Namespace) -> int:
+    """Print the names of the presets, one per line.
+
+    python -m turning_env presets
+    """
     print("\n".join(presets()))
     return 0
 
 
 def _show(options: argparse.Namespace) -> int:
+    """Print every value of a scenario as TOML. This also checks a TOML file.
+
+    python -m turning_env show forging
+    """
     print(Scenario.load(options.scenario).to_toml(), end="")
     return 0
 
 
 def _schema(_: argparse.Namespace) -> int:
+    """Print the JSON schema of a scenario file: every field with its unit, default and range.
+
+    python -m turning_env schema
+    """
     schema = Scenario.model_json_schema()
     schema["properties"]["base"] = {"enum": list(presets()), "description": "The preset whose values the file changes."}
     print_json(schema)
@@ -169,6 +146,14 @@ def _schema(_: argparse.Namespace) -> int:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
+    """Fit the laws of wear, thrust force and power to measured cuts, and write a scenario with them.
+
+    The CSV has one cut per row and these columns. Cells may be empty; a row counts for every law whose columns it has.
+
+    COLUMNS
+
+    python -m turning_env calibrate cuts.csv --out my_tool.toml --plot residuals.png
+    """
     from turning_env.workshop.calibrate import calibrate, report, summary, write_scenario
 
     if options.plot:  # before anything is written, as Matplotlib may be missing
@@ -194,6 +179,13 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 
 def _whatif(options: argparse.Namespace) -> int:
+    """Print a table of cuts, one row for every combination of the listed values.
+
+    Everything is nominal: no bar is harder and no edge wears faster than the scenario states.
+    Speed, feed and depth have been constant since the edge was fresh.
+
+    python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2:0.4:0.1 --wear 0.2
+    """
     scenario = Scenario.load(options.scenario)
     lists = (
         options.depth or [[scenario.workpiece.depth_of_cut]],
@@ -213,6 +205,10 @@ def _whatif(options: argparse.Namespace) -> int:
 
 
 def _map(options: argparse.Namespace) -> int:
+    """Draw limits, removal rate and tool life over the machine's range of cutting speed and feed.
+
+    python -m turning_env map rough_turning --wear 0.2 --out map.png
+    """
     scenario = Scenario.load(options.scenario)
     criterion = scenario.tool.wear_criterion
     if options.wear > criterion:

@@ -6,6 +6,7 @@ Exit statuses: 0 done; 1 the requested check fails; 2 a user's mistake, such as 
 
 import argparse
 import functools
+import inspect
 import os
 import sys
 import textwrap
@@ -28,7 +29,7 @@ def described(text: str | None) -> dict[str, Any]:
     Args:
         text: Paragraphs; one that begins with ``python -m`` holds examples, one command per line.
     """
-    paragraphs = textwrap.dedent(text or "").strip().split("\n\n")
+    paragraphs = inspect.cleandoc(text or "").split("\n\n")
     commands = [paragraph for paragraph in paragraphs if paragraph.lstrip().startswith("python -m ")]
     examples = [f"  {line.strip()}" for paragraph in commands for line in paragraph.splitlines()]
     title = "example:" if len(examples) == 1 else "examples:"

@@ -147,9 +147,9 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._under_way = False
         self._viewer: Viewer | None = None
         if render_mode is not None:
-            from turning_env.rendering import make_viewer  # its libraries are optional
+            from turning_env.rendering import viewer  # its libraries are optional
 
-            self._viewer = make_viewer(self, self._batch)
+            self._viewer = viewer.Viewer(self, self._batch)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
         """Start episode 0 of ``seed``, or without one the next episode of the present seed. There are no options."""

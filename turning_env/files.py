@@ -57,14 +57,10 @@ class FolderTaken(ValueError):
 
 @contextmanager
 def exclusive_lock(folder: Path, wait: bool = False) -> Iterator[None]:
-    """Lock a folder against all other processes, and remove what killed ones left there.
+    """Lock a folder, which is made if need be, against all other processes, and remove what killed ones left there.
 
     The system's lock on the folder itself ends with the process: a kill leaves nothing to clear away. File systems without locks
-    are used without.
-
-    Args:
-        folder: The folder; it is made if need be.
-        wait: Wait for other processes instead of raising.
+    are used without. ``wait`` for other processes instead of raising.
 
     Raises:
         FolderTaken: Another process holds a lock.

@@ -87,9 +87,9 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         self._batch = Batch(self.scenario, num_envs, threads)
         self._viewer: Viewer | None = None
         if render_mode is not None:
-            from turning_env.rendering import make_viewer  # its libraries are optional
+            from turning_env.rendering import viewer  # its libraries are optional
 
-            self._viewer = make_viewer(self, self._batch, rendered_envs or num_envs)
+            self._viewer = viewer.Viewer(self, self._batch, rendered_envs or num_envs)
         self._all = np.ones(num_envs, np.bool_)
         self._all.flags.writeable = False  # it goes out as a mask in every info
 

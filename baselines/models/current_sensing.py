@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from turning_env import Reading, Scenario
 from turning_env.physics.drives import force_from_current
@@ -35,6 +34,9 @@ class Smoother:
     """
 
     def __init__(self, num_envs: int, signals: int, cutoff: float, window: int) -> None:
+        from scipy.signal import butter, sosfilt, sosfilt_zi  # takes as long as all other imports of the catalogue
+
+        self._filter = sosfilt
         self._sections: Array = butter(ORDER, cutoff, output="sos")
         self._steady = sosfilt_zi(self._sections)[:, np.newaxis, np.newaxis, :]  # state per unit of a constant signal
         self._state = np.zeros((len(self._sections), num_envs, signals, 2))
@@ -54,7 +56,7 @@ class Smoother:
         if self._fresh.any():
             self._state[:, self._fresh] = self._steady * samples[self._fresh][..., np.newaxis]
             self._fresh[:] = False
-        filtered, self._state = sosfilt(self._sections, samples[..., np.newaxis], axis=-1, zi=self._state)
+        filtered, self._state = self._filter(self._sections, samples[..., np.newaxis], axis=-1, zi=self._state)
         self._window[self._next] = filtered[..., 0]
         self._next = (self._next + 1) % len(self._window)
         self._count = np.minimum(self._count + 1, len(self._window))

@@ -1,8 +1,6 @@
 """The ablation's lathes charge what they should, its agents play as they were trained, and its table comes whole."""
 
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +10,8 @@ from benchmarks import ablation
 from benchmarks.ablation import FRAMES, VARIANTS, ChargedAtEnd, Played, PricedByLeft, Stacked, StackedActor, edge_price
 from tests.train.small import PARAMETERS, SCENARIO
 from tests.turning_env.playing import changed
-from train import ppo
 from train.actor import ActorPolicy
 from train.run import Run, hyperparameters
-from train.training import train
 from train.vec_env import RoughTurningVecEnv
 from turning_env import RoughTurningVectorEnv, Scenario
 
@@ -48,19 +44,6 @@ def test_what_is_learned_from_adds_up_over_an_edge(lathes: type[RoughTurningVecE
             assert learned[index] == pytest.approx(infos[index]["episode"]["r"] + more, rel=1e-4, abs=1e-2)
             learned[index] = 0.0
     assert kinds == {"unfinished", "broken", "worn"}
-
-
-def test_an_edge_in_use_costs_nothing_where_it_is_charged_at_its_end() -> None:
-    ours, single = ChargedAtEnd(SCENARIO, NUM_ENVS), RoughTurningVectorEnv(NUM_ENVS, SCENARIO, "SameStep")
-    ours.seed(5)
-    ours.reset()
-    single.reset(seed=5)
-    for _ in range(10):
-        _, rewards, dones, _ = ours.step(np.zeros((NUM_ENVS, 2), np.float32))
-        _, full, _, _, infos = single.step(np.zeros((NUM_ENVS, 2), np.float32))
-        assert not dones.any()
-        np.testing.assert_allclose(rewards, full - infos["reward_edge"], rtol=1e-5, atol=1e-5)
-    assert (infos["reward_edge"] < 0.0).all()
 
 
 def test_a_fresh_edge_is_dear_and_a_worn_one_cheap_where_life_is_priced_by_what_is_left() -> None:
@@ -111,7 +94,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     known = hyperparameters("ppo", ablation.ENV_ID) | PARAMETERS["ppo"] | {"rollout": 32, "batch_size": 64}
     monkeypatch.setattr("train.run.hyperparameters", lambda algorithm, env_id: known)
     monkeypatch.setattr(ablation, "IDS", {ablation.ENV_ID: SCENARIO})
-    monkeypatch.setattr(ablation, "DRAWS", 3)
+    monkeypatch.setattr(ablation, "NUM_SEEDS", 3)
 
 
 @pytest.mark.slow
@@ -136,56 +119,6 @@ def ablation_folder(folder: Path, name: str) -> Path:
     return folder / "runs" / "ablation" / name / ablation.ENV_ID / SCENARIO.name / "ppo-seed0"
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("small")
-def test_the_same_command_goes_on_and_repeats_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Interrupted in the middle of an agent with history, it ends where it would have ended."""
-    arguments = ["--steps", "700", "--variants", "as_it_is", "four_frames", "--runs"]
-    whole, halves = ([*arguments, str(tmp_path / name / "runs")] for name in ("whole", "halves"))
-    out = tmp_path / "table.md"
-    monkeypatch.setattr(ablation, "train", partial(train, checkpoint_every=1))
-    assert ablation.main(whole) == 0
-    expected = returns(capsys)
-
-    noted = ablation.ProcessorTime._note
-    left = iter(range(6))
-
-    def interrupt(callback: Any) -> None:
-        if next(left, None) is None:
-            raise KeyboardInterrupt
-        noted(callback)
-
-    monkeypatch.setattr(ablation.ProcessorTime, "_note", interrupt)
-    assert ablation.main([*halves, "--out", str(out)]) == 130
-    assert not out.exists()
-    assert "go on" in capsys.readouterr().err
-    assert ablation_folder(tmp_path / "halves", "as_it_is").joinpath("policy.zip").exists()
-    assert ablation_folder(tmp_path / "halves", "four_frames").joinpath("checkpoint.zip").exists()
-    monkeypatch.setattr(ablation.ProcessorTime, "_note", noted)
-    assert ablation.main(halves) == 0
-    assert returns(capsys) == expected
-
-    monkeypatch.setattr(ppo.PPO, "learn", None)  # what is finished is not trained again
-    assert ablation.main(halves) == 0
-    assert returns(capsys) == expected
-
-
-def returns(capsys: pytest.CaptureFixture[str]) -> list[str]:
-    """Every row of a printed table without its processor time."""
-    return [line.rsplit("|", 2)[0] for line in capsys.readouterr().out.splitlines()]
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("small")
-def test_trainings_of_other_settings_are_not_mixed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["--variants", "as_it_is", "--runs", str(tmp_path), "--steps"]
-    assert ablation.main([*arguments, "200"]) == 0
-    assert ablation.main([*arguments, "300"]) == 2
-    assert "other settings" in capsys.readouterr().err
-
-
 def test_differences_are_paired_by_draw() -> None:
     """Draws differ by far more than the variants do."""
     draws = np.linspace(-500.0, 500.0, 40)
@@ -200,10 +133,3 @@ def test_differences_are_paired_by_draw() -> None:
 
 
 COUNTS = ("severe_overload_time", "engaged_time", "edges_broken", "edges_used")
-
-
-@pytest.mark.parametrize("arguments", [["--steps", "0"], ["--seeds", "0"], ["--variants", "none"], ["--variants"]])
-def test_bad_arguments_are_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="2"):
-        ablation.main(arguments)
-    assert "usage" in capsys.readouterr().err

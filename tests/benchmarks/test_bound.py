@@ -12,8 +12,3 @@ def test_every_step_is_halved_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
     assert rows[0][2:4] == (0.0, 0.0)
     assert all(row[1] == pytest.approx(rows[0][1] + row[2]) for row in rows)
     assert len({row[1] for row in rows}) > 3
-
-
-def test_what_is_not_covered_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert bound.main(["--scenario", "shift"]) == 2
-    assert "does not cover scenario 'shift'" in capsys.readouterr().err

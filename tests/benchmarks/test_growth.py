@@ -2,8 +2,6 @@
 
 import json
 
-import pytest
-
 from benchmarks import growth
 
 
@@ -12,19 +10,9 @@ def test_it_prints_and_draws(tmp_path, capsys):
     assert growth.main([str(plot), "--max-envs", "64", "--repeats", "1", "--seconds", "0.001"]) == 0
     assert plot.read_text("utf-8").startswith("<?xml")
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["environments", "1", "8", "64"]
-
-
-def test_machines_are_told_the_table_alone(tmp_path, capsys):
     assert growth.main([str(tmp_path / "a.svg"), "--max-envs", "8", "--repeats", "1", "--seconds", "0.001", "--json"]) == 0
     assert [row["num_envs"] for row in json.loads(capsys.readouterr().out)] == [1, 8]
 
 
 def test_one_of_many_environments_takes_less_than_a_kilobyte():
     assert growth.bytes_per_env(4096) < 1000
-
-
-@pytest.mark.parametrize("arguments", [["x.svg", "--max-envs", "0"], ["x.svg", "--seconds", "0"], []])
-def test_bad_arguments_are_refused(arguments, capsys):
-    with pytest.raises(SystemExit, match="2"):
-        growth.main(arguments)
-    assert "usage" in capsys.readouterr().err

@@ -1,5 +1,7 @@
 """Environments that run for long: the short form of ``python -m benchmarks.soak``."""
 
+from mmap import mmap
+
 from benchmarks import soak
 
 
@@ -18,6 +20,11 @@ def test_many_resets_do_not_grow() -> None:
 
 
 def test_growth_is_found_out() -> None:
-    kept: list[bytes] = []
-    growth, _ = soak.repeat(lambda: kept.append(bytes(range(256)) * 400), 200, "leak")
+    kept: list[mmap] = []  # never memory that was freed before
+
+    def leak() -> None:
+        kept.append(mmap(-1, 1_000_000))
+        kept[-1].write(bytes(1_000_000))
+
+    growth, _ = soak.repeat(leak, 20, "leak")
     assert growth > soak.MAX_GROWTH

@@ -3,23 +3,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks import training
-from train.vec_env import RoughTurningVecEnv
 from turning_env import Scenario
 
 
-def test_the_stopwatch_counts_the_environment_alone_and_leaves_it_as_it_was() -> None:
-    env = training.together(3)
-    assert isinstance(env, RoughTurningVecEnv)
-    env.seed(0)
-    env.reset()
-    with training.Stopwatch(env) as inside:
-        outside = training.stepping(env, 20)
-    assert 0.0 < inside.seconds < 20 * outside
-    before = inside.seconds
-    training.stepping(env, 1)
-    assert inside.seconds == before
-
-
+@pytest.mark.slow
 def test_every_question_gets_an_answer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(training, "MANY_ENVS", training.MANY_ENVS | {"batch_size": 32})
     parameters = training.ppo_run(tmp_path).parameters
@@ -46,10 +33,3 @@ def test_the_exit_status_is_the_verdict(
     printed = capsys.readouterr().out
     assert verdict in printed
     assert "40 times (30 to 50)" in printed
-
-
-@pytest.mark.parametrize("wrong", ["--repeats", "--num-envs"])
-def test_nonsense_is_refused(wrong: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        training.main([wrong, "0"])
-    assert "must be at least 1" in capsys.readouterr().err

@@ -29,13 +29,11 @@ ROOT = Path(__file__).parents[2]
 HOLD = """
 import sys
 from pathlib import Path
-from turning_env import locks
-with getattr(locks, sys.argv[1])(Path(sys.argv[2])):
+from turning_env import files
+with getattr(files, sys.argv[1])(Path(sys.argv[2])):
     print("held", flush=True)
     sys.stdin.readline()
 """
-
-
 ENV_ID = "RoughTurning-v0"
 
 
@@ -107,7 +105,7 @@ def test_a_training_is_not_trained_twice_at_once(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["ppo"]
     run = small_run(algorithm, tmp_path, steps=512)
     with held("exclusive_lock", run.folder) as other:
-        with pytest.raises(ValueError, match=f"another process works in {run.folder}: wait until it has done"):
+        with pytest.raises(ValueError, match=f"another process works in {run.folder}: wait until it has finished"):
             train(run, algorithm)
         assert not list(run.folder.iterdir())
         threading.Timer(0.2, other.kill).start()
@@ -139,7 +137,7 @@ def test_a_search_of_rules_is_not_made_twice_at_once(
         assert "error: another process works with" in capsys.readouterr().err
         assert rule_tuning.main([*arguments, "rescaled_grid_search"]) == 0  # another rule, into the same file
     assert rule_tuning.main([*arguments, "fixed_tuned"]) == 0
-    assert tuned.parameters(SCENARIO).keys() == {"fixed_tuned", "rescaled_grid_search"}
+    assert tuned.rules(SCENARIO).keys() == {"fixed_tuned", "rescaled_grid_search"}
 
 
 @pytest.mark.slow

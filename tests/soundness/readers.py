@@ -8,7 +8,7 @@ import json
 import lzma
 import tomllib
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
@@ -96,6 +96,7 @@ FORMS: dict[str, tuple[Callable[[bytes], Any], Callable[[Any], bytes]]] = {
 """Functions that load a file's content as a tree, and that write the tree, by suffix."""
 
 
+@cache
 def damages(name: str) -> st.SearchStrategy[bytes]:
     """Return damaged files for a reader of ``READERS``."""
 

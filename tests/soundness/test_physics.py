@@ -13,7 +13,7 @@ from tests.soundness.acting import SEEDS, action, tried
 from tests.soundness.scenarios import scenarios
 from tests.turning_env.playing import UNDISTURBED, changed
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.rendering.fields import Fields, Key
+from turning_env.rendering.fields import Fields
 
 TERMS = ("metal", "time", "edge", "overload", "breakage", "roughness")
 FACTORS = st.floats(-1.0, 1.0)
@@ -94,7 +94,7 @@ def test_removed_volume_is_the_allowance_over_the_way_cut(
     cut = max(way - scenario.workpiece.approach, 0.0)
     steps = 20_000
     places = (np.arange(steps) + 0.5) * cut / steps
-    _, depth = Fields(scenario).along(Key(seed, 0), 0, places)
+    _, depth = Fields(scenario).along((seed, 0), 0, places)
     volume = math.pi * scenario.workpiece.diameter * depth.mean() * cut / 1000.0  # [cm3]
     # The middle of a sub-step stands for all of it: the error is of second order in its length, 4 mm at most here.
     correlated = scenario.workpiece.depth_correlation_length

@@ -46,11 +46,6 @@ def test_other_exceptions_are_raised(error: Exception) -> None:
         exits(ValueError)(raising(error))()
 
 
-@pytest.mark.parametrize("status", [0, 1])
-def test_status_of_a_command_is_kept(status: int) -> None:
-    assert exits()(lambda: status)() == status
-
-
 @pytest.mark.parametrize("indent", ["", "    "])
 def test_docstring_is_split_into_prose_and_examples(indent: str) -> None:
     help_text = described(f"Does ``this``.\n\n{indent}python -m a --b\n{indent}python -m a --c\n\nAnd that.\n")

@@ -1,7 +1,5 @@
 """True hardness and allowance along a bar, and the passes of an action: the transition's own functions on separate records."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,24 +46,19 @@ def read_passes(states, scratches, action, passes):  # type: ignore[no-untyped-d
     return scratch.work.passes[0]
 
 
-@dataclass(frozen=True)
-class Key:
-    """What determines an episode's bars."""
-
-    seed: int
-    episode: int
-
-
 class Fields:
     """The bars of a scenario."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._records = new_records(STATE, 1), scratch_records(scenario)
 
-    def along(self, key: Key, bar: int, places: Array) -> tuple[Array, Array]:
-        """Return relative hardness [-] and allowance [mm] at places along a bar [mm], without the ripple of run-out."""
+    def along(self, key: tuple[int, int], bar: int, places: Array) -> tuple[Array, Array]:
+        """Return relative hardness [-] and allowance [mm] at places along a bar [mm], without the ripple of run-out.
+
+        ``key`` is the seed and the number of the episode.
+        """
         hardness, depth = np.empty_like(places), np.empty_like(places)
-        seed, episode = np.uint64(key.seed), np.uint64(key.episode)
+        seed, episode = (np.uint64(number) for number in key)
         read_fields(*self._records, seed, episode, float(bar), places, hardness, depth)
         return np.exp(hardness), depth
 

@@ -4,7 +4,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from turning_env.rendering.bar import BarView, LoadStrip
-from turning_env.rendering.gauges import Dials, EdgeView, Readings
+from turning_env.rendering.gauges import Gauges
 from turning_env.rendering.history import History
 from turning_env.rendering.maps import FeedMap, OperatingMap
 from turning_env.rendering.theme import CARD, HEIGHT, INK, OVER, PAPER, QUIET, RULE, WIDTH, Box, Pixels, length, put, write
@@ -28,8 +28,7 @@ class Frame:
         self._scenario, self._title = scenario, title
         self._bar, self._strip = BarView(scenario), LoadStrip(scenario)
         self._map = (FeedMap if scenario.control.action == "override" else OperatingMap)(scenario, _MAP)
-        views = (Dials(scenario, _DIALS), EdgeView(scenario, _DIALS), Readings(scenario, _DIALS))
-        self._views = (self._bar, self._strip, *views, self._map)
+        self._views = (self._bar, self._strip, Gauges(scenario, _DIALS), self._map)
         image = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
         for box in (_BAR, _DIALS, _MAP):
             left, top, right, bottom = box

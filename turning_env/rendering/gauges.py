@@ -5,49 +5,24 @@ from typing import NamedTuple
 
 from PIL import Image, ImageDraw
 
+from turning_env.rendering import theme as ui
 from turning_env.rendering.history import History
-from turning_env.rendering.theme import (
-    CARD,
-    FAINT,
-    FORCE,
-    GREEN,
-    INK,
-    INSERT,
-    LAND,
-    OVER,
-    POWER,
-    QUIET,
-    RULE,
-    SCALE,
-    SURFACE,
-    Box,
-    Colour,
-    Pixels,
-    enlarged,
-    mixed,
-    put,
-    write,
-)
 from turning_env.scenario import Scenario
 
 _WIDTH, _HEIGHT = 200, 138
 _RADIUS, _BAND = 74, 12
-_CENTRE = (SCALE * _WIDTH // 2, SCALE * (_RADIUS + 12))
-_ARC = (_CENTRE[0] - SCALE * _RADIUS, _CENTRE[1] - SCALE * _RADIUS, _CENTRE[0] + SCALE * _RADIUS, _CENTRE[1] + SCALE * _RADIUS)
+_CENTRE = (ui.SCALE * _WIDTH // 2, ui.SCALE * (_RADIUS + 12))
+_ARC = tuple(middle + side * ui.SCALE * _RADIUS for side in (-1, 1) for middle in _CENTRE)
 """Of the enlarged dial: its centre, and the box around its circle."""
 
 
 class _Dial(NamedTuple):
-    """What one dial shows.
-
-    ``value``, ``measured`` and ``reference`` are names of ``quantities.INFO``, the last two empty where there is none; ``limit``
-    is None for what is held at its reference.
-    """
+    """What one dial shows: names of ``quantities.INFO``, empty where there is none; no limit of what is held at a reference."""
 
     title: str
     unit: str
     decimals: int
-    colour: Colour
+    colour: ui.Colour
     value: str
     measured: str
     most: float
@@ -61,36 +36,22 @@ def _dials(scenario: Scenario) -> tuple[_Dial, _Dial]:
     prefix, of_pass = ("mean_", ", mean of the last pass") if parts else ("", "")
     sensed = "" if parts or scenario.sensors.force == "servo_current" else "measured_thrust_force"
     most = limits.thrust_force
-    force = _Dial(f"force{of_pass}", "N", 0, FORCE, f"{prefix}thrust_force", sensed, 1.5 * most, most)
+    force = _Dial(f"force{of_pass}", "N", 0, ui.FORCE, f"{prefix}thrust_force", sensed, 1.5 * most, most)
     if scenario.control.aim == "roughness":
         most = 1.5 * scenario.surface.reference_max
-        return _Dial("roughness Ra", "um", 2, SURFACE, "roughness", "", most, None, "roughness_reference"), force
+        return _Dial("roughness Ra", "um", 2, ui.SURFACE, "roughness", "", most, None, "roughness_reference"), force
     sensed = "" if parts else "measured_power"
-    return _Dial(f"power{of_pass}", "kW", 2, POWER, f"{prefix}power", sensed, 1.5 * limits.power, limits.power), force
-
-
-class Dials:
-    """Draws two dials at a place, side by side."""
-
-    def __init__(self, scenario: Scenario, box: Box) -> None:
-        self._corners = [(box[0] + 4, box[1] + 6), (box[0] + 212, box[1] + 6)]
-        self._dials = _dials(scenario)
-        self._faces = [_face(dial) for dial in self._dials]
-
-    def draw(self, frame: Pixels, history: History) -> None:
-        """Draw the needles."""
-        for dial, face, corner in zip(self._dials, self._faces, self._corners, strict=True):
-            put(frame, _with_needle(dial, face, history.now), corner)
+    return _Dial(f"power{of_pass}", "kW", 2, ui.POWER, f"{prefix}power", sensed, 1.5 * limits.power, limits.power), force
 
 
 def _face(dial: _Dial) -> Image.Image:
     """Return what stands still: the arc, enlarged."""
-    face = enlarged(Image.new("RGB", (_WIDTH, _HEIGHT), CARD))
+    face = ui.enlarged(Image.new("RGB", (_WIDTH, _HEIGHT), ui.CARD))
     draw = ImageDraw.Draw(face)
-    draw.arc(_ARC, 180, 360, fill=RULE, width=SCALE * _BAND)
+    draw.arc(_ARC, 180, 360, fill=ui.RULE, width=ui.SCALE * _BAND)
     if dial.limit is not None:
-        draw.arc(_ARC, 180 + 180 * dial.limit / dial.most, 360, fill=mixed(OVER, 0.28), width=SCALE * _BAND)
-        draw.line(_ray(dial.limit / dial.most, _RADIUS - _BAND - 3, _RADIUS + 3), fill=OVER, width=4)
+        draw.arc(_ARC, 180 + 180 * dial.limit / dial.most, 360, fill=ui.mixed(ui.OVER, 0.28), width=ui.SCALE * _BAND)
+        draw.line(_ray(dial.limit / dial.most, _RADIUS - _BAND - 3, _RADIUS + 3), fill=ui.OVER, width=4)
     return face
 
 
@@ -101,18 +62,18 @@ def _with_needle(dial: _Dial, face: Image.Image, now: dict[str, float]) -> Image
     image = face.copy()
     draw = ImageDraw.Draw(image)
     if share > 0.002:
-        draw.arc(_ARC, 180, 180 + 180 * min(share, mark / dial.most if mark else 1.0), fill=dial.colour, width=SCALE * _BAND)
+        draw.arc(_ARC, 180, 180 + 180 * min(share, mark / dial.most if mark else 1.0), fill=dial.colour, width=ui.SCALE * _BAND)
     if mark is not None and value > mark:
-        draw.arc(_ARC, 180 + 180 * mark / dial.most, 180 + 180 * share, fill=OVER, width=SCALE * _BAND)
+        draw.arc(_ARC, 180 + 180 * mark / dial.most, 180 + 180 * share, fill=ui.OVER, width=ui.SCALE * _BAND)
     if dial.reference:
-        draw.line(_ray(min(now[dial.reference] / dial.most, 1.0), _RADIUS - _BAND - 4, _RADIUS + 5), fill=INK, width=6)
+        draw.line(_ray(min(now[dial.reference] / dial.most, 1.0), _RADIUS - _BAND - 4, _RADIUS + 5), fill=ui.INK, width=6)
     if dial.measured and now[dial.measured] > 0.0:
         _draw_pointer(draw, min(now[dial.measured] / dial.most, 1.0))
-    draw.line(_ray(share, 45, _RADIUS - _BAND - 4), fill=INK, width=5)
-    image = image.reduce(SCALE)
+    draw.line(_ray(share, 45, _RADIUS - _BAND - 4), fill=ui.INK, width=5)
+    image = image.reduce(ui.SCALE)
     middle, base = _WIDTH // 2, _RADIUS + 12
-    write(image, (middle, base - 22), f"{value:.{dial.decimals}f} {dial.unit}", 17, INK, "middle")
-    write(image, (middle, base + 4), dial.title, 13, INK, "middle")
+    ui.write(image, (middle, base - 22), f"{value:.{dial.decimals}f} {dial.unit}", 17, ui.INK, "middle")
+    ui.write(image, (middle, base + 4), dial.title, 13, ui.INK, "middle")
     if dial.reference:
         told = f"reference {now[dial.reference]:.{dial.decimals}f} {dial.unit}"
     elif dial.measured:
@@ -121,7 +82,7 @@ def _with_needle(dial: _Dial, face: Image.Image, now: dict[str, float]) -> Image
         told = f"limit {mark:g} {dial.unit}, servo current {now['measured_servo_current']:.2f} A"
     else:
         told = f"limit {mark:g} {dial.unit}"
-    write(image, (middle, base + 21), told, 11, QUIET, "middle")
+    ui.write(image, (middle, base + 21), told, 11, ui.QUIET, "middle")
     return image
 
 
@@ -129,79 +90,80 @@ def _ray(share: float, inner: float, outer: float) -> tuple[float, float, float,
     """Return a line from one radius [pixels] to another at a share of the enlarged dial's arc."""
     angle = math.pi * (1.0 - share)
     middle, base = _CENTRE
-    cosine, sine = SCALE * math.cos(angle), SCALE * math.sin(angle)
+    cosine, sine = ui.SCALE * math.cos(angle), ui.SCALE * math.sin(angle)
     return middle + inner * cosine, base - inner * sine, middle + outer * cosine, base - outer * sine
 
 
 def _draw_pointer(draw: ImageDraw.ImageDraw, share: float) -> None:
     """Draw a triangle from outside, which points at what is measured."""
     tip, left, right = (_ray(share + turn, radius, radius)[:2] for turn, radius in ((0, 72), (-0.018, 82), (0.018, 82)))
-    draw.polygon([tip, left, right], fill=QUIET)
+    draw.polygon([tip, left, right], fill=ui.QUIET)
 
 
-class EdgeView:
-    """Draws the edge with its wear land, and how much of its life is used."""
+class Gauges:
+    """Draws two dials side by side, the edge below them, and the readings in numbers."""
 
-    def __init__(self, scenario: Scenario, box: Box) -> None:
-        self._scenario, self._corner = scenario, (box[0] + 8, box[1] + 146)
+    def __init__(self, scenario: Scenario, box: ui.Box) -> None:
+        self._scenario = scenario
+        self._left, self._top = box[:2]
+        self._dials = [(dial, _face(dial)) for dial in _dials(scenario)]
 
-    def draw(self, frame: Pixels, history: History) -> None:
-        """Draw the edge as it is now."""
+    def draw(self, frame: ui.Pixels, history: History) -> None:
+        """Draw all as it is now."""
+        for number, (dial, face) in enumerate(self._dials):
+            ui.put(frame, _with_needle(dial, face, history.now), (self._left + 4 + 208 * number, self._top + 6))
+        self._draw_edge(frame, history)
+        self._write_readings(frame, history)
+
+    def _draw_edge(self, frame: ui.Pixels, history: History) -> None:
+        """Draw the edge with its wear land, and how much of its life is used."""
         now, criterion = history.now, self._scenario.tool.wear_criterion
-        image = Image.new("RGB", (400, 86), CARD)
-        large = Image.new("RGB", (184, 172), CARD)
+        image = Image.new("RGB", (400, 86), ui.CARD)
+        large = Image.new("RGB", (184, 172), ui.CARD)
         draw = ImageDraw.Draw(large)
         broken = now["broken"] > 0.0
-        draw.polygon([(20, 18), (164, 18), (150, 160), (34, 160)], fill=INSERT, outline=INK, width=2)
+        draw.polygon([(20, 18), (164, 18), (150, 160), (34, 160)], fill=ui.INSERT, outline=ui.INK, width=2)
         land = 84.0 * min(now["wear"] / criterion, 1.25)
         if land > 1.0:  # a ragged border, as worn lands have
             ragged = [(24 + 0.12 * land + 4.7 * k, 18 + land * (0.86 + 0.14 * math.sin(2.3 * k))) for k in range(28)]
-            draw.polygon([(20, 18), (164, 18), *reversed(ragged)], fill=LAND)
-        draw.line((20, 18, 164, 18), fill=INK, width=4)
+            draw.polygon([(20, 18), (164, 18), *reversed(ragged)], fill=ui.LAND)
+        draw.line((20, 18, 164, 18), fill=ui.INK, width=4)
         for x in range(14, 176, 14):
-            draw.line((x, 102, x + 8, 102), fill=OVER, width=3)
+            draw.line((x, 102, x + 8, 102), fill=ui.OVER, width=3)
         if broken:
-            draw.polygon([(110, 10), (176, 10), (176, 92), (150, 70), (142, 44), (122, 38)], fill=CARD)
-            draw.line([(110, 18), (122, 38), (142, 44), (150, 70), (160, 86)], fill=OVER, width=4, joint="curve")
+            draw.polygon([(110, 10), (176, 10), (176, 92), (150, 70), (142, 44), (122, 38)], fill=ui.CARD)
+            draw.line([(110, 18), (122, 38), (142, 44), (150, 70), (160, 86)], fill=ui.OVER, width=4, joint="curve")
         share = min(now["used_life"], 1.0)
-        image.paste(large.reduce(SCALE))
+        image.paste(large.reduce(ui.SCALE))
         draw = ImageDraw.Draw(image)
-        draw.rectangle((100, 65, 390, 73), fill=RULE)
+        draw.rectangle((100, 65, 390, 73), fill=ui.RULE)
         if share > 0.0:
-            colour = OVER if broken or share >= 1.0 else GREEN
+            colour = ui.OVER if broken or share >= 1.0 else ui.GREEN
             draw.rectangle((100, 65, 100 + 290 * share, 73), fill=colour)
         title = "edge" if self._scenario.control.edge_changes == "end" else f"edge {history.edge + 1}"
-        write(image, (100, 2), title, 13)
-        write(image, (100, 22), f"flank wear {now['wear']:.3f} of {criterion:g} mm", 12)
-        write(image, (100, 43), f"life used {100 * now['used_life']:.0f} %", 12)
+        ui.write(image, (100, 2), title, 13)
+        ui.write(image, (100, 22), f"flank wear {now['wear']:.3f} of {criterion:g} mm", 12)
+        ui.write(image, (100, 43), f"life used {100 * now['used_life']:.0f} %", 12)
         told = f"{'broke' if broken else 'breaks'} at {now['edge_strength']:.0f} N"
-        write(image, (390, 2), told, 11, OVER if broken else FAINT, "right")
-        write(image, (390, 43), f"cutting for {now['cutting_time']:.2f} min", 12, QUIET, "right")
-        put(frame, image, self._corner)
+        ui.write(image, (390, 2), told, 11, ui.OVER if broken else ui.FAINT, "right")
+        ui.write(image, (390, 43), f"cutting for {now['cutting_time']:.2f} min", 12, ui.QUIET, "right")
+        ui.put(frame, image, (self._left + 8, self._top + 146))
 
-
-class Readings:
-    """Writes the settings and what they give, in numbers."""
-
-    def __init__(self, scenario: Scenario, box: Box) -> None:
-        self._scenario, self._corner = scenario, (box[0] + 8, box[1] + 234)
-        self._parts = scenario.control.action == "part"
-
-    def draw(self, frame: Pixels, history: History) -> None:
-        """Write the numbers as they are now."""
-        image = Image.new("RGB", (400, 78), CARD)
-        ImageDraw.Draw(image).line((8, 0, 392, 0), fill=RULE)
+    def _write_readings(self, frame: ui.Pixels, history: History) -> None:
+        """Write the settings and what they give, in numbers."""
+        image = Image.new("RGB", (400, 78), ui.CARD)
+        ImageDraw.Draw(image).line((8, 0, 392, 0), fill=ui.RULE)
         for number, (name, value, told) in enumerate(self._values(history)):
             row, column = divmod(number, 2)
             left, y = 8 + 200 * column, 6 + 23 * row
-            write(image, (left, y + 1), name, 12, QUIET)
-            write(image, (left + 184, y), value, 13, INK if told else QUIET, "right")
-        put(frame, image, self._corner)
+            ui.write(image, (left, y + 1), name, 12, ui.QUIET)
+            ui.write(image, (left + 184, y), value, 13, ui.INK if told else ui.QUIET, "right")
+        ui.put(frame, image, (self._left + 8, self._top + 234))
 
     def _values(self, history: History) -> list[tuple[str, str, bool]]:
         """Return the name and value of each reading, and whether the policy is told it."""
         now = history.now
-        if self._parts:
+        if self._scenario.control.action == "part":
             values = [
                 ("passes", f"{now['passes']:.0f}", True),
                 ("part's time", f"{now['time'] / 60.0:.2f} min", True),

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from turning_env.rendering.fields import Fields, Key
+from turning_env.rendering.fields import Fields
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -18,26 +18,20 @@ _MIN_WEAR = 1e-4  # [mm]: a fresh edge has none, of which there is no logarithm
 class Sample(NamedTuple):
     """One step along a bar; with parts, one part."""
 
-    place: float
-    """[mm] along the bar; with parts, the part's number."""
-    force: float
-    """Over its limit [-]."""
-    power: float
-    """Over its limit [-]."""
-    roughness: float
-    """Ra [um], 0 with parts."""
-    reference: float
-    """Of Ra [um], 0 with parts."""
-    feed: float
-    """[mm/rev]"""
-    cutting: bool
-    """Whether metal is cut."""
+    place: float  # along the bar [mm]; with parts, the part's number
+    force: float  # over its limit [-]
+    power: float  # over its limit [-]
+    roughness: float  # Ra [um], 0 with parts
+    reference: float  # of Ra [um], 0 with parts
+    feed: float  # [mm/rev]
+    cutting: bool  # whether metal is cut
 
 
 class History:
     """One environment as an onlooker sees it.
 
     Attributes:
+        key: (seed, episode), which determine the bars.
         now: the last step's report, by the names of ``quantities.INFO``.
         time, total, removed, edges, broken: since the episode's start: machine time [s], return [s], metal [cm3], edges used up
             and broken [-].
@@ -65,22 +59,27 @@ class History:
         self.now: dict[str, float] = self._batch.info(self._index)
         begins = int(self._state("step_count")) == 0
         if begins or not self.started:
-            self._start(Key(int(self._state("seed")), int(self._state("episode"))))
+            self._start()
         self.edge = int(self._state("edge"))
         self.nominal_used_life = float(self._state("nominal_used_life"))
         self._find_place()
         if not begins:
-            self._add(self._batch.reward(self._index))
+            self.reward = self._batch.reward(self._index)
+            self.total += self.reward
+            self.time += self.now["time"]
+            self.removed += self.now["removed"]
+            self.edges += self.now["edges_used"]
+            self.broken += self.now["edges_broken"]
             if self._parts:
                 self.passes = self.fields.passes(self._batch.action(self._index))
-        self.ended = self._end(bool(self._state("ended")))
+        self.ended = self._end() if self._state("ended") else ""
         self._extend(begins)
 
     def _state(self, field: str) -> Any:
         return self._batch.state(self._index, field)
 
-    def _start(self, key: Key) -> None:
-        self.key = key
+    def _start(self) -> None:
+        self.key = int(self._state("seed")), int(self._state("episode"))
         self.started = True
         self.reward = self.time = self.total = self.removed = self.edges = self.broken = 0.0
         self.bar, self.along = 0, -self._scenario.workpiece.approach
@@ -106,15 +105,6 @@ class History:
         self.bar = bar
         self.along = min(now["path"] - bar * pitch - workpiece.approach, workpiece.bar_length)
 
-    def _add(self, reward: float) -> None:
-        now = self.now
-        self.time += now["time"]
-        self.total += reward
-        self.reward = reward
-        self.removed += now["removed"]
-        self.edges += now["edges_used"]
-        self.broken += now["edges_broken"]
-
     def _extend(self, begins: bool) -> None:
         now, limits = self.now, self._scenario.limits
         if self._parts:
@@ -131,9 +121,7 @@ class History:
         surface = (now["roughness"], now["roughness_reference"])
         self.along_bar.append(Sample(self.along, *shares, *surface, now["feed"], cutting))
 
-    def _end(self, ended: bool) -> str:
-        if not ended:
-            return ""
+    def _end(self) -> str:
         now = self.now
         if now["broken"] > 0.0 and self._scenario.control.edge_changes == "end":
             return "edge broken"

@@ -22,10 +22,6 @@ class HalfPlane(NamedTuple):
     feed: float
     room: float
 
-    def excess(self, point: Point) -> float:
-        """Return by how much a point lies beyond, negative within."""
-        return self.cutting_speed * point[0] + self.feed * point[1] - self.room
-
 
 class Cut(NamedTuple):
     """A cut: depth of cut [mm], relative hardness [-] and flank wear [mm]."""
@@ -61,7 +57,7 @@ def _clip(corners: Sequence[Point], limit: HalfPlane) -> tuple[list[Point], list
     kept: list[Point] = []
     crossings: list[Point] = []
     for before, after in zip([*corners[-1:], *corners[:-1]], corners, strict=True):
-        ours, theirs = limit.excess(before), limit.excess(after)
+        ours, theirs = (limit.cutting_speed * x + limit.feed * y - limit.room for x, y in (before, after))  # negative within
         if (ours <= 0.0) != (theirs <= 0.0):
             share = ours / (ours - theirs)
             crossings.append((before[0] + share * (after[0] - before[0]), before[1] + share * (after[1] - before[1])))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
 
+from turning_env.extras import missing
 from turning_env.rendering.fields import Fields
 from turning_env.rendering.history import History
 
@@ -24,12 +25,20 @@ class Viewer:
     Pillow, and pygame for a window, are imported when something is drawn for the first time.
 
     Args:
-        env: what is rendered; with the mode "human" every step is shown in a window.
+        env: what is rendered; with the mode "human" every step is shown in a window. The frame rate in its metadata is set.
         batch: what is looked at.
         num_envs: how many of its environments, from the first on.
+
+    Raises:
+        ValueError: the environment has no such render mode.
     """
 
-    def __init__(self, env: "RoughTurningEnv | RoughTurningVectorEnv", batch: "Batch", num_envs: int) -> None:
+    def __init__(self, env: "RoughTurningEnv | RoughTurningVectorEnv", batch: "Batch", num_envs: int = 1) -> None:
+        mode, allowed, control = env.render_mode, env.metadata["render_modes"], env.scenario.control
+        if mode not in allowed:
+            raise ValueError(f"render_mode is {mode!r}, but must be None or one of {', '.join(map(repr, allowed))}")
+        # Few steps are shown in a second where a step is a whole part or a long interval.
+        env.metadata = env.metadata | {"render_fps": 2 if control.action == "part" or control.interval >= 10.0 else 30}
         self._env = env
         fields = Fields(env.scenario)
         self._histories = [History(env.scenario, batch, index, fields) for index in range(num_envs)]
@@ -95,7 +104,6 @@ def _named_if_missing() -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] not in ("PIL", "pygame"):
+        if (message := missing(error)) is None:
             raise
-        needed = f'{error.name} is not installed, which draws the environment: pip install "rough-turning[render]"'
-        raise DependencyNotInstalled(needed) from error
+        raise DependencyNotInstalled(message) from error

@@ -7,6 +7,7 @@ import re
 import tomllib
 from collections.abc import Iterator
 from importlib import resources
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -31,6 +32,13 @@ from turning_env.scenario.sections import (
 from turning_env.scenario.validation import complaints
 
 _PRESETS = resources.files("turning_env.scenario") / "presets"
+
+SPLITS = ("harder_lot", "forging_skin", "worn_lot", "sensor_bias", "small_diameter", "ck45")
+"""Presets with bars, tools, sensors and steels for which policies of ``RoughTurning-v0`` were not tuned or trained, as reported.
+
+The first four have its nominal model and a model mismatch. The last two have a nominal model with another diameter or another
+steel. Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/choices.md``.
+"""
 
 
 class Scenario(Section):
@@ -68,17 +76,12 @@ class Scenario(Section):
         return self
 
     @model_validator(mode="after")
-    def _edges_start_unfinished(self) -> Self:
+    def _edges_and_laws_make_sense(self) -> Self:
         wear, criterion = self.mismatch.initial_wear, self.tool.wear_criterion
         if wear >= criterion:
             raise ValueError(f"mismatch.initial_wear is {wear}, but must be below tool.wear_criterion, which is {criterion}")
-        return self
-
-    @model_validator(mode="after")
-    def _laws_make_sense(self) -> Self:
-        wrong = list(complaints(self))
-        if wrong:
-            raise ValueError("; ".join(wrong))
+        if wrong := "; ".join(complaints(self)):
+            raise ValueError(wrong)
         return self
 
     @model_validator(mode="after")
@@ -88,15 +91,9 @@ class Scenario(Section):
             reached = f"{control.initial_feed} mm/rev times control.override_max, {control.override_max}"
             raise ValueError(f"control.initial_feed is {reached}: above machine.feed_max, {machine.feed_max}")
         if control.action == "part":
-            lags = {
-                "machine.feed_time_constant": machine.feed_time_constant,
-                "machine.spindle_time_constant": machine.spindle_time_constant,
-                "machine.chip_lag": machine.chip_lag,
-                "sensors.power_time_constant": sensors.power_time_constant,
-                "sensors.force_time_constant": sensors.force_time_constant,
-            }
-            for name, lag in lags.items():
-                if lag != 0:
+            lags = ("machine.feed_time_constant", "machine.spindle_time_constant", "machine.chip_lag")
+            for name in (*lags, "sensors.power_time_constant", "sensors.force_time_constant"):
+                if (lag := attrgetter(name)(self)) != 0:
                     raise ValueError(f"{name} is {lag}, but passes of whole parts are cut without lags: only 0")
             if self.workpiece.bars == 0 or control.edge_changes != "automatic":
                 raise ValueError(
@@ -109,7 +106,7 @@ class Scenario(Section):
 
     @classmethod
     def load(cls, source: "str | os.PathLike[str] | Scenario") -> "Scenario":
-        """The scenario of a preset's name, a TOML file's path, or the scenario itself.
+        """Return the scenario of a preset's name, of a TOML file's path, or the scenario itself.
 
         A TOML file states only what differs from the defaults or, with ``base = "PRESET"``, from that preset; without a name, it
         is called as the file is.
@@ -139,7 +136,7 @@ class Scenario(Section):
 
     @classmethod
     def _preset(cls, name: str, below: tuple[str, ...]) -> "Scenario":
-        """A preset on which the presets ``below`` are based, each on the next."""
+        """Return a preset on which the presets ``below`` are based, each on the next."""
         if name in below:
             raise ScenarioError(f"presets are based on one another in a circle: {' on '.join((*below, name))}")
         return cls._parse((_PRESETS / f"{name}.toml").read_bytes(), f"preset {name}", name, (*below, name))
@@ -162,7 +159,7 @@ class Scenario(Section):
             raise ScenarioError(f"{source} is not TOML: {error}") from error
 
     def to_toml(self) -> str:
-        """The whole scenario as TOML; ``Scenario.load`` reads it back equal."""
+        """Return the whole scenario as TOML; ``Scenario.load`` reads it back equal."""
         return tomli_w.dumps(self.model_dump())
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -205,30 +202,23 @@ class ScenarioError(ValueError):
 
 
 def presets() -> tuple[str, ...]:
-    """Names of the scenarios that come with the package."""
+    """Return the names of the scenarios that come with the package."""
     return tuple(sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir() if entry.name.endswith(".toml")))
 
 
 def _differences(values: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
-    found = {}
-    for key, value in values.items():
-        if isinstance(value, dict):
-            value = _differences(value, defaults[key])
-            if not value:
-                continue
-        elif value == defaults[key]:
-            continue
-        found[key] = value
-    return found
+    differ = {key: value for key, value in values.items() if value != defaults[key]}
+    return {key: _differences(value, defaults[key]) if isinstance(value, dict) else value for key, value in differ.items()}
 
 
 def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
-    """The base's values, overwritten entry by entry in tables, and in tables within tables."""
-    merged = base | values
-    for key in base.keys() & values.keys():
-        if isinstance(base[key], dict) and isinstance(values[key], dict):
-            merged[key] = _merged(base[key], values[key])
-    return merged
+    """Return the base's values, overwritten entry by entry in tables, and in tables within tables."""
+    both = {
+        key: _merged(base[key], value)
+        for key, value in values.items()
+        if isinstance(value, dict) and isinstance(base.get(key), dict)
+    }
+    return base | values | both
 
 
 def _complaints(error: ValidationError) -> Iterator[str]:

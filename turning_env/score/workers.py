@@ -3,9 +3,8 @@
 The program that starts pieces takes each result as it comes, and it alone writes files. So a worker that is killed loses nothing:
 others do its pieces again. Pieces travel by cloudpickle, with everything that they refer to.
 
-Processes are those of joblib's loky. For a cluster, ``distributed`` is used directly and not through joblib's backend ``"dask"``,
-which returns results only when all are there, so that finished ones could not be kept; does not notice pieces that have failed
-for good; and puts larger arguments into the memory of a worker, with which they are lost.
+Processes are those of joblib's loky. A cluster is used through ``distributed`` and not through joblib's backend ``"dask"``, which
+returns results only when all are there, does not notice pieces that failed for good, and loses larger arguments with a worker.
 """
 
 import math
@@ -16,7 +15,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
 from importlib.metadata import PackageNotFoundError, version
 from signal import SIG_IGN, SIGINT, signal
 from typing import Any, TypeVar
@@ -32,7 +31,6 @@ ATTEMPTS = 3
 """Number of times in a row that processes may end without any piece being done."""
 
 _POLL = 2.0  # [s]
-_MAX_GREETING = 1_000_000  # bytes
 _AGAIN = "what is finished is kept: run the same command again to go on"
 _PACKAGES = ("rough-turning", "numpy", "numba", "onnxruntime", "torch", "stable-baselines3")
 
@@ -108,8 +106,7 @@ class _Processes(Workers):
     def _pool(self) -> Executor:
         from joblib.externals.loky import ProcessPoolExecutor  # type: ignore[import-untyped]
 
-        pool: Executor = ProcessPoolExecutor(self._count, initializer=_begin, initargs=(os.getpid(),))
-        return pool
+        return ProcessPoolExecutor(self._count, initializer=_begin, initargs=(os.getpid(),))  # type: ignore[no-any-return]
 
     def _lost(self, future: "Future[Any]") -> bool:
         from joblib.externals.loky import BrokenProcessPool
@@ -168,14 +165,9 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
-@contextmanager
-def processes(count: int) -> Iterator[Workers]:
+def processes(count: int) -> AbstractContextManager[Workers]:
     """Start processes of this machine; they end with the context, whatever they are doing."""
-    started = _Processes(count)
-    try:
-        yield started
-    finally:
-        started.close()
+    return closing(_Processes(count))
 
 
 @contextmanager
@@ -222,25 +214,19 @@ def _check_scheduler(address: str) -> None:
     with socket.create_connection((host, port), timeout=CONNECTING) as connection, connection.makefile("rb") as stream:
         if parts.scheme == "tcp":  # with tls, the client speaks first
             length = stream.read(8)  # of the scheduler's greeting
-            if len(length) < 8 or int.from_bytes(length, "little") > _MAX_GREETING:
+            if len(length) < 8 or int.from_bytes(length, "little") > 1_000_000:
                 raise OSError("what answers is no Dask scheduler")
 
 
-@contextmanager
-def workers(jobs: int, scheduler: str | None) -> Iterator[Workers | None]:
+def workers(jobs: int, scheduler: str | None) -> AbstractContextManager[Workers | None]:
     """Use a cluster if there is a scheduler's address, else ``jobs`` processes; None if this process does all work.
 
     Raises:
         WorkersError: See ``cluster``.
     """
     if scheduler is not None:
-        with cluster(scheduler) as found:
-            yield found
-    elif jobs > 1:
-        with processes(jobs) as found:
-            yield found
-    else:
-        yield None
+        return cluster(scheduler)
+    return processes(jobs) if jobs > 1 else nullcontext()
 
 
 def spread(
@@ -256,11 +242,10 @@ def spread(
         for tag, piece in pieces:
             yield tag, work(piece)
         return
-    started = 0
-    for tag, piece in pieces:
+    count = 0
+    for count, (tag, piece) in enumerate(pieces, 1):  # noqa: B007
         over.start(tag, work, piece)
-        started += 1
-    for _ in range(started):
+    for _ in range(count):
         yield over.finished()
 
 

@@ -3,6 +3,7 @@
 ``python -m turning_env calibrate`` is the command, docs/your_own_machine.md the tutorial.
 """
 
+import difflib
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from turning_env.scenario import Scenario, presets
 from turning_env.scenario.sections import Material
 from turning_env.workshop import WorkshopError
 from turning_env.workshop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
-from turning_env.workshop.measurements import COLUMNS, Measurements, similar_column
+from turning_env.workshop.measurements import COLUMNS, Measurements
 
 BEYOND = 0.01
 """Relative distance beyond the measured range from which a law counts as extrapolated [-]."""
@@ -88,8 +89,8 @@ def _message(error: ValidationError) -> str:
 
 def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) -> Iterator[str]:
     for name in measurements.ignored:
-        likely = similar_column(name)
-        yield f"column {name!r} is not understood and was ignored" + (f"; is it {likely}?" if likely else "")
+        likely = difflib.get_close_matches(name.lower(), COLUMNS, n=1, cutoff=0.75)
+        yield f"column {name!r} is not understood and was ignored" + "".join(f"; is it {column}?" for column in likely)
     unused = ~np.logical_or.reduce([complete_rows(response, measurements) for response in FACTORS])
     if unused.any():
         yield f"{unused.sum()} rows have too many empty cells for any law, the first in line {measurements.lines[unused][0]}"
@@ -140,24 +141,22 @@ def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
         "measurements": source,
         "base": base,
         "confidence": calibration.confidence,
-        "laws": {response: _law_report(fitted) for response, fitted in calibration.fits.items()},
+        "laws": {
+            response: {
+                "rows": len(fitted.lines),
+                "degrees_of_freedom": fitted.degrees,
+                "r_squared": fitted.r_squared,
+                "scatter": fitted.scatter,
+                "edges": fitted.edges and {"count": fitted.edges.count, "spread": fitted.edges.spread},
+                "largest_residual": dict(zip(("line", "relative"), fitted.largest_residual(), strict=True)),
+                "fitted": {name: estimate._asdict() for name, estimate in fitted.estimates.items()},
+                "assumed": {name: {"value": getattr(fitted.law, name), "reason": why} for name, why in fitted.assumed.items()},
+                "law": fitted.law.model_dump(),
+            }
+            for response, fitted in calibration.fits.items()
+        },
         "kept_from_base": calibration.kept,
         "warnings": list(calibration.warnings),
-    }
-
-
-def _law_report(fitted: Fit) -> dict[str, Any]:
-    line, residual = fitted.largest_residual()
-    return {
-        "rows": len(fitted.lines),
-        "degrees_of_freedom": fitted.degrees,
-        "r_squared": fitted.r_squared,
-        "scatter": fitted.scatter,
-        "edges": fitted.edges and {"count": fitted.edges.count, "spread": fitted.edges.spread},
-        "largest_residual": {"line": line, "relative": residual},
-        "fitted": {name: estimate._asdict() for name, estimate in fitted.estimates.items()},
-        "assumed": {name: {"value": getattr(fitted.law, name), "reason": why} for name, why in fitted.assumed.items()},
-        "law": fitted.law.model_dump(),
     }
 
 

@@ -65,10 +65,6 @@ class EdgeEffect:
     removed: Values
     """Share of its edge's mean to subtract from each row, which makes all rows independent [-], shape (rows,)."""
 
-    def independent(self, values: Values) -> Values:
-        """Return values of shape (rows, columns) transformed so that rows are independent."""
-        return np.asarray(values - self.removed[:, np.newaxis] * _group_means(values, self.group))
-
 
 @dataclass(frozen=True)
 class Fit:
@@ -269,7 +265,7 @@ def _least_squares(target: Values, design: Values, edges: EdgeEffect | None) -> 
     centre = design.mean(axis=0)  # subtracted, so that the numbers do not depend on how far from 1 the factors lie
     columns = np.column_stack([target, np.ones(len(target)), design - centre])
     if edges is not None:
-        columns = edges.independent(columns)
+        columns = np.asarray(columns - edges.removed[:, np.newaxis] * _group_means(columns, edges.group))
     target, columns = columns[:, 0], columns[:, 1:]
     inverse = np.linalg.pinv(columns)
     solution = inverse @ target

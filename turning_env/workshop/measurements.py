@@ -1,7 +1,6 @@
 """Read a sheet of measured cuts: a CSV file with a header, one cut per row and one quantity per column."""
 
 import csv
-import difflib
 import os
 import re
 from collections.abc import Sequence
@@ -79,10 +78,10 @@ def read_measurements(path: str | os.PathLike[str]) -> Measurements:
         raise WorkshopError(f"{path} is not text in UTF-8: save the sheet as CSV, in UTF-8") from error
     except csv.Error as error:
         raise WorkshopError(f"{path} is not CSV: {error}") from error
-    except WorkshopError:
-        raise
-    except ValueError as error:  # a zero byte in the path
-        raise WorkshopError(f"{str(path)!r} cannot be read: {error}") from error
+    except ValueError as error:
+        if isinstance(error, WorkshopError):
+            raise
+        raise WorkshopError(f"{str(path)!r} cannot be read: {error}") from error  # a zero byte in the path
 
 
 def _parse(reader: Any, source: str) -> Measurements:
@@ -150,8 +149,3 @@ def _number(cell: str, column: Column) -> float:
     if not column.low <= value <= column.high:
         raise ValueError(f"{cell[:40]} is outside the allowed range {allowed}")
     return value
-
-
-def similar_column(name: str) -> str | None:
-    """Return the column whose name is most like a misspelt one, None if none is."""
-    return next(iter(difflib.get_close_matches(name.lower(), COLUMNS, n=1, cutoff=0.75)), None)

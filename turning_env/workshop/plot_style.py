@@ -10,7 +10,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from matplotlib import style
+from matplotlib import rc_context, style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -41,22 +41,10 @@ LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "linestyle": (0,
 """Style of a limit."""
 OURS: dict[str, Any] = {"color": BLUE, "linewidth": 1.0, "marker": "o", "markersize": 2.6}
 """Style of data computed by the project."""
-PRINTED: dict[str, Any] = {
-    "color": BLACK,
-    "linestyle": "none",
-    "marker": "o",
-    "markersize": 6.0,
-    "markerfacecolor": "none",
-    "markeredgewidth": 0.7,
-}
+_POINTS: dict[str, Any] = {"linestyle": "none", "markersize": 6.0}
+PRINTED = _POINTS | {"color": BLACK, "marker": "o", "markerfacecolor": "none", "markeredgewidth": 0.7}
 """Style of data printed in a paper."""
-CHOSEN: dict[str, Any] = {
-    "color": ORANGE,
-    "linestyle": "none",
-    "marker": "D",
-    "markersize": 6.0,
-    "markeredgecolor": BLACK,
-}
+CHOSEN = _POINTS | {"color": ORANGE, "marker": "D", "markeredgecolor": BLACK}
 """Style of operating points that a policy chooses."""
 
 FORMATS = ("png", "svg", "pdf")
@@ -67,16 +55,12 @@ _PRINT: dict[str, Any] = {
     "font.size": MIN_FONT,
     **dict.fromkeys(("axes.labelsize", "axes.titlesize", "xtick.labelsize", "ytick.labelsize"), MIN_FONT),
     **dict.fromkeys(("legend.fontsize", "legend.title_fontsize"), MIN_FONT),
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    **dict.fromkeys(("xtick.major.width", "ytick.major.width"), 0.6),
-    "grid.linewidth": 0.4,
-    "hatch.linewidth": 0.4,
+    **dict.fromkeys(("axes.spines.top", "axes.spines.right"), False),
+    **dict.fromkeys(("axes.linewidth", "xtick.major.width", "ytick.major.width"), 0.6),
+    **dict.fromkeys(("grid.linewidth", "hatch.linewidth"), 0.4),
     "legend.frameon": False,
     "lines.linewidth": 1.2,
     "savefig.dpi": DPI,
-    "svg.hashsalt": "rough-turning",
     "pdf.fonttype": 42,
 }
 
@@ -111,10 +95,11 @@ def save(figure: Figure, path: Path) -> None:
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
         raise ValueError(f"{path}: its suffix must be .{' or .'.join(FORMATS)}")
-    if kind == "png":
-        replace_file(path, lambda partial: _save_png(figure, partial))
-    else:
-        replace_file(path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind]))
+    with rc_context({"svg.hashsalt": "rough-turning"}):
+        if kind == "png":
+            replace_file(path, lambda partial: _save_png(figure, partial))
+        else:
+            replace_file(path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind]))
 
 
 def _save_png(figure: Figure, path: Path) -> None:

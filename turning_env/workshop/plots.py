@@ -20,10 +20,11 @@ MAX_POINTS = 20000
 """Number of residuals above which only every n-th is drawn."""
 GRID = 301
 """Number of cutting speeds, and of feeds, at which the map evaluates the laws."""
-_LIMITS: dict[str, tuple[str, Any]] = {
-    "thrust_force": ("thrust force at its limit, {:g} N", {"colors": VERMILLION, "linewidths": 2.2}),
-    "power": ("power at its limit, {:g} kW", {"colors": BLUE, "linewidths": 2.2, "linestyles": [(0, (6, 1.5))]}),
+_LIMITS: dict[str, tuple[str, str, str, Any]] = {
+    "thrust_force": ("thrust force", "N", VERMILLION, "-"),
+    "power": ("power", "kW", BLUE, (0, (6, 1.5))),
 }
+"""Name, unit, colour and dashes of each limit."""
 _ALLOWED = "#DCEFE6"
 
 
@@ -78,10 +79,10 @@ def draw_map(scenario: Scenario, wear: float, depth_of_cut: float | None = None,
         axes.contourf(speeds, feeds, cuts.within_limits.astype(float), levels=(0.5, 1.5), colors=[_ALLOWED])
     _draw_removal_rate(axes, cuts)
     _draw_tool_life(axes, cuts)
-    for name, (_, style) in _LIMITS.items():
+    for name, (_, _, colour, dashes) in _LIMITS.items():
         share = getattr(cuts, f"{name}_share")
         if share.min() < 1.0 < share.max():
-            axes.contour(speeds, feeds, share, levels=(1.0,), **style)
+            axes.contour(speeds, feeds, share, levels=(1.0,), colors=colour, linewidths=2.2, linestyles=[dashes])
     _mark_best(axes, cuts)
     axes.set_xlabel("cutting speed [m/min]")
     axes.set_ylabel("feed [mm/rev]")
@@ -91,7 +92,20 @@ def draw_map(scenario: Scenario, wear: float, depth_of_cut: float | None = None,
         loc="left",
         fontsize="medium",
     )
-    figure.legend(handles=_legend(scenario), loc="outside lower center", ncols=3, frameon=False)
+    limits = scenario.limits.thrust_force, scenario.limits.power
+    lines = [
+        Line2D([], [], color=colour, linewidth=2.2, linestyle=dashes, label=f"{what} at its limit, {limit:g} {unit}")
+        for limit, (what, unit, colour, dashes) in zip(limits, _LIMITS.values(), strict=True)
+    ]
+    handles = [
+        Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"),
+        Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"),
+        *lines,
+        Line2D([], [], color=GREY, linewidth=0.8, label="MRR, labelled at the right"),
+        Line2D([], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out [min]"),
+        Line2D([], [], color="black", marker="o", linestyle="none", label="highest MRR within limits"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
@@ -136,9 +150,12 @@ def _log_levels(values: NDArray[np.float64]) -> list[float]:
     finite = values[np.isfinite(values) & (values > 0)]
     if finite.size == 0:
         return []
-    decades = 10.0 ** np.arange(np.floor(np.log10(finite.min())), np.ceil(np.log10(finite.max())) + 1)
-    inside = [float(level) for level in np.outer(decades, (1, 2, 5)).ravel() if finite.min() < level < finite.max()]
-    return inside if len(inside) <= 12 else [float(level) for level in decades if finite.min() < level < finite.max()]
+    low, high = finite.min(), finite.max()
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    many, few = (
+        [level for level in np.outer(decades, digits).ravel().tolist() if low < level < high] for digits in ((1, 2, 5), 1)
+    )
+    return many if len(many) <= 12 else few
 
 
 def _round_down(value: float) -> float:
@@ -168,16 +185,3 @@ def _mark_best(axes: Axes, cuts: Cuts) -> None:
         bbox={"boxstyle": "round", "facecolor": "white", "edgecolor": GREY, "alpha": 0.95},
         zorder=6,
     )
-
-
-def _legend(scenario: Scenario) -> list[Any]:
-    force, power = _LIMITS["thrust_force"], _LIMITS["power"]
-    return [
-        Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"),
-        Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"),
-        Line2D([], [], color=VERMILLION, linewidth=2.2, label=force[0].format(scenario.limits.thrust_force)),
-        Line2D([], [], color=BLUE, linewidth=2.2, linestyle=(0, (6, 1.5)), label=power[0].format(scenario.limits.power)),
-        Line2D([], [], color=GREY, linewidth=0.8, label="MRR, labelled at the right"),
-        Line2D([], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out [min]"),
-        Line2D([], [], color="black", marker="o", linestyle="none", label="highest MRR within limits"),
-    ]

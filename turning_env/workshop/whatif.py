@@ -17,36 +17,33 @@ Values = NDArray[np.float64]
 
 
 class Cuts(NamedTuple):
-    """Cuts by an edge that has cut at the same speed, feed and depth since it was fresh: arrays of one shape."""
+    """Cuts by an edge that has cut at the same speed, feed and depth since it was fresh: arrays of one shape.
+
+    Attributes:
+        cutting_speed, feed, depth_of_cut: The settings [m/min], [mm/rev], [mm].
+        hardness: Hardness of the bar over nominal [-].
+        time, wear: Cutting time of the edge [min] and its flank wear after that time [mm].
+        thrust_force, power: Thrust force [N] and spindle power [kW] at that wear.
+        tool_life: Cutting time from fresh to the wear criterion [min].
+        removal_rate: Material removal rate [cm3/min].
+        spindle_speed: Spindle speed at the workpiece's diameter [rev/min].
+        wear_share, thrust_force_share, power_share: Wear over the wear criterion, force and power over their limits [-].
+    """
 
     cutting_speed: Values
-    """[m/min]"""
     feed: Values
-    """[mm/rev]"""
     depth_of_cut: Values
-    """[mm]"""
     hardness: Values
-    """Hardness of the bar over nominal [-]."""
     time: Values
-    """Cutting time of the edge [min]."""
     wear: Values
-    """Flank wear after that time [mm]."""
     thrust_force: Values
-    """Thrust force at that wear [N]."""
     power: Values
-    """Spindle power at that wear [kW]."""
     tool_life: Values
-    """Cutting time from fresh to the wear criterion [min]."""
     removal_rate: Values
-    """Material removal rate [cm3/min]."""
     spindle_speed: Values
-    """Spindle speed at the workpiece's diameter [rev/min]."""
     wear_share: Values
-    """Wear over the wear criterion [-]."""
     thrust_force_share: Values
-    """Thrust force over its limit [-]."""
     power_share: Values
-    """Spindle power over its limit [-]."""
 
     @property
     def within_limits(self) -> NDArray[np.bool_]:

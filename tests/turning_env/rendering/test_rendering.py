@@ -18,7 +18,7 @@ from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, changed, f
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.physics.records import parameter_records
 from turning_env.physics.wear import wear_by_clock
-from turning_env.rendering.fields import Fields, Key
+from turning_env.rendering.fields import Fields
 from turning_env.rendering.limits import Cut, HalfPlane, border, bound, highest_feed, region, wear_bound
 from turning_env.rendering.theme import HEIGHT, WIDTH, log_ticks, round_ticks
 
@@ -212,7 +212,7 @@ def test_the_bar_that_is_drawn_is_the_one_that_is_cut(preset):
         pitch = scenario.workpiece.bar_length + scenario.workpiece.approach
         place = info["path"] - info["bar"] * pitch - scenario.workpiece.approach
         if info["cutting"] and place > 1.0:
-            hardness, depth = fields.along(Key(2**64 - 1, 1), int(info["bar"]), np.array([place]))
+            hardness, depth = fields.along((2**64 - 1, 1), int(info["bar"]), np.array([place]))
             # What is reported is the middle of the last sub-step's cut.
             assert depth[0] == pytest.approx(info["depth_of_cut"], abs=0.03)
             assert hardness[0] == pytest.approx(info["hardness"], abs=0.01)

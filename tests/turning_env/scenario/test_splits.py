@@ -2,7 +2,7 @@
 
 import pytest
 
-from turning_env import SPLITS, Scenario, presets
+from turning_env import SPLITS, Scenario
 from turning_env.scenario.sections import Mismatch
 
 BASE = Scenario.load("rough_turning")
@@ -17,21 +17,15 @@ DIFFERENT = {
 
 
 @pytest.mark.parametrize("split", SPLITS)
-def test_split_differs_from_its_base_as_stated(split: str) -> None:
+def test_split_differs_as_stated_and_its_nominal_model_lacks_the_mismatch(split: str) -> None:
     found: dict[str, set[str]] = {}
     for section, values in dict(Scenario.load(split)).items():
         base = getattr(BASE, section)
         if section != "name" and values != base:
             found[section] = {name for name, value in dict(values).items() if value != getattr(base, name)}
     assert found == DIFFERENT[split]
-    assert split in presets()
-
-
-@pytest.mark.parametrize("split", SPLITS)
-def test_nominal_model_lacks_the_mismatch(split: str) -> None:
     scenario = Scenario.load(split)
     nominal = scenario.nominal()
-    assert (nominal.name, nominal.mismatch) == (split, Mismatch())
     assert nominal == scenario.model_copy(update={"mismatch": Mismatch()})
     mismatched = DIFFERENT[split].keys() == {"mismatch"}
     assert (nominal.digest() == BASE.digest()) == mismatched

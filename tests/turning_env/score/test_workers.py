@@ -33,6 +33,11 @@ def die_once(mark: Path) -> int:
     return 7
 
 
+def sleep(mark: Path) -> None:
+    mark.write_text(str(os.getpid()))
+    time.sleep(600.0)
+
+
 def fail(number: int) -> int:
     raise LookupError(f"no {number}")
 
@@ -40,16 +45,6 @@ def fail(number: int) -> int:
 def interrupted(number: int) -> int:
     os.kill(os.getpid(), signal.SIGINT)
     return number
-
-
-def sleep(mark: Path) -> None:
-    mark.write_text(str(os.getpid()))
-    time.sleep(600.0)
-
-
-def finish_all(over: workers.Workers) -> None:
-    while True:
-        over.finished()
 
 
 def test_without_workers_pieces_are_done_here_in_order() -> None:
@@ -69,18 +64,13 @@ def test_processes_do_all_pieces_and_what_fails_is_raised(tmp_path: Path, monkey
         # A killed process is replaced and its pieces are done again; a piece that always kills its process is an error.
         mark = tmp_path / "mark"
         assert dict(spread(over, die_once, [("first", mark), ("second", mark)])) == {"first": 7, "second": 7}
-        over.start("dies", die, 0)
         with pytest.raises(WorkersError, match=r"ended 2 times in a row: .*run the same command again to go on"):
-            finish_all(over)
-
-
-@pytest.mark.slow
-def test_processes_end_with_the_context(tmp_path: Path) -> None:
+            list(spread(over, die, [("dies", 0)]))
     with processes(1) as over:
-        over.start("long", sleep, tmp_path / "process")
-        while not (mark := tmp_path / "process").exists() or not mark.read_text():
+        over.start("long", sleep, mark := tmp_path / "process")
+        while not mark.exists() or not mark.read_text():
             time.sleep(0.01)
-    with pytest.raises(ProcessLookupError):
+    with pytest.raises(ProcessLookupError):  # processes end with the context
         os.kill(int(mark.read_text()), 0)
 
 
@@ -113,7 +103,7 @@ def test_lost_cluster_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             cluster.scheduler.kill()
             monkeypatch.setattr(workers, "PATIENCE", 60.0)
             with pytest.raises(WorkersError, match="the connection to the scheduler was lost"):
-                finish_all(over)
+                over.finished()
 
 
 @pytest.mark.parametrize("greeting", [b"", b"SSH-2.0-OpenSSH"])
