@@ -25,7 +25,6 @@ import numpy as np
 import torch
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
-from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env.stacked_observations import StackedObservations
 from tqdm import tqdm
@@ -145,9 +144,8 @@ class StackedActor(Actor):
         return self.layers(stacked).clamp(-1.0, 1.0), stacked[:, self.entries :]
 
 
-def stacked_actor(path: Path) -> StackedActor:
-    """Return the finished agent with history of a ``policy.zip`` of your own."""
-    policy: Any = PPO.load(path, device="cpu").policy
+def stacked_actor(policy: Any) -> StackedActor:
+    """Return the agent with history of a trained policy."""
     entries = policy.observation_space.shape[0] // FRAMES
     return StackedActor(policy.mlp_extractor.policy_net, policy.action_net, entries=entries)
 
@@ -202,7 +200,7 @@ VARIANTS = {
     "discount_0.99": Variant("discount 0.99", {"discount": 0.99}),
     "charged_at_end_discount_0.99": Variant("edge charged at its end, discount 0.99", {"discount": 0.99}, algorithm=_AT_END),
     "four_frames": Variant(
-        f"the last {FRAMES} observations", algorithm=dataclasses.replace(ppo.ALGORITHM, vec_env=Stacked, actor=stacked_actor)
+        f"the last {FRAMES} observations", algorithm=dataclasses.replace(ppo.ALGORITHM, vec_env=Stacked, network=stacked_actor)
     ),
     "life_by_left": Variant(
         "life priced by how much is left", algorithm=dataclasses.replace(ppo.ALGORITHM, vec_env=PricedByLeft)

@@ -20,15 +20,15 @@ import gymnasium
 import numpy as np
 import torch
 from gymnasium.vector import AutoresetMode
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines import catalogue
-from examples.shared import ENV_ID, NUM_SEEDS, at_least, extra, run, score
+from examples.shared import ENV_ID, NUM_SEEDS, NetworkPolicy, at_least, extra, run, score
 from train.agents import onnx_policy
 from train.training import SEED_STRIDE, SEEDS
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.score.policy import Actions, Observations, PolicyFactory
+from turning_env.console import described
+from turning_env.score.policy import PolicyFactory
 
 with extra("ecosystem"):
     import minari  # type: ignore[import-untyped]
@@ -36,7 +36,7 @@ with extra("ecosystem"):
 
 AGENT = Path(__file__).parents[1] / "agents" / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
 FIRST_SEED = (SEEDS - 1) * SEED_STRIDE
-"""Draws of the last training seed, which is kept for data sets."""
+"""Seeds of the last training seed, which is kept for data sets."""
 NUM_ENVS = 64
 """Episodes played side by side."""
 BEHAVIOURS = {
@@ -47,14 +47,14 @@ BEHAVIOURS = {
 
 
 def policy(behaviour: str) -> PolicyFactory:
-    """The rule or the agent of that name."""
+    """Return the rule or the agent with a name."""
     if behaviour == "analytic_gradient":
         return onnx_policy.load(AGENT).make
     return catalogue.spec(behaviour, Scenario.load("rough_turning")).make
 
 
 def record(make: PolicyFactory, seeds: Sequence[int]) -> list[EpisodeBuffer]:
-    """One episode per seed, all side by side: observations (T + 1, 11), actions (T, 2), rewards [s] and ends (T)."""
+    """Play one episode per seed, all side by side: observations (T + 1, 11), actions (T, 2), rewards [s] and ends (T)."""
     envs = RoughTurningVectorEnv(len(seeds), "rough_turning", AutoresetMode.SAME_STEP)
     controller = make(len(seeds))
     observations, _ = envs.reset(seed=list(seeds))
@@ -94,9 +94,8 @@ def make(behaviour: str, episodes: int, out: Path) -> Path:
     with tqdm(total=episodes, unit="episode", disable=None) as bar:
         for number, each in enumerate(names):  # by turns: seed i is played by behaviour i modulo their number
             seeds = range(FIRST_SEED + number, FIRST_SEED + episodes, len(names))
-            maker = policy(each)
             for start in range(0, len(seeds), NUM_ENVS):
-                buffers += record(maker, seeds[start : start + NUM_ENVS])
+                buffers += record(policy(each), seeds[start : start + NUM_ENVS])
                 bar.update(len(buffers) - bar.n)
     buffers.sort(key=lambda buffer: buffer.seed)
     out.mkdir(parents=True, exist_ok=True)
@@ -142,24 +141,8 @@ def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -
     dataset.storage.update_episode_metadata(marks)
 
 
-class Clone:
-    """A network that acts as others did, as a policy for ``turning_env.score.play``; it remembers nothing."""
-
-    def __init__(self, network: torch.nn.Module) -> None:
-        self._network = network
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Nothing is remembered."""
-
-    @torch.no_grad()
-    def act(self, observations: Observations) -> Actions:
-        """Actions in -1..1."""
-        actions: Actions = self._network(torch.from_numpy(observations)).clamp(-1.0, 1.0).numpy()
-        return actions
-
-
 def clone(dataset: minari.MinariDataset, epochs: int, seed: int = 0) -> torch.nn.Module:
-    """A small network that has learned the data set's actions from its observations, by least squares."""
+    """Train a small network on a data set: its actions from its observations, by least squares."""
     torch.manual_seed(seed)
     episodes = list(dataset.iterate_episodes())
     observations = torch.from_numpy(np.concatenate([episode.observations[:-1] for episode in episodes]))
@@ -186,7 +169,7 @@ def clone(dataset: minari.MinariDataset, epochs: int, seed: int = 0) -> torch.nn
 
 
 def load(folder: Path) -> minari.MinariDataset:
-    """A data set of ``make``.
+    """Open a data set of ``make``.
 
     Raises:
         ValueError: the folder holds none.
@@ -199,9 +182,7 @@ def load(folder: Path) -> minari.MinariDataset:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="python examples/offline.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(prog="python examples/offline.py", **described(__doc__))
     commands = parser.add_subparsers(dest="command", required=True)
     making = commands.add_parser("make", help="play, and write a data set")
     making.add_argument("--behaviour", choices=BEHAVIOURS, default="mixture", help="default: %(default)s")
@@ -226,7 +207,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in BEHAVIOURS[dataset.storage.metadata["algorithm_name"]]:
         print(f"{name}: {score(policy(name), options.tuning_seeds)}")
     network = clone(dataset, options.epochs)
-    print(f"clone: {score(lambda num_envs: Clone(network), options.tuning_seeds)}")
+    print(f"clone: {score(lambda num_envs: NetworkPolicy(network), options.tuning_seeds)}")
     return 0
 
 

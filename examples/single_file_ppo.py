@@ -17,13 +17,12 @@ import gymnasium
 import numpy as np
 import torch
 from gymnasium.vector import AutoresetMode
-from numpy.typing import NDArray
 from torch import Tensor
 from tqdm import tqdm
 
 import turning_env  # noqa: F401 - registers the ids
-from examples.shared import ENV_ID, run, score
-from turning_env.score.policy import Actions, Observations
+from examples.shared import ENV_ID, NetworkPolicy, run, score
+from turning_env.console import described
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ def layers(entries: int, results: int, gain: float) -> torch.nn.Sequential:
 
 
 class Rollouts:
-    """Lathes that go on from where the last rollout left them."""
+    """Environments that go on from where the last rollout left them."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -98,14 +97,14 @@ class Rollouts:
 
     @torch.no_grad()
     def next(self, agent: Agent) -> dict[str, Tensor]:
-        """What the agent sees, does and thereby gains: each of shape (rollout, environments, ...)."""
+        """Return what the agent sees, does and thereby gains: each of shape (rollout, environments, ...)."""
         steps: dict[str, list[Tensor]] = {name: [] for name in ("observation", "action", "log_probability", "reward", "end")}
         for _ in range(self.settings.rollout):
             policy = agent.policy(self.observations)
             action = policy.sample()
             observations, rewards, terminated, truncated, infos = self.envs.step(action.numpy())
             reward = torch.from_numpy(rewards * self.settings.reward_scale).float()
-            if truncated.any():  # the lathe would go on: what it would yet have gained counts
+            if truncated.any():  # the episode would go on: the value of the last state counts
                 last = torch.from_numpy(np.stack(list(infos["final_obs"][truncated])))
                 reward[torch.from_numpy(truncated)] += self.settings.discount * agent.values(last)
             end = torch.from_numpy(terminated | truncated)
@@ -116,7 +115,7 @@ class Rollouts:
         return {name: torch.stack(values) for name, values in steps.items()} | self._advantages(agent, steps)
 
     def _advantages(self, agent: Agent, steps: dict[str, list[Tensor]]) -> dict[str, Tensor]:
-        """Generalised advantages of the actions, and the returns that they make with the values: (rollout, environments)."""
+        """Return generalised advantages, and the returns that they make with the values: each (rollout, environments)."""
         values = agent.values(torch.stack([*steps["observation"], self.observations]))
         advantages = torch.zeros_like(values)
         for step in reversed(range(self.settings.rollout)):
@@ -127,7 +126,7 @@ class Rollouts:
 
 
 def loss(agent: Agent, batch: dict[str, Tensor], clip: float) -> Any:
-    """PPO's clipped objective, and half the square error of values."""
+    """Return PPO's clipped objective, and half the square error of values."""
     log_probability = agent.policy(batch["observation"]).log_prob(batch["action"]).sum(-1)
     ratio = (log_probability - batch["log_probability"]).exp()
     advantage = (batch["advantage"] - batch["advantage"].mean()) / (batch["advantage"].std() + 1e-8)
@@ -136,7 +135,7 @@ def loss(agent: Agent, batch: dict[str, Tensor], clip: float) -> Any:
 
 
 def train(settings: Settings) -> Agent:
-    """An agent that has learned for so many steps, rounded up to whole rollouts."""
+    """Train an agent for a number of steps, rounded up to whole rollouts."""
     torch.manual_seed(settings.seed)
     rollouts = Rollouts(settings)
     (entries,), (actions,) = rollouts.envs.single_observation_space.shape or (0,), rollouts.envs.single_action_space.shape or (0,)
@@ -157,27 +156,9 @@ def train(settings: Settings) -> Agent:
     return agent
 
 
-class Acting:
-    """An agent's most likely actions, as a policy for ``turning_env.score.play``."""
-
-    def __init__(self, agent: Agent) -> None:
-        self._agent = agent
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Nothing is remembered."""
-
-    @torch.no_grad()
-    def act(self, observations: Observations) -> Actions:
-        """Actions in -1..1."""
-        actions: Actions = self._agent.mean(torch.from_numpy(observations)).clamp(-1.0, 1.0).numpy()
-        return actions
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="python examples/single_file_ppo.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(prog="python examples/single_file_ppo.py", **described(__doc__))
     for field in fields(Settings):
         kind: Any = field.type
         parser.add_argument(f"--{field.name.replace('_', '-')}", type=kind, default=field.default, help="default: %(default)s")
@@ -187,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ValueError as error:
         parser.error(str(error))
     agent = train(settings)
-    print(f"PPO after {settings.steps} steps: {score(lambda num_envs: Acting(agent), settings.tuning_seeds)}")
+    print(f"PPO after {settings.steps} steps: {score(lambda num_envs: NetworkPolicy(agent.mean), settings.tuning_seeds)}")
     return 0
 
 

@@ -24,14 +24,15 @@ from stable_baselines3.common.vec_env import VecEnv
 import turning_env
 from examples.shared import ENV_ID, at_least, run, score
 from train.vec_env import RoughTurningVecEnv
+from turning_env.console import described
 from turning_env.score.policy import Actions, Observations
 
 ROLLOUT = 4096
-"""Intervals of all environments between two updates of an on-policy algorithm."""
+"""Steps of all environments between two updates of an on-policy algorithm."""
 
 
 def lathes(kind: str, num_envs: int, seed: int) -> VecEnv:
-    """``num_envs`` environments behind Stable-Baselines3's interface; lane i plays the episodes of seed + i."""
+    """Return ``num_envs`` environments behind Stable-Baselines3's interface; environment i plays the episodes of seed + i."""
     if kind == "single":
         return make_vec_env(ENV_ID, n_envs=num_envs, seed=seed, env_kwargs={"render_mode": None})  # else it asks for pictures
     env = RoughTurningVecEnv(turning_env.Scenario.load("rough_turning"), num_envs, reward_scale=1 / 3)
@@ -40,7 +41,7 @@ def lathes(kind: str, num_envs: int, seed: int) -> VecEnv:
 
 
 def new_model(algorithm: str, env: VecEnv, seed: int) -> Any:
-    """An untrained model; what matters most is the short horizon: life is charged as it is used (docs/choices.md)."""
+    """Return an untrained model; what matters most is the short horizon: life is charged as it is used (docs/choices.md)."""
     layers = {"net_arch": [64, 64], "activation_fn": torch.nn.ReLU}
     common: dict[str, Any] = {"learning_rate": 1e-3, "gamma": 0.8, "seed": seed, "device": "cpu"}
     on_policy = common | {"n_steps": ROLLOUT // env.num_envs, "batch_size": 512, "n_epochs": 5}
@@ -69,7 +70,7 @@ class Predicting:
         self._starting = self._starting | mask
 
     def act(self, observations: Observations) -> Actions:
-        """The most likely actions."""
+        """Return the most likely actions."""
         actions, self._memory = self._model.predict(observations, self._memory, self._starting, deterministic=True)
         self._starting = np.zeros_like(self._starting)
         result: Actions = actions
@@ -78,9 +79,7 @@ class Predicting:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="python examples/stable_baselines.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(prog="python examples/stable_baselines.py", **described(__doc__))
     parser.add_argument("--algorithm", choices=("ppo", "recurrent_ppo", "sac", "tqc"), default="ppo", help="default: %(default)s")
     parser.add_argument("--lathes", choices=("adapter", "single"), default="adapter", help="default: %(default)s")
     parser.add_argument("--num-envs", type=at_least(1), help="environments side by side (default: 64 of the adapter's, 8 single)")

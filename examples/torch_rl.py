@@ -19,6 +19,7 @@ from gymnasium.vector import AutoresetMode
 
 import turning_env
 from examples.shared import ENV_ID, at_least, extra, run
+from turning_env.console import described
 
 with extra("ecosystem"):
     from tensordict import TensorDictBase  # type: ignore[import-untyped]
@@ -38,7 +39,7 @@ class PlainNumbers(default_info_dict_reader):  # type: ignore[misc]
 
 
 def one(env_id: str, seed: int) -> GymEnv:
-    """A single environment that has passed TorchRL's own check."""
+    """Return a single environment that has passed TorchRL's own check."""
     env = GymEnv(env_id)
     env.set_info_dict_reader(PlainNumbers(SEEN, [Unbounded((), dtype=torch.float64)] * len(SEEN)))
     check_env_specs(env)
@@ -47,14 +48,14 @@ def one(env_id: str, seed: int) -> GymEnv:
 
 
 def serial(num_envs: int, seed: int) -> SerialEnv:
-    """Single environments one after the other. TorchRL derives all seeds but the first by a formula of its own."""
+    """Return single environments one after the other. TorchRL derives all seeds but the first by a formula of its own."""
     envs = SerialEnv(num_envs, lambda: GymEnv(ENV_ID))
     envs.set_seed(seed)
     return envs
 
 
-def together(num_envs: int, seed: int) -> GymWrapper:
-    """Environments side by side; lane i plays the episodes of seed + i."""
+def batch(num_envs: int, seed: int) -> GymWrapper:
+    """Return environments side by side; environment i plays the episodes of seed + i."""
     vector = gymnasium.make_vec(ENV_ID, num_envs, vectorization_mode="vector_entry_point", autoreset_mode=AutoresetMode.DISABLED)
     envs = GymWrapper(vector)
     check_env_specs(envs)
@@ -63,16 +64,14 @@ def together(num_envs: int, seed: int) -> GymWrapper:
 
 
 def summary(name: str, rollout: TensorDictBase, seconds: float) -> str:
-    """A rollout's shape, its mean reward [s per interval] and how fast it was, for people."""
+    """Return a rollout's shape, its mean reward [s per step] and how fast it was, for people."""
     reward = rollout["next", "reward"].mean().item()
     return f"{name}: {tuple(rollout.batch_size)}, mean reward {reward:.2f} s, {rollout.numel() / seconds:.0f} steps per second"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Check, roll out, print; return the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="python examples/torch_rl.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(prog="python examples/torch_rl.py", **described(__doc__))
     parser.add_argument("--steps", type=at_least(1), default=100_000, help="of all environments (default: %(default)s)")
     parser.add_argument("--num-envs", type=at_least(1), default=1024, help="environments side by side (default: %(default)s)")
     parser.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
@@ -80,15 +79,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for env_id in turning_env.IDS:
         rollout = one(env_id, options.seed).rollout(10)
         force, power, wear = (rollout["next", name][-1].item() for name in SEEN)
-        print(f"{env_id}: checked; after {len(rollout)} intervals {force:.0f} N, {power:.2f} kW, {wear:.3f} mm of wear")
-    few = min(options.num_envs, 4)
+        print(f"{env_id}: checked; after {len(rollout)} steps {force:.0f} N, {power:.2f} kW, {wear:.3f} mm of wear")
+    few, many = min(options.num_envs, 4), -(-options.steps // options.num_envs)
     for name, envs, steps in (
         (f"SerialEnv of {few}", serial(few, options.seed), min(options.steps, 1000)),
-        (
-            f"GymWrapper of {options.num_envs} environments",
-            together(options.num_envs, options.seed),
-            -(-options.steps // options.num_envs),
-        ),
+        (f"GymWrapper of {options.num_envs} environments", batch(options.num_envs, options.seed), many),
     ):
         start = time.perf_counter()
         rollout = envs.rollout(steps, break_when_any_done=False)

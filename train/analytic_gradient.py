@@ -15,11 +15,11 @@ arXiv 1912.12294; GRU: Cho et al. 2014, arXiv 1406.1078.)
 import sys
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from optuna.distributions import CategoricalDistribution, FloatDistribution
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
@@ -58,17 +58,15 @@ class Settings:
 
 @dataclass
 class Rollout:
-    """Observations and hidden states; fields of shape (steps, num_envs, ...), see ``HindsightVecEnv``."""
+    """Observations and hidden states of all steps; fields of shape (steps, num_envs, ...)."""
 
     memory: Tensor
     """Before the first step, shape (num_envs, memory_size)."""
     begins: Tensor
     """1 where an episode begins."""
     observations: Tensor
-    before: np.ndarray[Any, np.dtype[np.float64]]
-    after: np.ndarray[Any, np.dtype[np.float64]]
-    changed: np.ndarray[Any, np.dtype[np.bool_]]
-    failed: np.ndarray[Any, np.dtype[np.bool_]]
+    hidden: list[NDArray[Any]]
+    """Arguments of ``Truth`` after the scenario; their last axis is num_envs."""
 
 
 class AnalyticGradient(BaseAlgorithm):
@@ -92,16 +90,8 @@ class AnalyticGradient(BaseAlgorithm):
         device: str = "cpu",
         _init_setup_model: bool = True,
     ) -> None:
-        super().__init__(
-            policy,  # type: ignore[arg-type]
-            env,
-            learning_rate,
-            tensorboard_log=tensorboard_log,
-            seed=seed,
-            device=device,
-            support_multi_env=True,
-            monitor_wrapper=False,
-        )
+        options: dict[str, Any] = {"tensorboard_log": tensorboard_log, "seed": seed, "device": device}
+        super().__init__(policy, env, learning_rate, support_multi_env=True, monitor_wrapper=False, **options)  # type: ignore[arg-type]
         self.scenario, self.settings = scenario, settings
         if _init_setup_model:
             self._setup_model()
@@ -147,7 +137,7 @@ class AnalyticGradient(BaseAlgorithm):
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
-    ) -> tuple[np.ndarray[Any, np.dtype[np.float32]], Any]:
+    ) -> tuple[NDArray[np.float32], Any]:
         """Return actions for observations of shape (num_envs, entries), and the memory to pass as ``state`` in the next call."""
         seen = torch.as_tensor(observation)
         memory = torch.zeros(len(seen), self.policy.memory_size) if state is None else torch.as_tensor(state)
@@ -171,8 +161,8 @@ class AnalyticGradient(BaseAlgorithm):
             self.num_timesteps += self.n_envs
             self._update_info_buffer(infos, ended)
             callbacks.on_step()
-        begun, observed, *true = zip(*steps, strict=True)
-        return Rollout(start, torch.stack(begun), torch.stack(observed), *map(np.stack, true))
+        begun, observed, *hidden = zip(*steps, strict=True)
+        return Rollout(start, torch.stack(begun), torch.stack(observed), [np.stack(each) for each in hidden])
 
     def train(self, rollout: Rollout) -> float:
         """Learn from a rollout; return its mean gain per step [s]."""
@@ -189,14 +179,8 @@ class AnalyticGradient(BaseAlgorithm):
 
     def mean_gain(self, rollout: Rollout, envs: Tensor) -> Tensor:
         """Return the mean gain per step [s] of some environments in a rollout, as a function of the agent's parameters."""
-        observations, chosen = rollout.observations[:, envs], envs.numpy()
-        truth = Truth(
-            self.scenario,
-            rollout.before[:, :, chosen],
-            rollout.after[:, :, chosen],
-            rollout.changed[:, chosen],
-            rollout.failed[:, chosen],
-        )
+        observations = rollout.observations[:, envs]
+        truth = Truth(self.scenario, *(each[..., envs.numpy()] for each in rollout.hidden))
         unbounded = self.policy.unroll(observations, rollout.memory[envs], rollout.begins[:, envs])
         target = self.policy.bounded(unbounded)
         commands = self.policy.commands
@@ -227,12 +211,6 @@ def new_model(run: Run, vec_env: RoughTurningVecEnv) -> AnalyticGradient:
     )
 
 
-def actor(path: Path) -> GruActor:
-    """Load the finished agent from a ``policy.zip`` of your own."""
-    policy: GruActor = AnalyticGradient.load(path, device="cpu").policy
-    return policy
-
-
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
     "rollout": CategoricalDistribution([32, 64, 128]),
@@ -246,7 +224,9 @@ def plays(scenario: Scenario) -> bool:
 
 
 ALGORITHM = Algorithm(
-    "analytic_gradient", "analytic gradients", AnalyticGradient, new_model, actor, SEARCH, vec_env=HindsightVecEnv, plays=plays
+    *("analytic_gradient", "analytic gradients", AnalyticGradient, new_model, lambda policy: policy, SEARCH),
+    vec_env=HindsightVecEnv,
+    plays=plays,
 )
 
 main = partial(command_line, ALGORITHM)

@@ -12,20 +12,20 @@ import json
 import logging
 import math
 import sys
-import time
+import timeit
 import warnings
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
+from statistics import median
+from typing import Any
 
 import numpy as np
 import onnx
 import torch
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from train.actor import Actor, ActorPolicy
@@ -38,7 +38,7 @@ from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.console import described, exits
 from turning_env.files import replace_file
-from turning_env.score.policy import Actions, Observations, Policy
+from turning_env.score.policy import Policy
 from turning_env.score.seeds import tuning_seeds
 
 OPSET = 20
@@ -50,24 +50,12 @@ TIMED_CALLS = 2_000
 _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
 
 
-@dataclass(frozen=True)
-class Exported:
-    """A file that has been written."""
-
-    path: str
-    digest: str
-    """SHA-256 of the file."""
-    size: int  # [bytes]
-    observations: int
-    """Number of observations on which it was compared with the agent."""
-    largest_difference: float
-    """Between actions of the agent and of the file, both in -1..1."""
-    latency: float
-    """Median time of a call with one observation [s]."""
-
-
-def export(folder: Path, out: Path) -> Exported:
+def export(folder: Path, out: Path) -> dict[str, Any]:
     """Write the finished agent of one of your own runs into the folder ``out``, named by algorithm and training seed.
+
+    Returns:
+        ``path``, ``digest`` (SHA-256) and ``size`` [bytes] of the file; the ``largest_difference`` between actions of the
+        agent and of the file on so many ``observations``; ``latency``, the median time of a call with one observation [s].
 
     Raises:
         ValueError: training is not finished, the network cannot be written as ONNX, or the file does not act as the agent.
@@ -89,8 +77,15 @@ def export(folder: Path, out: Path) -> Exported:
         raise ValueError(f"the agent in {folder} cannot be exported: its file acts otherwise, by up to {difference:g}")
     path = out / f"{file.label}{ONNX_SUFFIX}"
     replace_file(path, lambda partial: partial.write_bytes(content))
-    seconds = latency(OnnxPolicy(session, file.memory_size, 1), entries)
-    return Exported(str(path), file.digest, len(content), 2 * NUM_ENVS * STEPS, difference, seconds)
+    policy, observation = OnnxPolicy(session, file.memory_size, 1), np.zeros((1, entries), np.float32)
+    return {
+        "path": str(path),
+        "digest": file.digest,
+        "size": len(content),
+        "observations": 2 * NUM_ENVS * STEPS,
+        "largest_difference": difference,
+        "latency": median(timeit.repeat(lambda: policy.act(observation), number=1, repeat=TIMED_CALLS)),
+    }
 
 
 def metadata(run: Run) -> Metadata:
@@ -186,56 +181,26 @@ def largest_difference(actor: Actor, policy: Policy, scenario: Scenario) -> floa
     Both see the same observations and keep their own memories. Half of the observations are sampled from the observation space,
     half come from episodes on tuning seeds in which the actor acts.
     """
-    original = ActorPolicy(actor, NUM_ENVS)
+    original, generator = ActorPolicy(actor, NUM_ENVS), np.random.default_rng(0)
+    env, box = RoughTurningVectorEnv(NUM_ENVS, scenario, AutoresetMode.SAME_STEP), observation_space(scenario)
+    assert isinstance(box, Box)
+    observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
     largest = 0.0
-    for observations_of in (_sampled, _played):
-        source = observations_of(scenario)
-        observations, begins = next(source)
+    for played in (False, True):
+        begins = np.ones(NUM_ENVS, np.bool_)
         for _ in range(STEPS):
+            seen = observations if played else generator.uniform(box.low, box.high, (NUM_ENVS, *box.shape)).astype(np.float32)
             original.reset(begins)
             policy.reset(begins)
-            mine, its = original.act(observations), policy.act(observations)
+            mine, its = original.act(seen), policy.act(seen)
             if not np.isfinite(its).all():
                 return math.inf
             largest = max(largest, float(np.max(np.abs(mine - its))))
-            observations, begins = source.send(mine)
+            begins = np.zeros(NUM_ENVS, np.bool_)
+            if played:
+                observations, _, terminated, truncated, _ = env.step(mine)
+                begins = terminated | truncated
     return largest
-
-
-ObservationSource = Generator[tuple[Observations, NDArray[np.bool_]], Actions, None]
-"""Yields observations and whether they are an episode's first; is sent the actions."""
-
-
-def _sampled(scenario: Scenario) -> ObservationSource:
-    """Yield observations sampled from the observation space, in episodes without an end."""
-    box, generator = observation_space(scenario), np.random.default_rng(0)
-    assert isinstance(box, Box)
-    begins = np.ones(NUM_ENVS, np.bool_)
-    while True:
-        yield generator.uniform(box.low, box.high, (NUM_ENVS, *box.shape)).astype(np.float32), begins
-        begins = np.zeros(NUM_ENVS, np.bool_)
-
-
-def _played(scenario: Scenario) -> ObservationSource:
-    """Yield observations of episodes."""
-    env = RoughTurningVectorEnv(NUM_ENVS, scenario, AutoresetMode.SAME_STEP)
-    observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
-    begins = np.ones(NUM_ENVS, np.bool_)
-    while True:
-        actions = yield observations, begins
-        observations, _, terminated, truncated, _ = env.step(actions)
-        begins = terminated | truncated
-
-
-def latency(policy: Policy, entries: int) -> float:
-    """Return the median time [s] of a call of a policy with one observation of ``entries`` entries."""
-    observation = np.zeros((1, entries), np.float32)
-    times = []
-    for _ in range(TIMED_CALLS):
-        start = time.perf_counter()
-        policy.act(observation)
-        times.append(time.perf_counter() - start)
-    return float(np.median(times))
 
 
 @exits(ValueError, interrupted="interrupted: the files named above are complete; the same command writes all again")
@@ -253,11 +218,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parsed = parser.parse_args(arguments)
     for folder in tqdm(parsed.folders, unit="agent", disable=None, leave=False):
         exported = export(folder, parsed.out)
-        line = (
-            f"{exported.path}: {exported.size} bytes, {1e6 * exported.latency:.0f} us per call, "
-            f"largest difference {exported.largest_difference:.1e} on {exported.observations} observations"
-        )
-        tqdm.write(json.dumps(asdict(exported)) if parsed.json else line)
+        us, difference = 1e6 * exported["latency"], exported["largest_difference"]
+        line = f"{us:.0f} us per call, largest difference {difference:.1e} on {exported['observations']} observations"
+        tqdm.write(json.dumps(exported) if parsed.json else f"{exported['path']}: {exported['size']} bytes, {line}")
     return 0
 
 

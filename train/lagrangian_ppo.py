@@ -91,15 +91,13 @@ def columns(model: Any) -> dict[str, float]:
     return {"multiplier": model.env.multiplier, "severe_share": model.env.severe_share}
 
 
-actor = ppo.actor
-
 SEARCH = ppo.SEARCH | {
     "multiplier_rate": FloatDistribution(0.1, 10.0, log=True),
     "share_of_allowance": FloatDistribution(0.5, 1.0),
 }
 
 ALGORITHM = Algorithm(
-    *("lagrangian_ppo", "Lagrangian PPO", PPO, new_model, actor, SEARCH),
+    *("lagrangian_ppo", "Lagrangian PPO", PPO, new_model, ppo.network, SEARCH),
     vec_env=AllowanceVecEnv,
     callbacks=lambda run: [DualAscent(run)],
     columns=columns,

@@ -50,14 +50,9 @@ class HindsightVecEnv(RoughTurningVecEnv):
     failed: NDArray[np.bool_]
     """Whether it was changed because it was found worn out or broken, likewise."""
 
-    def __init__(self, scenario: Scenario, num_envs: int, reward_scale: float = 1.0) -> None:
-        super().__init__(scenario, num_envs, reward_scale)
-        self._now = np.zeros((len(FIELDS), num_envs))
-        self._commands_changes = scenario.control.edge_changes == "commanded"
-
     def reset(self) -> NDArray[np.float32]:
         """Return first observations. The tool stands in the air before the first bar."""
-        self._now = np.zeros_like(self._now)
+        self._now = np.zeros((len(FIELDS), self.num_envs))
         return super().reset()
 
     def training_rewards(self, rewards: Array, infos: dict[str, Any]) -> Array:
@@ -65,8 +60,8 @@ class HindsightVecEnv(RoughTurningVecEnv):
         self.before = self._now
         self.after = np.stack([info_at_end_of_step(infos, name) for name in FIELDS])
         self.changed = info_at_end_of_step(infos, "stopped_time") > 0.0
-        commanded = self._actions[:, -1] > 0.0 if self._commands_changes else False
-        self.failed = self.changed & ~np.asarray(commanded)
+        commands_changes = self.vector_env.scenario.control.edge_changes == "commanded"
+        self.failed = self.changed & ~(commands_changes & (self._actions[:, -1] > 0.0))
         self._now = np.stack([infos[name] for name in FIELDS])
         return rewards
 

@@ -9,7 +9,6 @@ The same command resumes an interrupted training, and does nothing if training i
 
 import sys
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -58,9 +57,8 @@ def new_model(run: Run, vec_env: RoughTurningVecEnv) -> PPO:
     return model
 
 
-def actor(path: Path) -> Feedforward:
-    """Load the finished agent from a ``policy.zip`` of your own."""
-    policy = PPO.load(path, device="cpu").policy
+def network(policy: Any) -> Feedforward:
+    """Return the agent of a trained policy."""
     return Feedforward(policy.mlp_extractor.policy_net, policy.action_net)
 
 
@@ -71,7 +69,7 @@ SEARCH = {
     "initial_log_deviation": FloatDistribution(-2.0, 0.0),
 }
 
-ALGORITHM = Algorithm("ppo", "PPO", PPO, new_model, actor, SEARCH)
+ALGORITHM = Algorithm("ppo", "PPO", PPO, new_model, network, SEARCH)
 
 
 main = partial(command_line, ALGORITHM)

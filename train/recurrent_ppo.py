@@ -8,8 +8,6 @@ The same command resumes an interrupted training, and does nothing if training i
 
 import sys
 from functools import partial
-from pathlib import Path
-from typing import Any
 
 import torch
 from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
@@ -46,12 +44,6 @@ def new_model(run: Run, vec_env: RoughTurningVecEnv) -> RecurrentPPO:
     return RecurrentPPO("MlpLstmPolicy", vec_env, **values)
 
 
-def actor(path: Path) -> RecurrentActor:
-    """Load the finished agent from a ``policy.zip`` of your own."""
-    policy: Any = RecurrentPPO.load(path, device="cpu").policy
-    return RecurrentActor(policy)
-
-
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
     "discount": FloatDistribution(0.5, 0.95),
@@ -60,7 +52,7 @@ SEARCH = {
 }
 
 ALGORITHM = Algorithm(
-    "recurrent_ppo", "recurrent PPO", RecurrentPPO, new_model, actor, SEARCH, extra_state=("_last_lstm_states",)
+    "recurrent_ppo", "recurrent PPO", RecurrentPPO, new_model, RecurrentActor, SEARCH, extra_state=("_last_lstm_states",)
 )
 
 

@@ -9,7 +9,6 @@ and does nothing if training is finished. Files: see ``train/training.py``. (Haa
 import math
 import sys
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -49,14 +48,9 @@ def new_model(run: Run, vec_env: RoughTurningVecEnv) -> SAC:
     return SAC("MlpPolicy", vec_env, **settings(run, vec_env))
 
 
-def actor(path: Path) -> Feedforward:
-    """Load the finished agent from a ``policy.zip`` of your own."""
-    return squashed(SAC.load(path, device="cpu").actor)
-
-
-def squashed(network: Any) -> Feedforward:
-    """Return the most likely action of a network of SAC or TQC as an actor."""
-    return Feedforward(network.latent_pi, network.mu, torch.nn.Tanh())
+def network(policy: Any) -> Feedforward:
+    """Return the agent of a trained policy of SAC or TQC: its most likely action."""
+    return Feedforward(policy.actor.latent_pi, policy.actor.mu, torch.nn.Tanh())
 
 
 SEARCH = {
@@ -66,7 +60,7 @@ SEARCH = {
     "target_entropy_per_action": FloatDistribution(-3.0, -0.5),
 }
 
-ALGORITHM = Algorithm("sac", "SAC", SAC, new_model, actor, SEARCH, extra_state=("replay_buffer",), log_interval=100)
+ALGORITHM = Algorithm("sac", "SAC", SAC, new_model, network, SEARCH, extra_state=("replay_buffer",), log_interval=100)
 
 
 main = partial(command_line, ALGORITHM)

@@ -8,14 +8,12 @@ The same command resumes an interrupted training, and does nothing if training i
 
 import sys
 from functools import partial
-from pathlib import Path
 
 from optuna.distributions import FloatDistribution, IntDistribution
 from sb3_contrib import TQC
 
-from train.actor import Feedforward
 from train.run import Run
-from train.sac import settings, squashed
+from train.sac import network, settings
 from train.training import Algorithm, command_line
 from train.vec_env import RoughTurningVecEnv
 
@@ -27,11 +25,6 @@ def new_model(run: Run, vec_env: RoughTurningVecEnv) -> TQC:
     return TQC("MlpPolicy", vec_env, top_quantiles_to_drop_per_net=p["dropped_quantiles"], **values)
 
 
-def actor(path: Path) -> Feedforward:
-    """Load the finished agent from a ``policy.zip`` of your own."""
-    return squashed(TQC.load(path, device="cpu").actor)
-
-
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
     "discount": FloatDistribution(0.5, 0.95),
@@ -39,7 +32,7 @@ SEARCH = {
     "target_entropy_per_action": FloatDistribution(-3.0, -0.5),
 }
 
-ALGORITHM = Algorithm("tqc", "TQC", TQC, new_model, actor, SEARCH, extra_state=("replay_buffer",), log_interval=100)
+ALGORITHM = Algorithm("tqc", "TQC", TQC, new_model, network, SEARCH, extra_state=("replay_buffer",), log_interval=100)
 
 
 main = partial(command_line, ALGORITHM)

@@ -51,8 +51,8 @@ class Algorithm:
     model: type[BaseAlgorithm]
     new_model: Callable[[Run, RoughTurningVecEnv], BaseAlgorithm]
     """Returns an untrained model for a run on given environments."""
-    actor: Callable[[Path], Actor]
-    """Loads the finished agent from its file."""
+    network: Callable[[Any], Actor]
+    """Returns the agent of a trained policy of Stable-Baselines3."""
     search: Mapping[str, BaseDistribution]
     """The hyperparameters that are tuned, and their ranges."""
     vec_env: Callable[..., RoughTurningVecEnv] = RoughTurningVecEnv
@@ -68,57 +68,28 @@ class Algorithm:
     log_interval: int = 5
     """Rollouts (off-policy: episodes) between entries in the TensorBoard logs."""
 
-
-class LearningCurve(BaseCallback):
-    """Writes the learning curve during training; a resumed run goes on from its checkpoint."""
-
-    def __init__(self, run: Run, columns: Callable[[Any], dict[str, float]]) -> None:
-        super().__init__()
-        self._run, self._columns = run, columns
-        self._rows: list[dict[str, float]] = []
-        self._start = 0.0
-
-    def _on_training_start(self) -> None:
-        known = self._run.read_learning_curve() if self._run.learning_curve.exists() else []
-        # Rows beyond the checkpoint are trained again.
-        self._rows = [row for row in known if row["steps"] <= self.num_timesteps]
-        self._start = time.monotonic() - (self._rows[-1]["wall_time"] if self._rows else 0.0)
-        replace_file(self._run.learning_curve, self._write)
-
-    def _on_step(self) -> bool:
-        return True
-
-    def _on_rollout_end(self) -> None:
-        self._add_row(self._run.parameters["steps"] / CURVE_ROWS)
-
-    def _on_training_end(self) -> None:
-        self._add_row(1)
-
-    def _add_row(self, min_steps: float) -> None:
-        episodes = self.model.ep_info_buffer
-        if not episodes or self.num_timesteps - (self._rows[-1]["steps"] if self._rows else 0.0) < min_steps:
-            return
-        values = self.num_timesteps, time.monotonic() - self._start, np.mean([episode["r"] for episode in episodes])
-        self._rows.append(dict(zip(CURVE_COLUMNS, map(float, values), strict=True)) | self._columns(self.model))
-        replace_file(self._run.learning_curve, self._write)
-
-    def _write(self, path: Path) -> None:
-        with path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.DictWriter(file, self._rows[0] if self._rows else CURVE_COLUMNS)
-            writer.writeheader()
-            writer.writerows(self._rows)
+    def actor(self, path: Path) -> Actor:
+        """Load the finished agent from a ``policy.zip`` of your own."""
+        model: Any = self.model.load(path, device="cpu")
+        return self.network(model.policy).eval()
 
 
-class Progress(BaseCallback):
-    """Shows a progress bar, and writes a checkpoint before a rollout when one is due."""
+class Recorder(BaseCallback):
+    """Writes the learning curve and due checkpoints, and shows a progress bar; a resumed run goes on from its checkpoint."""
 
     def __init__(self, run: Run, algorithm: Algorithm, checkpoint_every: int) -> None:
         super().__init__()
         self.run, self.algorithm, self.checkpoint_every = run, algorithm, checkpoint_every
+        self.rows: list[dict[str, float]] = []
         self.bar: Any = None
-        self.last_checkpoint = 0
+        self.start, self.last_checkpoint = 0.0, 0
 
     def _on_training_start(self) -> None:
+        known = self.run.read_learning_curve() if self.run.learning_curve.exists() else []
+        # Rows beyond the checkpoint are trained again.
+        self.rows = [row for row in known if row["steps"] <= self.num_timesteps]
+        self.start = time.monotonic() - (self.rows[-1]["wall_time"] if self.rows else 0.0)
+        replace_file(self.run.learning_curve, self._write)
         self.last_checkpoint = self.num_timesteps
         total = self.run.parameters["steps"]
         self.bar = tqdm(total=total, initial=self.num_timesteps, unit="step", unit_scale=True, desc=self.run.label, disable=None)
@@ -134,12 +105,28 @@ class Progress(BaseCallback):
         return True
 
     def _on_rollout_end(self) -> None:
-        if self.model.ep_info_buffer:
-            mean_return = np.mean([episode["r"] for episode in self.model.ep_info_buffer])
-            self.bar.set_postfix_str(f"return per episode {mean_return:.0f} s", refresh=False)
+        self._add_row(self.run.parameters["steps"] / CURVE_ROWS)
 
     def _on_training_end(self) -> None:
+        self._add_row(1)
         self.bar.close()
+
+    def _add_row(self, min_steps: float) -> None:
+        if not self.model.ep_info_buffer:
+            return
+        mean_return = float(np.mean([episode["r"] for episode in self.model.ep_info_buffer]))
+        self.bar.set_postfix_str(f"return per episode {mean_return:.0f} s", refresh=False)
+        if self.num_timesteps - (self.rows[-1]["steps"] if self.rows else 0.0) < min_steps:
+            return
+        values = float(self.num_timesteps), time.monotonic() - self.start, mean_return
+        self.rows.append(dict(zip(CURVE_COLUMNS, values, strict=True)) | self.algorithm.columns(self.model))
+        replace_file(self.run.learning_curve, self._write)
+
+    def _write(self, path: Path) -> None:
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, self.rows[0] if self.rows else CURVE_COLUMNS)
+            writer.writeheader()
+            writer.writerows(self.rows)
 
 
 def save_checkpoint(model: Any, run: Run, algorithm: Algorithm) -> None:
@@ -205,7 +192,7 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
         torch.set_num_threads(1)
         resumed = run.checkpoint.exists()
         model = load_checkpoint(run, algorithm) if resumed else new_model(run, algorithm)
-        callbacks = [*algorithm.callbacks(run), LearningCurve(run, algorithm.columns), Progress(run, algorithm, checkpoint_every)]
+        callbacks = [*algorithm.callbacks(run), Recorder(run, algorithm, checkpoint_every)]
         model.learn(
             run.parameters["steps"] - model.num_timesteps,
             callback=callbacks,

@@ -117,7 +117,7 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Evaluation | str:
         with exclusive_lock(run.folder, wait=True):
             run.begin()  # outside the try: a folder with other settings is no fault of this setting
         try:
-            make = partial(ActorPolicy, algorithm.actor(train(run, algorithm, wait=True)).eval())
+            make = partial(ActorPolicy, algorithm.actor(train(run, algorithm, wait=True)))
             episodes.append(play(make, task.scenario, tuning_seeds(NUM_EPISODES)))
         except ValueError as error:
             return str(error)
@@ -137,13 +137,7 @@ def open_storage(where: str) -> BaseStorage:
         try:
             Path(where).parent.mkdir(parents=True, exist_ok=True)
             return JournalStorage(JournalFileBackend(where, JournalFileOpenLock(where)))
-        except (
-            OSError,
-            ValueError,
-            LookupError,
-            TypeError,
-            AttributeError,
-        ) as error:  # the last three: it is no journal
+        except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:  # the last three: it is no journal
             raise ValueError(f"a study cannot be kept in {where}: {error}") from error
     url = _url(where)
     # A database closes connections that are not used while an agent is trained.

@@ -1,4 +1,4 @@
-"""Data sets: what is written can be played again, and is of draws that nothing is scored or tuned on."""
+"""Data sets: what is written can be played again, and is of seeds that nothing is scored or tuned on."""
 
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import minari
 
 from examples import offline
 from examples.offline import clone, load, main
+from examples.shared import NetworkPolicy
 from turning_env import RoughTurningEnv
 from turning_env.score.seeds import TUNING_START
 
@@ -37,6 +38,7 @@ def test_minari_finds_what_was_written(folder: Path, monkeypatch: pytest.MonkeyP
     assert [mark["behaviour"] for mark in marks] == ["grid_search", "analytic_gradient"] * 2
 
 
+@pytest.mark.slow
 def test_episodes_can_be_played_again(folder: Path) -> None:
     dataset = load(folder / "rough_turning-mixture-v0")
     env = RoughTurningEnv()
@@ -48,11 +50,8 @@ def test_episodes_can_be_played_again(folder: Path) -> None:
         for step, action in enumerate(episode.actions):
             np.testing.assert_array_equal(observation, episode.observations[step])
             observation, reward, terminated, truncated, _ = env.step(action)
-            assert (reward, terminated, truncated) == (
-                episode.rewards[step],
-                episode.terminations[step],
-                episode.truncations[step],
-            )
+            recorded = episode.rewards[step], episode.terminations[step], episode.truncations[step]
+            assert (reward, terminated, truncated) == recorded
         np.testing.assert_array_equal(observation, episode.observations[-1])
         assert terminated or truncated
         assert mark["return"] == pytest.approx(episode.rewards.sum())
@@ -66,14 +65,15 @@ def test_a_clone_acts_as_the_behaviour_did(tmp_path: Path, capsys: pytest.Captur
     dataset = load(tmp_path / "rough_turning-grid_search-v0")
     network = clone(dataset, 100)
     episode = next(iter(dataset.iterate_episodes()))
-    errors = offline.Clone(network).act(episode.observations[:-1]) - episode.actions
+    errors = NetworkPolicy(network).act(episode.observations[:-1]) - episode.actions
     assert np.square(errors).mean() < 0.3 * np.var(episode.actions, axis=0).mean()
     assert main(["clone", str(tmp_path / "rough_turning-grid_search-v0"), "--epochs", "1", "--tuning-seeds", "2"]) == 0
     assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()][-2:] == ["grid_search", "clone"]
 
 
-def test_an_existing_data_set_is_not_overwritten(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["make", "--behaviour", "mixture", "--episodes", "4", "--out", str(folder)]) == 2
+def test_an_existing_data_set_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "rough_turning-mixture-v0").mkdir()
+    assert main(["make", "--behaviour", "mixture", "--episodes", "4", "--out", str(tmp_path)]) == 2
     assert "exists: delete it, or choose another --out" in capsys.readouterr().err
 
 

@@ -3,14 +3,15 @@
 import pytest
 import torch
 
-from examples.single_file_ppo import Acting, Agent, Rollouts, Settings, main, train
+from examples.shared import NetworkPolicy
+from examples.single_file_ppo import Agent, Rollouts, Settings, main, train
 from turning_env import Scenario
 from turning_env.score.play import play
 from turning_env.score.seeds import tuning_seeds
 
 
 def test_without_ends_returns_are_discounted_sums() -> None:
-    settings = Settings(lanes=3, rollout=12, gae_lambda=1.0, discount=0.7, reward_scale=0.5)
+    settings = Settings(num_envs=3, rollout=12, gae_lambda=1.0, discount=0.7, reward_scale=0.5)
     torch.manual_seed(0)
     rollouts, agent = Rollouts(settings), Agent(11, 2)
     rollout = rollouts.next(agent)
@@ -23,7 +24,7 @@ def test_without_ends_returns_are_discounted_sums() -> None:
 
 
 def test_the_next_rollout_begins_where_the_last_one_ended() -> None:
-    rollouts, agent = Rollouts(Settings(lanes=2, rollout=5)), Agent(11, 2)
+    rollouts, agent = Rollouts(Settings(num_envs=2, rollout=5)), Agent(11, 2)
     rollouts.next(agent)
     left = rollouts.observations
     assert torch.equal(rollouts.next(agent)["observation"][0], left)
@@ -34,7 +35,7 @@ def test_it_learns() -> None:
     torch.manual_seed(0)
     untrained, trained = Agent(11, 2), train(Settings(steps=60_000))
     before, after = (
-        play(lambda num_envs, agent=agent: Acting(agent), Scenario(), tuning_seeds(8))["return"].mean()
+        play(lambda num_envs, agent=agent: NetworkPolicy(agent.mean), Scenario(), tuning_seeds(8))["return"].mean()
         for agent in (untrained, trained)
     )
     assert after > before + 500

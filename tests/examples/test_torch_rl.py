@@ -1,4 +1,4 @@
-"""TorchRL: its own checks of every id, and that its lanes are the environment's."""
+"""TorchRL: its own checks of every id, and that a batch plays as single environments."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from turning_env import IDS, RoughTurningEnv
 
 pytest.importorskip("torchrl")
 
-from examples.torch_rl import main, one, together
+from examples.torch_rl import batch, main, one
 
 
 def test_every_id_passes_its_check(capsys: pytest.CaptureFixture[str]) -> None:
@@ -17,7 +17,7 @@ def test_every_id_passes_its_check(capsys: pytest.CaptureFixture[str]) -> None:
     said = capsys.readouterr().out
     assert all(f"{env_id}: checked; after " in said for env_id in IDS)
     assert "SerialEnv of 4: (4, 40)" in said
-    assert "GymWrapper of 8 lanes: (8, 5)" in said
+    assert "GymWrapper of 8 environments: (8, 5)" in said
 
 
 def check_plays_alike(rollout: Any, seed: int) -> None:
@@ -37,6 +37,6 @@ def test_one_environment_plays_alike() -> None:
     check_plays_alike(one("RoughTurning-v0", 3).rollout(30), 3)
 
 
-def test_lanes_play_as_environments_of_seeds_in_a_row() -> None:
-    for lane, rollout in enumerate(together(3, 5).rollout(30)):
-        check_plays_alike(rollout, 5 + lane)
+def test_a_batch_plays_as_environments_of_seeds_in_a_row() -> None:
+    for index, rollout in enumerate(batch(3, 5).rollout(30)):
+        check_plays_alike(rollout, 5 + index)

@@ -114,16 +114,6 @@ def test_pictures(name: str, tmp_path: Path) -> None:
     assert len(list(tmp_path.glob("films/*.mp4"))) == (name == "RecordVideo")
 
 
-@pytest.mark.slow
-def test_films_of_lanes(tmp_path: Path) -> None:
-    envs = gymnasium.make_vec("RoughTurning-v0", 2, vectorization_mode="vector_entry_point", render_mode="rgb_array")
-    films: Any = vector.RecordVideo(envs, str(tmp_path / "films"), episode_trigger=lambda number: True, disable_logger=True)
-    films.reset(seed=0)
-    films.step(films.action_space.sample())
-    films.close()
-    assert len(list(tmp_path.glob("films/*.mp4"))) == 1
-
-
 @pytest.mark.parametrize("env_id", IDS)
 @pytest.mark.parametrize("name", SINGLE)
 def test_single(name: str, env_id: str) -> None:
@@ -142,9 +132,9 @@ def test_single(name: str, env_id: str) -> None:
 @pytest.mark.parametrize("mode", AutoresetMode)
 @pytest.mark.parametrize("name", VECTOR)
 def test_vector_as_gymnasiums_own_vector_environment(name: str, mode: AutoresetMode) -> None:
-    lanes = 3
-    ours: Any = RoughTurningVectorEnv(lanes, SHORT_LIVED, mode)
-    theirs: Any = gymnasium.vector.SyncVectorEnv([lambda: RoughTurningEnv(SHORT_LIVED)] * lanes, autoreset_mode=mode)
+    num_envs = 3
+    ours: Any = RoughTurningVectorEnv(num_envs, SHORT_LIVED, mode)
+    theirs: Any = gymnasium.vector.SyncVectorEnv([lambda: RoughTurningEnv(SHORT_LIVED)] * num_envs, autoreset_mode=mode)
     if name in REFUSED[mode]:
         for envs in (ours, theirs):
             with pytest.raises(ValueError, match="autoreset_mode"):
@@ -156,7 +146,7 @@ def test_vector_as_gymnasiums_own_vector_environment(name: str, mode: AutoresetM
     ours.action_space.seed(0)
     seen, _ = ours.reset(seed=5)
     np.testing.assert_array_equal(seen, theirs.reset(seed=5)[0])
-    ends, returns = 0, np.zeros(lanes)
+    ends, returns = 0, np.zeros(num_envs)
     for _ in range(70):
         assert seen in ours.observation_space
         actions = ours.action_space.sample()
@@ -167,26 +157,14 @@ def test_vector_as_gymnasiums_own_vector_environment(name: str, mode: AutoresetM
         ended = terminated | truncated
         ends += ended.sum()
         returns += rewards
-        # Not compared with theirs: when some lanes of Gymnasium's own vector environment are reset, the wrapper forgets all.
+        # Not compared with theirs: when some of the environments of Gymnasium's own are reset, the wrapper forgets all.
         if name == "RecordEpisodeStatistics" and ended.any():
             np.testing.assert_allclose(infos["episode"]["r"][ended], returns[ended])
         returns[ended] = 0.0
         if mode is AutoresetMode.DISABLED and ended.any():
             seen, _ = ours.reset(options={"reset_mask": ended})
             np.testing.assert_array_equal(seen, theirs.reset(options={"reset_mask": ended})[0])
-    assert ends > lanes
-
-
-@pytest.mark.parametrize("env_id", IDS)
-@pytest.mark.parametrize("name", VECTOR)
-def test_vector_of_every_id(name: str, env_id: str) -> None:
-    envs = VECTOR[name](gymnasium.make_vec(env_id, 2, vectorization_mode="vector_entry_point"))
-    envs.action_space.seed(0)
-    seen, _ = envs.reset(seed=0)
-    for _ in range(5):
-        assert seen in envs.observation_space
-        seen, rewards, *_ = envs.step(envs.action_space.sample())
-        assert np.isfinite(rewards).all()
+    assert ends > num_envs
 
 
 def test_numpy_to_torch() -> None:

@@ -19,7 +19,7 @@ ENV_ID = "RoughTurning-v0"
 # The zoo's name for each of the project's, where the values are the same.
 SHARED = {
     "steps": "n_timesteps",
-    "lanes": "n_envs",
+    "num_envs": "n_envs",
     "rollout": "n_steps",
     "batch_size": "batch_size",
     "epochs": "n_epochs",

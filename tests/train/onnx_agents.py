@@ -1,43 +1,48 @@
-"""Tiny untrained agents and their files."""
+"""Tiny untrained agents and their files, written node by node: PyTorch's exporter takes seconds."""
 
 import functools
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+import onnx
 import torch
+from numpy.typing import NDArray
+from onnx import TensorProto, helper, numpy_helper
+from onnx.helper import make_node
 
 from train.actor import Actor, Feedforward
-from train.export import metadata, to_onnx
+from train.export import metadata
 from train.run import Run
 from turning_env import Scenario
 
 SCENARIO = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.2}})
+Weights = Mapping[str, NDArray[np.generic]]
 
 
-class Counter(Actor):
-    """An LSTM, and the number of calls since the start."""
+class Remembering(Actor):
+    """A layer from observation and memory to the next memory, and one from that to the action."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.lstm = torch.nn.LSTM(11, 3)
         self.memory_size = 7
+        self.cell, self.head = torch.nn.Linear(11 + 7, 7), torch.nn.Linear(7, 2)
 
     def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        hidden, cell, count = memory.unsqueeze(0).split((3, 3, 1), dim=2)
-        output, (hidden, cell) = self.lstm(observation.unsqueeze(0), (hidden.contiguous(), cell.contiguous()))
-        action = output.squeeze(0)[:, :2] + 0.01 * count.squeeze(0)
-        return action.clamp(-1.0, 1.0), torch.cat((hidden, cell, count + 1.0), dim=2).squeeze(0)
+        memory = self.cell(torch.cat((observation, memory), dim=1)).tanh()
+        return self.head(memory).clamp(-1.0, 1.0), memory
 
 
-def memoryless(seed: int = 0) -> Actor:
+def memoryless(seed: int = 0) -> Feedforward:
     """Two layers."""
     torch.manual_seed(seed)
     return Feedforward(torch.nn.Linear(11, 16), torch.nn.ReLU(), torch.nn.Linear(16, 2)).eval()
 
 
-def remembering(seed: int = 0) -> Actor:
+def remembering(seed: int = 0) -> Remembering:
     """An agent with a memory."""
     torch.manual_seed(seed)
-    return Counter().eval()
+    return Remembering().eval()
 
 
 def run(folder: Path, seed: int = 0, algorithm: str = "ppo") -> Run:
@@ -49,8 +54,18 @@ def run(folder: Path, seed: int = 0, algorithm: str = "ppo") -> Run:
 def content(memory: bool = False, seed: int = 0, algorithm: str = "ppo") -> bytes:
     """What an agent's file holds."""
     actor = remembering(seed) if memory else memoryless(seed)
-    with torch.no_grad():
-        return to_onnx(actor, metadata(run(Path(), seed, algorithm)))
+    weights = {name: array.numpy() for name, array in actor.state_dict().items()}
+    first, last = ("cell", "head") if memory else ("layers.0", "layers.2")
+    state = "next_memory" if memory else "hidden"
+    nodes = [make_node("Concat", ["observation", "memory"], ["seen"], axis=1)] if memory else []
+    nodes += [
+        make_node("Gemm", ["seen" if memory else "observation", f"{first}.weight", f"{first}.bias"], ["sums"], transB=1),
+        make_node("Tanh" if memory else "Relu", ["sums"], [state]),
+        make_node("Gemm", [state, f"{last}.weight", f"{last}.bias"], ["unclipped"], transB=1),
+        make_node("Clip", ["unclipped", "low", "high"], ["action"]),
+    ]
+    bounds = {"low": np.array(-1, np.float32), "high": np.array(1, np.float32)}
+    return of_nodes(nodes, weights | bounds, 7 if memory else 0, seed, algorithm)
 
 
 def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = False) -> Path:
@@ -59,3 +74,90 @@ def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = Fa
     path = folder / f"{algorithm}-seed{seed}.onnx"
     path.write_bytes(content(memory, seed, algorithm))
     return path
+
+
+def of_nodes(
+    nodes: Sequence[onnx.NodeProto], weights: Weights, memory: int = 0, seed: int = 0, algorithm: str = "ppo", actions: int = 2
+) -> bytes:
+    """A file of nodes from ``observation`` (and ``memory``) to ``action`` (and ``next_memory``)."""
+
+    def value(name: str, entries: int) -> onnx.ValueInfoProto:
+        return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["environments", entries])
+
+    inputs, outputs = [value("observation", 11)], [value("action", actions)]
+    if memory:
+        inputs, outputs = [*inputs, value("memory", memory)], [*outputs, value("next_memory", memory)]
+    held = [numpy_helper.from_array(array, name) for name, array in weights.items()]
+    graph = helper.make_graph(nodes, "network", inputs, outputs, held)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
+    helper.set_model_props(model, metadata(run(Path(), seed, algorithm)).properties())
+    return bytes(model.SerializeToString())
+
+
+def of_load(*nodes: onnx.NodeProto, **weights: NDArray[np.generic]) -> bytes:
+    """A file that acts by the first two observations, after nodes that turn them into ``change``, shape (num_envs, 2)."""
+    first = make_node("Slice", ["observation", "start", "stop", "axis"], ["first"])
+    bounds = {"start": [0], "stop": [2], "axis": [1]}
+    given = {name: np.array(where, np.int64) for name, where in bounds.items()} | {"small": np.array([0.1], np.float32)}
+    return of_nodes([first, *nodes, make_node("Mul", ["change", "small"], ["action"])], given | weights)
+
+
+def plain() -> bytes:
+    """A tenth of the first two observations."""
+    return of_load(make_node("Identity", ["first"], ["change"]))
+
+
+def unbounded() -> bytes:
+    """As ``plain``, but its actions are beyond 1 where observations are beyond 1."""
+    return of_load(make_node("Mul", ["first", "big"], ["change"]), big=np.array([9.9], np.float32))
+
+
+def sociable() -> bytes:
+    """Acts in an environment by the others."""
+    mean = make_node("ReduceMean", ["first", "axes"], ["mean"], keepdims=1)
+    return of_load(mean, make_node("Sub", ["first", "mean"], ["change"]), axes=np.array([0], np.int64))
+
+
+def counting() -> bytes:
+    """Acts in an environment by its index."""
+    nodes = [
+        make_node("Mul", ["first", "zero"], ["nothing"]),
+        make_node("Add", ["nothing", "one"], ["ones"]),
+        make_node("CumSum", ["ones", "across"], ["place"]),
+        make_node("Softsign", ["place"], ["change"]),
+    ]
+    return of_load(*nodes, across=np.array(0, np.int64), zero=np.zeros(1, np.float32), one=np.ones(1, np.float32))
+
+
+def few() -> bytes:
+    """Acts once for all environments."""
+    return of_load(make_node("ReduceMax", ["first", "axes"], ["change"], keepdims=1), axes=np.array([0], np.int64))
+
+
+def toiling(products: int = 60, size: int = 900) -> bytes:
+    """Multiplies matrices for seconds before it acts."""
+    nodes = [
+        make_node("ReduceSum", ["first", "axes"], ["sum"], keepdims=1),
+        make_node("Mul", ["sum", "zero"], ["nothing"]),
+        make_node("Unsqueeze", ["nothing", "last"], ["lone"]),
+        make_node("Add", ["lone", "matrix"], ["product0"]),
+        *(make_node("MatMul", [f"product{k}", f"product{k}"], [f"product{k + 1}"]) for k in range(products)),
+        make_node("ReduceMax", [f"product{products}", "inner"], ["most"], keepdims=0),
+        make_node("Unsqueeze", ["most", "axes"], ["column"]),
+        make_node("Add", ["first", "column"], ["change"]),
+    ]
+    axes = {"axes": np.array([1], np.int64), "last": np.array([2], np.int64), "inner": np.array([1, 2], np.int64)}
+    return of_load(*nodes, zero=np.zeros(1, np.float32), matrix=np.zeros((size, size), np.float32), **axes)
+
+
+def swelling() -> bytes:
+    """Asks for four megabytes per environment, several times at once."""
+    wide = np.zeros((1, 1_000_000), np.float32)
+    nodes = [make_node("ReduceSum", ["first", "axes"], ["sum"], keepdims=1)]
+    nodes += [make_node("Add", ["sum", f"wide{k}"], [f"swollen{k}"]) for k in range(2)]
+    nodes += [
+        make_node("Sub", ["swollen0", "swollen1"], ["none"]),
+        make_node("ReduceMax", ["none", "axes"], ["column"], keepdims=1),
+        make_node("Add", ["first", "column"], ["change"]),
+    ]
+    return of_load(*nodes, axes=np.array([1], np.int64), wide0=wide, wide1=wide + 1.0)

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from train.analytic_actor import CUTTING, DistanceTracker, TargetCommands
+from train.analytic_actor import DistanceTracker, TargetCommands
 from turning_env import RoughTurningVectorEnv, Scenario, read
 from turning_env.action import towards
+from turning_env.physics.quantities import OBS
 
 
 def positions(scenario: Scenario, speed: np.ndarray, feed: np.ndarray) -> torch.Tensor:
@@ -85,6 +86,6 @@ def test_the_tracker_believes_the_control_about_metal_and_air() -> None:
     tracker = DistanceTracker(scenario, TargetCommands(scenario))
     observations, _ = RoughTurningVectorEnv(2, scenario).reset(seed=0)
     seen = torch.from_numpy(observations)
-    seen[:, CUTTING] = torch.tensor([1.0, 0.0])
+    seen[:, OBS.cutting] = torch.tensor([1.0, 0.0])
     _, state = tracker(seen, torch.tensor([[2.0, 0.0, 0.0], [250.0, 0.0, 0.0]]))
     assert state[:, 0].tolist() == [scenario.workpiece.approach, 0.5 * scenario.workpiece.approach]

@@ -1,6 +1,7 @@
 """The differentiable gain against its formula, written out for single steps, and against what the environment charges."""
 
 import math
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -8,13 +9,14 @@ import pytest
 import torch
 from scipy.stats import norm
 
+from baselines.models.edge_value import USED_LIVES
 from train.analytic_actor import ACTUAL, TargetCommands
 from train.model_gain import FIELDS, POINTS, HindsightVecEnv, ModelGain, Truth
 from train.vec_env import info_at_end_of_step
 from turning_env import Scenario
 
 BASE, SHIFT, OVERRIDE = (Scenario.load(preset) for preset in ("rough_turning", "shift", "override"))
-JOB = BASE.model_copy(update={"workpiece": BASE.workpiece.model_copy(update={"bars": 3})})
+JOB = BASE.model_copy(update={"workpiece": BASE.workpiece.model_copy(update={"bars": 1})})
 PATH, DEPTH, HARDNESS, USED_LIFE = range(len(FIELDS))
 PITCH, APPROACH = BASE.workpiece.bar_length + BASE.workpiece.approach, BASE.workpiece.approach
 GAINS: dict[str, ModelGain] = {}  # prices take seconds to compute
@@ -42,6 +44,7 @@ def test_hidden_states_are_interpolated_within_a_bar() -> None:
     assert np.exp(points(truth.log_hardness)) == pytest.approx(1.0 + 0.2 * (expected - 3.0), rel=1e-6)
     assert points(truth.used_life) == pytest.approx(0.5 + 0.1 * SHARE)
     assert points(truth.cutting) == [1.0] * POINTS
+    assert np.exp(points(truth_of(state(100.0, 0.8), state(110.0, 0.8)).log_depth)) == pytest.approx([0.8] * POINTS)
     assert points(truth_of(state(1.0, used_life=0.0), state(1.1, used_life=0.0)).used_life) == pytest.approx([1e-6] * POINTS)
     assert points(truth_of(state(1.0, used_life=1.1), state(1.1, used_life=1.2)).used_life) == [1.0] * POINTS
 
@@ -54,6 +57,7 @@ def test_metal_begins_behind_the_approach_and_ends_with_the_bar(bar: int) -> Non
     assert np.exp(points(entering.log_depth)[2:]) == pytest.approx([3.5] * 3)  # not a mean with the air
     assert np.exp(points(entering.log_depth)[:2]) == pytest.approx([BASE.workpiece.depth_of_cut] * 2)
     assert points(entering.log_hardness)[:2] == [0.0, 0.0]
+    assert points(truth_of(state(face - 0.5, 0.0, 0.0), state(face + 0.5)).cutting) == [0, 0, 1, 1, 1]  # the middle is the face
     early = truth_of(state(face - 0.05, 0.0, 0.0), state(face + 0.95, 3.5, 1.1))
     assert points(early.cutting) == [1] * POINTS
     assert np.exp(points(early.log_depth)) == pytest.approx([3.5] * POINTS)
@@ -165,6 +169,8 @@ def test_prices_and_going_on_with_changed_edges() -> None:
     assert gain_of(JOB).price(torch.tensor([0.0, 0.7, 1.0])).tolist() == pytest.approx([flat] * 3)
     gain = gain_of(BASE)
     nodes = gain._prices.numpy()
+    assert len(nodes) == len(USED_LIVES) + 1
+    assert nodes[1] > nodes[-1]  # an edge that ends with its episode is worth the less, the more it is used
     assert float(gain.price(torch.tensor(2.25 / (len(nodes) - 1)))) == pytest.approx(0.75 * nodes[2] + 0.25 * nodes[3], rel=1e-5)
     assert gain.price(torch.tensor([-1.0, 0.0])).tolist() == [nodes[0], nodes[0]]
     assert gain.price(torch.tensor([1.0, 2.0])).tolist() == [nodes[-1], nodes[-1]]
@@ -205,6 +211,43 @@ def test_drives_follow_their_commands_with_their_lags() -> None:
         carried = math.exp(-interval / lag)
         expected = [left * carried * (1 - carried), left * (1 - carried), POINTS - left]
         assert slope[:, 0].tolist() == pytest.approx(expected, rel=1e-4)
+    commanded = torch.full((2, 1), 100.0, requires_grad=True)
+    (slope,) = torch.autograd.grad(gain_of(BASE)._follow(commanded, torch.full((2, 1), 80.0), 0)[1].sum(), commanded)
+    assert slope[:, 0].tolist() == [0.0, POINTS]
+
+
+@pytest.mark.parametrize("lagging", [0, 1])
+def test_each_drive_has_its_own_lag(lagging: int) -> None:
+    gain = copy(gain_of(BASE))
+    gain._left = [gain._left[0], gain._left[0]]
+    gain._left[lagging] = torch.full((POINTS,), 0.5), 0.5
+    ends = truth_of(state(100.0), state(110.0))
+    commands = torch.full((1, 1), math.log(120.0)), torch.full((1, 1), math.log(0.3))
+    cruising, slow_drive, slow_feed = (
+        gain(*commands, torch.full((1, 1), speed), torch.full((1, 1), feed), ends)[0].item()
+        for speed, feed in ((120.0, 0.3), (60.0, 0.3), (120.0, 0.15))
+    )
+    assert (slow_drive != cruising, slow_feed != cruising) == (lagging == 0, lagging == 1)
+
+
+def test_an_edge_of_known_strength_and_one_of_little_worth() -> None:
+    gain = copy(gain_of(BASE))
+    tool = BASE.tool.model_copy(update={"edge_strength_spread": 0.0})
+    gain._scenario = BASE.model_copy(update={"tool": tool})
+    gain._prices = torch.full_like(gain._prices, 0.5)
+    commands, now = (torch.full((1, 1), math.log(120.0)), torch.full((1, 1), math.log(0.3))), (torch.ones(1, 1),) * 2
+    truth = truth_of(state(100.0), state(100.0))
+    wear = BASE.tool.wear_criterion * 0.5**BASE.material.wear.time
+    force = math.log(BASE.material.thrust_force(120.0, 0.3, 3.0, wear=wear, hardness=1.0) / BASE.limits.thrust_force)
+    gains = []
+    for strength in (force + 1e-3, force + 1.0):
+        gain._log_strength = strength
+        found, going_on = gain(*commands, *now, truth)
+        gains.append(found.item())
+    lost = gain._downtime + 0.5 * gain._edge_price
+    assert gains[1] - gains[0] == pytest.approx(norm.cdf(-1.0) * lost, rel=5e-3)
+    per_minute = (BASE.material.wear(120.0, 0.3, 3.0, hardness=1.0) / BASE.tool.wear_criterion) ** (1.0 / BASE.material.wear.time)
+    assert going_on.item() == pytest.approx(BASE.control.interval * 0.5 * per_minute / 60.0, rel=1e-4)
 
 
 def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None:
@@ -237,7 +280,8 @@ def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None
     truth = Truth(BASE, before, after, np.stack(changed), np.stack(failed))
     log_speed, log_feed = commands.commanded(target, seen)
     given = log_speed, log_feed, *commands.speed_and_feed(seen, ACTUAL), truth
-    gain, free, dear = ModelGain(BASE), ModelGain(BASE), ModelGain(BASE)
+    gain = ModelGain(BASE)
+    free, dear = copy(gain), copy(gain)
     free._scenario = BASE.model_copy(update={"economics": BASE.economics.model_copy(update={"overload_price": 0.0})})
     dear._prices = dear._prices + 1000.0
     charged = (free(*given)[0] - gain(*given)[0]).numpy()
@@ -255,7 +299,7 @@ def test_edges_that_are_changed_on_command_have_not_failed() -> None:
     env.seed(3)
     env.reset()
     for step in range(1200):
-        change = [0.2 if step == 50 else -1.0, -1.0]
+        change = [0.2 if step == 50 else 0.0, 0.0]
         env.step(np.stack([[0.02, 0.02], [0.02, 0.02], change], axis=1).astype(np.float32))
         if step == 50:
             assert env.changed.tolist() == [True, False]

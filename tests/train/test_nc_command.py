@@ -91,7 +91,7 @@ def test_a_users_mistakes_are_named_and_nothing_is_written(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(interval_table, "MAX_INTERVALS", 1000)
+    monkeypatch.setattr(interval_table, "MAX_INTERVALS", 20)
     assert run(*arguments, "--out", str(tmp_path / "program.mpf")) == 2
     captured = capsys.readouterr()
     assert captured.err.startswith("error: ")

@@ -1,7 +1,7 @@
 """A program, read back and played, repeats its original."""
 
 import itertools
-import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -129,6 +129,7 @@ def test_a_law_does_what_the_rule_does(rule: str) -> None:
     assert simulate_law.simulate_law(program, OVERRIDES, 11) == compared.simulated
 
 
+@cache
 def law_of(rule: str) -> Law:
     law = written_and_read(laws.law_program(rule, OVERRIDES)).law
     assert law is not None
@@ -187,12 +188,3 @@ def test_a_law_that_leaves_the_range_or_divides_by_zero_is_refused_in_play() -> 
         wrong = read(text.replace("SYNFCT(1,$AC_OVR,$AA_LOAD[S1])", effect))
         with pytest.raises(NcError, match=complaint):
             simulate_law.simulate_law(wrong, OVERRIDES, 11)
-
-
-def test_fitted_polynomials_follow_a_function() -> None:
-    pieces = laws.fitted(math.exp, 0.0, 8.0)
-    assert [low for low, _, _ in pieces[1:]] == [high for _, high, _ in pieces[:-1]]
-    for low, high, coefficients in pieces:
-        for x in np.linspace(low, high, 11):
-            value = sum(a * x**power for power, a in enumerate(coefficients))
-            assert value == pytest.approx(math.exp(x), rel=1.01 * laws.GAIN_TOLERANCE)

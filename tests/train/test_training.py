@@ -15,23 +15,20 @@ from train.agents import run_folder
 from train.run import Run
 from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
 from turning_env import IDS, Scenario
-from turning_env.batch.driver import Lathes, action_space, observation_space
+from turning_env.batch.driver import Batch, action_space, observation_space
 from turning_env.score.seeds import TUNING_START
 
 ROOT = Path(__file__).parents[2]
 PPO = ALGORITHMS["ppo"]
 every_algorithm = pytest.mark.parametrize("algorithm", ALGORITHMS.values(), ids=ALGORITHMS)
-every_algorithm_if_slow = pytest.mark.parametrize(
-    "algorithm",
-    [pytest.param(each, id=name, marks=() if name == "ppo" else pytest.mark.slow) for name, each in ALGORITHMS.items()],
-)
 
 
 class Killed(Exception):
     pass
 
 
-@every_algorithm_if_slow
+@every_algorithm
+@pytest.mark.slow
 def test_a_killed_training_resumes_to_the_very_same_agent(
     algorithm: Algorithm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -71,18 +68,19 @@ def _bytes(parameters: Any) -> bytes:
     return stream.getvalue()
 
 
-@every_algorithm_if_slow
+@every_algorithm
+@pytest.mark.slow
 def test_a_loaded_agent_acts_as_its_model_and_was_trained_on_its_own_seeds(
     algorithm: Algorithm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given: set[int] = set()
-    seed = Lathes.seed
+    seed = Batch.seed
 
-    def watched(self: Lathes, mask: Any, seeds: Any) -> None:
+    def watched(self: Batch, env_indices: Any, seeds: Any) -> None:
         given.update(int(number) for number in seeds)
-        seed(self, mask, seeds)
+        seed(self, env_indices, seeds)
 
-    monkeypatch.setattr(Lathes, "seed", watched)
+    monkeypatch.setattr(Batch, "seed", watched)
     run = small_run(algorithm, tmp_path, steps=1024)
     path = train(run, algorithm)
     assert given
@@ -90,7 +88,7 @@ def test_a_loaded_agent_acts_as_its_model_and_was_trained_on_its_own_seeds(
 
     model: Any = algorithm.model.load(path, device="cpu")
     loaded = run_folder.load(run.folder)
-    assert (loaded.name, loaded.seed, loaded.command) == (algorithm.name, 3, "a command")
+    assert (loaded.name, loaded.training_seed, loaded.command) == (algorithm.name, 3, "a command")
     policy = loaded.make(6)
     policy.reset(np.ones(6, np.bool_))
     random, state, starts = np.random.default_rng(0), None, np.ones(6, np.bool_)
@@ -125,14 +123,15 @@ def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_
 
 
 def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_alone(tmp_path: Path) -> None:
-    run = small_run(PPO, tmp_path, steps=512)
+    few = {"steps": 128, "rollout": 16, "batch_size": 64}
+    run = small_run(PPO, tmp_path, **few)
     path = train(run, PPO)
     before = path.stat().st_mtime_ns
     assert train(run, PPO) == path
     assert path.stat().st_mtime_ns == before
     assert not run.checkpoint.exists()
     with pytest.raises(ValueError, match="holds a training with other settings"):
-        train(small_run(PPO, tmp_path, steps=512, discount=0.9), PPO)
+        train(small_run(PPO, tmp_path, **few, discount=0.9), PPO)
 
 
 def test_there_is_no_agent_before_a_training_is_finished(tmp_path: Path) -> None:
@@ -146,7 +145,7 @@ def test_there_is_no_agent_before_a_training_is_finished(tmp_path: Path) -> None
 
 def test_an_agent_is_small_and_holds_no_environments(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["sac"]
-    path = train(small_run(algorithm, tmp_path, memory=1_000_000, steps=64), algorithm)
+    path = train(small_run(algorithm, tmp_path, memory=100_000, steps=64), algorithm)
     assert path.stat().st_size < 1_000_000
     assert not hasattr(algorithm.model.load(path, device="cpu"), "resume_state")
 
@@ -170,12 +169,12 @@ def test_pickles_are_loaded_with_a_warning_by_algorithms_and_to_resume_alone(
     loaders = rf"(pickle\.loads?|torch\.load|joblib\.load|\b{models}\.load)\(|allow_pickle=True"
     paths = [path for package in ("turning_env", "baselines", "train", "leaderboard") for path in (ROOT / package).rglob("*.py")]
     found = {str(path.relative_to(ROOT)) for path in paths if re.search(loaders, path.read_text("utf-8"))}
-    assert found == {"train/training.py", *(f"train/{name}.py" for name in ALGORITHMS if name != "lagrangian_ppo")}
+    assert found == {"train/training.py"}
 
     run = onnx_agents.run(tmp_path / "run")
     run.begin()
     run.policy.touch()
-    monkeypatch.setattr("train.ppo.actor", lambda path: onnx_agents.memoryless())
+    monkeypatch.setattr("train.training.Algorithm.actor", lambda algorithm, path: onnx_agents.memoryless())
     run_folder.load(run.folder)
     warning = f"warning: {run.policy} is a pickle, which can run code: load only what you have trained yourself\n"
     assert capsys.readouterr().err == warning

@@ -20,6 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, m
 
 from train.agents import graph as plain_graph
 from train.agents.graph import MAX_BYTES, MAX_MEMORY, Outline
+from train.run import Run
 from turning_env import IDS, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.scenario import PortableScenario
@@ -115,45 +116,20 @@ _JSON_FIELDS = (int, Scenario, Space, dict[str, JsonValue], dict[str, str])
 
 
 ONNX_SUFFIX = ".onnx"
-"""Of agents' files."""
 
 
-def spec_of(file: "AgentFile", make: PolicyFactory) -> PolicySpec:
-    """Return the policy that a file holds."""
-    metadata = file.metadata
-    return trained_policy(
-        metadata.algorithm,
-        metadata.seed,
-        metadata.scenario,
-        metadata.parameters,
-        metadata.trained_steps,
-        metadata.command,
-        file.digest,
-        make,
-    )
-
-
-def trained_policy(
-    name: str,
-    seed: int,
-    scenario: Scenario,
-    parameters: dict[str, Any],
-    trained_steps: int,
-    command: str,
-    sha256: str,
-    make: PolicyFactory,
-) -> PolicySpec:
-    """Return the policy of a finished training on a scenario."""
+def trained_policy(about: Metadata | Run, trained_steps: int, sha256: str, make: PolicyFactory) -> PolicySpec:
+    """Return the policy of a finished training, from its file's metadata or its run."""
     return PolicySpec(
-        name=name,
+        name=about.algorithm,
         kind="agent",
-        description=f"trained for {trained_steps} steps on scenario {scenario.name}",
-        parameters=parameters,
-        training_seed=seed,
+        description=f"trained for {trained_steps} steps on scenario {about.scenario.name}",
+        parameters=about.parameters,
+        training_seed=about.seed,
         sha256=sha256,
-        command=command,
-        tuned_for=ScenarioId.of(scenario),
-        trained_on=scenario,
+        command=about.command,
+        tuned_for=ScenarioId.of(about.scenario),
+        trained_on=about.scenario,
         make=make,
     )
 

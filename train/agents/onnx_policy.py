@@ -1,7 +1,7 @@
 """Load an agent's ONNX file, which may come from anywhere, and play it in a process of its own, without PyTorch.
 
 from pathlib import Path
-from train import onnx_policy
+from train.agents import onnx_policy
 
 agent = onnx_policy.load(Path("ppo-seed0.onnx"))
 policy = agent.make(1)
@@ -13,15 +13,12 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from train.agents import agent_file
-from train.agents import sandbox as onnx_guard
 from train.agents.agent_file import AgentFile
-from train.agents.sandbox import GuardedPolicy, Limits
+from train.agents.sandbox import LIMITS, GuardedPolicy, Limits, examined
 from turning_env.score.policy import PolicySpec
 
-_examined = lru_cache(64)(onnx_guard.examined)
+_examined = lru_cache(64)(examined)
 """One file plays many scenarios."""
-_NEEDED = ("onnx", "onnxruntime")
-"""By the process that looks at a file and plays it."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +32,7 @@ class _Maker:
         return GuardedPolicy(self.file, num_envs, self.limits)
 
 
-def load(path: Path, limits: Limits = onnx_guard.LIMITS) -> PolicySpec:
+def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
     """Load an agent from its file, which may come from anywhere: it is checked, can run no code, and plays within limits.
 
     Raises:
@@ -43,7 +40,7 @@ def load(path: Path, limits: Limits = onnx_guard.LIMITS) -> PolicySpec:
         OSError: it cannot be read.
         ModuleNotFoundError: what runs such files is not installed.
     """
-    for name in _NEEDED:
+    for name in ("onnx", "onnxruntime"):  # of the process that looks at the file and plays it
         if find_spec(name) is None:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
     content = agent_file.read_content(path)
@@ -51,4 +48,4 @@ def load(path: Path, limits: Limits = onnx_guard.LIMITS) -> PolicySpec:
         file = _examined(content, limits)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
-    return agent_file.spec_of(file, _Maker(file, limits))
+    return agent_file.trained_policy(file.metadata, file.metadata.trained_steps, file.digest, _Maker(file, limits))

@@ -18,23 +18,15 @@ def load(folder: Path) -> PolicySpec:
     """
     run = Run.read(folder)
     actor = load_actor(run)
-    return trained_policy(
-        run.algorithm,
-        run.seed,
-        run.scenario,
-        run.parameters,
-        run.parameters["steps"],
-        run.command,
-        digest_of_files(folder, folder.rglob("*")),
-        lambda num_envs: ActorPolicy(actor, num_envs),
-    )
+    digest = digest_of_files(folder, folder.rglob("*"))
+    return trained_policy(run, run.parameters["steps"], digest, lambda num_envs: ActorPolicy(actor, num_envs))
 
 
 def load_actor(run: Run) -> Actor:
-    """The actor of a finished training, by the ``actor`` of its algorithm's file. Never load a stranger's: see ``load``.
+    """Return the actor of a finished training. Never load a stranger's: see ``load``.
 
     Raises:
-        ValueError: the training is not finished, or of no algorithm that is known.
+        ValueError: the training is not finished, or of no known algorithm.
     """
     if not (HYPERPARAMETERS / f"{run.algorithm}.toml").is_file():
         known = ", ".join(sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
@@ -42,5 +34,5 @@ def load_actor(run: Run) -> Actor:
     if not run.policy.exists():
         raise ValueError(f"the training in {run.folder} is not finished: run its command again: {run.command}")
     warn_of_pickle(run.policy)
-    actor: Actor = importlib.import_module(f"train.{run.algorithm}").actor(run.policy)
-    return actor.eval()
+    actor: Actor = importlib.import_module(f"train.{run.algorithm}").ALGORITHM.actor(run.policy)
+    return actor

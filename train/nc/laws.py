@@ -10,7 +10,6 @@ next. That is kept in ``STATE``, and what depends on the load is tabulated: poly
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Polynomial as Fitted
@@ -109,28 +108,20 @@ def fitted(function: Function, low: float, high: float) -> list[tuple[float, flo
     return fitted(function, low, middle) + fitted(function, middle, high)
 
 
-@dataclass(frozen=True)
-class _Range:
-    """The range of overrides [%] within which neither override nor feed leaves its limits."""
-
-    low: float
-    high: float
-
-    @classmethod
-    def of(cls, part: PartProgram) -> "_Range":
-        machine = part.scenario.machine
-        feed = rounded_within(part.feed, machine.feed_min, machine.feed_max, FEED_DECIMALS)
-        high = 100.0 * min(part.override_max, machine.feed_max / feed)
-        if high > MAX_OVERRIDE + 1e-9:
-            raise NcError(f"control.override_max is {part.override_max}, but a control's override goes to {MAX_OVERRIDE} %")
-        # Rounded to the inside: the feed must not be below its lowest value by a last decimal.
-        return cls(math.ceil(1e8 * machine.feed_min / feed - 1e-6) / 1e6, math.floor(high * 1e6 + 1e-6) / 1e6)
+def _range_of(part: PartProgram) -> tuple[float, float]:
+    """Return the lowest and highest override [%] at which neither override nor feed leaves its limits."""
+    machine = part.scenario.machine
+    feed = rounded_within(part.feed, machine.feed_min, machine.feed_max, FEED_DECIMALS)
+    high = 100.0 * min(part.override_max, machine.feed_max / feed)
+    if high > MAX_OVERRIDE + 1e-9:
+        raise NcError(f"control.override_max is {part.override_max}, but a control's override goes to {MAX_OVERRIDE} %")
+    # Rounded to the inside: the feed must not be below its lowest value by a last decimal.
+    return math.ceil(1e8 * machine.feed_min / feed - 1e-6) / 1e6, math.floor(high * 1e6 + 1e-6) / 1e6
 
 
 def _one_line(part: PartProgram, parameters: Parameters) -> Law:
-    limits = _Range.of(part)
-    writer = _Writer()
-    writer.polynomial((160.0, -2.0, 0.0, 0.0), limits.low, min(120.0, limits.high), OVERRIDE)
+    (low, high), writer = _range_of(part), _Writer()
+    writer.polynomial((160.0, -2.0, 0.0, 0.0), low, min(120.0, high), OVERRIDE)
     return Law(tuple(writer.polynomials), (), tuple(writer.actions))
 
 
@@ -142,21 +133,21 @@ def _fuzzy(part: PartProgram, parameters: Parameters) -> Law:
     target = target_load(part.scenario, parameters["target"])
     k, p, d = (parameters[name] for name in ("k", "p", "d"))
     sharpness = 10.0 / max(1.0 - target, MIN_HEADROOM)
-    limits, writer, middle = _Range.of(part), _Writer(), as_written(100.0 * target)
+    limits, writer, middle = _range_of(part), _Writer(), as_written(100.0 * target)
     writer.table(lambda load: k * math.exp(-5.0 * (0.01 * load / target) ** 2), 0.0, middle, beyond=False)
     writer.table(lambda load: p - p * math.exp(-sharpness * (0.01 * load - target) ** 2), middle, MAX_LOAD, beyond=True)
     _towards_end(writer, 100.0 * part.override_max, f"{LOAD}<{number_text(middle)}")
     _towards_end(writer, 100.0 * d, f"{LOAD}>={number_text(middle)}")
-    return writer.law(limits.low, limits.high)
+    return writer.law(*limits)
 
 
 def _constant_load(part: PartProgram, parameters: Parameters) -> Law:
     target = 100.0 * target_load(part.scenario, parameters["target"])
     share = lag_share(part.scenario.control.interval, 1.0 / parameters["gain"])
-    limits, writer = _Range.of(part), _Writer()
+    limits, writer = _range_of(part), _Writer()
     writer.polynomial((-share, share / target, 0.0, 0.0), -share, share * (MAX_LOAD / target - 1.0), GAIN)
     _towards_end(writer, 0.0)
-    return writer.law(max(100.0 * LOWEST_OVERRIDE, limits.low), limits.high)
+    return writer.law(max(100.0 * LOWEST_OVERRIDE, limits[0]), limits[1])
 
 
 def _air_gap(part: PartProgram, parameters: Parameters) -> Law:
@@ -164,9 +155,9 @@ def _air_gap(part: PartProgram, parameters: Parameters) -> Law:
     target = 100.0 * target_load(scenario, parameters["target"])
     exponent, interval = scenario.material.power.feed, scenario.control.interval
     share = lag_share(interval, 1.0 / parameters["rise"])
-    limits, writer = _Range.of(part), _Writer()
+    limits, writer = _range_of(part), _Writer()
     in_air, in_metal = (f"{LOAD}{comparison}{number_text(AIR_LOAD)}" for comparison in ("<", ">="))
-    lowest, highest = (number_text(value) for value in (max(100.0 * LOWEST_OVERRIDE, limits.low), limits.high))
+    lowest, highest = (number_text(value) for value in (max(100.0 * LOWEST_OVERRIDE, limits[0]), limits[1]))
     feed = rounded_within(part.feed, scenario.machine.feed_min, scenario.machine.feed_max, FEED_DECIMALS)
     writer.act(f"{TIME_IN_METAL}=0.0", in_air)
     writer.table(lambda load: (target / load) ** (1.0 / exponent), AIR_LOAD, MAX_LOAD, beyond=True)
@@ -179,7 +170,7 @@ def _air_gap(part: PartProgram, parameters: Parameters) -> Law:
     writer.act(f"{STATE}={number_text(100.0 * parameters['entry'])}", in_metal, entering)
     writer.act(f"{TIME_IN_METAL}={TIME_IN_METAL}+{number_text(interval)}", in_metal)
     writer.act(f"{STATE}={highest}", in_air)
-    return writer.law(limits.low, limits.high)
+    return writer.law(*limits)
 
 
 LAWS: dict[str, Callable[[PartProgram, Parameters], Law]] = {

@@ -3,7 +3,7 @@
 import string
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from turning_env.programs.expression import Expression, Number, Operation, Variable, as_written, number_text, parse
@@ -65,6 +65,7 @@ def programs(draw: st.DrawFn) -> Program:
     return Program(draw(FEEDS) * 100, start / 1000, draw(SPEEDS), tuple(bars), law)
 
 
+@settings(max_examples=40)
 @given(programs(), st.text(max_size=200))
 def test_what_is_written_reads_back_equal(program: Program, comment: str) -> None:
     program = Program(round(program.diameter, 3), program.start, program.max_spindle_speed, program.bars, program.law)
