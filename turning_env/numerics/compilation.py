@@ -105,13 +105,7 @@ def _warn_without_cache() -> None:
 def _compiled_sources() -> str:
     """Return the digest of the files in which compiled functions of this package stand."""
     package = Path(__file__).parents[1]
-    folders = ("numerics", "scenario", "physics", "batch")
+    files = [package / "observation.py", package / "scenario" / "power_law.py"]
     return digest_of_files(
-        package, [package / "observation.py", *(path for name in folders for path in (package / name).glob("*.py"))]
+        package, [*files, *(path for name in ("numerics", "physics", "batch") for path in (package / name).glob("*.py"))]
     )
-
-
-@cache
-def source_digest(package: Path = Path(__file__).parents[1]) -> str:
-    """Return the SHA-256 over the Python files, names and contents, of a package: of this one, if none is given."""
-    return digest_of_files(package, package.rglob("*.py"))
