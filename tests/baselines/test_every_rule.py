@@ -45,6 +45,7 @@ def test_actions_are_finite_for_any_observation(name: str, preset: str) -> None:
             assert np.all(np.abs(actions) <= 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "preset"), PLAYED)
 def test_environments_do_not_influence_one_another(name: str, preset: str) -> None:
     scenario = changed(SCENARIOS[preset], limits={"power": 5.0})

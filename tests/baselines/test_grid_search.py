@@ -17,6 +17,7 @@ def test_the_grid_is_the_papers() -> None:
     assert feeds[-1] == pytest.approx(0.6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wear", [0.0, 0.12, 0.2, 0.26, 0.29, 0.2985, 0.2999])
 @pytest.mark.parametrize("share", [1.0, 0.7])
 def test_the_chosen_pair_is_the_best_of_all_1744(wear: float, share: float) -> None:

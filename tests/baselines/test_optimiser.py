@@ -33,6 +33,7 @@ def test_on_a_known_bar_it_works_at_a_limit() -> None:
     assert 0.9 < np.median(loads.max(axis=1)) <= 1.0
 
 
+@pytest.mark.slow
 def test_dear_overload_leaves_a_wider_margin() -> None:
     known = changed(Scenario(), limits={"power": 4.5})
 

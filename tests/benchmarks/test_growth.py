@@ -2,9 +2,12 @@
 
 import json
 
+import pytest
+
 from benchmarks import growth
 
 
+@pytest.mark.slow
 def test_it_prints_and_draws(tmp_path, capsys):
     plot = tmp_path / "growth.svg"
     assert growth.main([str(plot), "--max-envs", "64", "--repeats", "1", "--seconds", "0.001"]) == 0

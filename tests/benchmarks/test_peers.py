@@ -20,6 +20,7 @@ def test_ratios_are_taken_within_a_turn() -> None:
     assert (other.ratio, other.lowest, other.highest) == (3.0, 2.0, 3.0)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_imported_is_left_out_and_said(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -129,6 +129,7 @@ def test_single(name: str, env_id: str) -> None:
             seen, _ = env.reset()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", AutoresetMode)
 @pytest.mark.parametrize("name", VECTOR)
 def test_vector_as_gymnasiums_own_vector_environment(name: str, mode: AutoresetMode) -> None:

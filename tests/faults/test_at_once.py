@@ -64,6 +64,7 @@ def held(how: str, path: Path) -> Iterator["subprocess.Popen[str]"]:
             other.kill()
 
 
+@pytest.mark.slow
 def test_a_folder_is_held_until_the_process_ends_however_it_ends(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "folder"
     with held("exclusive_lock", folder) as other:
@@ -77,6 +78,7 @@ def test_a_folder_is_held_until_the_process_ends_however_it_ends(tmp_path: Path)
             assert not list(folder.iterdir())
 
 
+@pytest.mark.slow
 def test_several_share_a_folder_and_the_first_clears_it(tmp_path: Path) -> None:
     (tmp_path / ".partial-7-file.txt").touch()
     with held("shared_lock", tmp_path) as other:

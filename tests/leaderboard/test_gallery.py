@@ -116,6 +116,7 @@ def test_every_picture_is_drawn(make_episode: MakeEpisode, tmp_path: Path) -> No
         gallery.write(played, tmp_path / "file")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("preset", "control", "actions", "drawn"),
     [

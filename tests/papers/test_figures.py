@@ -63,6 +63,7 @@ def test_every_figure_suits_print(name: str) -> None:
         assert box.x1 < page.x1 + 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("minute", "table"), [(1, "table1.csv"), (2, "table2.csv")])
 def test_points_lie_on_what_the_paper_prints(minute: int, table: str) -> None:
     feeds = [float(row["feed_mm_rev"]) for row in rows(table)]
@@ -75,6 +76,7 @@ def test_points_lie_on_what_the_paper_prints(minute: int, table: str) -> None:
         )
 
 
+@pytest.mark.slow
 def test_the_plane_shows_the_chosen_pair_at_the_region_s_edge_and_lines_on_the_limits() -> None:
     for minute, (speed, feed, _) in minutes.STATED.items():
         assert minutes.draw_plane(minute).axes[0].lines[-1].get_xydata()[0] == pytest.approx((speed, feed))
@@ -94,6 +96,7 @@ def test_what_is_said_of_the_grid_search_holds() -> None:
     assert {f"Alaskari and Oraby (2018), Figure {number}" for number in range(2, 13)} <= {figure.source for figure in figures}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short_plays")
 def test_every_law_of_override_is_shown_with_all_its_parameters() -> None:
     rules = {name: rule for name, rule in override._RULES.items() if rule.plays(Scenario.load("override"))}
@@ -136,6 +139,7 @@ def two_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(command, "FIGURES", figures)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("two_figures")
 def test_figures_and_index_are_written_the_same_every_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     written = []

@@ -90,6 +90,7 @@ def test_blanks_are_those_of_the_paper() -> None:
     assert ("rolling", "experience") not in found  # no dispersion
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", TWO_LIMITS)
 def test_measuring_gains_nothing_where_blanks_are_alike_and_never_loses(rule: str) -> None:
     assert gain(rule, Blank("alike", "test", 5.0, 0.0))[1] == pytest.approx(0.0, abs=1e-9)

@@ -44,6 +44,7 @@ def test_a_copy_in_the_middle_of_an_episode_goes_on_alike(preset: str, render_mo
         assert (env.render() == other.render()).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("render_mode", [None, "rgb_array"])
 @pytest.mark.parametrize("autoreset", ["NextStep", "SameStep"])

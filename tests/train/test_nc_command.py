@@ -66,6 +66,7 @@ def test_an_agents_file_plays_its_own_scenario_or_another_that_fits(tmp_path: Pa
     assert "cannot play 'override'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [

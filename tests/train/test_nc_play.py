@@ -59,6 +59,7 @@ def test_more_tolerance_means_fewer_blocks_that_end_at_the_same_place() -> None:
     assert {block.z for bar in programs[1].bars for block in bar} <= {block.z for bar in programs[0].bars for block in bar}
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.tuples(st.floats(0.0005, 200), st.floats(50, 200), st.floats(0.06, 0.6)), min_size=1, max_size=30),
     st.floats(0, 0.2),

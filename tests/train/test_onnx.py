@@ -238,6 +238,7 @@ def test_other_files_are_refused_with_the_reason(load: Callable[[Path], object],
         load(tmp_path / "agent.onnx")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("content", "message"),
     [(b"", "no ONNX file"), (b"text", "no ONNX file"), (b"\0" * 20_000_001, "is larger than 20000000 bytes")],
@@ -275,6 +276,7 @@ def test_damaged_files_are_refused_or_act(memory: bool, tmp_path: Path) -> None:
     assert all(reason.startswith(f"{path}: ") for reason in reasons)
 
 
+@pytest.mark.slow
 def test_an_agent_plays_other_scenarios_that_mean_the_same(tmp_path: Path) -> None:
     agent = onnx_policy.load(onnx_agents.write(tmp_path))
     agent_file.check_fits(agent, Scenario.load("forging"))
@@ -286,6 +288,7 @@ def test_an_agent_plays_other_scenarios_that_mean_the_same(tmp_path: Path) -> No
         agent_file.check_fits(agent, Scenario.load("shift"))
 
 
+@pytest.mark.slow
 def test_playing_a_file_needs_no_torch() -> None:
     code = "import sys, train.agents.onnx_policy; print(*{'torch', 'stable_baselines3', 'sb3_contrib'} & sys.modules.keys())"
     finished = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

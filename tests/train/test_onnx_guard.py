@@ -47,6 +47,7 @@ def test_it_acts_there_bit_for_bit_as_here(memory: bool) -> None:
         actions[:] = 0.0  # they are the caller's own
 
 
+@pytest.mark.slow
 def test_a_file_is_looked_at_and_tried_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*arguments: object) -> None:
         raise AssertionError("a stranger's file was looked into by this process")
@@ -61,6 +62,7 @@ def test_a_file_is_looked_at_and_tried_elsewhere(tmp_path: Path, monkeypatch: py
     assert policy.act(np.zeros((2, 11), np.float32)).shape == (2, 2)
 
 
+@pytest.mark.slow
 @linux
 def test_its_process_holds_no_variables_and_no_files_of_this_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SECRET", "private draws")
@@ -143,6 +145,7 @@ def test_what_looks_at_other_environments_is_refused(content: Callable[[], bytes
         guarded(content()).act(observations(1)[0])
 
 
+@pytest.mark.slow
 def test_actions_out_of_bounds_are_refused_while_playing(tmp_path: Path) -> None:
     (tmp_path / "agent.onnx").write_bytes(onnx_agents.unbounded())
     policy = onnx_policy.load(tmp_path / "agent.onnx").make(2)
@@ -166,6 +169,7 @@ def test_who_does_not_act_alike_is_refused() -> None:
         OnnxPolicy(Fickle(), 0, 2).act_checked(observations(1, 2)[0], np.random.default_rng())
 
 
+@pytest.mark.slow
 def test_wrong_observations_do_not_even_travel() -> None:
     policy = guarded(onnx_agents.plain())
     for wrong in (np.zeros((NUM_ENVS, 12), np.float32), np.zeros((NUM_ENVS, 11)), np.zeros((1, 11), np.float32)):

@@ -14,6 +14,7 @@ ACTIONS = fixed_actions(100, 1)[:, 0]
 MAKEABLE = [*((env_id, None) for env_id in IDS), *(("RoughTurning-v0", preset) for preset in presets())]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("env_id", "preset"), MAKEABLE)
 @pytest.mark.parametrize("check", [check_env, check_env_for_agents])
 def test_checkers_are_content(check, env_id, preset):

@@ -37,6 +37,7 @@ def assert_same_answers(ours, theirs):
     assert_same_infos(ours[-1], theirs[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("num_envs", [1, 3, 64])
 @pytest.mark.parametrize("mode", AutoresetMode)
 def test_it_is_single_environments_side_by_side(mode, num_envs):

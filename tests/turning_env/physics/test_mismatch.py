@@ -76,6 +76,7 @@ def test_skin_hardens_the_cut_and_wears_the_edge_by_its_share_of_depth():
     assert steps(with_mismatch(**SKIN | {"skin_thickness": 3.0}), 1)["hardness"] == pytest.approx(SKIN["skin_hardness"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("floor", "ceiling", "share"),
     [(0.0, math.inf, 0.2), (1.25, math.inf, 0.4), (0.0, 1.25, 0.0), (0.0, 2.25, 1 / 9), (2.2, 2.4, 1.0), (3.0, math.inf, 0.0)],

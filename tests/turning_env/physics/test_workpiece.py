@@ -59,6 +59,7 @@ def test_noise_between_nodes_has_unit_variance_everywhere(share):
     assert between_nodes(1.0, 0.0, share) ** 2 + between_nodes(0.0, 1.0, share) ** 2 == pytest.approx(1.0, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("along", [0.0, 10.0, 137.3])
 def test_spreads_are_those_of_the_scenario(along):
     """Over 4000 bars the standard error of a standard deviation is 1.1 %."""

@@ -196,6 +196,7 @@ def test_long_lines_and_long_programs_are_refused() -> None:
         read(";" * 10_000_001)
 
 
+@pytest.mark.slow
 @given(EXPRESSIONS)
 def test_expressions_read_back_equal(expression: Expression) -> None:
     assert parse(str(expression), READABLE) == expression

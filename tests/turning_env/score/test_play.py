@@ -73,6 +73,7 @@ def middle(rule: Rule) -> dict[str, float]:
     return rule.fixed | {name: 0.5 * (found.low + found.high) for name, found in rule.ranges.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("preset", "name"), PLAYED)
 def test_a_rule_plays_an_environment_as_it_would_alone(preset: str, name: str) -> None:
     scenario = changed(Scenario.load(preset), **FEW[preset])

@@ -106,6 +106,7 @@ def test_lost_cluster_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
                 over.finished()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("greeting", [b"", b"SSH-2.0-OpenSSH"])
 def test_server_that_is_no_scheduler_is_refused(greeting: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "CONNECTING", 0.5)
