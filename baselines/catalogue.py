@@ -6,7 +6,7 @@ from types import ModuleType
 
 from baselines import tuned
 from baselines.models.edge_changes import as_played
-from baselines.rule import Rule
+from baselines.rule import TOLERANCE, Rule
 from turning_env import Scenario
 from turning_env.score.policy import PolicySpec, ScenarioId
 
@@ -87,6 +87,6 @@ def spec(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> Pol
         description=rule.description,
         parameters=dict(parameters),
         tuned_for=None if tuned_on is None else ScenarioId.of(tuned_on),
-        tolerance=rule.tolerance,
+        tolerance=TOLERANCE,
         make=lambda num_envs: rule.build(nominal, num_envs, parameters),
     )

@@ -237,9 +237,6 @@ def plays(scenario: Scenario) -> bool:
     return sets_speed_and_feed(scenario) and scenario.sensors.force == "dynamometer"
 
 
-TOLERANCE = 1e-6
-"""By how much the return of an episode [s] may differ on another processor: the last bits of exponentials differ, and of choices
-that are all but equal the better one is taken. With random last bits, returns of eight episodes differed by 1e-10 s at most."""
 PARAMETERS = {"severity": Range(0.5, 4.0, logarithmic=True), "caution": Range(0.5, 2.0, logarithmic=True)}
 
 
@@ -253,7 +250,6 @@ def optimising(description: str, optimiser: Callable[..., Optimiser], version: i
         version=version,
         changes_edges=True,
         tuned_on="rough_turning",
-        tolerance=TOLERANCE,
     )
 
 

@@ -5,8 +5,8 @@ from itertools import count
 
 import numpy as np
 
-from baselines.optimiser import TOLERANCE
 from baselines.oracles import clairvoyant, perfect_state
+from baselines.rule import TOLERANCE
 from turning_env import Scenario
 from turning_env.score.play import EPISODE_FIELDS, Episodes
 from turning_env.score.policy import PolicySpec

@@ -2,6 +2,7 @@
 
 import os
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 # The first call of a compiled function takes seconds, and whether the suite passes must not depend on chance.
@@ -14,3 +15,9 @@ settings.register_profile(
 # No window is shown.
 os.environ["SDL_VIDEODRIVER"] = "dummy"
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the longest tests, so that no worker is left with one at the end."""
+    longest = ("tests/test_pages.py", "tests/test_identity.py")
+    items.sort(key=lambda item: not item.nodeid.startswith(longest))

@@ -82,8 +82,8 @@ class PolicySpec(BaseModel):
     """What trained an agent."""
     tuned_for: ScenarioId | None = None
     """The scenario that it was tuned or trained on; None: the one that it plays."""
-    tolerance: float = 0.0
-    """By how much an episode's return [s] may differ on another processor; 0: every number is the same to the last bit."""
+    tolerance: float = Field(default=0.0, exclude=True)
+    """By how much any number of an episode may differ on another processor; 0: every number is the same to the last bit."""
     trained_on: Scenario | None = Field(default=None, exclude=True, repr=False)
     """Of an agent that was just loaded: the scenario of its training."""
     make: PolicyFactory = Field(default=_known_by_name, exclude=True, repr=False)
@@ -112,4 +112,4 @@ class PolicySpec(BaseModel):
     @property
     def identity(self) -> dict[str, Any]:
         """Return the fields that tell this policy from others."""
-        return self.model_dump(exclude={"description", "command", "tolerance"})
+        return self.model_dump(exclude={"description", "command"})
