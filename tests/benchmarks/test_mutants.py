@@ -33,7 +33,7 @@ def test_survivors_are_shown_and_outcomes_kept(
 ) -> None:
     tried = []
     monkeypatch.setattr(mutants, "survives", lambda mutant, copies, limit: tried.append(mutant) or alive)
-    monkeypatch.setattr(mutants, "passes", lambda copy: True)
+    monkeypatch.setattr(mutants, "passes", lambda copy, path: True)
     monkeypatch.setattr(mutants.shutil, "copytree", lambda *arguments, **options: tmp_path)
     arguments = ["--count", "4", "--out", str(tmp_path / "outcomes.jsonl")]
     for _ in range(2):  # the second time nothing is left to try
