@@ -157,9 +157,10 @@ clean:
 	$(PIP) install --no-deps --no-build-isolation -e .
 	touch $@
 
-# Compiled code and mypy's cache are part of the set-up, so that the first `make check` is as quick as the next.
+# Bytecode, compiled code and mypy's cache are part of the set-up, so that the first `make check` is as quick as the next.
 .venv/test: .venv/run
 	$(call install,$(TEST_EXTRAS))
+	.venv/bin/python -m compileall -q -j 2 .venv/lib > .venv/bytecode.txt 2>&1 || true
 	.venv/bin/python -m tests.compile
 	.venv/bin/mypy > .venv/types.txt || true
 	touch $@
