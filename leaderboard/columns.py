@@ -15,7 +15,7 @@ class Cell:
     text: str
     interval: str
     number: float | None
-    """What to sort by; None if there is no value or it is infinite."""
+    """The number to sort by; None if there is no value or it is infinite."""
     ends: tuple[float, float] | None = None
     """Low and high end of the interval, in the unit of ``number``."""
 
@@ -28,7 +28,7 @@ class Column:
     unit: str
     definition: str
     field: str
-    """Of ``Standing``."""
+    """Field of ``Standing``."""
     decimals: int = 0
     """At least so many; the width of an interval may ask for more."""
     factor: float = 1.0

@@ -108,7 +108,8 @@ def verify(
             if not found and seeds is None:
                 known.add(result.checksum)
                 write_whole(memory, json.dumps(sorted(known), indent=1) + "\n")
-    memory.unlink(missing_ok=True)
+    if seeds is None:
+        memory.unlink(missing_ok=True)
     return sorted(complaints)
 
 

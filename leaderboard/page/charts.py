@@ -16,7 +16,7 @@ LEVELS = 65_534
 GAP = LEVELS + 1
 """Stands for a missing value: the load of a tool in air."""
 AXES = {"minutes": "machine time [min]", "path": "path [mm]"}
-"""What a chart is drawn along."""
+"""Axes along which a chart is drawn."""
 
 
 class Subject(NamedTuple):

@@ -20,16 +20,16 @@ class PaperFigure:
     """One figure."""
 
     name: str
-    """Of its files, without suffix."""
+    """Name of its files, without suffix."""
     source: str
     """Paper and figure that it stands for."""
     caption: str
     draw: Callable[[], Figure]
     """Called within ``style.for_print``."""
     checks: Callable[[], Iterable[Check]] = tuple
-    """What the paper prints or states of it, beside the project's numbers."""
+    """Values that the paper prints or states, beside the project's numbers."""
     remark: str = ""
-    """What cannot be compared, and why."""
+    """Items that cannot be compared, and why."""
 
     def description(self) -> list[str]:
         """Return the caption with its source, then what agrees with the paper and what does not, one line each."""
