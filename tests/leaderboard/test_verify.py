@@ -198,6 +198,9 @@ def test_a_quick_look_is_at_the_first_seeds(shipped: Path) -> None:
     (quick,) = complaints(shipped, ONE_RULE, seeds=2)
     assert quick.startswith(f"{path}: wear differs for 1 of 2 seeds")
     assert not (shipped / "verified.json").exists()
+    (shipped / "verified.json").write_text("[]")  # of a verification that was interrupted
+    complaints(shipped, ONE_RULE, seeds=2)
+    assert (shipped / "verified.json").exists()
     assert len(complaints(shipped, ONE_RULE)) == 2
 
 
