@@ -44,7 +44,7 @@ class FeedSwitch(gymnasium.ActionWrapper[Float32s, np.int64, Float32s], RecordCo
         self.action_space = Discrete(len(FEED_GRADES))
 
     def action(self, action: np.int64) -> Float32s:
-        """The override action, shape (1,), of a grade."""
+        """Return the override action of a grade, shape (1,)."""
         if not self.action_space.contains(action):
             raise ValueError(f"a grade must be a whole number, 0 to {len(FEED_GRADES) - 1}, got {action!r}")
         return np.array(self._actions[int(action)])
@@ -67,7 +67,7 @@ class VectorFeedSwitch(VectorActionWrapper[Float32s, NDArray[np.int64], Float32s
         self.action_space = batch_space(self.single_action_space, env.num_envs)
 
     def actions(self, actions: NDArray[np.int64]) -> Float32s:
-        """The override actions, shape (num_envs, 1), of grades."""
+        """Return the override actions of grades, shape (num_envs, 1)."""
         grades = np.asarray(actions)
         right = grades.shape == (self.num_envs,) and np.issubdtype(grades.dtype, np.integer)
         if not right or grades.min() < 0 or grades.max() >= len(FEED_GRADES):
@@ -76,7 +76,7 @@ class VectorFeedSwitch(VectorActionWrapper[Float32s, NDArray[np.int64], Float32s
 
 
 def _override_actions(scenario: Scenario | None) -> Float32s:
-    """The environment's action, shape (16, 1), for each grade."""
+    """Return the override action of each grade, shape (16, 1)."""
     if not isinstance(scenario, Scenario):
         raise ValueError("a feed switch needs a RoughTurning environment")
     control = scenario.control

@@ -59,7 +59,7 @@ def log(x):
 
 @compiled
 def real_power(base, exponent):
-    """A base of 0 or more to the power of an exponent other than 0, to some 1e-15 times the logarithm of the result."""
+    """Return base ** exponent for base >= 0 and exponent != 0; the relative error is some 1e-15 times the result's logarithm."""
     return exp(exponent * log(base)) if base > 0.0 else 0.0
 
 
