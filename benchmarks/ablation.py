@@ -1,12 +1,12 @@
-"""Measure what each choice in PPO's training is worth: agents that differ in one choice play the same tuning seeds.
+"""Measure the worth of each choice in PPO's training: agents that differ in one choice play the same tuning seeds.
 
     python -m benchmarks.ablation
     python -m benchmarks.ablation --steps 2000000 --seeds 3 --out docs/ablation.md
     python -m benchmarks.ablation --variants as_it_is discount_0.99
     python -m benchmarks.ablation --seeds 5 --jobs 8
 
-Each variant is trained with ``train/hyperparameters/ppo.toml`` except for what its row names, all for as many steps.
-Every agent is scored by the environment's own return, whatever its training rewards. Trainings are kept in ``RUNS/ablation``:
+All variants train for the same number of steps, with ``train/hyperparameters/ppo.toml`` except for the choice that their row names.
+The environment's own return scores every agent, whatever its training rewards. Trainings are kept in ``RUNS/ablation``:
 the same command continues where it stopped, and one with more seeds adds to them.
 """
 
@@ -63,12 +63,12 @@ def life_left_behind(infos: dict[str, Any]) -> tuple[NDArray[np.float64], NDArra
 
 
 class ChargedAtEnd(RoughTurningVecEnv):
-    """Environments whose training rewards charge an edge when it is worn out or broken, and then its whole price."""
+    """Environments whose training rewards charge the whole price of an edge when it is worn out or broken."""
 
     def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
-        """Return rewards [s] in which the charge for used life is put off to the edge's end."""
+        """Return rewards [s] that charge used life at the edge's end."""
         used, ended = life_left_behind(infos)
-        # A broken edge pays for what was left of it as it is: what is put off is what it had used.
+        # The reward already charges a broken edge for the life that was left, so only the used life is charged here.
         return (
             rewards
             - info_at_end_of_step(infos, "reward_edge")
@@ -79,13 +79,13 @@ class ChargedAtEnd(RoughTurningVecEnv):
 class PricedByLeft(RoughTurningVecEnv):
     """Environments whose training rewards charge used life D at its marginal price p(D) instead of the flat price.
 
-    They add the difference of a potential of D to a step's reward,
+    They add the difference of a potential of D to a step's reward:
 
-        price D - integral of p from 0 to D,
+        price D - integral of p from 0 to D
 
-    so that it adds up to the same over every whole edge, whatever is done (Ng, Harada and Russell 1999, without a discount; a
-    broken edge counts as used up). With the discount in the potential's difference, nothing would change for an agent with
-    little foresight, and it is such an agent that a flat price lets use up a fresh edge too gladly.
+    The differences add up to the same over every whole edge, whatever the agent does (Ng, Harada and Russell 1999, without a
+    discount; a broken edge counts as used up). A flat price makes an agent with little foresight use up a fresh edge too fast.
+    With the discount in the potential's difference, this would not change.
     """
 
     def __init__(self, scenario: Scenario, count: int, reward_scale: float = 1.0) -> None:
@@ -109,7 +109,7 @@ class PricedByLeft(RoughTurningVecEnv):
 
 
 class Stacked(RoughTurningVecEnv):
-    """Environments that show the last ``FRAMES`` observations side by side, latest last, 0 before an episode's first."""
+    """Environments that return the last ``FRAMES`` observations together, latest last, 0 before an episode's first."""
 
     def __init__(self, scenario: Scenario, count: int, reward_scale: float = 1.0) -> None:
         super().__init__(scenario, count, reward_scale)
@@ -130,10 +130,10 @@ class Stacked(RoughTurningVecEnv):
 
 
 class StackedActor(Actor):
-    """Layers that see the last ``FRAMES`` observations; the memory is all of them but the present one, latest last."""
+    """Layers that see the last ``FRAMES`` observations; the memory holds all but the present one, latest last."""
 
     def __init__(self, *layers: torch.nn.Module, entries: int) -> None:
-        """``layers`` lead from ``FRAMES`` observations of so many entries to actions."""
+        """Take layers that map ``FRAMES`` observations of ``entries`` entries each to actions."""
         super().__init__()
         self.layers = torch.nn.Sequential(*layers)
         self.entries = entries
@@ -151,7 +151,7 @@ def stacked_actor(policy: Any) -> StackedActor:
 
 
 class ProcessorTime(BaseCallback):
-    """Counts a training's processor time [s] in its model, so that checkpoints and the agent's file keep it."""
+    """Keep a training's processor time [s] in its model, so that checkpoints and the agent's file hold it."""
 
     def _on_training_start(self) -> None:
         self._start = time.process_time() - getattr(self.model, "processor_time", 0.0)
@@ -175,7 +175,7 @@ class Variant:
     """Differences of a training of PPO."""
 
     title: str
-    """For people."""
+    """Name in the table."""
     parameters: dict[str, Any] = field(default_factory=dict)
     """Hyperparameters that differ."""
     control: dict[str, Any] = field(default_factory=dict)
@@ -192,8 +192,8 @@ class Variant:
 _AT_END = dataclasses.replace(ppo.ALGORITHM, vec_env=ChargedAtEnd)
 
 VARIANTS = {
-    "as_it_is": Variant("as it is"),
-    "set_point": Variant("set points in place of increments", control={"action": "set_point"}),
+    "as_it_is": Variant("unchanged"),
+    "set_point": Variant("set points instead of increments", control={"action": "set_point"}),
     "charged_at_end": Variant("edge charged at its end", algorithm=_AT_END),
     "discount_0.5": Variant("discount 0.5", {"discount": 0.5}),
     "discount_0.95": Variant("discount 0.95", {"discount": 0.95}),
@@ -202,11 +202,9 @@ VARIANTS = {
     "four_frames": Variant(
         f"the last {FRAMES} observations", algorithm=dataclasses.replace(ppo.ALGORITHM, vec_env=Stacked, network=stacked_actor)
     ),
-    "life_by_left": Variant(
-        "life priced by how much is left", algorithm=dataclasses.replace(ppo.ALGORITHM, vec_env=PricedByLeft)
-    ),
+    "life_by_left": Variant("life priced by the share left", algorithm=dataclasses.replace(ppo.ALGORITHM, vec_env=PricedByLeft)),
 }
-"""By name, in the table's order. The others are compared with the first that is played."""
+"""Variants by name, in the table's order. The table compares all others with the first that is played."""
 
 
 @dataclass(frozen=True)
@@ -223,13 +221,13 @@ class Played:
 def play_agent(
     agent: tuple[str, int], base: Scenario, runs: Path, overrides: dict[str, Any], command: str
 ) -> tuple[Episodes, float]:
-    """Train a variant's agent of a training seed, as far as that is not done, and play it.
+    """Train a variant's agent with a training seed, unless that is finished, and play it.
 
     Returns:
         The episodes, each of shape (tuning seeds,), and the training's processor time [s].
 
     Raises:
-        ValueError: the folder of the training holds one of other settings, or numbers have not stayed finite.
+        ValueError: the training's folder holds a training with other settings, or numbers have not stayed finite.
     """
     name, seed = agent
     variant = VARIANTS[name]
@@ -249,10 +247,10 @@ def gathered(name: str, agents: Sequence[tuple[Episodes, float]]) -> Played:
 
 
 def table(rows: Sequence[Played]) -> list[str]:
-    """Return the lines of a Markdown table of the variants; differences are from the first row."""
+    """Return the lines of a Markdown table of the variants; differences are to the first row."""
     bootstrap = Bootstrap(rows[0].episodes["return"].shape[1])
     lines = [
-        "| | return [s] | less the first row's [s] | severely over a limit [% of cutting time] | edges broken per 100 "
+        "| Variant | return [s] | difference to the first row [s] | severe overload [% of cutting time] | edges broken per 100 "
         "| training [s of processor time] |",
         "|---|---|---|---|---|---|",
     ]
@@ -280,19 +278,19 @@ def _text(estimate: Estimate, decimals: int) -> str:
 
 def page(command: str, lines: Sequence[str], steps: int, seeds: int) -> str:
     """Return the table as a Markdown page with the command and an explanation."""
-    over = "tuning seeds and training seeds" if seeds > 1 else "tuning seeds, which leave out the spread over training seeds"
+    over = "tuning seeds and training seeds" if seeds > 1 else "tuning seeds only, not over training seeds"
     text = (
-        "Each agent is PPO with `train/hyperparameters/ppo.toml` except for what its row names, trained for "
-        f"{steps:,} steps\nwith {seeds} training seed{'s' * (seeds > 1)}, and plays the same {NUM_SEEDS} tuning seeds of "
-        f"{ENV_ID}. Returns are the environment's own,\nwhatever the training rewards. In brackets: {100 * CONFIDENCE:.0f} % "
-        f"bootstrap intervals over {over}.\nDifferences are paired by seed."
+        "This page measures the worth of each choice in PPO's training. Every variant uses `train/hyperparameters/ppo.toml`\n"
+        f"except for the choice that its row names. It trains for {steps:,} steps with {seeds} training seed{'s' * (seeds > 1)}\n"
+        f"and plays the same {NUM_SEEDS} tuning seeds of `{ENV_ID}`. Returns are the environment's own, whatever the training\n"
+        f"rewards. Brackets hold {100 * CONFIDENCE:.0f} % bootstrap intervals over {over}.\nDifferences are paired by seed."
     )
-    return "\n".join(["# What each choice in PPO's training is worth", "", "```bash", command, "```", "", text, "", *lines, ""])
+    return "\n".join(["# Ablation of PPO's training", "", "```bash", command, "```", "", text, "", *lines, ""])
 
 
 @exits(ValueError, interrupted="interrupted: run the same command again to go on")
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Train what is not trained yet, play, print the table; return the exit status."""
+    """Train the missing agents, play all, print the table; return the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
     parser = argparse.ArgumentParser(prog="python -m benchmarks.ablation", **described(__doc__))
     parser.add_argument("--steps", type=int, default=2_000_000, help="environment steps per training (default: %(default)s)")
@@ -302,7 +300,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         nargs="+",
         choices=VARIANTS,
         default=list(VARIANTS),
-        help=f"rows, of {', '.join(VARIANTS)} (default: all)",
+        help=f"variants to train, from {', '.join(VARIANTS)} (default: all)",
         metavar="NAME",
     )
     who = parser.add_mutually_exclusive_group()

@@ -1,11 +1,10 @@
-"""Measure environment steps per second beside other environments; ``--out`` writes peers.md and peers.png.
+"""Compare environment steps per second with other environments; ``--out`` writes peers.md and peers.png.
 
     python -m benchmarks.peers --out docs
 
-Measures every peer that can be imported, and this project, in one process; installs nothing (``pip install -e '.[peers]'`` does).
-All cases take turns, so that whatever else the machine does hits all alike, and ratios are taken within a turn. Steps per CPU
-second beside those per second tell who uses more than one core, or was kept waiting for one. Actions are random and drawn
-beforehand; starting episodes anew counts.
+Measures this project and every peer that can be imported, in one process. Install the peers with ``pip install -e '.[peers]'``.
+All cases take turns, so other load on the machine affects them equally, and ratios are taken within a turn. Steps per CPU second
+show which case used more than one core or waited for one. Actions are random and drawn beforehand; resets count.
 """
 
 import argparse
@@ -33,7 +32,7 @@ _SCAN = 64  # steps in one call of a compiled loop
 
 
 def gymnasium_cases() -> Iterator[Case]:
-    """Yield Gymnasium's own."""
+    """Yield cases of Gymnasium's own environments."""
     yield one(REFERENCE, gymnasium.make("Pendulum-v1").unwrapped)
     yield one("Gymnasium Pendulum", gymnasium.make("Pendulum-v1"))
     for num_envs in NUM_ENVS:
@@ -43,7 +42,7 @@ def gymnasium_cases() -> Iterator[Case]:
 
 
 def our_cases() -> Iterator[Case]:
-    """Yield this project's."""
+    """Yield cases of this project."""
     yield single(MAIN)._replace(name=f"{MAIN}, unwrapped")
     yield one(MAIN, gymnasium.make(MAIN))
     for env_id in IDS:
@@ -52,7 +51,7 @@ def our_cases() -> Iterator[Case]:
 
 
 def envpool_cases() -> Iterator[Case]:
-    """Yield EnvPool on one thread."""
+    """Yield cases of EnvPool on one thread."""
     envpool = importlib.import_module("envpool")
     for num_envs in NUM_ENVS[1:-1]:
         env = envpool.make_gymnasium("Pendulum-v1", num_envs=num_envs, num_threads=1)
@@ -61,7 +60,7 @@ def envpool_cases() -> Iterator[Case]:
 
 
 def gymnax_cases() -> Iterator[Case]:
-    """Yield gymnax: a compiled loop over steps and random actions."""
+    """Yield cases of gymnax: a compiled loop over steps and random actions."""
     jax, gymnax = importlib.import_module("jax"), importlib.import_module("gymnax")
     env, parameters = gymnax.make("Pendulum-v1")
 
@@ -89,7 +88,7 @@ def gymnax_cases() -> Iterator[Case]:
 
 
 def motor_cases() -> Iterator[Case]:
-    """Yield gym-electric-motor, the nearest field."""
+    """Yield a case of gym-electric-motor, the nearest field."""
     motor = importlib.import_module("gym_electric_motor")
     yield one("gym-electric-motor Cont-CC-PMSM", motor.make("Cont-CC-PMSM-v0"))
 
@@ -100,24 +99,24 @@ PEERS: dict[str, Callable[[], Iterator[Case]]] = {
     "gymnax": gymnax_cases,
     "gym_electric_motor": motor_cases,
 }
-"""Modules that hold peers."""
+"""Cases of each peer, by module."""
 
 
 def importable_cases(report: Callable[[str], None]) -> list[Case]:
-    """Return all cases of this project and of importable peers; ``report`` gets the reason for each other peer."""
+    """Return all cases of this project and of importable peers; pass the reason for each missing peer to ``report``."""
     cases: list[Case] = []
     for module, peer in PEERS.items():
         try:
             cases += peer()
         except ImportError as error:
             report(f"left out: {module}: {error}")
-        except Exception as error:  # whatever a peer does must not hinder the others
+        except Exception as error:  # a failing peer must not stop the others
             report(f"left out: {module} does not run here: {type(error).__name__}: {error}")
     return [*cases, *our_cases()]
 
 
 class Row(NamedTuple):
-    """A case's medians over the turns, and the range of its ratio."""
+    """A case's medians over the turns and the range of its ratio."""
 
     name: str
     num_envs: int
@@ -152,19 +151,19 @@ def machine() -> str:
 def page(rows: Sequence[Row], command: str, left_out: Sequence[str]) -> str:
     """Return the table as Markdown."""
     lines = [
-        "# Beside peers",
+        "# Speed compared with other environments",
         "",
-        "Environment steps per second, episodes started anew included: medians over turns that all cases take one after the",
-        f"other. Ratios are to `{REFERENCE}` in the same turn, with their range over the turns; quote these. One step",
-        "of `RoughTurning-v0` is a second of turning in ten sub-steps. Written by",
+        "This page compares environment steps per second, resets included. All cases take turns; the table shows medians over",
+        f"the turns. Ratios are to `{REFERENCE}` in the same turn, with their range over the turns. Quote the ratios. One",
+        "step of `RoughTurning-v0` is a second of turning in ten sub-steps.",
         "",
         "```bash",
         command,
         "```",
         "",
-        f"on {machine()}.",
+        f"Machine: {machine()}.",
         "",
-        "| | environments | steps per second | per CPU second | ratio |",
+        "| Case | environments | steps per second | per CPU second | ratio |",
         "|---|---:|---:|---:|---:|",
     ]
     for row in rows:
@@ -218,7 +217,7 @@ def plot(rows: Sequence[Row], path: Path) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print and write; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.peers", **described(__doc__))
-    parser.add_argument("--repeats", type=int, default=7, help="turns that every case gets (default: %(default)s)")
+    parser.add_argument("--repeats", type=int, default=7, help="turns of every case (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=0.3, help="length of one turn in s (default: %(default)s)")
     parser.add_argument("--out", type=Path, help="folder for peers.md and peers.png (default: only print)")
     options = parser.parse_args(arguments)
