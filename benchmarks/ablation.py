@@ -5,7 +5,7 @@
     python -m benchmarks.ablation --variants as_it_is discount_0.99
     python -m benchmarks.ablation --seeds 5 --jobs 8
 
-All variants train for the same number of steps, with ``train/hyperparameters/ppo.toml`` except for the choice that their row names.
+All variants train for the same number of steps, with ``train/hyperparameters/ppo.toml`` except for the choice that names the row.
 The environment's own return scores every agent, whatever its training rewards. Trainings are kept in ``RUNS/ablation``:
 the same command continues where it stopped, and one with more seeds adds to them.
 """

@@ -1,10 +1,10 @@
-"""Draws every figure of the papers anew, from what the project's own models and controllers do.
+"""Draw every figure of the papers with the project's own models and controllers.
 
     python -m papers.figures
     python -m papers.figures --only grid_search_03 grid_search_12 --format svg --out build/figures
 
-Without --only it also writes an index, README.md, with the captions and with what agrees with the papers; with it, that is
-printed for the figures drawn. Takes about a minute.
+Without --only it also writes an index, README.md, with captions and comparisons with the papers. With --only it prints these for
+the figures that it draws. Takes about a minute.
 """
 
 import argparse
@@ -23,22 +23,24 @@ _GRID_SEARCH = sorted((*minutes.FIGURES, *life.FIGURES), key=lambda figure: figu
 FIGURES = {
     figure.name: figure for figure in (*_GRID_SEARCH, *override.FIGURES, *roughness.FIGURES, *blanks.FIGURES, *servo.FIGURES)
 }
-"""All figures by name, in the order of the index; a further figure is added to its group's file."""
+"""All figures by name, in the order of the index. Add a figure to its group's file."""
 INDEX = "README.md"
 HEAD = """# Figures of the papers
 
-Written by `python -m papers.figures`, which computes every figure anew from the project's own models and controllers. Open
-circles are what a paper prints or states. The copies of the papers used lack their figures: captions, tables and text say what
-each showed, and what they say is compared and counted below. `python -m papers.reproduce` lists every comparison of numbers.
+`python -m papers.figures` writes this page and draws every figure with the project's own models and controllers. Open circles
+are values that a paper prints or states.
+
+The copies of the papers used lack their figures. Captions, tables and text say what each figure showed. The lines below each
+figure count how many of these numbers and claims agree. `python -m papers.reproduce` lists every comparison.
 """
 
 
-@exits(ValueError, interrupted="interrupted: figures that were drawn are whole")
+@exits(ValueError, interrupted="interrupted: the figures drawn so far are complete")
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m papers.figures", **described(__doc__))
     parser.add_argument("--out", type=Path, default=Path("docs/figures"), metavar="FOLDER", help="default: %(default)s")
-    parser.add_argument("--only", nargs="+", metavar="NAME", help=f"figures to draw, of {', '.join(FIGURES)} (default: all)")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help=f"figures to draw, from {', '.join(FIGURES)} (default: all)")
     parser.add_argument("--format", nargs="+", choices=style.FORMATS, default=["png"], help="default: png")
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.only or () if name not in FIGURES]:

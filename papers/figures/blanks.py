@@ -54,10 +54,10 @@ FIGURES = (
     PaperFigure(
         "part_programming_psi",
         "Sharmazanashvili (2008), the gain psi by type of blank",
-        "What correcting the path of the tool to the measured blank gains, by kind of blank and by the two limits along which "
-        "speed and feed are set (P force, V cutting speed, S feed, N power, M torque, T life).",
+        "The gain psi from correcting the tool path to the measured blank, by kind of blank and by the two limits that set speed "
+        "and feed (P force, V cutting speed, S feed, N power, M torque, T life).",
         draw,
         checks,
-        "The paper's figures are lost; its dispersions of the allowance are used, with exponents of handbooks.",
+        "The paper's figures are lost. The project uses its dispersions of the allowance with handbook exponents.",
     ),
 )

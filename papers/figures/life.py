@@ -145,7 +145,7 @@ FIGURES = (
     PaperFigure(
         "grid_search_11",
         f"{GRID_SEARCH}, Figure 11",
-        "The grid search through the life of an edge: a) thrust force, b) power, c) removal rate in each minute.",
+        "The grid search over the life of an edge: a) thrust force, b) power, c) removal rate in each minute.",
         draw_responses,
         response_checks,
     ),
@@ -159,11 +159,11 @@ FIGURES = (
     PaperFigure(
         "grid_search_13",
         f"{GRID_SEARCH}, Figures 13 to 15",
-        "The grid search against tests at fixed speed and feed: a) wear over cutting time, by the models; squares: when the "
+        "The grid search and tests at fixed speed and feed: a) wear over cutting time by the models, with squares where the "
         "paper's edges of T4, T5, T8 and T9 were worn out; b) metal per minute of the grid search over that of each test.",
         draw_rivals,
         rival_checks,
-        "The figures that gave the tests' parameters are lost: feeds follow from the stated ratios at 2.5 mm depth of cut; "
-        "of T6 and T7 nothing is known but their speed.",
+        "The figures with the tests' parameters are lost. Feeds follow from the stated ratios at 2.5 mm depth of cut. "
+        "For T6 and T7, only the speed is known.",
     ),
 )

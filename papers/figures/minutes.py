@@ -217,43 +217,43 @@ def _figure(number: int, minute: int, caption: str, draw: Draw, checks: Checks, 
 
 
 def _best(number: int, minute: int, what: str) -> PaperFigure:
-    caption = f"The grid search before the {what}: a) thrust force, b) power, c) wear at the end of the minute, d) removal rate."
-    remark = "Panel d is added; the copy used lacks the curves themselves, so that printed tables and text are compared."
+    caption = f"Grid search before the {what}: a) thrust force, b) power, c) wear at the end of the minute, d) removal rate."
+    remark = "Panel d is added. The copy used lacks the curves, so the checks compare printed tables and text."
     return _figure(number, minute, caption, draw_best, best_checks, remark)
 
 
 def _plane(number: int, minute: int, what: str) -> PaperFigure:
     caption = (
-        f"What {what}: contours of removal rate and of wear at the end of the minute, and the limits of thrust force and power, "
+        f"{what}: contours of removal rate and of wear at the end of the minute, and the limits of thrust force and power, "
         "over cutting speed and feed."
     )
-    remark = "The chosen pair lies on the search's grid (10 m/min, 0.005 mm/rev), so just inside the limit that it meets."
+    remark = "The chosen pair lies on the search grid (10 m/min, 0.005 mm/rev), so it falls just inside the limit."
     return _figure(number, minute, caption, draw_plane, plane_checks, remark if minute in STATED else "")
 
 
-_BEST = "with the highest feed that keeps all limits at each cutting speed"
-_CHOICE = "the grid search chooses from for the"
+_BEST = "at the highest feed that keeps all limits at each cutting speed"
+_CHOICE = "Choice of the grid search for the"
 FIGURES = (
     _best(2, 1, f"first minute, {_BEST}"),
     _best(4, 2, f"second minute, {_BEST}"),
-    _best(8, 14, f"fourteenth minute, the last, {_BEST}; open markers: no feed keeps the force, the lowest is shown"),
+    _best(8, 14, f"fourteenth and last minute, {_BEST} (open markers: no feed keeps the force limit, the lowest is shown)"),
     _best(
         9,
         15,
-        "fifteenth minute, where no pair is left, with the highest feed that keeps force and power at each cutting speed, or the "
-        "lowest",
+        "fifteenth minute, where no pair is feasible, at the highest feed that keeps force and power at each cutting speed, or "
+        "else the lowest",
     ),
     _plane(3, 1, f"{_CHOICE} first minute"),
     _plane(6, 2, f"{_CHOICE} second minute"),
-    _plane(7, 14, f"{_CHOICE} fourteenth minute, when the worn edge leaves a corner"),
-    _plane(10, 15, "is left for the fifteenth minute, nothing, as the edge would be worn out at any pair"),
+    _plane(7, 14, f"{_CHOICE} fourteenth minute, when the worn edge leaves only a corner"),
+    _plane(10, 15, "No choice for the fifteenth minute, because every pair would wear the edge out"),
     PaperFigure(
         "grid_search_05",
         f"{GRID_SEARCH}, Figure 5",
         "Objective and constraints of the second minute over cutting speed and feed: a) removal rate, b) wear at its end, "
-        "c) thrust force, d) power. Diamond: the pair that the grid search chooses, the highest of a) that keeps all limits.",
+        "c) thrust force, d) power. Diamond: the chosen pair, which has the highest removal rate within all limits.",
         lambda: draw_surfaces(2),
-        remark='The paper draws "transformed data" without saying how they were transformed: here they are as they are. '
-        "Its values at the best feeds are those of Table 2 (grid_search_04).",
+        remark='The paper draws "transformed data" without the transformation; this figure draws them untransformed. '
+        "The paper's values at the best feeds are those of Table 2 (grid_search_04).",
     ),
 )

@@ -103,11 +103,11 @@ def _draw_response(axes: Axes, run: Trajectory, scenario: Scenario) -> None:
 FIGURES = (
     PaperFigure(
         "override_steps",
-        "Fuzzy feed override, Figures 5 and 7; FANUC iAdaptS, Caron TMAC and OMATIVE ACM as patents and manuals describe them",
-        "What every law of feed override does on the same stepped bar, undisturbed: depth of cut above, commanded override and "
-        "spindle load below, with the load's highest value.",
+        "Fuzzy override paper, Figures 5 and 7; FANUC iAdaptS, Caron TMAC and OMATIVE ACM as patents and manuals describe them",
+        "Responses of all laws of feed override on the same undisturbed stepped bar: depth of cut above, commanded override and "
+        "spindle load below, with the highest load.",
         draw,
         checks,
-        "The curves of the paper's own bar are lost; what its text says is compared. Nothing is printed of the other laws.",
+        "The curves of the paper's own bar are lost, so the checks compare its text. No numbers are printed for the other laws.",
     ),
 )

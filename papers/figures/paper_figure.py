@@ -1,4 +1,4 @@
-"""A figure of a paper with all that is said of it, and the parts that figures share: lettered panels and a legend."""
+"""A figure of a paper with its caption and comparisons, and the parts that figures share: lettered panels and a legend."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -22,21 +22,21 @@ class PaperFigure:
     name: str
     """Name of its files, without suffix."""
     source: str
-    """Paper and figure that it stands for."""
+    """Paper and figure that it reproduces."""
     caption: str
     draw: Callable[[], Figure]
     """Called within ``style.for_print``."""
     checks: Callable[[], Iterable[Check]] = tuple
-    """Values that the paper prints or states, beside the project's numbers."""
+    """Comparisons of values that the paper prints or states with the project's."""
     remark: str = ""
-    """Items that cannot be compared, and why."""
+    """Differences that the checks cannot express."""
 
     def description(self) -> list[str]:
-        """Return the caption with its source, then what agrees with the paper and what does not, one line each."""
+        """Return lines: the caption with its source, how many checks agree, each that does not, and the remark."""
         lines, checks = [f"{self.caption} ({self.source}.)"], list(self.checks())
         if checks:
             agreeing = sum(check.verdict == "ok" for check in checks)
-            lines.append(f"Agrees with the paper: {agreeing} of {len(checks)} figures and claims.")
+            lines.append(f"Agrees with the paper: {agreeing} of {len(checks)} numbers and claims.")
         for check in checks:
             if check.verdict != "ok":
                 values = "" if check.relation == "true" else f" paper {check.paper:.4g}, project {check.ours:.4g};"

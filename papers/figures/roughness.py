@@ -15,7 +15,7 @@ from papers.reproduce.constant_force import outcomes, record, simulation_checks,
 from turning_env import Scenario
 from turning_env.workshop import plot_style as style
 
-PAPER = "Roughness control by constant force"
+PAPER = "Cus and Zuperl (2015)"
 _FREE: dict[str, Any] = {"color": style.ORANGE, "linewidth": 0.8, "linestyle": (0, (4, 1))}
 _HELD: dict[str, Any] = {"color": style.BLUE, "linewidth": 0.8}
 _REFERENCE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.9, "linestyle": ":"}
@@ -79,16 +79,17 @@ FIGURES = (
     PaperFigure(
         "roughness_control",
         f"{PAPER}, Figure 5",
-        "Roughness control while the reference changes, on one bar: a) Ra, b) force, c) feed, without control and with feed that "
-        "holds the force which the reference asks for.",
+        "Roughness control with a changing reference on one bar, without control and with a feed that holds the force for the "
+        "reference: a) Ra, b) force, c) feed.",
         draw_control,
         text_checks,
-        "The paper's curves are lost, and its references by section known for two: those here are drawn, four in 15 s.",
+        "The paper's curves are lost, and it states the references of two sections only. The references here are drawn at "
+        "random, four in 15 s.",
     ),
     PaperFigure(
         "roughness_table",
         f"{PAPER}, Table 1",
-        "The eight simulations with one reference each: a) Ra reached, b) force, c) feed under control.",
+        "The eight simulations, each with one reference: a) Ra reached, b) force, c) feed under control.",
         draw_table,
         simulation_checks,
     ),

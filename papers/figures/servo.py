@@ -1,4 +1,4 @@
-"""Figures 7 and 10 to 12 of the servo current paper: the current of the feed's motor and the force that it tells."""
+"""Figures 7 and 10 to 12 of the servo current paper: the feed motor's current and the force calculated from it."""
 
 from functools import cache
 from typing import Any
@@ -78,18 +78,18 @@ FIGURES = (
     PaperFigure(
         "servo_current",
         f"{PAPER}, Figures 11 and 12",
-        "Current of the feed's motor: a) over the thrust force at five depths of cut, b) in air over the feed velocity.",
+        "Current of the feed motor: a) over thrust force at five depths of cut, b) in air over feed velocity.",
         draw_current,
         motor_checks,
-        "The paper's curves carry no numbers that could be read: the brake's torque stands there for the force.",
+        "The paper's curves carry no readable numbers. There, the torque of a brake stands for the force.",
     ),
     PaperFigure(
         "servo_estimate",
         f"{PAPER}, Figures 7 and 10",
-        "Cutting a stepped bar at the programmed feed: a) measured current, b) the thrust force calculated from it, of every "
-        "sample and after a Butterworth filter of tenth order and root mean square, beside the true one.",
+        "Cutting a stepped bar at the programmed feed: a) measured current, b) true thrust force and the force calculated from "
+        "the current, for every sample and after a Butterworth filter of tenth order and root mean square.",
         draw_estimate,
         estimation_checks,
-        "The paper shows one phase current of an idle motor under a brake; here it is the amplitude in cutting.",
+        "The paper shows one phase current of an idle motor under a brake. This figure shows the amplitude during cutting.",
     ),
 )

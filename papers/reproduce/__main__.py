@@ -20,7 +20,7 @@ from turning_env.console import DONE, FAILED, described, exits, print_json
 PAPERS = (
     Paper("Alaskari and Oraby (2018), grid search", alaskari_oraby.checks, alaskari_oraby.tables),
     Paper("Fuzzy feed override", fuzzy_override.checks, fuzzy_override.tables),
-    Paper("Roughness control by constant force", constant_force.checks, constant_force.tables),
+    Paper("Cus and Zuperl (2015), roughness control", constant_force.checks, constant_force.tables),
     Paper("Sharmazanashvili (2008), adaptive part programming", part_programming.checks, part_programming.tables),
     Paper("Wang, Ai, Ze and He, servo current", servo_current.checks, servo_current.tables),
 )

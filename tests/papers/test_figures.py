@@ -121,7 +121,7 @@ def test_a_description_says_what_agrees_and_why_not() -> None:
     checks = (claim("a", True), Check("b [N]", 2.0, 3.0, not_reproduced="c is missing"), Check("d", 1.0, 2.0))
     assert PaperFigure("name", "Paper, Figure 1", "Caption.", Figure, lambda: checks, "Remark.").description() == [
         "Caption. (Paper, Figure 1.)",
-        "Agrees with the paper: 1 of 3 figures and claims.",
+        "Agrees with the paper: 1 of 3 numbers and claims.",
         "Not reproduced: b [N]: paper 2, project 3; c is missing.",
         "Mismatch: d: paper 1, project 2.",
         "Remark.",
