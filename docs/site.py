@@ -1,4 +1,4 @@
-"""MkDocs calls this: pages of the site that are made of the code and of files in the clone's root."""
+"""A hook of MkDocs that generates pages from the code and from files in the repository's root."""
 
 import html
 import inspect
@@ -47,7 +47,7 @@ def pages() -> dict[str, str]:
 
 
 def _from_root(name: str) -> str:
-    """Return a page of the clone's root with links as seen from docs; links to other files become words."""
+    """Return a page of the repository's root with links relative to docs; links to files outside the site become text."""
     text = (ROOT / name).read_text("utf-8")
     text = re.sub(r"\]\(docs/([^)]*)\)", r"](\1)", text)
     for root, site in {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md", "README.md": "index.md"}.items():
@@ -56,7 +56,7 @@ def _from_root(name: str) -> str:
 
 
 def _specification(env_id: str, level: int = 1) -> str:
-    """Return the docstring of an id's class under a heading of the given level, with tables that it lacks."""
+    """Return the docstring of an id's class under a heading of a level, with the tables that it lacks."""
     entry_point = gymnasium.spec(env_id).entry_point
     assert isinstance(entry_point, str)
     module, name = entry_point.split(":")
@@ -71,9 +71,9 @@ def _specification(env_id: str, level: int = 1) -> str:
 
 def _scenario() -> Iterator[str]:
     yield "# Scenario files\n"
-    yield "A scenario defines an episode except for its seed. `python -m turning_env schema` prints the same as JSON."
-    yield 'A TOML file states what differs from the defaults or, with `base = "PRESET"`, from a preset.'
-    yield "Unknown keys are refused.\n"
+    yield "A scenario defines an episode except for its [seed](glossary.md#seed). A TOML file states its differences from the defaults"
+    yield 'or, with `base = "PRESET"`, from a preset. Unknown keys are refused.'
+    yield "`python -m turning_env schema` prints the tables below as JSON.\n"
     schema, sections = turning_env.Scenario.model_json_schema(), griffe.load("turning_env.scenario.sections")
     for key, value in schema["properties"].items():
         if "$ref" not in value:
@@ -84,11 +84,11 @@ def _scenario() -> Iterator[str]:
         yield "| Field | Default | Allowed | Meaning |\n|---|---|---|---|"
         for name, field in section["properties"].items():
             default = value.get("default", {}).get(name, field.get("default"))
-            docstring = source[name].docstring  # of a field that is no quantity
+            docstring = source[name].docstring  # describes a field without a quantity
             meaning = field.get("description") or (" ".join(docstring.value.split()) if docstring else "")
             yield f"| `{name}` | {_shown(default)} | {_allowed(field)} | {html.escape(meaning, False)} |"
         yield ""
-    yield "## Presets\n\n| Name | What it is |\n|---|---|"
+    yield "## Presets\n\n| Name | Description |\n|---|---|"
     for preset in turning_env.presets():
         text = (Path(turning_env.__path__[0]) / "scenario" / "presets" / f"{preset}.toml").read_text("utf-8")
         tomllib.loads(text)
@@ -110,8 +110,8 @@ def _allowed(field: dict[str, Any]) -> str:
 
 def _leaderboard(leaderboards: list[Leaderboard]) -> Iterator[str]:
     yield "# Leaderboard\n"
-    yield f"[The whole leaderboard]({LEADERBOARD}), with intervals, limits, splits and trajectories."
-    yield "The five best policies on each task:\n"
+    yield f"Each table lists the five best [policies](glossary.md#policy) on a task. [The full leaderboard]({LEADERBOARD}) adds"
+    yield "confidence intervals, limits, splits and trajectories.\n"
     for leaderboard in leaderboards:
         if leaderboard.task.scenario.name in turning_env.SPLITS:
             continue
