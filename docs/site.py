@@ -71,8 +71,8 @@ def _specification(env_id: str, level: int = 1) -> str:
 
 def _scenario() -> Iterator[str]:
     yield "# Scenario files\n"
-    yield "A scenario defines an episode except for its [seed](glossary.md#seed). A TOML file states its differences from the defaults"
-    yield 'or, with `base = "PRESET"`, from a preset. Unknown keys are refused.'
+    yield "A scenario defines an episode except for its [seed](glossary.md#seed). A TOML file states its differences from"
+    yield 'the defaults or, with `base = "PRESET"`, from a preset. Unknown keys are refused.'
     yield "`python -m turning_env schema` prints the tables below as JSON.\n"
     schema, sections = turning_env.Scenario.model_json_schema(), griffe.load("turning_env.scenario.sections")
     for key, value in schema["properties"].items():
