@@ -15,7 +15,6 @@ from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
 from turning_env.workshop.plot_style import BLUE, GREY, ORANGE, VERMILLION
 
-
 PLAIN_NAMES = {
     "causal": "oracle: told depth, hardness and wear",
     "analytic_gradient": "agent: recurrent, trained with model gradients",
