@@ -77,6 +77,7 @@ results: .venv/run
 			--agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \
 	done
 	.venv/bin/python -m leaderboard cards --results $(SHIPPED_RESULTS) --agents $(SHIPPED)
+	$(if $(filter leaderboard/results,$(SHIPPED_RESULTS)),.venv/bin/python -m leaderboard.pack)
 
 # Play the results that ship again and fail if a number differs.
 verify: .venv/run

@@ -63,10 +63,10 @@ def run(words: list[str], folder: Path) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=MAX, check=False)
 
 
-def walk(page: str, folder: Path, smaller: Smaller, done: Container[str] = ()) -> None:
+def walk(page: str, folder: Path, smaller: Smaller, done: Container[str] = (), checks: tuple[str, ...] = ()) -> None:
     """Do in a copy what a page says: run commands and programs, write the files that it shows, make the changes that it shows.
 
-    Commands that are ``done`` already are not run again.
+    Commands that are ``done`` already are not run again; those that start like one of ``checks`` may exit with 1.
     """
     for block in blocks(page):
         if block.title is not None and block.language == "diff":
@@ -78,7 +78,7 @@ def walk(page: str, folder: Path, smaller: Smaller, done: Container[str] = ()) -
             for command in commands(block):
                 if command in done:
                     continue
-                check(run(small(command, smaller), folder), command)
+                check(run(small(command, smaller), folder), command, (0, 1) if command.startswith(checks) else (0,))
         elif block.language == "python":
             check(run([sys.executable, "-W", "error", "-c", block.text], folder), block.text)
 

@@ -1,4 +1,4 @@
-"""Show scenarios, calibrate them from measurements, and predict cuts with their laws.
+"""Show scenarios, calibrate them from measurements, predict cuts with their laws, and score policies.
 
 python -m turning_env presets
 python -m turning_env show forging
@@ -6,6 +6,7 @@ python -m turning_env schema
 python -m turning_env calibrate cuts.csv --out my_tool.toml
 python -m turning_env whatif my_tool.toml --cutting-speed 150 --feed 0.3 --wear 0.2
 python -m turning_env map my_tool.toml --wear 0.2 --out map.png
+python -m turning_env score my_agent.onnx
 """
 
 import argparse
@@ -13,14 +14,17 @@ import json
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from turning_env.console import described, exits, number_within, picture_path, print_json
+from turning_env import IDS
+from turning_env.console import MISTAKE, described, exits, number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario, ScenarioError, presets
+from turning_env.score.score import score
 from turning_env.workshop import WorkshopError, whatif
 from turning_env.workshop.measurements import COLUMNS, EDGE, read_measurements
 
@@ -83,6 +87,12 @@ def main(arguments: list[str] | None = None) -> int:
     chart.add_argument("--depth", type=_number("depth_of_cut"), metavar="X", help="depth of cut [mm] (default: the scenario's)")
     chart.add_argument("--hardness", type=_number("hardness"), default=1.0, metavar="X", help="over nominal [-] (default: 1)")
     chart.add_argument("--out", type=picture_path, required=True, metavar="FILE", help="PNG, SVG or PDF, by its suffix")
+
+    scored = command(_score, "rank a policy among those that ship", scenario=False)
+    scored.add_argument("policy", metavar="POLICY", help="ONNX file, or module:object")
+    scored.add_argument("--env", choices=IDS, default="RoughTurning-v0", metavar="ID", help="environment (default: %(default)s)")
+    scored.add_argument("--seeds", type=int, metavar="N", help="number of held-out seeds (default: all of the leaderboard)")
+    scored.add_argument("--json", action="store_true", help="print all results as JSON")
 
     options = parser.parse_args(arguments)
     return exits(ScenarioError, WorkshopError)(options.run)(options)
@@ -217,6 +227,27 @@ def _map(options: argparse.Namespace) -> int:
 
     plot_style.save(plots.draw_map(scenario, options.wear, options.depth, options.hardness), options.out)
     print(options.out)
+    return 0
+
+
+def _score(options: argparse.Namespace) -> int:
+    """Play a policy on held-out seeds and rank it among the policies that ship.
+
+    A policy is an ONNX file, or an object in a module: a function of observations, a class with reset and act, a model of
+    Stable-Baselines3, a module of PyTorch. It runs in this process: score only what you trust.
+
+    python -m turning_env score my_agent.onnx
+    python -m turning_env score my_module:MyPolicy --env RoughTurning-Override-v0 --seeds 32
+    """
+    try:
+        found = score(options.policy, options.env, options.seeds)
+    except (TypeError, ValueError) as error:
+        print(f"error: {options.policy}: {error}", file=sys.stderr)
+        return MISTAKE
+    if options.json:
+        print_json({name: value for name, value in asdict(found).items() if name != "episodes"})
+    else:
+        print(found.table(), found, sep="\n\n")
     return 0
 
 

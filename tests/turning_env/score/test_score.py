@@ -1,0 +1,131 @@
+"""The score of whatever a user has that acts."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO
+
+from leaderboard.pack import contents
+from turning_env import IDS, Scenario
+from turning_env.__main__ import main
+from turning_env.score.score import Score, compare, score
+from turning_env.score.shipped import FOLDER, shipped, unpacked
+
+ROOT = Path(__file__).parents[3]
+AGENTS = ROOT / "agents" / "RoughTurning-v0" / "rough_turning"
+OVERRIDE = "RoughTurning-Override-v0"
+
+
+def full_feed(observations: Any) -> Any:
+    return np.full((len(observations), 1), 0.1, np.float32)
+
+
+class Counting:
+    """A policy with a memory: the steps since the last reset."""
+
+    def __init__(self) -> None:
+        self.steps = np.zeros(0)
+
+    def reset(self, mask: Any) -> None:
+        self.steps = np.where(mask, 0.0, self.steps if len(self.steps) else np.zeros(len(mask)))
+
+    def act(self, observations: Any) -> Any:
+        self.steps += 1
+        return np.where(self.steps > 3, 0.1, 0.1)[:, None].astype(np.float32)
+
+
+class Full(torch.nn.Module):
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        return 0.1 + 0.0 * observations[:, :1]
+
+
+@pytest.fixture(scope="module")
+def expected() -> Score:
+    return score(full_feed, OVERRIDE, seeds=4)
+
+
+def test_the_files_in_the_package_hold_the_results_that_ship() -> None:
+    made = contents(ROOT / "leaderboard" / "results")
+    assert {path: unpacked(path) for path in made} == made
+    assert {path.name for path in FOLDER.iterdir()} == {path.name for path in made}
+
+
+@pytest.mark.parametrize(
+    "policy", [Counting, Counting(), Full(), f"{__name__}:full_feed"], ids=["class", "object", "torch", "name"]
+)
+def test_every_kind_of_policy_plays_alike(policy: Any, expected: Score) -> None:
+    assert score(policy, OVERRIDE, seeds=4).episodes["return"].tolist() == expected.episodes["return"].tolist()
+
+
+def test_a_model_of_stable_baselines_plays() -> None:
+    model = PPO("MlpPolicy", gymnasium.make(OVERRIDE), n_steps=8, batch_size=8, seed=0, device="cpu")
+    by_hand = score(lambda observations: model.predict(observations, deterministic=True)[0], OVERRIDE, seeds=2)
+    assert score(model, OVERRIDE, seeds=2).episodes["return"].tolist() == by_hand.episodes["return"].tolist()
+
+
+def test_a_file_that_ships_reaches_the_return_that_ships() -> None:
+    found = score(AGENTS.parents[1] / OVERRIDE / "override" / "ppo-seed0.onnx", OVERRIDE, seeds=8)
+    ppo = next(each for each in shipped(OVERRIDE) if each.name == "ppo")
+    assert found.episodes["return"] == pytest.approx(ppo.returns[0, :8], abs=0.02)
+
+
+@pytest.mark.slow
+def test_an_agent_with_a_memory_is_ranked_where_the_leaderboard_has_it() -> None:
+    found = score(AGENTS / "analytic_gradient-seed0.onnx", seeds=64)
+    assert found.rank == 1
+    assert found.against("predictive").ahead.low > 0
+    assert found.against("analytic_gradient").ahead.low == pytest.approx(0.0, abs=2.0)
+
+
+def test_the_same_episodes_are_no_better_and_no_worse() -> None:
+    others = [each.first(16) for each in shipped("RoughTurning-v0")]
+    rule = next(each for each in others if each.name == "rescaled_grid_search")
+    episodes = {"return": rule.returns[0], "severe_overload_time": rule.severe[0], "engaged_time": rule.engaged[0]}
+    found = compare("RoughTurning-v0", episodes, Scenario.load("rough_turning"), others)
+    same = found.against("rescaled_grid_search")
+    assert (same.ahead.value, same.ahead.low, same.ahead.high) == (0.0, 0.0, 0.0)
+    assert same.mean_return == found.mean_return
+    assert same.feasible == found.feasible
+    ranked = [each.name for each in found.comparisons if each.kind != "oracle"]
+    assert ranked[found.rank - 1] == "rescaled_grid_search"
+    assert found.ranked == len(ranked) + 1
+    assert str(found).startswith(f"rank {found.rank} of {found.ranked}, return ")
+
+
+def test_overload_makes_a_policy_rank_below_every_feasible_one() -> None:
+    found = score(lambda observations: np.ones((len(observations), 2)), seeds=2)
+    assert not found.feasible
+    assert found.rank > sum(each.feasible for each in found.comparisons if each.kind != "oracle")
+
+
+@pytest.mark.parametrize(
+    ("policy", "env_id", "seeds", "error", "told"),
+    [
+        (full_feed, "RoughTurning-v1", None, ValueError, "RoughTurning-v0"),
+        (full_feed, OVERRIDE, 1, ValueError, "2 to 64"),
+        (full_feed, OVERRIDE, 65, ValueError, "2 to 64"),
+        (3, OVERRIDE, 2, TypeError, "int"),
+        ("missing.onnx", OVERRIDE, 2, FileNotFoundError, "missing.onnx"),
+        (str(ROOT / "README.md"), OVERRIDE, 2, ValueError, "README.md"),
+        ("no_module:policy", OVERRIDE, 2, ValueError, "no_module"),
+        (f"{__name__}:absent", OVERRIDE, 2, ValueError, "absent"),
+        (full_feed, "RoughTurning-v0", 2, ValueError, "shape"),
+    ],
+)
+def test_what_cannot_be_scored_is_said(policy: Any, env_id: str, seeds: int | None, error: type[Exception], told: str) -> None:
+    with pytest.raises(error, match=told):
+        score(policy, env_id, seeds)
+
+
+def test_the_command_prints_the_rank(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["score", f"{__name__}:full_feed", "--env", OVERRIDE, "--seeds", "4", "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert main(["score", f"{__name__}:full_feed", "--env", OVERRIDE, "--seeds", "4"]) == 0
+    assert f"rank {printed['rank']} of {printed['ranked']}" in capsys.readouterr().out
+    assert main(["score", f"{__name__}:full_feed", "--seeds", "1"]) == 2
+    assert set(IDS) >= {OVERRIDE}

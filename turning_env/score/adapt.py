@@ -1,0 +1,153 @@
+"""Whatever a user has that maps observations to actions, as a policy."""
+
+import importlib
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from errno import ENOENT
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env.score.policy import Actions, Observations, Policy, PolicyFactory
+
+
+def as_factory(policy: Any) -> PolicyFactory:
+    """Return what makes the policy for a number of environments: see ``turning_env.score`` for what a policy may be.
+
+    Raises:
+        TypeError: it is nothing that can play.
+        ValueError: an ONNX file has other inputs or outputs.
+        OSError: the file cannot be read.
+        ModuleNotFoundError: onnxruntime is not installed.
+    """
+    if isinstance(policy, str) and re.fullmatch(r"[\w.]+:[\w.]+", policy):
+        return as_factory(_imported(policy))
+    if isinstance(policy, str | Path):
+        return _onnx(Path(policy))
+    if isinstance(policy, type):
+        policy = policy()
+    if hasattr(policy, "act"):
+        return lambda num_envs: policy if hasattr(policy, "reset") else _Function(policy.act)
+    if hasattr(policy, "predict"):
+        return lambda num_envs: _Predicts(policy)
+    torch = sys.modules.get("torch")
+    if torch is not None and isinstance(policy, torch.nn.Module):
+        return lambda num_envs: _Function(_module(torch, policy))
+    if callable(policy):
+        return lambda num_envs: _Function(policy)
+    raise TypeError(
+        f"a {type(policy).__name__} is no policy: give a function of observations, an object with reset and act, a model of "
+        "Stable-Baselines3, a module of PyTorch, or the path of an ONNX file"
+    )
+
+
+def _imported(name: str) -> Any:
+    """Return what ``module:object`` names."""
+    module, _, path = name.partition(":")
+    try:
+        found = importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name != module.partition(".")[0]:
+            raise
+        raise ValueError(f"there is no module {module!r} in this folder or among the installed packages") from None
+    for part in path.split("."):
+        if not hasattr(found, part):
+            raise ValueError(f"{module} has no {path!r}")
+        found = getattr(found, part)
+    return found
+
+
+def _clipped(actions: Any) -> Actions:
+    clipped: Actions = np.clip(np.asarray(actions, np.float32), -1.0, 1.0)
+    return clipped
+
+
+@dataclass
+class _Function:
+    """A policy without memory."""
+
+    function: Callable[[Observations], Any]
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        pass
+
+    def act(self, observations: Observations) -> Actions:
+        return _clipped(self.function(observations))
+
+
+@dataclass
+class _Predicts:
+    """A model of Stable-Baselines3 or sb3-contrib, with or without a memory."""
+
+    model: Any
+    _memory: Any = None
+    _starts: NDArray[np.bool_] = field(default_factory=lambda: np.ones(0, np.bool_))
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        self._starts = mask | self._starts if len(self._starts) else mask.copy()
+
+    def act(self, observations: Observations) -> Actions:
+        actions, self._memory = self.model.predict(observations, self._memory, self._starts, deterministic=True)
+        self._starts = np.zeros(len(observations), np.bool_)
+        return np.asarray(actions, np.float32)
+
+
+def _module(torch: Any, module: Any) -> Callable[[Observations], Any]:
+    """Return a function of arrays that runs a module of PyTorch."""
+    device = next((parameter.device for parameter in module.parameters()), "cpu")
+
+    def run(observations: Observations) -> Any:
+        with torch.no_grad():
+            return module(torch.as_tensor(observations, device=device)).cpu().numpy()
+
+    return run
+
+
+@dataclass
+class _Session:
+    """An ONNX file's network. It runs on one thread, so that it gives the same bytes again."""
+
+    session: Any
+    memory: NDArray[np.float32] | None
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        if self.memory is not None:
+            self.memory = np.where(mask[:, None], np.float32(0.0), self.memory)
+
+    def act(self, observations: Observations) -> Actions:
+        if self.memory is None:
+            (action,) = self.session.run(["action"], {"observation": observations})
+            return _clipped(action)
+        fed = {"observation": observations, "memory": self.memory}
+        action, self.memory = self.session.run(["action", "next_memory"], fed)
+        return _clipped(action)
+
+
+def _onnx(path: Path) -> PolicyFactory:
+    if not path.is_file():
+        raise FileNotFoundError(ENOENT, "no such file", str(path))
+    import onnxruntime  # type: ignore[import-untyped]
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    try:
+        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # ONNX Runtime's have no common type
+        raise ValueError(f"{path} is no ONNX file that can run: {str(error).splitlines()[0]}") from error
+    inputs = {each.name: each.shape for each in session.get_inputs()}
+    outputs = {each.name for each in session.get_outputs()}
+    if (set(inputs), outputs) not in (({"observation"}, {"action"}), ({"observation", "memory"}, {"action", "next_memory"})):
+        raise ValueError(
+            f"{path} maps {', '.join(inputs)} to {', '.join(sorted(outputs))}, but must have the input observation and "
+            "the output action; with a memory, also the input memory and the output next_memory"
+        )
+
+    def make(num_envs: int) -> Policy:
+        memory = np.zeros((num_envs, inputs["memory"][-1]), np.float32) if "memory" in inputs else None
+        return _Session(session, memory)
+
+    return make

@@ -1,0 +1,160 @@
+"""Score a policy in one line: it plays the held-out seeds and is ranked among the results that ship."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from turning_env.scenario import Scenario
+from turning_env.score.adapt import as_factory
+from turning_env.score.overload import CONFIDENCE, ratio
+from turning_env.score.play import Episodes, play
+from turning_env.score.seeds import held_out_seeds
+from turning_env.score.shipped import Played, shipped
+from turning_env.score.statistics import Bootstrap, Estimate
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Another policy on the same seeds."""
+
+    name: str
+    kind: str
+    """``rule``, ``agent`` or ``oracle``."""
+    feasible: bool
+    mean_return: Estimate
+    """[s of machine time]"""
+    ahead: Estimate
+    """How much more the scored policy returns [s], paired by seed."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a policy reached on the held-out seeds. Intervals are of 95 % confidence, by bootstrap over seeds."""
+
+    env_id: str
+    seeds: int
+    rank: int
+    """Among the policies that ship and this one: feasible ones first, then by mean return. Oracles have no rank."""
+    ranked: int
+    """Number of policies that are ranked, this one included."""
+    mean_return: Estimate
+    """[s of machine time]"""
+    feasible: bool
+    """Whether the upper confidence limit of ``severe_share`` is within the scenario's allowance."""
+    severe_share: float
+    """Share of cutting time more than the tolerance over a limit."""
+    comparisons: tuple[Comparison, ...]
+    """With every policy that ships, best first; oracles last."""
+    episodes: Episodes = dataclasses.field(repr=False)
+    """Of every episode, the fields of ``turning_env.score.play.EPISODE_FIELDS``."""
+
+    def against(self, name: str) -> Comparison:
+        """Return the comparison with a policy.
+
+        Raises:
+            KeyError: no policy of that name ships.
+        """
+        for each in self.comparisons:
+            if each.name == name:
+                return each
+        raise KeyError(f"{name!r}; known: {', '.join(each.name for each in self.comparisons)}")
+
+    def table(self) -> str:
+        """Return a line per policy that ships: rank, name, return [s], and how much more the scored policy returns [s]."""
+        rows = []
+        for each in self.comparisons:
+            note = "oracle" if each.kind == "oracle" else "" if each.feasible else "not feasible"
+            rows.append((each.name, _interval(each.mean_return), _interval(each.ahead, "+"), note))
+        rows.insert(self.rank - 1, ("-> this policy", _interval(self.mean_return), "", "" if self.feasible else "not feasible"))
+        places = [*map(str, range(1, self.ranked + 1)), *[""] * (len(rows) - self.ranked)]
+        head = ("policy", "return", "difference of this policy", "")
+        name, mean, ahead, _ = (max(map(len, column)) for column in zip(head, *rows, strict=True))
+        lines = (
+            f"{place:>4}  {row[0]:<{name}}  {row[1]:>{mean}}  {row[2]:>{ahead}}  {row[3]}"
+            for place, row in zip(["rank", *places], [head, *rows], strict=True)
+        )
+        return "\n".join(line.rstrip() for line in lines)
+
+    def __str__(self) -> str:
+        """Return rank, return, difference from the policy ranked next, and whether it is feasible."""
+        ranked = [each for each in self.comparisons if each.kind != "oracle"]
+        parts = [f"rank {self.rank} of {self.ranked}", f"return {_interval(self.mean_return)}"]
+        for each in ranked[self.rank - 1 : self.rank] or ranked[-1:]:
+            parts.append(f"{_interval(each.ahead, '+')} against {each.name}")
+        parts.append("feasible" if self.feasible else f"not feasible: {self.severe_share:.1%} of cutting time in overload")
+        return ", ".join(parts)
+
+
+def score(
+    policy: Any, env_id: str = "RoughTurning-v0", seeds: int | None = None, on_step: Callable[[int], None] = lambda ended: None
+) -> Score:
+    """Play a policy on the held-out seeds of an id and compare it, paired by seed, with every policy that ships.
+
+        print(turning_env.score(lambda observations: my_network(observations)))
+
+    Args:
+        policy: one of the following. It sees observations and nothing else.
+
+            * a function from observations, float32 of shape (num_envs, entries), to actions in -1..1, (num_envs, actions);
+            * an object with ``reset(mask)`` and ``act(observations)``, see ``turning_env.score.policy.Policy``;
+            * a model of Stable-Baselines3, which acts deterministically;
+            * a module of PyTorch, from observations to actions;
+            * the path of an ONNX file with the input ``observation`` and the output ``action``; with a memory also ``memory`` and
+              ``next_memory``. This needs onnxruntime.
+        env_id: whose leaderboard.
+        seeds: how many held-out seeds; None: all that the leaderboard has, 256 for RoughTurning-v0.
+        on_step: called after each step with the number of episodes that have ended.
+
+    Raises:
+        ValueError: the id has no leaderboard, it has fewer seeds, or the policy cannot play it.
+        TypeError: the policy is none of these.
+    """
+    others = shipped(env_id)
+    available = others[0].returns.shape[1]
+    count = available if seeds is None else seeds
+    if not 2 <= count <= available:
+        raise ValueError(f"seeds is {count}, but must be 2 to {available}")
+    scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
+    episodes = play(as_factory(policy), scenario, held_out_seeds(count), on_step)
+    return compare(env_id, episodes, scenario, [each.first(count) for each in others])
+
+
+def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequence[Played]) -> Score:
+    """Rank episodes of one policy, fields of shape (seeds,), among those that others played on the same seeds."""
+    mine = Played("", "agent", *(episodes[name][None] for name in ("return", "severe_overload_time", "engaged_time")))
+    bootstrap = Bootstrap(mine.returns.shape[1])
+    my_means = bootstrap.means(mine.returns, mine.name)
+
+    def feasible(played: Played) -> bool:
+        shares = ratio(bootstrap.means(played.severe, played.name), bootstrap.means(played.engaged, played.name))
+        return bool(np.quantile(shares, CONFIDENCE) <= scenario.limits.overload_allowance)
+
+    comparisons = []
+    for each in others:
+        means = bootstrap.means(each.returns, each.name)
+        mean = float(np.mean(each.returns))
+        ahead = Estimate.of(float(np.mean(mine.returns)) - mean, my_means - means)
+        comparisons.append(Comparison(each.name, each.kind, feasible(each), Estimate.of(mean, means), ahead))
+    comparisons.sort(key=lambda each: (each.kind == "oracle", not each.feasible, -each.mean_return.value, each.name))
+    ranked = [each for each in comparisons if each.kind != "oracle"]
+    mine_feasible, my_return = feasible(mine), Estimate.of(float(np.mean(mine.returns)), my_means)
+    better = sum((not each.feasible, -each.mean_return.value) < (not mine_feasible, -my_return.value) for each in ranked)
+    return Score(
+        env_id=env_id,
+        seeds=mine.returns.shape[1],
+        rank=better + 1,
+        ranked=len(ranked) + 1,
+        mean_return=my_return,
+        feasible=mine_feasible,
+        severe_share=float(ratio(mine.severe.sum(keepdims=True).ravel(), mine.engaged.sum(keepdims=True).ravel())[0]),
+        comparisons=tuple(comparisons),
+        episodes=episodes,
+    )
+
+
+def _interval(estimate: Estimate, sign: str = "") -> str:
+    return f"{estimate.value:{sign}.0f} s ({estimate.low:.0f} to {estimate.high:.0f})"
