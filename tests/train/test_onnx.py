@@ -77,7 +77,7 @@ def test_exporting_writes_files_that_were_compared(
     for seed, line in enumerate(captured.out.splitlines()):
         told = json.loads(line)
         path = Path(told["path"])
-        assert path == out / f"ppo-seed{seed}.onnx"
+        assert path == out / f"ppo_short-seed{seed}.onnx"
         assert told["digest"] == onnx_policy.load(path).sha256
         assert told["size"] == path.stat().st_size < 20_000
         assert told["observations"] == 10_000
