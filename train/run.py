@@ -35,7 +35,8 @@ def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
     """
     known: dict[str, Any] = {}
     for table in tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8")).values():
-        known = table | known
+        for name, value in table.items():
+            known.setdefault(name, value)
     values = {}
     for setting in settings:
         name, _, text = (part.strip() for part in setting.partition("="))
@@ -45,7 +46,7 @@ def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
             raise ValueError(f"{algorithm} has no hyperparameter {name!r}{hint}")
         try:
             value = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
+        except ValueError:  # no TOML: a text without quotation marks
             value = text
         values[name] = _alike(name, value, known[name])
     return values
@@ -56,11 +57,12 @@ def _alike(name: str, value: Any, example: Any) -> Any:
     if isinstance(example, list) and isinstance(value, list):
         return [_alike(name, each, example[0]) for each in value]
     if isinstance(example, float) and type(value) is int:
-        value = float(value)
+        value = float(str(value))  # infinite if it is too large
     if type(value) is not type(example) or (
         isinstance(value, int | float) and not (math.isfinite(value) and (value >= 0 or example < 0))
     ):
-        raise ValueError(f"{name} is {value!r}, but must be of the kind of {example!r}")
+        least = " of 0 or more" if isinstance(example, int | float) and example >= 0 else ""
+        raise ValueError(f"{name} is {value!r}, but must be a {type(example).__name__}{least}, such as {example!r}")
     return value
 
 

@@ -95,7 +95,7 @@ def test_any_module_becomes_an_agent(tmp_path: Path) -> None:
         np.testing.assert_allclose(found, expected.detach().clamp(-1, 1), atol=1e-5)
     with pytest.raises(ValueError, match=r"Sequential cannot be exported: .*\(2, 3\).* must give \(\(2, 2\)"):
         export.export_torch(layers(3), tmp_path / "wide.onnx")
-    with pytest.raises(ValueError, match="Linear cannot be exported: .*cannot act"):
+    with pytest.raises(ValueError, match=r"Linear cannot be exported: .*cannot act"):
         export.export_torch(torch.nn.Linear(4, 2), tmp_path / "narrow.onnx")
     assert not (tmp_path / "wide.onnx").exists()
 
@@ -248,7 +248,7 @@ def test_a_folder_stands_for_its_only_file(tmp_path: Path) -> None:
     onnx_agents.write(tmp_path)
     assert agent_file.read(tmp_path).label == "ppo-seed0"
     onnx_agents.write(tmp_path, 1)
-    with pytest.raises(ValueError, match="is a folder with 2 .onnx files"):
+    with pytest.raises(ValueError, match=r"is a folder with 2 \.onnx files"):
         onnx_policy.load(tmp_path)
     onnx_agents.run(tmp_path).begin()
     with pytest.raises(ValueError, match=r"holds a training run: python -m train\.export"):
