@@ -173,9 +173,10 @@ def _of_file(path: Path, run: Run, name: str | None, seed: int | None, normaliza
 def _foreign(run: Run, path: Path, name: str | None, seed: int | None) -> Metadata:
     """Return the metadata of an agent that was trained elsewhere; without a name, it is called as its file is."""
     plain = unicodedata.normalize("NFKD", path.stem).encode("ascii", "ignore").decode()
-    stem, number = re.fullmatch(r"(.*?)(?:-seed(\d{1,9}))?", re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).lstrip(".-")).groups()  # type: ignore[union-attr]
+    plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).lstrip(".-")
+    stem, _, number = plain.rpartition("-seed") if re.search(r"-seed\d{1,9}$", plain) else (plain, "", "0")
     taken = (HYPERPARAMETERS / f"{stem}.toml").exists()  # by an agent that ships
-    run = replace(run, seed=int(number or 0) if seed is None else seed)
+    run = replace(run, seed=int(number) if seed is None else seed)
     return metadata(run, name or (f"my_{stem}" if taken else stem or "agent"))
 
 

@@ -137,15 +137,6 @@ def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_al
         train(small_run(PPO, tmp_path, **few, discount=0.9), PPO)
 
 
-def test_there_is_no_agent_before_a_training_is_finished(tmp_path: Path) -> None:
-    run = small_run(PPO, tmp_path)
-    with pytest.raises(ValueError, match="holds no training run"):
-        run_folder.load(run.folder)
-    run.begin()
-    with pytest.raises(ValueError, match="not finished"):
-        run_folder.load(run.folder)
-
-
 def test_an_agent_is_small_and_holds_no_environments(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["sac"]
     path = train(small_run(algorithm, tmp_path, memory=100_000, steps=64), algorithm)
