@@ -275,6 +275,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for path in (source for given in parsed.agents for source in _sources(given)):
         if path.suffix in (".zip", ONNX_SUFFIX) and path.is_file():
             agent = _of_file(path, elsewhere, parsed.name, parsed.seed, parsed.normalization)
+        elif not path.is_dir():
+            raise ValueError(
+                f"{path} holds no agent: give a folder of training runs, or a file that ends in .zip or {ONNX_SUFFIX}"
+            )
         else:
             agent = _of_run(path, parsed.name)
             if given := [name for name in ("env", "scenario", "seed", "normalization") if getattr(parsed, name) is not None]:

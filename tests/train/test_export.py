@@ -217,7 +217,7 @@ def test_what_an_onnx_file_lacks_is_said(tmp_path: Path, capsys: pytest.CaptureF
         helper.make_node("Constant", [], ["s"], value_ints=[1, 2]),
         helper.make_node("Reshape", ["first", "s"], ["y"]),
     )
-    assert "mine.onnx cannot be exported: " in refusal(capsys, out, path)
+    assert "was written for a batch of 1 and cannot act on others" in refusal(capsys, out, path)
     path.write_bytes(onnx_agents.content())
     assert "is an agent's file already" in refusal(capsys, out, path)
     path.write_bytes(b"text")

@@ -101,7 +101,7 @@ def test_what_cannot_be_exported_is_an_error(
     run = onnx_agents.run(tmp_path / "run")
     arguments = [str(run.folder), "--out", str(tmp_path / "out")]
     assert export.main(arguments) == 2
-    assert "holds no training run" in capsys.readouterr().err
+    assert "holds no agent" in capsys.readouterr().err
     run.begin()
     assert export.main(arguments) == 2
     assert "not finished" in capsys.readouterr().err

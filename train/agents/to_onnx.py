@@ -11,8 +11,9 @@ import torch
 from onnx import compose, helper, inliner
 
 from train.actor import Actor
+from train.agents import agent_file
 from train.agents.agent_file import Metadata
-from train.agents.session import first_line
+from train.agents.session import first_line, tried
 
 OPSET = 20
 
@@ -114,6 +115,7 @@ def adopted(path: Path, about: Metadata) -> bytes:
     if not len(inputs) == len(outputs) in (1, 2):
         found = f"{len(inputs)} inputs and {len(outputs)} outputs"
         raise ValueError(f"has {found}, but must have an observation and an action, and besides a memory each or none")
+    batch = next((axis.dim_value for axis in inputs[0].type.tensor_type.shape.dim), 0)  # 0: any
     memory = _size(inputs[1], None) if len(inputs) == 2 else None
     sizes = ((len(about.observation_space.low), len(about.action_space.low)), (memory, memory))
     del graph.input[:], graph.output[:], graph.value_info[:]
@@ -132,7 +134,16 @@ def adopted(path: Path, about: Metadata) -> bytes:
     opsets = [opset for opset in model.opset_import if (opset.domain or "ai.onnx") in used]
     del model.opset_import[:]
     model.opset_import.extend(opsets)
-    return _with_properties(model, about)
+    content = _with_properties(model, about)
+    memory_size = agent_file.checked(content).memory_size
+    try:
+        tried(content, *sizes[0], memory_size)
+    except ValueError as error:
+        if not batch:
+            raise
+        fixed = f"was written for a batch of {batch} and cannot act on others: export it with a dynamic first axis"
+        raise ValueError(f"{fixed} ({error})") from error
+    return content
 
 
 _NAMES = (("observation", "action"), ("memory", "next_memory"))
