@@ -1,5 +1,6 @@
 """Agents of any origin become agent files that act as they do, or are refused with the reason."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -183,7 +184,7 @@ SLICE = [
 ]
 
 
-@pytest.mark.parametrize("opset", [12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27])
+@pytest.mark.parametrize("opset", range(12, 28))
 def test_all_operator_sets_that_can_be_run_are_accepted(opset: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, out = network(tmp_path / "mine.onnx", *SLICE, opset=opset), tmp_path / "out"
     if 13 <= opset <= 26:
@@ -235,13 +236,12 @@ def test_agents_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert exported(tmp_path / "own", runs[0].policy, "--name", "mine").label == "mine-seed1"
     assert export.main([str(tmp_path / "runs"), "--out", str(tmp_path / "all")]) == 0
     assert sorted(path.name for path in (tmp_path / "all").iterdir()) == ["ppo_short-seed1.onnx", "sac_short-seed1.onnx"]
-    assert onnx_policy.load(tmp_path / "own").name == "mine"
     out = tmp_path / "out"
     assert "would both be" in refusal(capsys, out, tmp_path / "runs", "--name", "mine")
     assert "the name is '../x'" in refusal(capsys, out, runs[0].folder, "--name", "../x")
     assert "--seed is for .zip and .onnx files" in refusal(capsys, out, runs[0].folder, "--seed", 1)
     preset = Scenario.load("rough_turning")
-    assert export.replace(runs[0], scenario=preset.model_copy(update={"name": "copy"})).name == "ppo"
+    assert replace(runs[0], scenario=preset.model_copy(update={"name": "copy"})).name == "ppo"
 
 
 def test_a_folder_stands_for_its_only_file(tmp_path: Path) -> None:

@@ -114,9 +114,8 @@ def test_who_takes_too_long_is_ended() -> None:
 @linux
 @pytest.mark.slow
 def test_who_computes_too_much_is_ended() -> None:
-    policy = guarded(onnx_agents.toiling(), num_envs=2, limits=Limits(computing=1))
     with pytest.raises(ValueError, match="needs more than the 1 s of processor time that it may have"):
-        policy.act(observations(1, 2)[0])
+        guarded(onnx_agents.toiling(), num_envs=2, limits=Limits(computing=1)).act(observations(1, 2)[0])
 
 
 @linux
