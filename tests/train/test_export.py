@@ -16,7 +16,8 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from tests.train import onnx_agents
 from train import export
-from train.agents import agent_file, onnx_policy
+from train.actor import ActorPolicy
+from train.agents import agent_file, foreign, onnx_policy
 from train.agents.agent_file import AgentFile
 from train.agents.session import OnnxPolicy, session_of
 from train.vec_env import RoughTurningVecEnv
@@ -101,18 +102,17 @@ def test_any_module_becomes_an_agent(tmp_path: Path) -> None:
     assert not (tmp_path / "wide.onnx").exists()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", [PPO, A2C, SAC, TD3, TQC, RecurrentPPO], ids=lambda kind: kind.__name__)
-def test_models_of_stable_baselines_act_as_they_predict(kind: Any, tmp_path: Path, scenario: str) -> None:
+def test_models_of_stable_baselines_act_as_they_predict(kind: Any, tmp_path: Path) -> None:
     env = RoughTurningVecEnv(SCENARIO, 2)
     model = kind("MlpLstmPolicy" if kind is RecurrentPPO else "MlpPolicy", env, seed=1, device="cpu")
-    model.save(tmp_path / "mine-seed2.zip")
-    file = exported(tmp_path / "out", tmp_path / "mine-seed2.zip", "--scenario", scenario)
-    assert (file.label, file.metadata.algorithm) == ("mine-seed2", kind.__name__.lower())
-    state = None
-    for observations, found in zip(OBSERVATIONS, actions(file), strict=True):
+    model.save(tmp_path / "mine.zip")
+    algorithm, steps, actor = foreign.sb3_actor(tmp_path / "mine.zip", SCENARIO)
+    assert (algorithm, steps) == (kind.__name__.lower(), 0)
+    policy, state = ActorPolicy(actor, 5), None
+    for observations in OBSERVATIONS:
         expected, state = model.predict(observations, state, deterministic=True)
-        np.testing.assert_allclose(found, expected, atol=1e-5)
+        np.testing.assert_allclose(policy.act(observations), expected, atol=1e-5)
 
 
 @pytest.mark.slow
@@ -125,16 +125,19 @@ def test_normalised_observations_are_normalised_in_the_file(
     for _ in range(5):
         env.step(np.zeros((2, 2), np.float32))
     model = PPO("MlpPolicy", env, seed=1, device="cpu", policy_kwargs={"net_arch": []})
-    model.save(tmp_path / "mine.zip")
+    model.save(tmp_path / "mine-seed2.zip")
     env.save(str(tmp_path / "statistics.pkl"))
-    arguments = (tmp_path / "mine.zip", "--scenario", scenario, "--normalization")
+    arguments = (tmp_path / "mine-seed2.zip", "--scenario", scenario, "--normalization")
     file = exported(tmp_path / "out", *arguments, tmp_path / "statistics.pkl")
+    assert (file.label, file.metadata.algorithm) == ("mine-seed2", "ppo")
     for observations, found in zip(OBSERVATIONS, actions(file), strict=True):
         expected, _ = model.predict(env.normalize_obs(observations), deterministic=True)
         np.testing.assert_allclose(found, expected, atol=1e-5)
     other = tmp_path / "other"
-    assert "mine.zip is normalised by" in refusal(capsys, other, *arguments, tmp_path / "mine.zip")
-    assert "mine.zip was trained on the observation space" in refusal(capsys, other, arguments[0], "--scenario", "batch_casting")
+    assert "mine-seed2.zip is normalised by" in refusal(capsys, other, *arguments, tmp_path / "mine-seed2.zip")
+    assert "mine-seed2.zip was trained on the observation space" in refusal(
+        capsys, other, arguments[0], "--scenario", "batch_casting"
+    )
     (tmp_path / "text.zip").write_text("text")
     assert "text.zip is no model of Stable-Baselines3" in refusal(capsys, other, tmp_path / "text.zip")
 
