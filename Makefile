@@ -61,8 +61,7 @@ agents: .venv/run
 	printf '%s\n' $(foreach agent,$(AGENTS),$(foreach seed,$(SEEDS),$(agent)/$(seed))) | xargs -P 2 -I{} sh -c '\
 		set -e -- $$(echo {} | tr / " "); \
 		run=$$(.venv/bin/python -m train.$$2 --env $$1 --seed $$3 --runs $(RUNS) $(if $(STEPS),--steps $(STEPS))); \
-		folder=$$(dirname $$run); \
-		.venv/bin/python -m train.export $$folder --out $(SHIPPED)/$$1/$$(basename $$(dirname $$folder))'
+		.venv/bin/python -m train.export $$run --out $(SHIPPED)/$$1/$$(basename $$(dirname $$(dirname $$run)))'
 
 # Play every policy that ships, and write the agents' cards.
 results: .venv/run

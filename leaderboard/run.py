@@ -92,7 +92,7 @@ def agent(path: Path, scenario: Scenario) -> PolicySpec:
         ResultError: there is none, or it cannot play the scenario.
     """
     try:
-        if path.suffix == ONNX_SUFFIX:
+        if path.suffix == ONNX_SUFFIX or (any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()):
             from train.agents import onnx_policy
 
             spec = onnx_policy.load(path)

@@ -1,7 +1,10 @@
-"""Export finished agents as ONNX files, which play without PyTorch: see ``train/agents/agent_file.py``.
+"""Export trained agents as ONNX files, which play without PyTorch: see ``train/agents/agent_file.py``.
 
-    python -m train.export runs/RoughTurning-v0/rough_turning/ppo-seed0 --out agents/RoughTurning-v0/rough_turning
+    python -m train.export runs/RoughTurning-v0/rough_turning/ppo-seed0 --out my-agents
+    python -m train.export my_model.zip --normalization vecnormalize.pkl --env RoughTurning-v0 --name mine --out my-agents
+    python -m train.export my_network.onnx --scenario my_mill.toml --seed 1 --out my-agents
 
+An agent is the folder of a training run, or any file in it; a model that Stable-Baselines3 has saved; or a network in ONNX.
 A file is only written if it acts as the agent does, on observations sampled from the observation space and on those of episodes.
 
 Run ``python -m train.export --nc --help`` to export what agents and controllers command as part programs for a lathe's control.
@@ -9,39 +12,40 @@ Run ``python -m train.export --nc --help`` to export what agents and controllers
 
 import argparse
 import json
-import logging
 import math
+import os
+import re
+import shlex
 import sys
 import timeit
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import unicodedata
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
-import onnx
 import torch
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from tqdm import tqdm
 
 from train.actor import Actor, ActorPolicy
-from train.agents import agent_file
-from train.agents.agent_file import FORMAT, ONNX_SUFFIX, Metadata, Space
+from train.agents import agent_file, foreign
+from train.agents.agent_file import FORMAT, NAME, ONNX_SUFFIX, Metadata, Space
 from train.agents.run_folder import load_actor
 from train.agents.session import OnnxPolicy, tried
-from train.run import Run
-from turning_env import RoughTurningVectorEnv, Scenario
+from train.agents.to_onnx import adopted, to_onnx
+from train.run import HYPERPARAMETERS, Run
+from turning_env import IDS, RoughTurningVectorEnv, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.score.policy import Policy
 from turning_env.score.seeds import tuning_seeds
 
-OPSET = 20
 NUM_ENVS, STEPS = 50, 100
 """Environments and steps of each of the two comparisons of agent and file."""
 MAX_DIFFERENCE = 1e-5
@@ -50,8 +54,51 @@ TIMED_CALLS = 2_000
 _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
 
 
-def export(folder: Path, out: Path) -> dict[str, Any]:
-    """Write the finished agent of one of your own runs into the folder ``out``, named by algorithm and training seed.
+@dataclass(frozen=True)
+class _Agent:
+    """An agent that is to be exported."""
+
+    source: str
+    about: Metadata
+    actor: Actor | None
+    """None: the file is a network in ONNX, which is compared with itself."""
+    content: Callable[[], bytes]
+
+    def write(self, path: Path) -> dict[str, Any]:
+        """Write its file: see ``export``."""
+        torch.set_num_threads(1)
+        try:
+            with torch.no_grad():
+                content = self.content()
+            file = agent_file.checked(content)
+            entries, actions = (len(space.low) for space in (file.metadata.observation_space, file.metadata.action_space))
+            session = tried(content, entries, actions, file.memory_size)
+            policies = [OnnxPolicy(session, file.memory_size, NUM_ENVS) for _ in range(2)]
+            original = policies[0] if self.actor is None else ActorPolicy(self.actor, NUM_ENVS)
+            difference = largest_difference(original, policies[1], file.metadata.scenario)
+            if not difference <= MAX_DIFFERENCE:
+                raise ValueError(f"its file acts otherwise, by up to {difference:g}")
+        except ValueError as error:
+            raise ValueError(f"{self.source} cannot be exported: {error}") from error
+        replace_file(path, lambda partial: partial.write_bytes(content))
+        policy, observation = OnnxPolicy(session, file.memory_size, 1), np.zeros((1, entries), np.float32)
+        return {
+            "path": str(path),
+            "digest": file.digest,
+            "size": len(content),
+            "observations": 2 * NUM_ENVS * STEPS,
+            "largest_difference": difference,
+            "latency": median(timeit.repeat(lambda: policy.act(observation), number=1, repeat=TIMED_CALLS)),
+        }
+
+
+def export(folder: Path, out: Path, name: str | None = None) -> dict[str, Any]:
+    """Write the finished agent of one of your own runs into the folder ``out``, named by the agent and its training seed.
+
+    Args:
+        folder: of the run.
+        out: of the file.
+        name: what the agent is called on leaderboards; None: see ``Run.name``.
 
     Returns:
         ``path``, ``digest`` (SHA-256) and ``size`` [bytes] of the file; the ``largest_difference`` between actions of the
@@ -61,38 +108,93 @@ def export(folder: Path, out: Path) -> dict[str, Any]:
         ValueError: training is not finished, the network cannot be written as ONNX, or the file does not act as the agent.
         OSError: the file cannot be written.
     """
-    torch.set_num_threads(1)
+    agent = _of_run(folder, name)
+    return agent.write(out / f"{agent.about.label}{ONNX_SUFFIX}")
+
+
+def export_torch(
+    module: torch.nn.Module,
+    path: str | os.PathLike[str],
+    env_id: str = "RoughTurning-v0",
+    *,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
+    name: str | None = None,
+    seed: int | None = None,
+    trained_steps: int = 0,
+) -> dict[str, Any]:
+    """Write an agent's file of any PyTorch module from observations (n, entries) to actions (n, actions) in -1..1.
+
+    Actions beyond -1..1 are clipped. A module with an attribute ``memory_size`` is recurrent: it takes observations and a memory
+    (n, memory_size), which is 0 before an episode's first observation, and returns actions and the next memory.
+
+    Args:
+        module: the trained module.
+        path: of the file.
+        env_id: the environment that it was trained on.
+        scenario: the scenario that it was trained on; None: the id's own.
+        name: what the agent is called on leaderboards; None: as its file.
+        seed: of the training; agents of one name with several seeds are one policy. None: that of a file name such as
+            ``me-seed3.onnx``, else 0.
+        trained_steps: environment steps of the training.
+
+    Returns:
+        As ``export``.
+
+    Raises:
+        ValueError: the module does not turn observations into actions, or as for ``export``.
+        OSError: the file cannot be written.
+    """
+    actor = module if isinstance(module, Actor) else foreign.ModuleActor(module)
+    trained_on = Scenario.load(IDS[env_id] if scenario is None else scenario)
+    run = Run("torch", env_id, trained_on, 0, {"steps": trained_steps}, "train.export.export_torch", Path())
+    about = _foreign(run, Path(path), name, seed)
+    return _Agent(type(module).__name__, about, actor, lambda: to_onnx(actor, about)).write(Path(path))
+
+
+def _of_run(folder: Path, name: str | None) -> _Agent:
     run = Run.read(folder)
-    actor = load_actor(run)
-    with torch.no_grad():
-        content = to_onnx(actor, metadata(run))
+    actor, about = load_actor(run), metadata(run, name)
+    return _Agent(f"the agent in {folder}", about, actor, lambda: to_onnx(actor, about))
+
+
+def _of_file(path: Path, run: Run, name: str | None, seed: int | None, normalization: Path | None) -> _Agent:
+    """Return the agent of a model of Stable-Baselines3 or a network in ONNX, trained on the environment of a run."""
+    if path.suffix == ONNX_SUFFIX:
+        about = _foreign(run, path, name, seed)
+        return _Agent(str(path), about, None, lambda: adopted(path, about))
     try:
-        file = agent_file.checked(content)
-        entries, actions = (len(space.low) for space in (file.metadata.observation_space, file.metadata.action_space))
-        session = tried(content, entries, actions, file.memory_size)
+        algorithm, steps, actor = foreign.sb3_actor(path, run.scenario, normalization)
     except ValueError as error:
-        raise ValueError(f"the agent in {folder} cannot be exported: {error}") from error
-    difference = largest_difference(actor, OnnxPolicy(session, file.memory_size, NUM_ENVS), run.scenario)
-    if not difference <= MAX_DIFFERENCE:
-        raise ValueError(f"the agent in {folder} cannot be exported: its file acts otherwise, by up to {difference:g}")
-    path = out / f"{file.label}{ONNX_SUFFIX}"
-    replace_file(path, lambda partial: partial.write_bytes(content))
-    policy, observation = OnnxPolicy(session, file.memory_size, 1), np.zeros((1, entries), np.float32)
-    return {
-        "path": str(path),
-        "digest": file.digest,
-        "size": len(content),
-        "observations": 2 * NUM_ENVS * STEPS,
-        "largest_difference": difference,
-        "latency": median(timeit.repeat(lambda: policy.act(observation), number=1, repeat=TIMED_CALLS)),
-    }
+        raise ValueError(f"{path} {error}") from error
+    about = _foreign(replace(run, algorithm=algorithm, parameters={"steps": steps}), path, name, seed)
+    return _Agent(str(path), about, actor, lambda: to_onnx(actor, about))
 
 
-def metadata(run: Run) -> Metadata:
-    """Return the metadata of the file of a run's agent."""
+def _foreign(run: Run, path: Path, name: str | None, seed: int | None) -> Metadata:
+    """Return the metadata of an agent that was trained elsewhere; without a name, it is called as its file is."""
+    plain = unicodedata.normalize("NFKD", path.stem).encode("ascii", "ignore").decode()
+    plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).lstrip(".-")
+    stem, _, number = plain.rpartition("-seed") if re.search(r"-seed\d{1,9}$", plain) else (plain, "", "0")
+    taken = (HYPERPARAMETERS / f"{stem}.toml").exists()  # by an agent that ships
+    run = replace(run, seed=int(number) if seed is None else seed)
+    return metadata(run, name or (f"my_{stem}" if taken else stem or "agent"))
+
+
+def metadata(run: Run, name: str | None = None) -> Metadata:
+    """Return the metadata of the file of a run's agent.
+
+    Raises:
+        ValueError: an agent cannot be called so.
+    """
+    name = name or run.name
+    if not re.fullmatch(NAME, name):
+        raise ValueError(
+            f"the name is {name!r}, but must be at most 128 letters, digits, '_', '.' or '-', the first no '.' or '-'"
+        )
     return Metadata(
         format=FORMAT,
         algorithm=run.algorithm,
+        name=name,
         seed=run.seed,
         env_id=run.env_id,
         scenario=run.scenario,
@@ -105,83 +207,13 @@ def metadata(run: Run) -> Metadata:
     )
 
 
-class _WithoutMemory(torch.nn.Module):
-    """An actor without memory as a network of one input and one output."""
-
-    def __init__(self, actor: Actor) -> None:
-        super().__init__()
-        self._actor = actor
-
-    def forward(self, observation: torch.Tensor) -> torch.Tensor:
-        """Return actions."""
-        action, _ = self._actor(observation, observation.new_zeros((observation.shape[0], 0)))
-        result: torch.Tensor = action
-        return result
-
-
-def to_onnx(actor: Actor, about: Metadata) -> bytes:
-    """Return the content of an actor's ONNX file: the same bytes every time.
-
-    Raises:
-        ValueError: PyTorch cannot write this actor as ONNX.
-    """
-    # Two environments: a size of one would be taken for a constant.
-    arguments: tuple[torch.Tensor, ...] = (torch.zeros(2, len(about.observation_space.low)),)
-    network: torch.nn.Module = _WithoutMemory(actor)
-    inputs, outputs = ["observation"], ["action"]
-    if actor.memory_size:
-        arguments += (torch.zeros(2, actor.memory_size),)
-        network, inputs, outputs = actor, [*inputs, "memory"], [*outputs, "next_memory"]
-    num_envs = torch.export.Dim("lanes", min=1)  # the name of the axis in the file
-    try:
-        with _quietly():
-            program = torch.onnx.export(
-                network.eval(),
-                arguments,
-                dynamo=True,
-                input_names=inputs,
-                output_names=outputs,
-                dynamic_shapes=tuple({0: num_envs} for _ in arguments),
-                opset_version=OPSET,
-                verbose=False,
-            )
-    except Exception as error:  # the exporter raises many types
-        raise ValueError(f"PyTorch cannot write {type(actor).__name__} as ONNX: {str(error).strip().splitlines()[0]}") from error
-    assert program is not None
-    model = program.model_proto
-    _strip(model)
-    onnx.helper.set_model_props(model, about.properties())
-    return bytes(model.SerializeToString(deterministic=True))
-
-
-@contextmanager
-def _quietly() -> Iterator[None]:
-    """Silence the exporter's warnings about its own deprecated calls and missing optional packages."""
-    disabled = logging.root.manager.disable
-    logging.disable(logging.WARNING)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logging.disable(disabled)
-
-
-def _strip(model: onnx.ModelProto) -> None:
-    """Remove stack traces and file names of the exporting machine."""
-    graph = model.graph
-    for part in (model, graph, *graph.node, *graph.initializer, *graph.value_info, *graph.input, *graph.output):
-        part.ClearField("doc_string")
-        part.ClearField("metadata_props")
-
-
-def largest_difference(actor: Actor, policy: Policy, scenario: Scenario) -> float:
-    """Return the largest difference between the actions of an actor and of a policy of ``NUM_ENVS`` environments.
+def largest_difference(original: Policy, policy: Policy, scenario: Scenario) -> float:
+    """Return the largest difference between the actions of two policies of ``NUM_ENVS`` environments.
 
     Both see the same observations and keep their own memories. Half of the observations are sampled from the observation space,
-    half come from episodes on tuning seeds in which the actor acts.
+    half come from episodes on tuning seeds in which the original acts.
     """
-    original, generator = ActorPolicy(actor, NUM_ENVS), np.random.default_rng(0)
+    generator = np.random.default_rng(0)
     env, box = RoughTurningVectorEnv(NUM_ENVS, scenario, AutoresetMode.SAME_STEP), observation_space(scenario)
     assert isinstance(box, Box)
     observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
@@ -203,6 +235,14 @@ def largest_difference(actor: Actor, policy: Policy, scenario: Scenario) -> floa
     return largest
 
 
+def _sources(path: Path) -> list[Path]:
+    """Return the run folders that a path names: a run's, any file in it, or a folder of several; else the path itself."""
+    if (path.parent / "run.json").exists() and path.is_file():
+        return [path.parent]
+    below = sorted(found.parent for found in path.glob("*/run.json"))
+    return [path] if (path / "run.json").exists() or not below else below
+
+
 @exits(ValueError, interrupted="interrupted: the files named above are complete; the same command writes all again")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
@@ -212,12 +252,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         return nc(arguments[1:])
     parser = argparse.ArgumentParser(prog="python -m train.export", **described(__doc__))
-    parser.add_argument("folders", nargs="+", type=Path, metavar="RUN_FOLDER", help="folders of finished trainings of your own")
+    parser.add_argument("agents", nargs="+", type=Path, metavar="AGENT", help="run folders, or .zip or .onnx files, of your own")
     parser.add_argument("--out", required=True, type=Path, metavar="FOLDER", help="folder of the files")
+    name_help = "what the agent is called on leaderboards (default: the algorithm, with the scenario unless that is the id's own)"
+    parser.add_argument("--name", help=name_help)
     parser.add_argument("--json", action="store_true", help="print one line of JSON per file")
+    files = parser.add_argument_group("agents from .zip and .onnx files, which do not tell how they were trained")
+    files.add_argument("--env", choices=list(IDS), help="environment id (default: RoughTurning-v0)")
+    files.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
+    files.add_argument("--seed", type=int, help="training seed (default: that of a name such as me-seed3.zip, else 0)")
+    files.add_argument(
+        "--normalization", type=Path, metavar="FILE", help="statistics of VecNormalize that the agent was trained with"
+    )
     parsed = parser.parse_args(arguments)
-    for folder in tqdm(parsed.folders, unit="agent", disable=None, leave=False):
-        exported = export(folder, parsed.out)
+    if parsed.seed is not None and parsed.seed < 0:
+        parser.error(f"--seed is {parsed.seed}, but must be 0 or more")
+    env_id = parsed.env or "RoughTurning-v0"
+    scenario = Scenario.load(parsed.scenario or IDS[env_id])
+    command = f"python -m train.export {shlex.join(arguments)}"
+    elsewhere = Run("onnx", env_id, scenario, 0, {"steps": 0}, command, Path())
+    agents: dict[Path, _Agent] = {}
+    for path in (source for given in parsed.agents for source in _sources(given)):
+        if path.suffix in (".zip", ONNX_SUFFIX) and path.is_file():
+            agent = _of_file(path, elsewhere, parsed.name, parsed.seed, parsed.normalization)
+        elif not path.is_dir():
+            raise ValueError(
+                f"{path} holds no agent: give a folder of training runs, or a file that ends in .zip or {ONNX_SUFFIX}"
+            )
+        else:
+            agent = _of_run(path, parsed.name)
+            if given := [name for name in ("env", "scenario", "seed", "normalization") if getattr(parsed, name) is not None]:
+                raise ValueError(f"--{given[0]} is for .zip and .onnx files, but {path} is a training run, which has its own")
+        target = parsed.out / f"{agent.about.label}{ONNX_SUFFIX}"
+        if target in agents:
+            raise ValueError(f"{agents[target].source} and {agent.source} would both be {target}: export them under other names")
+        agents[target] = agent
+    for target, agent in tqdm(agents.items(), unit="agent", disable=None, leave=False):
+        exported = agent.write(target)
         us, difference = 1e6 * exported["latency"], exported["largest_difference"]
         line = f"{us:.0f} us per call, largest difference {difference:.1e} on {exported['observations']} observations"
         tqdm.write(json.dumps(exported) if parsed.json else f"{exported['path']}: {exported['size']} bytes, {line}")

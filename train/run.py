@@ -1,14 +1,17 @@
 """One training run: its settings, and where its files lie."""
 
 import csv
+import difflib
 import json
+import math
 import sys
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from turning_env import Scenario
+from turning_env import IDS, Scenario
 from turning_env.files import replace_file
 
 HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
@@ -22,6 +25,45 @@ def hyperparameters(algorithm: str, env_id: str) -> dict[str, Any]:
     tables = tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8"))
     values: dict[str, Any] = tables["default"] | tables.get(env_id, {})
     return values
+
+
+def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
+    """Return the hyperparameters of texts ``KEY=VALUE``, with values as in the algorithm's file.
+
+    Raises:
+        ValueError: the algorithm has no such hyperparameter, or the value is not of its kind; says what is allowed.
+    """
+    known: dict[str, Any] = {}
+    for table in tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8")).values():
+        for name, value in table.items():
+            known.setdefault(name, value)
+    values = {}
+    for setting in settings:
+        name, _, text = (part.strip() for part in setting.partition("="))
+        if name not in known:
+            likely = difflib.get_close_matches(name, known, n=1)
+            hint = f": did you mean {likely[0]}?" if likely else f", but {', '.join(known)}"
+            raise ValueError(f"{algorithm} has no hyperparameter {name!r}{hint}")
+        try:
+            value = tomllib.loads(f"value = {text}")["value"]
+        except ValueError:  # no TOML: a text without quotation marks
+            value = text
+        values[name] = _alike(name, value, known[name])
+    return values
+
+
+def _alike(name: str, value: Any, example: Any) -> Any:
+    """Return a value with the type of an example, and not negative unless that is."""
+    if isinstance(example, list) and isinstance(value, list):
+        return [_alike(name, each, example[0]) for each in value]
+    if isinstance(example, float) and type(value) is int:
+        value = float(str(value))  # infinite if it is too large
+    if type(value) is not type(example) or (
+        isinstance(value, int | float) and not (math.isfinite(value) and (value >= 0 or example < 0))
+    ):
+        least = " of 0 or more" if isinstance(example, int | float) and example >= 0 else ""
+        raise ValueError(f"{name} is {value!r}, but must be a {type(example).__name__}{least}, such as {example!r}")
+    return value
 
 
 def warn_of_pickle(path: Path) -> None:
@@ -82,6 +124,13 @@ class Run:
     def learning_curve(self) -> Path:
         """The learning curve, with at least the columns ``CURVE_COLUMNS``."""
         return self.folder / "learning_curve.csv"
+
+    @property
+    def name(self) -> str:
+        """Name of the agent: its algorithm's, followed by the scenario's if it was not trained on the id's own."""
+        preset = IDS.get(self.env_id)
+        own = preset is not None and Scenario.load(preset).digest() == self.scenario.digest()
+        return self.algorithm if own else f"{self.algorithm}_{self.scenario.name}"
 
     @property
     def label(self) -> str:

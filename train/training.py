@@ -23,12 +23,12 @@ from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
 from train.actor import Actor
-from train.run import CURVE_COLUMNS, Run, warn_of_pickle
+from train.run import CURVE_COLUMNS, Run, overrides, warn_of_pickle
 from train.vec_env import RoughTurningVecEnv
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, replace_file
-from turning_env.score.seeds import TUNING_START
+from turning_env.score.seeds import HELD_OUT_START, TUNING_START
 
 SEED_STRIDE = 1_000_000
 """Environment i of training seed s plays the episodes of seed s * SEED_STRIDE + i, so that no two trainings share bars."""
@@ -162,9 +162,16 @@ def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
 
 
 def new_model(run: Run, algorithm: Algorithm) -> Any:
-    """Return an untrained model on freshly seeded environments."""
-    vec_env = algorithm.vec_env(run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"])
-    model = algorithm.new_model(run, vec_env)
+    """Return an untrained model on freshly seeded environments.
+
+    Raises:
+        ValueError: the hyperparameters cannot be used.
+    """
+    try:
+        vec_env = algorithm.vec_env(run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"])
+        model = algorithm.new_model(run, vec_env)
+    except Exception as error:  # libraries raise many types for hyperparameters that they cannot use
+        raise ValueError(f"{algorithm.name} cannot be made with these hyperparameters: {error!r}") from error
     vec_env.seed(run.seed * SEED_STRIDE)
     return model
 
@@ -179,12 +186,17 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
         wait: whether to wait while another process trains in the run's folder; otherwise that is an error.
 
     Raises:
-        ValueError: the folder holds a run with other settings or unreadable files, another process trains in it, or the algorithm
-            cannot learn on the scenario.
+        ValueError: the folder holds a run with other settings or unreadable files, another process trains in it, the algorithm
+            cannot learn on the scenario or with the hyperparameters, or the seed is not for training.
         OSError: a file cannot be written; what was written before stands.
     """
     if not algorithm.plays(run.scenario):
         raise ValueError(f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}: it lacks its actions or its aim")
+    if run.seed not in range(SEEDS):
+        apart = f"the episodes of seeds from {TUNING_START} are for tuning, those from {HELD_OUT_START} are held out for scoring"
+        raise ValueError(f"the training seed is {run.seed}, but must be 0 to {SEEDS - 1}: {apart}")
+    if run.parameters["steps"] < 1:
+        raise ValueError(f"steps is {run.parameters['steps']}, but must be at least 1")
     with exclusive_lock(run.folder, wait):
         run.begin()
         if run.policy.exists():
@@ -210,7 +222,7 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
 _HELP = """Train an agent with {title} for one training seed.
 
     {program} --seed 1
-    {program} --env RoughTurning-v0 --scenario forging --seed 1 --steps 8000000
+    {program} --env RoughTurning-v0 --scenario forging --seed 1 --steps 8000000 --set learning_rate=3e-4
 
 The same command resumes an interrupted training, and does nothing if training is finished. Prints the path of the agent.
 """
@@ -224,15 +236,13 @@ def command_line(algorithm: Algorithm, arguments: list[str] | None = None) -> in
     parser.add_argument("--env", default="RoughTurning-v0", choices=list(IDS), help="environment id (default: %(default)s)")
     parser.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
     parser.add_argument("--seed", type=int, default=0, help="training seed (default: %(default)s)")
-    parser.add_argument("--steps", type=int, help="environment steps (default: from the hyperparameter file)")
+    parser.add_argument("--steps", type=int, help="environment steps: short for --set steps=N")
+    set_help = f"a hyperparameter in place of that of train/hyperparameters/{algorithm.name}.toml; any number of times"
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=set_help)
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parsed = parser.parse_args(arguments)
-    if not 0 <= parsed.seed < SEEDS:
-        parser.error(f"--seed is {parsed.seed}, but must be 0 to {SEEDS - 1}")
-    if parsed.steps is not None and parsed.steps < 1:
-        parser.error(f"--steps is {parsed.steps}, but must be at least 1")
     command = f"{program} {shlex.join(sys.argv[1:] if arguments is None else arguments)}".strip()
     scenario = Scenario.load(parsed.scenario or IDS[parsed.env])
-    overrides = {} if parsed.steps is None else {"steps": parsed.steps}
-    print(train(Run.plan(algorithm.name, parsed.env, scenario, parsed.seed, parsed.runs, command, overrides), algorithm))
+    given = overrides(algorithm.name, parsed.set) | ({} if parsed.steps is None else {"steps": parsed.steps})
+    print(train(Run.plan(algorithm.name, parsed.env, scenario, parsed.seed, parsed.runs, command, given), algorithm))
     return 0

@@ -181,7 +181,7 @@ def test_agents_come_from_their_folders(tmp_path: Path, scenario: Scenario, monk
     for seed, folder in enumerate(folders):
         onnx_agents.run(folder, seed).begin()
     first, second = run.agents(folders, scenario)
-    assert (first.label, second.label) == ("ppo-seed0", "ppo-seed1")
+    assert (first.label, second.label) == ("ppo_short-seed0", "ppo_short-seed1")
     assert first.sha256 != second.sha256
     assert first.tuned_for == ScenarioId.of(onnx_agents.SCENARIO)
     (folders[0] / "policy.zip").write_text("trained anew")
@@ -199,12 +199,12 @@ def test_agents_come_from_files_and_act_as_those_of_the_folders(
     path = onnx_agents.write(tmp_path, 2, memory=True)
     from_file, from_folder = (run.agents([each], task.scenario)[0] for each in (path, tmp_path / "run"))
     assert from_file.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
-    assert from_file.identity | {"sha256": from_folder.sha256} == from_folder.identity
+    assert from_file.identity | {"name": "ppo_short", "sha256": from_folder.sha256} == from_folder.identity
     mine, its = (play_spec(each, task.scenario, task.seeds) for each in (from_file, from_folder))
     for name, values in mine.items():
         np.testing.assert_allclose(values, its[name], rtol=1e-4, atol=1e-3)
     with pytest.raises(ResultError, match="ppo-seed2, which another"):
-        run.agents([path, tmp_path / "run"], task.scenario)
+        run.agents([path, path], task.scenario)
     with pytest.raises(ResultError, match="cannot play 'shift'"):
         run.agents([path], Scenario.load("shift"))
     path.write_bytes(b"damaged")

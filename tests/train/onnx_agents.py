@@ -68,6 +68,14 @@ def content(memory: bool = False, seed: int = 0, algorithm: str = "ppo") -> byte
     return of_nodes(nodes, weights | bounds, 7 if memory else 0, seed, algorithm)
 
 
+def retold(properties: dict[str, str]) -> bytes:
+    """A file with other metadata."""
+    model = onnx.load_model_from_string(content())
+    del model.metadata_props[:]
+    helper.set_model_props(model, properties)
+    return bytes(model.SerializeToString())
+
+
 def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = False) -> Path:
     """An agent's file in a folder."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -90,7 +98,7 @@ def of_nodes(
     held = [numpy_helper.from_array(array, name) for name, array in weights.items()]
     graph = helper.make_graph(nodes, "network", inputs, outputs, held)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
-    helper.set_model_props(model, metadata(run(Path(), seed, algorithm)).properties())
+    helper.set_model_props(model, metadata(run(Path(), seed, algorithm), algorithm).properties())
     return bytes(model.SerializeToString())
 
 

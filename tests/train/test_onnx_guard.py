@@ -114,9 +114,8 @@ def test_who_takes_too_long_is_ended() -> None:
 @linux
 @pytest.mark.slow
 def test_who_computes_too_much_is_ended() -> None:
-    policy = guarded(onnx_agents.toiling(), num_envs=2, limits=Limits(computing=1))
     with pytest.raises(ValueError, match="needs more than the 1 s of processor time that it may have"):
-        policy.act(observations(1, 2)[0])
+        guarded(onnx_agents.toiling(), num_envs=2, limits=Limits(computing=1)).act(observations(1, 2)[0])
 
 
 @linux
@@ -222,7 +221,7 @@ def test_links_pipes_devices_and_folders_are_no_files(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"link\.onnx is a link: give the file itself"):
         onnx_policy.load(tmp_path / "link.onnx")
     for name in ("pipe.onnx", "folder.onnx"):
-        with pytest.raises((ValueError, OSError), match=r"is not an ordinary file|Is a directory"):
+        with pytest.raises((ValueError, OSError), match=r"is not an ordinary file|is a folder with 0 .onnx files"):
             onnx_policy.load(tmp_path / name)
     with pytest.raises(ValueError, match="is not an ordinary file"):
         onnx_policy.load(Path("/dev/zero"))

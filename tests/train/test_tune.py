@@ -1,4 +1,3 @@
-import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -119,19 +118,6 @@ def test_the_command_prints_a_table(task: tune.Task, tmp_path: Path, capsys: pyt
     assert result.startswith("# trial ")
     assert table[0] == "[RoughTurning-v0]"
     assert {line.split(" = ")[0] for line in table[1:]} == set(tune.algorithm_of("sac").search)
-
-
-def test_wrong_arguments_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments, message in (
-        (["--algorithm", "dqn"], "invalid choice: 'dqn'"),
-        (["--algorithm", "sac", "--trials", "0"], "--trials is 0, but must be 1 to"),
-        (["--algorithm", "sac", "--workers", "-1"], "--workers is -1, but must be 1 to"),
-    ):
-        with pytest.raises(SystemExit):
-            tune.main(arguments)
-        assert message in capsys.readouterr().err
-    assert tune.main(["--algorithm", "sac", "--scenario", f"nowhere{os.sep}"]) == 2
-    assert "error: " in capsys.readouterr().err
 
 
 def share_a_study(folder: Path, storage: str, trials: int) -> None:

@@ -26,6 +26,8 @@ from turning_env.batch.driver import action_space, observation_space
 from turning_env.scenario import PortableScenario
 from turning_env.score.policy import PolicyFactory, PolicySpec, ScenarioId
 
+NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"
+"""What an agent may be called: the name also names files."""
 FORMAT: Literal["rough-turning/agent/2"] = "rough-turning/agent/2"
 
 
@@ -50,6 +52,8 @@ class Metadata(BaseModel):
 
     format: Literal["rough-turning/agent/2"]
     algorithm: str = Field(pattern="^[a-z][a-z0-9_]{0,63}$")
+    name: str = Field(pattern=NAME)
+    """On leaderboards; a file without it has its algorithm's."""
     seed: int = Field(ge=0)
     """Of the training."""
     env_id: str
@@ -77,9 +81,14 @@ class Metadata(BaseModel):
                 raise ValueError(f"{name} is not that of scenario {self.scenario.name!r}")
         return self
 
+    @property
+    def label(self) -> str:
+        """Return the agent's name and training seed: its file's name without the suffix."""
+        return f"{self.name}-seed{self.seed}"
+
     def properties(self) -> dict[str, str]:
         """Return the metadata as ONNX keeps it."""
-        values = self.model_dump(mode="json")
+        values = self.model_dump(mode="json", exclude={"name"} if self.name == self.algorithm else None)
         return {name: value if isinstance(value, str) else json.dumps(value) for name, value in values.items()}
 
     @classmethod
@@ -89,7 +98,7 @@ class Metadata(BaseModel):
         Raises:
             ValueError: something is missing, unknown or not allowed; names it.
         """
-        values: dict[str, Any] = {}
+        values: dict[str, Any] = {"name": properties.get("algorithm", "")}
         for name, text in properties.items():
             field = cls.model_fields.get(name)
             try:
@@ -121,7 +130,7 @@ ONNX_SUFFIX = ".onnx"
 def trained_policy(about: Metadata | Run, trained_steps: int, sha256: str, make: PolicyFactory) -> PolicySpec:
     """Return the policy of a finished training, from its file's metadata or its run."""
     return PolicySpec(
-        name=about.algorithm,
+        name=about.name,
         kind="agent",
         description=f"trained for {trained_steps} steps on scenario {about.scenario.name}",
         parameters=about.parameters,
@@ -167,7 +176,7 @@ class AgentFile:
     @property
     def label(self) -> str:
         """Return the agent's name and training seed: its file's name without the suffix."""
-        return f"{self.metadata.algorithm}-seed{self.metadata.seed}"
+        return self.metadata.label
 
 
 def read(path: Path) -> AgentFile:
@@ -185,12 +194,23 @@ def read(path: Path) -> AgentFile:
 
 
 def read_content(path: Path) -> bytes:
-    """Read a file, up to a byte more than is allowed.
+    """Read a file, or the only ONNX file in a folder, up to a byte more than is allowed.
 
     Raises:
-        ValueError: it is a link, a pipe or a device.
+        ValueError: it is a link, a pipe, a device, or a folder with no or several ONNX files.
         OSError: it cannot be read.
     """
+    if path.is_dir() and not path.is_symlink():
+        found = sorted(path.glob(f"*{ONNX_SUFFIX}"))
+        if (path / "run.json").exists():
+            raise ValueError(
+                f"{path} holds a training run: python -m train.export {path} --out FOLDER makes an agent's file of it"
+            )
+        if len(found) != 1:
+            raise ValueError(
+                f"{path} is a folder with {len(found)} {ONNX_SUFFIX} files: give an agent's file, or a folder with one"
+            )
+        path = found[0]
     # Not to wait for whoever may write into a pipe. A link would have another file read than the one that was given.
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     if path.is_symlink():

@@ -35,6 +35,7 @@ REVIEW = (
     "Tool, zero offset, clamping, retraction, coolant, limits and every value must be checked by whoever is responsible for the "
     "machine."
 )
+Command = Callable[[argparse.Namespace, str], dict[str, Any]]
 CAUTION = f"Simulation output: not for a machine without review. {REVIEW}"
 EXAMPLES = f"""\
 {PROGRAM} schedule --agent agents/RoughTurning-v0/rough_turning/analytic_gradient-seed0.onnx --tuning-seed 0 --out bar.mpf
@@ -57,58 +58,44 @@ def _parser() -> argparse.ArgumentParser:
     about = f"Write the commands of a policy as a part program for a SINUMERIK lathe, read it back and play it. {CAUTION}"
     parser = argparse.ArgumentParser(prog=PROGRAM, **described(f"{about}\n\n{EXAMPLES}"))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    written, seeded = argparse.ArgumentParser(add_help=False), argparse.ArgumentParser(add_help=False)
+    written.add_argument("--out", required=True, type=Path, metavar="FILE", help="the program, such as bar.mpf")
+    seeds = seeded.add_mutually_exclusive_group()
+    tuning_help = "bars and edge of the tuning seed number N (default: 0)"
+    seeds.add_argument("--tuning-seed", type=int, default=0, metavar="N", help=tuning_help)
+    seeds.add_argument("--seed", type=int, metavar="S", help="bars and edge of any seed")
 
-    def command(name: str, run: Callable[[argparse.Namespace, str], dict[str, Any]], about: str) -> argparse.ArgumentParser:
+    def command(run: Command, scenario: str | None, about: str, *parents: argparse.ArgumentParser) -> argparse.ArgumentParser:
+        name = run.__name__.removeprefix("_")
         examples = "\n".join(line for line in EXAMPLES.splitlines() if line.startswith(f"{PROGRAM} {name} "))
         told = described(f"{about[0].upper()}{about[1:]}. {CAUTION}\n\n{examples}")
-        added = commands.add_parser(name, help=about, **told)
+        added = commands.add_parser(name, help=about, parents=parents, **told)
         added.set_defaults(run=run)
+        default = scenario or "the agent's own, or rough_turning"
+        added.add_argument("--scenario", default=scenario, help=f"preset or TOML file (default: {default})")
         added.add_argument("--json", action="store_true", help="print the summary as one line of JSON")
         return added
 
-    def written(added: argparse.ArgumentParser) -> None:
-        added.add_argument("--out", required=True, type=Path, metavar="FILE", help="the program, such as bar.mpf")
-
-    def seeded(added: argparse.ArgumentParser) -> None:
-        seeds = added.add_mutually_exclusive_group()
-        seeds.add_argument(
-            "--tuning-seed", type=int, default=0, metavar="N", help="bars and edge of the tuning seed number N (default: 0)"
-        )
-        seeds.add_argument("--seed", type=int, metavar="S", help="bars and edge of any seed")
-
-    added = command("schedule", _schedule, "the speeds and feeds that a policy commanded on given bars, as blocks along Z")
+    about = "the speeds and feeds that a policy commanded on given bars, as blocks along Z"
+    added = command(_schedule, None, about, seeded, written)
     policy = added.add_mutually_exclusive_group(required=True)
     policy.add_argument("--agent", type=Path, metavar="FILE", help="an agent's ONNX file")
     policy.add_argument("--rule", metavar="NAME", help=f"a controller: {', '.join(catalogue.RULES)}")
-    added.add_argument("--scenario", help="preset or TOML file (default: the agent's own, or rough_turning)")
-    seeded(added)
     added.add_argument("--bars", type=int, default=1, metavar="N", help="the first N bars of the seed (default: 1)")
-    added.add_argument(
-        "--tolerance",
-        type=float,
-        default=schedule.TOLERANCE,
-        metavar="SHARE",
-        help="speeds and feeds that differ by less become one block (default: %(default)s)",
-    )
-    written(added)
+    tolerance_help = "speeds and feeds that differ by less become one block (default: %(default)s)"
+    added.add_argument("--tolerance", type=float, default=schedule.TOLERANCE, metavar="SHARE", help=tolerance_help)
 
-    added = command("table", _table, "the interval table of the grid search on nominal models, a section per interval")
-    added.add_argument("--scenario", default="rough_turning", help="preset or TOML file (default: %(default)s)")
-    added.add_argument(
-        "--interval", type=float, metavar="MIN", help="cutting time of an interval (default: the scenario's control interval)"
-    )
-    written(added)
+    about = "the interval table of the grid search on nominal models, a section per interval"
+    added = command(_table, "rough_turning", about, written)
+    interval_help = "cutting time of an interval (default: the scenario's control interval)"
+    added.add_argument("--interval", type=float, metavar="MIN", help=interval_help)
 
-    added = command("law", _law, "a controller from spindle load to feed override, as synchronized actions")
+    about = "a controller from spindle load to feed override, as synchronized actions"
+    added = command(_law, "override", about, seeded, written)
     added.add_argument("--rule", required=True, metavar="NAME", help=f"one of {', '.join(laws.LAWS)}")
-    added.add_argument("--scenario", default="override", help="preset or TOML file (default: %(default)s)")
-    seeded(added)
-    written(added)
 
-    added = command("check", _check, "read a program of this subset and play it on given bars")
+    added = command(_check, "rough_turning", "read a program of this subset and play it on given bars", seeded)
     added.add_argument("file", type=Path, metavar="FILE", help="the program")
-    added.add_argument("--scenario", default="rough_turning", help="preset or TOML file (default: %(default)s)")
-    seeded(added)
     return parser
 
 
@@ -136,8 +123,7 @@ def _schedule(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
     if program.bars[-1][-1].z > 1e-3 - scenario.workpiece.bar_length or len(program.bars) < parsed.bars:
         comments.append(f"the edge or the time limit ended the episode in bar {len(program.bars)}: the program ends there")
     text, program = _text_of(program, comments, command)
-    totals = _agreeing(original, simulate.simulate(program, scenario, seed))
-    return _written(parsed.out, text, program) | totals
+    return _written(parsed.out, text, program, original, simulate.simulate(program, scenario, seed))
 
 
 def _policy(parsed: argparse.Namespace) -> tuple[str, PolicyFactory, Scenario]:
@@ -159,8 +145,8 @@ def _table(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
         "sections go by the cutting time of the edge, which their lengths take at their speeds and feeds",
     ]
     text, program = _text_of(program, comments, command)
-    totals = _agreeing(original, simulate.simulate(program, interval_table.without_spreads(scenario), 0))
-    return _written(parsed.out, text, program) | {"sections": len(rows)} | totals
+    simulated = simulate.simulate(program, interval_table.without_spreads(scenario), 0)
+    return _written(parsed.out, text, program, original, simulated, sections=len(rows))
 
 
 def _law(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
@@ -179,15 +165,14 @@ def _law(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
             f"{MAX_OVERRIDE_DIFFERENCE} are allowed, and nothing was written"
         )
     assert program.law is not None
-    summary = {
-        "polynomials": len(program.law.polynomials),
-        "actions": len(program.law.actions),
-        "steps": compared.steps,
-        "mean_override_difference": compared.mean_difference,
-        "largest_override_difference": compared.largest_difference,
-    }
-    totals = _agreeing(compared.original, compared.simulated)
-    return _written(parsed.out, text, program) | summary | totals
+    return _written(
+        *(parsed.out, text, program, compared.original, compared.simulated),
+        polynomials=len(program.law.polynomials),
+        actions=len(program.law.actions),
+        steps=compared.steps,
+        mean_override_difference=compared.mean_difference,
+        largest_override_difference=compared.largest_difference,
+    )
 
 
 def _check(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
@@ -207,19 +192,17 @@ def _text_of(program: Program, comments: list[str], command: str) -> tuple[str, 
     return text, read_back
 
 
-def _agreeing(original: Totals, simulated: Totals) -> dict[str, Any]:
+def _written(path: Path, text: str, program: Program, original: Totals, simulated: Totals, **summary: float) -> dict[str, Any]:
+    """Write a program whose totals agree with those of its original; return the summary."""
     difference = simulated.difference(original)
     if not difference <= MAX_DIFFERENCE:
         raise NcError(
             f"the program read back comes to {simulated}, but what it was made from to {original}: {100.0 * difference:.1f} % "
             f"apart, where {100.0 * MAX_DIFFERENCE:g} % are allowed, and nothing was written; a smaller tolerance may help"
         )
-    return {"original": asdict(original), "simulated": asdict(simulated), "largest_difference": difference}
-
-
-def _written(path: Path, text: str, program: Program) -> dict[str, Any]:
     replace_file(path, lambda partial: partial.write_text(text, "ascii"))
-    return {"path": str(path), "bars": len(program.bars), "blocks": program.blocks}
+    totals = {"original": asdict(original), "simulated": asdict(simulated), "largest_difference": difference}
+    return {"path": str(path), "bars": len(program.bars), "blocks": program.blocks} | summary | totals
 
 
 def _lines(done: dict[str, Any]) -> str:

@@ -1,0 +1,258 @@
+"""Agents of any origin become agent files that act as they do, or are refused with the reason."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import pytest
+import torch
+from numpy.typing import NDArray
+from onnx import helper
+from sb3_contrib import TQC, RecurrentPPO
+from stable_baselines3 import A2C, PPO, SAC, TD3
+from stable_baselines3.common.vec_env import VecNormalize
+
+from tests.train import onnx_agents
+from train import export
+from train.actor import ActorPolicy
+from train.agents import agent_file, foreign, onnx_policy
+from train.agents.agent_file import AgentFile
+from train.agents.session import OnnxPolicy, session_of
+from train.vec_env import RoughTurningVecEnv
+from turning_env import Scenario
+
+SCENARIO = onnx_agents.SCENARIO
+OBSERVATIONS = np.random.default_rng(1).uniform(-1, 3, (10, 5, 11)).astype(np.float32)
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(export, "STEPS", 5)
+    monkeypatch.setattr(export, "TIMED_CALLS", 3)
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> str:
+    """The path of a scenario of one's own."""
+    SCENARIO.save(tmp_path / "short.toml")
+    return str(tmp_path / "short.toml")
+
+
+def exported(out: Path, *arguments: object) -> AgentFile:
+    """Export one agent and return its file."""
+    assert export.main([*map(str, arguments), "--out", str(out)]) == 0
+    return agent_file.read(out)
+
+
+def refusal(capsys: pytest.CaptureFixture[str], out: Path, *arguments: object) -> str:
+    """Return why nothing is exported."""
+    assert export.main([*map(str, arguments), "--out", str(out)]) == 2
+    assert not out.exists()
+    return capsys.readouterr().err
+
+
+def actions(file: AgentFile) -> list[NDArray[np.float32]]:
+    policy = OnnxPolicy(session_of(file.content), file.memory_size, 5)
+    policy.reset(np.ones(5, np.bool_))
+    return [policy.act(each) for each in OBSERVATIONS]
+
+
+class Recurrent(torch.nn.Module):
+    """A GRU with the interface of an actor, but none of the project's."""
+
+    memory_size = 6
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.cell, self.head = torch.nn.GRUCell(11, 6), torch.nn.Linear(6, 2)
+
+    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        memory = self.cell(observation, memory)
+        return 3.0 * self.head(memory), memory
+
+
+def layers(actions: int = 2) -> torch.nn.Sequential:
+    torch.manual_seed(0)
+    return torch.nn.Sequential(torch.nn.Linear(11, 16), torch.nn.ReLU(), torch.nn.Linear(16, actions))
+
+
+@pytest.mark.slow
+def test_any_module_becomes_an_agent(tmp_path: Path) -> None:
+    module = layers()
+    export.export_torch(module, tmp_path / "me-seed4.onnx", scenario=SCENARIO)
+    agent = onnx_policy.load(tmp_path / "me-seed4.onnx")
+    assert (agent.label, agent.trained_on) == ("me-seed4", SCENARIO)
+    expected = module(torch.from_numpy(OBSERVATIONS[0])).detach().clamp(-1, 1).numpy()
+    np.testing.assert_allclose(agent.make(5).act(OBSERVATIONS[0]), expected, atol=1e-6)
+
+    recurrent = Recurrent().double()
+    export.export_torch(recurrent, tmp_path / "ppo.onnx", scenario=SCENARIO, trained_steps=7)
+    file = agent_file.read(tmp_path / "ppo.onnx")
+    assert (file.label, file.memory_size, file.metadata.trained_steps) == ("my_ppo-seed0", 6, 7)  # ppo is taken
+    memory = torch.zeros(5, 6, dtype=torch.float64)
+    for observations, found in zip(OBSERVATIONS, actions(file), strict=True):
+        expected, memory = recurrent(torch.from_numpy(observations).double(), memory)
+        np.testing.assert_allclose(found, expected.detach().clamp(-1, 1), atol=1e-5)
+    with pytest.raises(ValueError, match=r"Sequential cannot be exported: .*\(2, 3\).* must give \(\(2, 2\)"):
+        export.export_torch(layers(3), tmp_path / "wide.onnx")
+    with pytest.raises(ValueError, match=r"Linear cannot be exported: .*cannot act"):
+        export.export_torch(torch.nn.Linear(4, 2), tmp_path / "narrow.onnx")
+    assert not (tmp_path / "wide.onnx").exists()
+
+
+@pytest.mark.parametrize("kind", [PPO, A2C, SAC, TD3, TQC, RecurrentPPO], ids=lambda kind: kind.__name__)
+def test_models_of_stable_baselines_act_as_they_predict(kind: Any, tmp_path: Path) -> None:
+    env = RoughTurningVecEnv(SCENARIO, 2)
+    model = kind("MlpLstmPolicy" if kind is RecurrentPPO else "MlpPolicy", env, seed=1, device="cpu")
+    model.save(tmp_path / "mine.zip")
+    algorithm, steps, actor = foreign.sb3_actor(tmp_path / "mine.zip", SCENARIO)
+    assert (algorithm, steps) == (kind.__name__.lower(), 0)
+    policy, state = ActorPolicy(actor, 5), None
+    for observations in OBSERVATIONS:
+        expected, state = model.predict(observations, state, deterministic=True)
+        np.testing.assert_allclose(policy.act(observations), expected, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_normalised_observations_are_normalised_in_the_file(
+    tmp_path: Path, scenario: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    env = VecNormalize(RoughTurningVecEnv(SCENARIO, 2), clip_obs=2.0)
+    env.seed(0)
+    env.reset()
+    for _ in range(5):
+        env.step(np.zeros((2, 2), np.float32))
+    model = PPO("MlpPolicy", env, seed=1, device="cpu", policy_kwargs={"net_arch": []})
+    model.save(tmp_path / "mine-seed2.zip")
+    env.save(str(tmp_path / "statistics.pkl"))
+    arguments = (tmp_path / "mine-seed2.zip", "--scenario", scenario, "--normalization")
+    file = exported(tmp_path / "out", *arguments, tmp_path / "statistics.pkl")
+    assert (file.label, file.metadata.algorithm) == ("mine-seed2", "ppo")
+    for observations, found in zip(OBSERVATIONS, actions(file), strict=True):
+        expected, _ = model.predict(env.normalize_obs(observations), deterministic=True)
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+    other = tmp_path / "other"
+    assert "mine-seed2.zip is normalised by" in refusal(capsys, other, *arguments, tmp_path / "mine-seed2.zip")
+    assert "mine-seed2.zip was trained on the observation space" in refusal(
+        capsys, other, arguments[0], "--scenario", "batch_casting"
+    )
+    (tmp_path / "text.zip").write_text("text")
+    assert "text.zip is no model of Stable-Baselines3" in refusal(capsys, other, tmp_path / "text.zip")
+
+
+def onnx_file(path: Path, **options: Any) -> tuple[torch.nn.Module, Path]:
+    """Write a file as a user of PyTorch would, by any of its exporters."""
+    module = layers()
+    torch.onnx.export(module, (torch.zeros(1, 11),), path, verbose=False, **options)
+    return module, path
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"dynamo": True},
+        {"dynamo": True, "external_data": True},
+        {"dynamo": False, "opset_version": 13},
+        {"dynamo": False, "opset_version": 17, "input_names": ["action"], "dynamic_axes": {"action": {0: "n"}}},
+    ],
+)
+def test_a_plain_onnx_file_becomes_an_agents(options: dict[str, Any], tmp_path: Path, scenario: str) -> None:
+    module, path = onnx_file(tmp_path / "mine.onnx", **options)
+    file = exported(tmp_path / "out", path, "--scenario", scenario, "--seed", 3, "--name", "pen_pal")
+    assert (file.label, file.metadata.scenario) == ("pen_pal-seed3", SCENARIO)
+    for observations, found in zip(OBSERVATIONS, actions(file), strict=True):
+        np.testing.assert_allclose(found, module(torch.from_numpy(observations)).detach().clamp(-1, 1), atol=1e-5)
+
+
+def network(path: Path, *nodes: onnx.NodeProto, opset: int = 20, memory: bool = False, entries: int = 11) -> Path:
+    """Write a network of nodes from x (and m) to y (and n)."""
+    value = helper.make_tensor_value_info
+    inputs, outputs = [value("x", 1, [1, entries])], [value("y", 1, None)]
+    if memory:
+        inputs, outputs = [*inputs, value("m", 1, ["b", 11])], [*outputs, value("n", 1, ["b", 11])]
+    graph = helper.make_graph(nodes, "network", inputs, outputs)
+    onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=8), path)
+    return path
+
+
+SLICE = [
+    helper.make_node("Constant", [], ["half"], value_floats=[0.5]),
+    helper.make_node("Constant", [], ["pair"], value_ints=[0, 1]),
+    helper.make_node("Gather", ["x", "pair"], ["first"], axis=1),
+    helper.make_node("Mul", ["first", "half"], ["y"]),
+]
+
+
+@pytest.mark.parametrize("opset", range(12, 28))
+def test_all_operator_sets_that_can_be_run_are_accepted(opset: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = network(tmp_path / "mine.onnx", *SLICE, opset=opset), tmp_path / "out"
+    if 13 <= opset <= 26:
+        found = actions(exported(out, path))[0]
+        np.testing.assert_allclose(found, np.clip(0.5 * OBSERVATIONS[0, :, :2], -1, 1))
+    else:
+        assert f"mine.onnx cannot be exported: uses operator sets [('', {opset})]" in refusal(capsys, out, path)
+
+
+def test_a_network_with_a_memory_keeps_it(tmp_path: Path) -> None:
+    nodes = [*SLICE, helper.make_node("Add", ["x", "m"], ["n"])]
+    assert exported(tmp_path / "out", network(tmp_path / "mine.onnx", *nodes, memory=True)).memory_size == 11
+
+
+def test_what_an_onnx_file_lacks_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = tmp_path / "mine.onnx", tmp_path / "out"
+    network(path, *SLICE)
+    assert "'x' has shape [1, 11], but must have (number of environments, 12)" in refusal(
+        capsys, out, path, "--scenario", "surface"
+    )
+    network(path, *SLICE, helper.make_node("Identity", ["y"], ["n"]))
+    model = onnx.load(path)
+    model.graph.output.append(helper.make_tensor_value_info("n", 1, None))
+    onnx.save(model, path)
+    assert "has 1 inputs and 2 outputs, but must have an observation and an action" in refusal(capsys, out, path)
+    network(path, *SLICE, helper.make_node("NonZero", ["x"], ["z"]))
+    assert "uses the operator 'NonZero'" in refusal(capsys, out, path)
+    network(
+        path,
+        *SLICE[:3],
+        helper.make_node("Constant", [], ["s"], value_ints=[1, 2]),
+        helper.make_node("Reshape", ["first", "s"], ["y"]),
+    )
+    assert "was written for a batch of 1 and cannot act on others" in refusal(capsys, out, path)
+    path.write_bytes(onnx_agents.content())
+    assert "is an agent's file already" in refusal(capsys, out, path)
+    path.write_bytes(b"text")
+    assert "is no ONNX file" in refusal(capsys, out, path)
+
+
+def test_agents_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(export, "load_actor", lambda run: onnx_agents.memoryless())
+    monkeypatch.setattr(export, "to_onnx", lambda actor, about: onnx_agents.retold(about.properties()))
+    runs = [onnx_agents.run(tmp_path / "runs" / f"{name}-seed1", 1, name) for name in ("ppo", "sac")]
+    for run in runs:
+        run.begin()
+        run.policy.touch()
+    assert runs[0].name == "ppo_short"  # the name without the scenario is that of the agent that ships
+    assert exported(tmp_path / "own", runs[0].policy, "--name", "mine").label == "mine-seed1"
+    assert export.main([str(tmp_path / "runs"), "--out", str(tmp_path / "all")]) == 0
+    assert sorted(path.name for path in (tmp_path / "all").iterdir()) == ["ppo_short-seed1.onnx", "sac_short-seed1.onnx"]
+    out = tmp_path / "out"
+    assert "would both be" in refusal(capsys, out, tmp_path / "runs", "--name", "mine")
+    assert "the name is '../x'" in refusal(capsys, out, runs[0].folder, "--name", "../x")
+    assert "--seed is for .zip and .onnx files" in refusal(capsys, out, runs[0].folder, "--seed", 1)
+    preset = Scenario.load("rough_turning")
+    assert replace(runs[0], scenario=preset.model_copy(update={"name": "copy"})).name == "ppo"
+
+
+def test_a_folder_stands_for_its_only_file(tmp_path: Path) -> None:
+    onnx_agents.write(tmp_path)
+    assert agent_file.read(tmp_path).label == "ppo-seed0"
+    onnx_agents.write(tmp_path, 1)
+    with pytest.raises(ValueError, match=r"is a folder with 2 \.onnx files"):
+        onnx_policy.load(tmp_path)
+    onnx_agents.run(tmp_path).begin()
+    with pytest.raises(ValueError, match=r"holds a training run: python -m train\.export"):
+        onnx_policy.load(tmp_path)

@@ -1,0 +1,166 @@
+"""Networks as ONNX: write an actor's, and adopt one that was written elsewhere."""
+
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import onnx
+import torch
+from onnx import compose, helper, inliner
+
+from train.actor import Actor
+from train.agents import agent_file
+from train.agents.agent_file import Metadata
+from train.agents.session import first_line, tried
+
+OPSET = 20
+
+
+class _WithoutMemory(torch.nn.Module):
+    """An actor without memory as a network of one input and one output."""
+
+    def __init__(self, actor: Actor) -> None:
+        super().__init__()
+        self._actor = actor
+
+    def forward(self, observation: torch.Tensor) -> torch.Tensor:
+        """Return actions."""
+        action, _ = self._actor(observation, observation.new_zeros((observation.shape[0], 0)))
+        result: torch.Tensor = action
+        return result
+
+
+def to_onnx(actor: Actor, about: Metadata) -> bytes:
+    """Return the content of an actor's ONNX file: the same bytes every time.
+
+    Raises:
+        ValueError: the actor does not turn observations into actions, or PyTorch cannot write it as ONNX.
+    """
+    # Two environments: a size of one would be taken for a constant.
+    arguments: tuple[torch.Tensor, ...] = (torch.zeros(2, len(about.observation_space.low)),)
+    expected = (2, len(about.action_space.low)), (2, actor.memory_size)
+    try:
+        found = tuple(tuple(each.shape) for each in actor.eval()(*arguments, torch.zeros(expected[1])))
+    except Exception as error:  # modules raise many types
+        raise ValueError(f"it cannot act on observations of shape {tuple(arguments[0].shape)}: {first_line(error)}") from error
+    if found != expected:
+        raise ValueError(f"it gives actions and memory of shapes {found}, but must give {expected}")
+    network: torch.nn.Module = _WithoutMemory(actor)
+    inputs, outputs = ["observation"], ["action"]
+    if actor.memory_size:
+        arguments += (torch.zeros(2, actor.memory_size),)
+        network, inputs, outputs = actor, [*inputs, "memory"], [*outputs, "next_memory"]
+    num_envs = torch.export.Dim("lanes", min=1)  # the name of the axis in the file
+    try:
+        with _quietly():
+            program = torch.onnx.export(
+                network.eval(),
+                arguments,
+                dynamo=True,
+                input_names=inputs,
+                output_names=outputs,
+                dynamic_shapes=tuple({0: num_envs} for _ in arguments),
+                opset_version=OPSET,
+                verbose=False,
+            )
+    except Exception as error:  # the exporter raises many types
+        raise ValueError(f"PyTorch cannot write {type(actor).__name__} as ONNX: {first_line(error)}") from error
+    assert program is not None
+    model = program.model_proto
+    return _with_properties(model, about)
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """Silence the exporter's warnings about its own deprecated calls and missing optional packages."""
+    disabled = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(disabled)
+
+
+def _strip(model: onnx.ModelProto) -> None:
+    """Remove stack traces and file names of the exporting machine."""
+    graph = model.graph
+    for part in (model, graph, *graph.node, *graph.initializer, *graph.value_info, *graph.input, *graph.output):
+        part.ClearField("doc_string")
+        part.ClearField("metadata_props")
+
+
+def adopted(path: Path, about: Metadata) -> bytes:
+    """Return an agent's file made of any network in an ONNX file of your own, also with its weights in a side file.
+
+    The first input is the observation and the first output the action, clipped to -1..1; a second input and output are the
+    memory. The first axis of all becomes the number of environments. Metadata in the file is replaced.
+
+    Raises:
+        ValueError: it is no ONNX file, or its inputs and outputs cannot be those of the agent; says what is missing.
+    """
+    try:
+        model = inliner.inline_local_functions(onnx.load(path))
+        model = compose.add_prefix(model, "adopted/")
+    except Exception as error:  # a parser can raise anything on garbled bytes
+        raise ValueError(f"is no ONNX file, or lacks its weights: {first_line(error)}") from error
+    if any(entry.key == "format" for entry in model.metadata_props):
+        raise ValueError("is an agent's file already")
+    graph = model.graph
+    weights = {tensor.name for tensor in graph.initializer}
+    inputs, outputs = [value for value in graph.input if value.name not in weights], list(graph.output)
+    if not len(inputs) == len(outputs) in (1, 2):
+        found = f"{len(inputs)} inputs and {len(outputs)} outputs"
+        raise ValueError(f"has {found}, but must have an observation and an action, and besides a memory each or none")
+    batch = next((axis.dim_value for axis in inputs[0].type.tensor_type.shape.dim), 0)  # 0: any
+    memory = _size(inputs[1], None) if len(inputs) == 2 else None
+    sizes = ((len(about.observation_space.low), len(about.action_space.low)), (memory, memory))
+    del graph.input[:], graph.output[:], graph.value_info[:]
+    node, value_info = helper.make_node, helper.make_tensor_value_info
+    first, last = [], [node("Constant", [], [name], value_float=value) for name, value in (("low", -1.0), ("high", 1.0))]
+    for given, made, names, (in_size, out_size) in zip(inputs, outputs, _NAMES, sizes, strict=False):
+        graph.input.append(value_info(names[0], onnx.TensorProto.FLOAT, ["environments", _size(given, in_size)]))
+        graph.output.append(value_info(names[1], onnx.TensorProto.FLOAT, ["environments", _size(made, out_size)]))
+        first.append(node("Cast", [names[0]], [given.name], to=given.type.tensor_type.elem_type))
+        as_float = "unclipped" if names[1] == "action" else names[1]
+        last.append(node("Cast", [made.name], [as_float], to=onnx.TensorProto.FLOAT))
+    nodes = [*first, *graph.node, *last, node("Clip", ["unclipped", "low", "high"], ["action"])]
+    del graph.node[:]
+    graph.node.extend(nodes)
+    used = {each.domain or "ai.onnx" for each in nodes}
+    opsets = [opset for opset in model.opset_import if (opset.domain or "ai.onnx") in used]
+    del model.opset_import[:]
+    model.opset_import.extend(opsets)
+    content = _with_properties(model, about)
+    memory_size = agent_file.checked(content).memory_size
+    try:
+        tried(content, *sizes[0], memory_size)
+    except ValueError as error:
+        if not batch:
+            raise
+        fixed = f"was written for a batch of {batch} and cannot act on others: export it with a dynamic first axis"
+        raise ValueError(f"{fixed} ({error})") from error
+    return content
+
+
+_NAMES = (("observation", "action"), ("memory", "next_memory"))
+
+
+def _size(value: onnx.ValueInfoProto, expected: int | None) -> int:
+    """Return the entries per environment of an input or an output, which may leave them open if they are known."""
+    name, axes = value.name.removeprefix("adopted/"), value.type.tensor_type.shape.dim
+    found = axes[-1].dim_value if len(axes) == 2 and axes[-1].HasField("dim_value") else None
+    if len(axes) not in (0, 2) or (found or expected) is None or found not in (None, expected or found):
+        shape = [axis.dim_value or axis.dim_param or "?" for axis in axes]
+        raise ValueError(f"{name!r} has shape {shape}, but must have (number of environments, {expected or 'entries'})")
+    return found or expected or 0
+
+
+def _with_properties(model: onnx.ModelProto, about: Metadata) -> bytes:
+    del model.metadata_props[:]
+    _strip(model)
+    helper.set_model_props(model, about.properties())
+    return bytes(model.SerializeToString(deterministic=True))
