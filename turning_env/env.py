@@ -43,6 +43,7 @@ def portable(spec: EnvSpec | None, scenario: Scenario) -> EnvSpec | None:
     if spec is None:
         return None
     kwargs = spec.kwargs | ({"scenario": scenario.portable()} if "scenario" in spec.kwargs else {})
+    kwargs.pop("max_episode_steps", None)  # gymnasium.make_vec states it twice
     steps = spec.max_episode_steps
     if steps is None and scenario.control.action != "part":
         steps = scenario.max_episode_steps

@@ -217,7 +217,7 @@ class Scenario(Section):
         """Return what ``load`` reads back equal anywhere and JSON can hold: a preset's name, or a dict of what differs."""
         if self.name in presets() and self == self._preset(self.name, ()):
             return self.name
-        return {"name": self.name} | self.differences()
+        return {"base": _DEFAULTS.name, "name": self.name} | self.differences()
 
     @property
     def max_episode_steps(self) -> int | None:

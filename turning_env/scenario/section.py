@@ -23,7 +23,7 @@ _ALL_KEYS = "python -m turning_env schema"
 def names_instead(name: str, allowed: Iterable[str], lists_all: str) -> str:
     """Return what to write instead of an unknown name: the names like it, or all if they are few, or what lists them all."""
     names = list(allowed)
-    if close := get_close_matches(name[:100], names, 3):
+    if close := get_close_matches(name[:100], names, 3, 0.7):
         return f"did you mean {' or '.join(close)}?"
     return f"allowed are {', '.join(names)}" if len(names) <= _MAX_LISTED else f"list all with: {lists_all}"
 

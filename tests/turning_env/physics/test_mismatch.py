@@ -90,12 +90,6 @@ def test_of_several_passes_those_that_reach_the_skin_cut_it(floor, ceiling, shar
     assert math.exp(state.log_skin_wear[0]) == pytest.approx(1 + 0.5 * share, rel=1e-12)
 
 
-def test_a_mismatch_of_inserts_wears_more():
-    nominal, poor = steps(STEADY, 20), steps(with_mismatch(wear_factor=1.15), 20)
-    assert poor["wear_factor"] == pytest.approx(1.15, rel=1e-12)
-    assert poor["wear"][1:] / nominal["wear"][1:] == pytest.approx(1.15, rel=1e-9)
-
-
 def test_a_worn_edge_goes_on_from_its_wear_and_is_charged_what_is_used_of_it():
     worn = with_mismatch(**WORN)
     record = steps(worn, 3000, (0.5, 0.0))
@@ -107,13 +101,6 @@ def test_a_worn_edge_goes_on_from_its_wear_and_is_charged_what_is_used_of_it():
     fresh = steps(STEADY, 3000, (0.5, 0.0))
     life = int(np.flatnonzero(fresh["terminated"])[0])
     assert end / life == pytest.approx(1 - INITIAL_USED_LIFE, abs=2 / life)
-
-
-def test_a_worn_edge_that_breaks_is_charged_what_was_left_of_it():
-    brittle = changed(with_mismatch(**WORN), tool={"edge_strength": 800.0, "edge_strength_spread": 0.0})
-    record = steps(brittle, 300, (1.0, 1.0))
-    end = int(np.flatnonzero(record["broken"])[0])
-    assert record["edges_used"][: end + 1].sum() == pytest.approx(1 - INITIAL_USED_LIFE, rel=1e-9)
 
 
 def test_every_edge_of_a_worn_mismatch_starts_worn():

@@ -104,14 +104,6 @@ def test_rules_are_policies(preset: str, name: str) -> None:
         assert (np.abs(actions) <= 1.0).all()
 
 
-def test_progress_is_reported() -> None:
-    counts: list[int] = []
-    play(Wavy, SHORT, [1, 2], counts.append)
-    assert counts[0] == 0
-    assert counts[-1] == 2
-    assert counts == sorted(counts)
-
-
 @pytest.mark.parametrize("preset", presets())
 def test_every_preset_is_tuned_or_a_split_of_one_that_is(preset: str) -> None:
     scenario = Scenario.load(preset)

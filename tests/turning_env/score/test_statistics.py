@@ -43,14 +43,6 @@ def test_interquartile_means_by_hand(chosen: list[object]) -> None:
     np.testing.assert_allclose(means, [(1 + 3 + 3 + 6) / 4, 5.0], rtol=1e-15)
 
 
-def test_interquartile_means_do_not_depend_on_how_many_are_held_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    bootstrap, values = Bootstrap(5, resamples=7), np.arange(10.0).reshape(2, 5) ** 2
-    whole = bootstrap.interquartile_means(values, "policy")
-    monkeypatch.setattr(statistics, "_CHUNK", 3)
-    np.testing.assert_array_equal(bootstrap.interquartile_means(values, "policy"), whole)
-    assert whole.shape == (7,)
-
-
 def test_weights_by_hand() -> None:
     weights = statistics._weights(np.array([[0, 0, 2, 0], [3, 1, 1, 2]]), 4)
     np.testing.assert_array_equal(weights, [[0.75, 0, 0.25, 0], [0, 0.5, 0.25, 0.25]])
@@ -82,20 +74,6 @@ def test_improvement_counts_ties_half_and_averages_over_the_others_training_seed
     returns = np.array([[1.0, 2, 3, 4], [9, 0, 4, 5]])
     np.testing.assert_array_equal(improvement(returns, np.array([[0.0, 2, 4, 4]])), [[1, 0.5, 0, 0.5], [1, 0, 0.5, 1]])
     np.testing.assert_array_equal(improvement(returns[:1], np.array([[0.0, 0, 0, 0], [9, 9, 9, 4]])), [[0.5, 0.5, 0.5, 0.75]])
-
-
-def test_improvement_on_every_pair_is_the_mann_whitney_statistic() -> None:
-    generator = np.random.default_rng(1)
-    one, other = generator.integers(10, size=40).astype(float), generator.integers(12, size=40).astype(float)
-    pairs = improvement(np.repeat(one, 40)[None], np.tile(other, 40)[None])
-    assert pairs.mean() == pytest.approx(stats.mannwhitneyu(one, other).statistic / 1600)
-
-
-def test_interval_of_a_mean_is_that_of_scipy() -> None:
-    values = np.random.default_rng(2).exponential(size=60)
-    estimate = Estimate.of(float(values.mean()), Bootstrap(60, resamples=20000).means(values[None], "policy"))
-    theirs = stats.bootstrap((values,), np.mean, method="percentile", n_resamples=20000, rng=3).confidence_interval
-    assert (estimate.low, estimate.high) == pytest.approx((theirs.low, theirs.high), abs=0.01)
 
 
 def test_seeds_are_paired_and_training_seeds_are_not() -> None:
