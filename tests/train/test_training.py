@@ -196,7 +196,7 @@ def test_wrong_arguments_are_refused(arguments: list[str], message: str, capsys:
 
 def test_the_command_trains_any_id(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert ppo.main(["--scenario", "nowhere", "--runs", str(tmp_path)]) == 2
-    assert "presets: " in capsys.readouterr().err
+    assert "python -m turning_env presets" in capsys.readouterr().err
     arguments = ["--env", "RoughTurning-Paper-v0", "--steps", "100", "--runs", str(tmp_path)]
     assert ppo.main(arguments) == 0
     path = Path(capsys.readouterr().out.strip())

@@ -4,12 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.turning_env.playing import UNDISTURBED, assert_same_bytes, changed, fixed_actions, play
+from tests.turning_env.playing import UNDISTURBED, changed, play
 from turning_env import RoughTurningEnv, Scenario, read
-from turning_env.batch.driver import MAX_SEED
 from turning_env.physics.records import STATE, new_records, scratch_records
 from turning_env.physics.workpiece import look_up_fields
 
@@ -27,17 +24,6 @@ def steps(scenario, count, action=(0.0, 0.0)):
 
 def with_mismatch(scenario=STEADY, **mismatch):
     return changed(scenario, mismatch=mismatch)
-
-
-@given(
-    seed=st.integers(0, MAX_SEED),
-    mismatch=st.sampled_from([{"skin_thickness": 0.5}, {"skin_hardness": 1.4, "skin_wear": 1.5}]),
-)
-def test_no_skin_and_a_skin_like_the_metal_change_nothing(seed, mismatch):
-    actions = fixed_actions(40, 1)[:, 0]
-    assert_same_bytes(
-        play(RoughTurningEnv(with_mismatch(Scenario(), **mismatch)), seed, actions), play(RoughTurningEnv(), seed, actions)
-    )
 
 
 @pytest.mark.parametrize(

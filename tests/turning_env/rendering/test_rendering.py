@@ -14,11 +14,9 @@ from gymnasium.wrappers import RecordVideo
 
 from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, changed, fixed_actions, play
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario
-from turning_env.physics.records import parameter_records
-from turning_env.physics.wear import wear_by_clock
 from turning_env.rendering.fields import Fields
-from turning_env.rendering.limits import Cut, HalfPlane, border, bound, highest_feed, region, wear_bound
-from turning_env.rendering.theme import HEIGHT, WIDTH, log_ticks, round_ticks
+from turning_env.rendering.limits import Cut, HalfPlane, border, bound, region
+from turning_env.rendering.theme import HEIGHT, WIDTH
 
 SHAPE = (HEIGHT, WIDTH, 3)
 ROOT = Path(__file__).parents[3]
@@ -226,29 +224,3 @@ def test_the_region_is_where_no_limit_is_exceeded():
         assert max(loads) == pytest.approx(most, rel=1e-9)
     assert region(corners, [bound(force, 1.0, cut)]) == []
     assert border(corners, HalfPlane(1.0, 1.0, 1e3)) is None
-
-
-def test_wear_leaves_what_outlasts_the_interval():
-    scenario = Scenario.load("paper")
-    parameters = parameter_records(scenario)[0]
-    used, minutes = 0.9, 12.0
-    limit = wear_bound(scenario, Cut(2.5, 1.0, 0.29), 1.0, used, minutes)
-    speed = 150.0
-    feed = math.exp((limit.room - limit.cutting_speed * math.log(speed)) / limit.feed)
-    log_k = math.log(float(scenario.material.wear(speed, feed, 2.5)))
-    exponent = scenario.material.wear.time
-    assert wear_by_clock(parameters, used, log_k, minutes**exponent, (minutes + 1.0) ** exponent) == pytest.approx(1.0)
-
-
-def test_the_highest_feed_reaches_the_limit():
-    law = Scenario().material.power
-    depth, hardness = np.array([2.0, 3.0]), np.array([0.9, 1.1])
-    feeds = highest_feed(law, 7.0, 120.0, depth, hardness, 0.2)
-    np.testing.assert_allclose(law(120.0, feeds, depth, 1.0, 0.2, hardness), 7.0)
-
-
-def test_ticks_are_round_and_within():
-    assert round_ticks(0.0, 300.0, 7) == [0, 50, 100, 150, 200, 250, 300]
-    assert round_ticks(0.0, 1.5, 5) == [0.0, 0.5, 1.0, 1.5]
-    assert log_ticks(0.06, 0.6) == pytest.approx([0.06, 0.1, 0.2, 0.3, 0.6])
-    assert all(50 <= tick <= 200 for tick in log_ticks(50, 200))
