@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed, observation_space
 from turning_env.info import Info, info_of
-from turning_env.scenario import Scenario, Source
+from turning_env.scenario import Scenario, Source, presets
 from turning_env.scenario.section import names_instead
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
     Raises:
         ValueError: there is such an option.
     """
-    for name in set(options or ()).difference(allowed):
-        if not str(name).startswith("minari_"):
+    for name in options or ():
+        if name not in allowed and not str(name).startswith("minari_"):
             instead = names_instead(str(name), allowed, "") if allowed else "there are none; gymnasium.make takes the scenario"
             raise ValueError(f"reset has no option {name!r}; {instead}")
 
@@ -42,8 +42,9 @@ def portable(spec: EnvSpec | None, scenario: Scenario) -> EnvSpec | None:
     """
     if spec is None:
         return None
-    kwargs = spec.kwargs | ({"scenario": scenario.portable()} if "scenario" in spec.kwargs else {})
-    kwargs.pop("max_episode_steps", None)  # gymnasium.make_vec states it twice
+    kwargs = {key: value for key, value in spec.kwargs.items() if key != "max_episode_steps"}  # make_vec states it twice
+    if "scenario" in kwargs and kwargs["scenario"] not in presets():
+        kwargs["scenario"] = scenario.portable()
     steps = spec.max_episode_steps
     if steps is None and scenario.control.action != "part":
         steps = scenario.max_episode_steps
@@ -155,7 +156,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     differ from the defaults, never a path. `spec.max_episode_steps` is the largest number of steps of an episode, 3600. The
     environment truncates by itself; its ids are registered without `max_episode_steps`, as Gymnasium's `TimeLimit` would cut
     episodes of scenarios with a longer time limit. `gymnasium.make(env.spec)` adds a `TimeLimit` of that number; only an episode
-    that terminates with its very last step then is also truncated.
+    that terminates with its very last step then is also truncated. Add `max_episode_steps=-1` to make it with another scenario.
 
     ## Registered ids
 
