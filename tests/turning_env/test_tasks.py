@@ -69,18 +69,6 @@ def test_force_follows_the_chip_with_a_lag_of_turns():
         assert infos[count - 1]["power"] == pytest.approx(final * (1 - math.exp(-turns / flat.machine.chip_lag)), rel=1e-3)
 
 
-def test_the_depth_ripples_with_the_turns_of_the_spindle():
-    control = {"interval": 0.002, "sub_steps": 1}
-    rippling = changed(
-        OVERRIDE, workpiece={"depth_profile": [2.0], "depth_ripple": 0.02, "depth_ripple_period": 5.0}, control=control
-    )
-    depths = np.array([info["depth_of_cut"] for info in steps(rippling, [[0.0]] * 2000) if info["cutting"]])
-    assert depths.max() == pytest.approx(2.04, rel=1e-4)
-    assert depths.min() == pytest.approx(1.96, rel=1e-4)
-    crossings = np.flatnonzero((depths[:-1] < 2.0) & (depths[1:] >= 2.0))
-    assert np.diff(crossings).mean() * control["interval"] == pytest.approx(5.0 * 60 / 710, rel=0.01)
-
-
 # --- roughness --------------------------------------------------------------------------------------------------------
 
 
@@ -179,22 +167,6 @@ def test_the_probe_tells_the_mean_allowance_of_the_next_blank():
     assert RoughTurningEnv(blind).observation_space.shape == (11,)
 
 
-def test_a_batch_ends_with_its_last_part():
-    infos = steps(BATCH, [part(2, 5.0, 1.0, 1.0)] * 50)
-    assert len(infos) == BATCH.workpiece.bars
-    assert infos[-1]["terminated"]
-    assert infos[-1]["finished"]
-
-
-def test_edges_are_changed_in_mid_part():
-    worn = changed(BATCH, tool={"wear_criterion": 0.2})
-    infos = steps(worn, [part(2, 5.0, 0.5, 0.0)] * 20)
-    assert sum(info["edges_used"] for info in infos) > 2
-    changes = sum(info["stopped_time"] for info in infos) / 60 / (2 + 3)
-    assert changes == pytest.approx(round(changes))
-    assert infos[-1]["finished"]
-
-
 # --- servo current ----------------------------------------------------------------------------------------------------
 
 SENSED = changed(UNDISTURBED, control={"interval": 1}, sensors={"force": "servo_current"}, feed_drive={"ripple": 0.0})
@@ -222,12 +194,3 @@ def test_the_force_is_read_back_from_the_current():
     assert reading.thrust_force == pytest.approx(record["thrust_force"][1:], rel=1e-5)
     assert reading.force_ratio == pytest.approx(1.0, rel=1e-6)
     assert np.isnan(read(record["observation"], UNDISTURBED).servo_current).all()
-
-
-def test_the_current_ripples_with_the_screw():
-    rippling = changed(SENSED, feed_drive={"ripple": 0.1, "ripples_per_turn": 24}, control={"interval": 0.01, "sub_steps": 1})
-    still = changed(rippling, feed_drive={"ripple": 0.0})
-    actions = np.zeros((1000, 2), np.float32)
-    ours, plain = (play(RoughTurningEnv(scenario), 0, actions) for scenario in (rippling, still))
-    ratio = ours["measured_servo_current"][1:] / plain["measured_servo_current"][1:] - 1
-    assert ratio == pytest.approx(0.1 * np.sin(2 * math.pi * 24 * ours["path"][1:] / 10), abs=1e-9)

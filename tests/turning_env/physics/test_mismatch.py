@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from tests.turning_env.playing import UNDISTURBED, changed, play
-from turning_env import RoughTurningEnv, Scenario, read
+from turning_env import RoughTurningEnv, read
 from turning_env.physics.records import STATE, new_records, scratch_records
 from turning_env.physics.workpiece import look_up_fields
 
 STEADY = changed(UNDISTURBED, control={"interval": 1})
-SHIFT = changed(Scenario.load("shift"), tool={"edge_strength": 1e6}, workpiece={"approach": 0.0})
 SKIN = {"skin_thickness": 0.5, "skin_hardness": 1.4, "skin_wear": 1.5}
 INITIAL_WEAR = 0.2
 INITIAL_USED_LIFE = (INITIAL_WEAR / 0.3) ** (1 / 0.245)
@@ -87,17 +86,6 @@ def test_a_worn_edge_goes_on_from_its_wear_and_is_charged_what_is_used_of_it():
     fresh = steps(STEADY, 3000, (0.5, 0.0))
     life = int(np.flatnonzero(fresh["terminated"])[0])
     assert end / life == pytest.approx(1 - INITIAL_USED_LIFE, abs=2 / life)
-
-
-def test_every_edge_of_a_worn_mismatch_starts_worn():
-    record = steps(with_mismatch(SHIFT, **WORN), 3, (0.0, 0.0, 1.0))
-    assert record["cutting_time"] == pytest.approx([0.0, 1 / 60, 1 / 60, 1 / 60])
-    assert record["wear"] == pytest.approx(INITIAL_WEAR, rel=0.02)
-    # Each interval discards the edge of the interval before, and uses the next.
-    discarded = 1 - record["used_life"][:-1]
-    used = record["used_life"][1:] - INITIAL_USED_LIFE
-    assert (used > 0).all()
-    assert record["edges_used"][1:] == pytest.approx(discarded + used, rel=1e-9)
 
 
 @pytest.mark.parametrize("sensed", ["dynamometer", "servo_current"])
