@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leaderboard.result import ResultError
+from turning_env.extras import missing
 from turning_env.files import replace_file
 
 Frame = NDArray[np.uint8]
@@ -26,7 +27,7 @@ def write(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
     except OSError as error:
         raise ResultError(f"{path} cannot be written: {error.strerror or error}") from error
     except ModuleNotFoundError as error:
-        raise ResultError(f'{error.name} is not installed: pip install "rough-turning[render,ecosystem]"') from error
+        raise ResultError(missing(error) or str(error)) from error
 
 
 def check_suffix(path: Path) -> None:

@@ -150,7 +150,10 @@ def _schema(_: argparse.Namespace) -> int:
     python -m turning_env schema
     """
     schema = Scenario.model_json_schema()
-    schema["properties"]["base"] = {"enum": list(presets()), "description": "The preset whose values the file changes."}
+    schema["properties"]["base"] = {
+        "anyOf": [{"enum": list(presets())}, {"type": "string", "pattern": r"\.toml$"}],
+        "description": "The preset, or the TOML file seen from this one's folder, whose values the file changes.",
+    }
     print_json(schema)
     return 0
 
@@ -208,6 +211,11 @@ def _whatif(options: argparse.Namespace) -> int:
     rows = math.prod(len(axis) for axis in axes)
     if rows > MAX_CUTS:
         raise WorkshopError(f"these are {rows} cuts, but a table may have {MAX_CUTS}: take larger steps")
+    for name, unit, values in (("cutting_speed", "m/min", axes[3]), ("feed", "mm/rev", axes[4])):
+        low, high = (getattr(scenario.machine, f"{name}_{end}") for end in ("min", "max"))
+        if beyond := [value for value in (min(values), max(values)) if not low <= value <= high]:
+            option = f"--{name.replace('_', '-')} {beyond[-1]:g}"
+            print(f"warning: {option} is outside the machine's {low:g} to {high:g} {unit}", file=sys.stderr)
     depth, hardness, age, speed, feed = np.meshgrid(*axes, indexing="ij")
     given = {"time": age} if options.time else {"wear": age}
     print(options.form(whatif.what_if(scenario, speed, feed, depth, hardness, **given)))

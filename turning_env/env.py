@@ -1,22 +1,54 @@
 """The single environment, and the specification of the task."""
 
-import os
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 from gymnasium import logger
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed, observation_space
 from turning_env.info import Info, info_of
-from turning_env.scenario import Scenario
+from turning_env.scenario import Scenario, Source, presets
+from turning_env.scenario.section import names_instead
 
 if TYPE_CHECKING:
     from turning_env.rendering.viewer import Viewer
 
 _ONLY = np.ones(1, np.bool_)
+
+
+def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
+    """Refuse options of ``reset`` that are not allowed; names with a prefix of Minari's are its own.
+
+    Raises:
+        ValueError: there is such an option.
+    """
+    for name in options or ():
+        if name not in allowed and not str(name).startswith("minari_"):
+            instead = names_instead(str(name), allowed, "") if allowed else "there are none; gymnasium.make takes the scenario"
+            raise ValueError(f"reset has no option {name!r}; {instead}")
+
+
+def portable(spec: EnvSpec | None, scenario: Scenario) -> EnvSpec | None:
+    """Return a spec that JSON can hold and that makes the same environment anywhere, with the length of an episode.
+
+    A scenario's path or object gives way to its values. Where the job's end is what ends an episode, there is no length: it
+    would have ``gymnasium.make(spec)`` call that end a truncation.
+    """
+    if spec is None:
+        return None
+    kwargs = {key: value for key, value in spec.kwargs.items() if key != "max_episode_steps"}  # make_vec states it twice
+    if "scenario" in kwargs and kwargs["scenario"] not in presets():
+        kwargs["scenario"] = scenario.portable()
+    steps = spec.max_episode_steps
+    if steps is None and scenario.control.action != "part":
+        steps = scenario.max_episode_steps
+    return replace(spec, kwargs=kwargs, max_episode_steps=steps)
 
 
 class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -102,18 +134,29 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Arguments
 
-    `scenario`: the name of a preset (`turning_env.presets()`), the path of a TOML file, or a `Scenario`. It sets every number
-    named above.
+    `scenario`: the name of a preset (`turning_env.presets()`), the path of a TOML file, a dict of what differs from the
+    defaults or from its `base`, or a `Scenario`. It sets every number named above.
 
         gymnasium.make("turning_env:RoughTurning-v0", scenario="forging")
+        gymnasium.make("turning_env:RoughTurning-v0", scenario={"base": "forging", "limits": {"power": 9.0}})
 
     `render_mode`: `None`, `"rgb_array"` (`render()` returns a frame, uint8 of shape (640, 960, 3)) or `"human"` (a window shows
-    every step by itself); by `gymnasium.make` also `"rgb_array_list"`. It needs `pip install "rough-turning[render]"`. A
+    every step by itself); by `gymnasium.make` also `"rgb_array_list"`. Drawing needs `pip install pillow pygame-ce`. A
     frame shows the bar with its true hardness and allowance, which the policy does not see, the tool, loads along the
     bar, power and force against their limits, the edge's wear, and the operating map: speed and feed, contours of the
-    removal rate, what limits leave at the present wear, and the way come. Rendering changes nothing else.
+    removal rate, what limits leave at the present wear, and the way come. Nothing is recorded before an episode's first frame:
+    if that is not drawn right after `reset`, loads and the way come begin with it, and return, metal and edges used are left
+    out. Rendering changes nothing else.
 
         gymnasium.wrappers.RecordVideo(gymnasium.make("RoughTurning-v0", render_mode="rgb_array"), "videos")
+
+    ## Spec
+
+    `env.spec` can be stored (`to_json`) and makes the same environment anywhere: it holds a preset's name or the values that
+    differ from the defaults, never a path. `spec.max_episode_steps` is the largest number of steps of an episode, 3600. The
+    environment truncates by itself; its ids are registered without `max_episode_steps`, as Gymnasium's `TimeLimit` would cut
+    episodes of scenarios with a longer time limit. `gymnasium.make(env.spec)` adds a `TimeLimit` of that number; only an episode
+    that terminates with its very last step then is also truncated. Add `max_episode_steps=-1` to make it with another scenario.
 
     ## Registered ids
 
@@ -129,8 +172,8 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
-        ValueError: an action is not finite numbers, a seed is not a whole number of 0 to 2**64 - 1, or there is no such
-            render mode.
+        ValueError: an action is not finite numbers, a seed is not a whole number of 0 to 2**64 - 1, `reset` is given an
+            option, or there is no such render mode.
         gymnasium.error.ResetNeeded: `step` or `render` before the first `reset`, or `step` after the episode has ended.
         gymnasium.error.DependencyNotInstalled: what rendering needs is not installed.
         gymnasium.error.Error: there is no display for a window; ClosedEnvironmentError, it was closed by hand.
@@ -138,8 +181,9 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 - declared so by Gymnasium
 
-    def __init__(self, scenario: str | os.PathLike[str] | Scenario = "rough_turning", render_mode: str | None = None) -> None:
+    def __init__(self, scenario: Source = "rough_turning", render_mode: str | None = None) -> None:
         self.scenario = Scenario.load(scenario)
+        self._spec: EnvSpec | None = None
         self.render_mode = render_mode
         self.observation_space = observation_space(self.scenario)
         self.action_space = action_space(self.scenario)
@@ -151,8 +195,18 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
             self._viewer = viewer.Viewer(self, self._batch)
 
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What `gymnasium.make` made this environment from."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = portable(spec, self.scenario)
+
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
         """Start episode 0 of ``seed``, or without one the next episode of the present seed. There are no options."""
+        check_options(options)
         if seed is not None:
             seed = checked_seed(seed, 0)
         super().reset(seed=seed)

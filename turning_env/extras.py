@@ -16,11 +16,17 @@ EXTRAS = {
 """Packages that each extra of pyproject.toml installs, by the names under which they are imported."""
 _CLONE_ONLY = ("benchmark", "distributed")
 
-HOW = {
-    package: f"pip install -e '.[{extra}]' in a clone" if extra in _CLONE_ONLY else f'pip install "rough-turning[{extra}]"'
-    for extra, packages in EXTRAS.items()
-    for package in packages
-}
+_INSTALLED_AS = {"PIL": "pillow", "pygame": "pygame-ce"}
+"""Names in the package index, where they are not those under which packages are imported."""
+
+
+def _how(extra: str) -> str:
+    if extra in _CLONE_ONLY:
+        return f"pip install -e '.[{extra}]' in a clone"
+    return f"pip install {' '.join(_INSTALLED_AS.get(package, package) for package in EXTRAS[extra])}"
+
+
+HOW = {package: _how(extra) for extra, packages in EXTRAS.items() for package in packages}
 """How to install each optional package."""
 
 

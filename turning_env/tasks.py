@@ -3,12 +3,8 @@
 ``RoughTurning-v0`` also has shift splits, presets that show how policies made for it do elsewhere: ``turning_env.SPLITS``.
 """
 
-import os
-
 from turning_env.env import RoughTurningEnv
-from turning_env.scenario import Scenario
-
-Source = str | os.PathLike[str] | Scenario
+from turning_env.scenario import Source
 
 
 class PaperEnv(RoughTurningEnv):

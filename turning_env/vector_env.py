@@ -1,11 +1,11 @@
 """Many environments at once."""
 
-import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium import logger
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -21,8 +21,9 @@ from turning_env.batch.driver import (
     checked_seed,
     observation_space,
 )
+from turning_env.env import check_options, portable
 from turning_env.info import INFO_KEYS, info_of
-from turning_env.scenario import Scenario
+from turning_env.scenario import Scenario, Source
 
 if TYPE_CHECKING:
     from turning_env.rendering.viewer import Viewer
@@ -43,7 +44,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     Args:
         num_envs: number of environments, at least 1.
-        scenario: the name of a preset, the path of a TOML file, or a ``Scenario``.
+        scenario: the name of a preset, the path of a TOML file, a dict of what differs, or a ``Scenario``.
         autoreset_mode: NEXT_STEP (default: the step after an episode's end ignores its action and starts the next episode,
             with reward 0), SAME_STEP (the last step of an episode returns the next one's first observation; the last
             observation and info are ``infos["final_obs"]`` and ``infos["final_info"]``) or DISABLED (reset ended environments
@@ -51,11 +52,13 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         render_mode: None, or "rgb_array": ``render()`` then returns a frame of each environment, as ``RoughTurningEnv`` draws it.
         threads: how many threads share the work, if there are at least 8192 environments; results do not depend on it.
         rendered_envs: how many environments, from the first on, are drawn, a few milliseconds each; None: all.
+        max_episode_steps: None or the scenario's own, which ``gymnasium.make_vec`` passes on from a spec.
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
         ValueError: ``num_envs`` or ``threads`` is below 1; ``rendered_envs`` is not 1 to ``num_envs``; there is no such render
-            mode; an action is not finite or not of shape (num_envs, action size); wrong seeds or reset mask.
+            mode; an action is not finite or not of shape (num_envs, action size); wrong seeds or reset mask, or another
+            option of ``reset``; ``max_episode_steps`` is not the scenario's.
         gymnasium.error.ResetNeeded: ``step`` or ``render`` before ``reset``, or ``step`` with DISABLED after an episode's end.
         gymnasium.error.DependencyNotInstalled: what rendering needs is not installed.
     """
@@ -63,11 +66,12 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
     def __init__(
         self,
         num_envs: int = 1,
-        scenario: str | os.PathLike[str] | Scenario = "rough_turning",
+        scenario: Source = "rough_turning",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
         threads: int = 1,
         rendered_envs: int | None = None,
+        max_episode_steps: int | None = None,
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"num_envs is {num_envs}, but must be at least 1")
@@ -77,6 +81,9 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
             raise ValueError(f"rendered_envs is {rendered_envs}, but must be None or 1 to num_envs, which is {num_envs}")
         self.num_envs = num_envs
         self.scenario = Scenario.load(scenario)
+        if max_episode_steps not in (None, own := self.scenario.max_episode_steps):
+            raise ValueError(f"max_episode_steps is {max_episode_steps}, but must be {own}: set control.time_limit instead")
+        self._spec: EnvSpec | None = None
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 30, "autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode
@@ -93,6 +100,17 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         self._all = np.ones(num_envs, np.bool_)
         self._all.flags.writeable = False  # it goes out as a mask in every info
 
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What `gymnasium.make_vec` made this environment from."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = portable(spec, self.scenario)
+        if self._spec is not None and "autoreset_mode" in self._spec.kwargs:
+            self._spec.kwargs["autoreset_mode"] = self.autoreset_mode.value
+
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], Infos]:
@@ -100,6 +118,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
         Environment i starts episode 0 of ``seed + i`` or of ``seed[i]``; without a seed, the next episode of its present one.
         """
+        check_options(options, "reset_mask")
         batch = self._batch
         chosen = self._reset_mask(options)
         given, seeds = self._seeds(seed)

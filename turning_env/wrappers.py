@@ -50,7 +50,7 @@ class FeedSwitch(gymnasium.ActionWrapper[Float32s, np.int64, Float32s], RecordCo
         return np.array(self._actions[int(action)])
 
 
-class VectorFeedSwitch(VectorActionWrapper[Float32s, NDArray[np.int64], Float32s, NDArray[Any]]):
+class VectorFeedSwitch(VectorActionWrapper):  # not subscripted: it is generic only from Gymnasium 1.4 on
     """``FeedSwitch`` for many environments at once; actions are grades of shape (num_envs,).
 
     Args:

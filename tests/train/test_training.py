@@ -177,7 +177,7 @@ def test_pickles_are_loaded_with_a_warning_by_algorithms_and_to_resume_alone(
         (["--seed", "2000000000"], "those from 2000000000 are held out for scoring"),
         (["--steps", "0"], "steps is 0, but must be at least 1"),
         (["--env", "Pendulum-v1"], "RoughTurning-v0"),
-        (["--scenario", "nowhere"], "presets: "),
+        (["--scenario", "nowhere"], "python -m turning_env presets"),
         (["--set", "learing_rate=1"], "ppo has no hyperparameter 'learing_rate': did you mean learning_rate?"),
         (["--set", "x=1"], "ppo has no hyperparameter 'x', but steps, num_envs, "),
         (["--set", "learning_rate"], "learning_rate is '', but must be a float of 0 or more, such as 0.001"),

@@ -28,7 +28,7 @@ def raising(error: BaseException) -> Callable[[], int]:
         (KeyError("no rule 'x'"), 2, "error: no rule 'x'"),
         (FileNotFoundError(2, "No such file or directory", "a.csv"), 2, "error: a.csv: No such file or directory"),
         (OSError("the disk is gone"), 2, "error: the disk is gone"),
-        (ModuleNotFoundError(name="PIL.Image"), 2, 'error: PIL is not installed: pip install "rough-turning[render]"'),
+        (ModuleNotFoundError(name="PIL.Image"), 2, "error: PIL is not installed: pip install pillow pygame-ce"),
         (KeyboardInterrupt(), 130, "stopped; run it again"),
     ],
 )

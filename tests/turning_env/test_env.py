@@ -3,11 +3,12 @@
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_for_agents
 
-from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, fixed_actions, play
+from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions
 from turning_env import IDS, RoughTurningEnv, Scenario, presets
 
 ACTIONS = fixed_actions(100, 1)[:, 0]
@@ -33,15 +34,9 @@ def test_ids_can_be_made_by_module_and_name(env_id, preset):
     assert {"cutting_speed", "feed", "depth_of_cut", "hardness", "wear", "used_life", "thrust_force", "power"} <= info.keys()
     assert {"removed", "cost", "cost_force", "cost_power", "reward_metal", "reward_time", "reward_edge"} <= info.keys()
     assert {"reward_overload", "reward_breakage"} <= info.keys()
-
-
-def test_environments_do_not_share_their_spaces():
-    one, other = RoughTurningEnv(), RoughTurningEnv()
-    one.action_space.seed(1)
-    expected = one.action_space.sample()
-    one.action_space.seed(1)
-    other.action_space.seed(2)
-    assert np.array_equal(one.action_space.sample(), expected)
+    specification = type(env.unwrapped).__doc__
+    assert f"`{env_id}`" in specification
+    assert "## Version history" in specification
 
 
 def test_seeds_and_episodes_have_bars_and_edges_of_their_own():
@@ -56,19 +51,6 @@ def test_seeds_and_episodes_have_bars_and_edges_of_their_own():
     assert depths[0] != depths[1]
 
 
-def test_reset_without_seed_plays_the_next_episode_whether_or_not_the_last_one_ended():
-    ended, broken_off = RoughTurningEnv(SHORT_LIVED), RoughTurningEnv(SHORT_LIVED)
-    record = play(ended, 3, ACTIONS)
-    assert (record["terminated"] | record["truncated"]).sum() > 1
-    broken_off.reset(seed=3)
-    play(ended, 3, ACTIONS[:1])
-    assert_same_bytes(play(ended, None, ACTIONS), play(broken_off, None, ACTIONS))
-
-
-def test_without_any_seed_episodes_differ():
-    assert RoughTurningEnv().reset()[1]["wear_factor"] != RoughTurningEnv().reset()[1]["wear_factor"]
-
-
 def test_what_was_returned_stays_as_it_was():
     env = RoughTurningEnv()
     observation, info = env.reset(seed=0)
@@ -76,11 +58,6 @@ def test_what_was_returned_stays_as_it_was():
     env.step((1.0, 1.0))
     assert np.array_equal(observation, kept)
     assert info == kept_info
-
-
-def test_actions_beyond_the_space_are_clipped():
-    beyond, at_its_edge = RoughTurningEnv(), RoughTurningEnv()
-    assert_same_bytes(play(beyond, 1, 50 * ACTIONS), play(at_its_edge, 1, np.clip(50 * ACTIONS, -1, 1)))
 
 
 def test_step_needs_an_episode_under_way():
@@ -106,6 +83,61 @@ def test_bad_seeds_are_refused_and_nothing_moves(seed):
     with pytest.raises(ValueError, match=r"seed .* of environment 0 must be a whole number, 0 to 18446744073709551615"):
         env.reset(seed=seed)
     assert env.step((1.0, 1.0))[1:] == untouched.step((1.0, 1.0))[1:]
+
+
+@pytest.mark.parametrize("make", [gymnasium.make, lambda spec, **kwargs: gymnasium.make_vec(spec, num_envs=2, **kwargs)])
+@pytest.mark.parametrize("source", ["preset", "scenario", "file", "dict"])
+def test_a_stored_spec_makes_the_same_environment(make, source, tmp_path):
+    scenario = SHORT_LIVED.model_copy(update={"name": "mine"})
+    scenario.save(tmp_path / "mine.toml")
+    short = {"base": "casting", "control": {"time_limit": 0.5}}
+    sources = {"preset": "forging", "scenario": scenario, "file": tmp_path / "mine.toml", "dict": short}
+    env = make("RoughTurning-v0", scenario=sources[source])
+    text = env.spec.to_json()
+    assert str(tmp_path) not in text
+    (tmp_path / "mine.toml").unlink()
+    again = make(EnvSpec.from_json(text))
+    assert again.spec == env.spec
+    assert again.unwrapped.scenario == env.unwrapped.scenario
+    assert env.spec.max_episode_steps == (3600 if source == "preset" else 30)
+    env.reset(seed=1)
+    again.reset(seed=1)
+    for actions in fixed_actions(30, 2):
+        answers = [one.step(actions if one.unwrapped.action_space.shape == (2, 2) else actions[0]) for one in (env, again)]
+        assert [repr(answer) for answer in answers[0]] == [repr(answer) for answer in answers[1]]
+        if np.any(answers[0][2] | answers[0][3]):
+            break
+
+
+@pytest.mark.parametrize(
+    ("scenario", "action", "steps"),
+    [
+        (changed(UNDISTURBED, control={"interval": 7, "time_limit": 0.7}, tool={"wear_criterion": 5}), (0.0, 0.0), 6),
+        (changed(Scenario.load("shift"), control={"interval": 7.0, "time_limit": 1.09}), (0.0, 0.0, -1.0), 10),
+        ("batch_casting", [0.0] * 10, 20),
+    ],
+)
+def test_episodes_last_as_long_as_they_may(scenario, action, steps):
+    env = RoughTurningEnv(scenario)
+    env.reset(seed=0)
+    ends = [[*env.step(action)[2:4]] for _ in range(steps)]
+    assert ends[:-1] == [[False, False]] * (steps - 1)
+    assert any(ends[-1])
+    assert env.scenario.max_episode_steps == steps
+
+
+def test_a_job_s_end_is_no_truncation_when_made_again():
+    assert gymnasium.make("RoughTurning-Batch-v0").spec.max_episode_steps is None
+    sure = changed(Scenario.load("shift"), economics={"edge_change_time": 0.0})
+    assert sure.max_episode_steps is None
+
+
+def test_unknown_options_of_reset_are_refused():
+    env = gymnasium.make("RoughTurning-v0")
+    with pytest.raises(ValueError, match="reset has no option 'scenario'; there are none"):
+        env.reset(options={"scenario": "forging"})
+    env.reset(options={"minari_autoseed": False})
+    env.reset(options={})
 
 
 def test_unknown_arguments_are_refused():

@@ -25,14 +25,6 @@ def test_reading_turns_observations_back_into_physical_units():
     assert np.array_equal(reading.cutting, record["cutting"])
 
 
-def test_without_disturbance_the_nominal_model_is_right():
-    record = play(RoughTurningEnv(changed(UNDISTURBED, control={"interval": 1})), 0, np.zeros((200, 2), np.float32))
-    reading = read(record["observation"][1:], UNDISTURBED)
-    assert reading.nominal_wear == pytest.approx(record["wear"][1:], rel=1e-6)
-    assert reading.power_ratio == pytest.approx(1.0, rel=1e-6)
-    assert reading.force_ratio == pytest.approx(1.0, rel=1e-6)
-
-
 def test_hidden_state_leaves_no_trace_in_the_observation():
     """An edge of another strength, or worth another price, looks the same until it breaks."""
     tough = changed(SHORT_LIVED, tool={"edge_strength": 1e6}, economics={"edge_cost": 100})

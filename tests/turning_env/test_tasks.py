@@ -3,12 +3,11 @@
 import math
 from itertools import pairwise
 
-import gymnasium
 import numpy as np
 import pytest
 
 from tests.turning_env.playing import UNDISTURBED, changed, play
-from turning_env import IDS, RoughTurningEnv, Scenario, read
+from turning_env import RoughTurningEnv, Scenario, read
 
 SPREADS = {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
 OVERRIDE = changed(
@@ -36,13 +35,6 @@ def steps(scenario, actions, seed=0):
     return infos
 
 
-@pytest.mark.parametrize("env_id", IDS)
-def test_every_id_has_a_specification_that_names_it(env_id):
-    specification = type(gymnasium.make(env_id).unwrapped).__doc__ or ""
-    assert f"`{env_id}`" in specification
-    assert "## Version history" in specification
-
-
 # --- override ---------------------------------------------------------------------------------------------------------
 
 
@@ -52,11 +44,6 @@ def test_the_override_scales_the_programmed_feed(override, feed):
     assert info["commanded_feed"] == pytest.approx(feed)
     assert info["feed"] == pytest.approx(feed, rel=1e-3)
     assert info["spindle_speed"] == pytest.approx(710, rel=1e-3)
-
-
-def test_a_millimetre_at_the_programmed_feed_loads_the_spindle_to_a_quarter():
-    loads = [info["power"] / OVERRIDE.machine.rated_power for info in steps(OVERRIDE, [[0.0]] * 300)]
-    assert loads[-1] == pytest.approx(0.25, abs=0.002)
 
 
 def test_the_depth_steps_along_the_bar_and_the_job_ends_with_it():
@@ -82,18 +69,6 @@ def test_force_follows_the_chip_with_a_lag_of_turns():
         assert infos[count - 1]["power"] == pytest.approx(final * (1 - math.exp(-turns / flat.machine.chip_lag)), rel=1e-3)
 
 
-def test_the_depth_ripples_with_the_turns_of_the_spindle():
-    control = {"interval": 0.002, "sub_steps": 1}
-    rippling = changed(
-        OVERRIDE, workpiece={"depth_profile": [2.0], "depth_ripple": 0.02, "depth_ripple_period": 5.0}, control=control
-    )
-    depths = np.array([info["depth_of_cut"] for info in steps(rippling, [[0.0]] * 2000) if info["cutting"]])
-    assert depths.max() == pytest.approx(2.04, rel=1e-4)
-    assert depths.min() == pytest.approx(1.96, rel=1e-4)
-    crossings = np.flatnonzero((depths[:-1] < 2.0) & (depths[1:] >= 2.0))
-    assert np.diff(crossings).mean() * control["interval"] == pytest.approx(5.0 * 60 / 710, rel=0.01)
-
-
 # --- roughness --------------------------------------------------------------------------------------------------------
 
 
@@ -117,16 +92,6 @@ def test_the_reference_changes_in_fixed_periods_and_stays_in_its_range():
     assert 1.0 <= many.min() < 1.02
     assert 3.04 < many.max() <= 3.1
     assert np.median(many) == pytest.approx(math.sqrt(1.0 * 3.1), rel=0.05)  # even on a log scale
-
-
-def test_the_reference_is_observed():
-    record = play(RoughTurningEnv(SURFACE), 4, np.zeros((400, 1), np.float32))
-    assert read(record["observation"], SURFACE).roughness_reference == pytest.approx(record["roughness_reference"], rel=1e-6)
-    assert np.isnan(read(record["observation"], SURFACE).probed_depth).all()
-    one_only = changed(SURFACE, surface={"reference_min": 1.6, "reference_max": 1.6})
-    observation, info = RoughTurningEnv(one_only).reset(seed=0)
-    assert info["roughness_reference"] == pytest.approx(1.6)
-    assert read(observation[np.newaxis], one_only).roughness_reference == pytest.approx(1.6)
 
 
 # --- shift ------------------------------------------------------------------------------------------------------------
@@ -163,19 +128,6 @@ def test_a_broken_edge_costs_its_rest_and_the_downtime():
     assert (first["power"], first["measured_power"]) == (0.0, 0.0)
 
 
-def test_every_edge_is_another():
-    infos = steps(changed(SHIFT, tool={"wear_factor_spread": 0.1}), [[0, 0, 1]] * 20)
-    assert len({info["wear_factor"] for info in infos}) == 20
-
-
-def test_a_shift_lasts_as_long_as_it_does():
-    short = changed(SHIFT, control={"time_limit": 10.0})
-    for actions in ([[0, 0, -1]] * 1000, [[0, 0, 1]] * 1000):
-        infos = steps(short, actions)
-        assert infos[-1]["truncated"]
-        assert sum(info["time"] for info in infos) == pytest.approx(600, abs=1.0)
-
-
 # --- batch ------------------------------------------------------------------------------------------------------------
 
 
@@ -198,14 +150,6 @@ def test_whatever_the_path_the_part_is_turned_whole(passes, allowance):
     assert infos[0]["time"] == pytest.approx(60 * passes * (pitch / velocity + BATCH.machine.return_time))
 
 
-def test_passes_beyond_the_blank_cut_air():
-    exact = changed(BATCH, workpiece=SPREADS)
-    (shallow,) = steps(exact, [part(4, 10.0)])  # floors at 7.5, 5, 2.5 and 0 mm: two of four passes meet nothing
-    (even,) = steps(exact, [part(2, 5.0)])
-    assert shallow["engaged_time"] == pytest.approx(even["engaged_time"])
-    assert shallow["mean_power"] == pytest.approx(even["mean_power"], rel=0.05)
-
-
 def test_what_exceeds_the_path_falls_to_the_first_pass():
     exact = changed(BATCH, workpiece=SPREADS, limits={"power": 4.0})
     (even,), (heavy_first,) = (steps(exact, [part(2, allowance)]) for allowance in (5.0, 3.0))
@@ -221,22 +165,6 @@ def test_the_probe_tells_the_mean_allowance_of_the_next_blank():
     assert read(record["observation"], uniform).probed_depth == pytest.approx(record["probed_depth"], rel=1e-6)
     blind = changed(BATCH, sensors={"probe": False})
     assert RoughTurningEnv(blind).observation_space.shape == (11,)
-
-
-def test_a_batch_ends_with_its_last_part():
-    infos = steps(BATCH, [part(2, 5.0, 1.0, 1.0)] * 50)
-    assert len(infos) == BATCH.workpiece.bars
-    assert infos[-1]["terminated"]
-    assert infos[-1]["finished"]
-
-
-def test_edges_are_changed_in_mid_part():
-    worn = changed(BATCH, tool={"wear_criterion": 0.2})
-    infos = steps(worn, [part(2, 5.0, 0.5, 0.0)] * 20)
-    assert sum(info["edges_used"] for info in infos) > 2
-    changes = sum(info["stopped_time"] for info in infos) / 60 / (2 + 3)
-    assert changes == pytest.approx(round(changes))
-    assert infos[-1]["finished"]
 
 
 # --- servo current ----------------------------------------------------------------------------------------------------
@@ -266,12 +194,3 @@ def test_the_force_is_read_back_from_the_current():
     assert reading.thrust_force == pytest.approx(record["thrust_force"][1:], rel=1e-5)
     assert reading.force_ratio == pytest.approx(1.0, rel=1e-6)
     assert np.isnan(read(record["observation"], UNDISTURBED).servo_current).all()
-
-
-def test_the_current_ripples_with_the_screw():
-    rippling = changed(SENSED, feed_drive={"ripple": 0.1, "ripples_per_turn": 24}, control={"interval": 0.01, "sub_steps": 1})
-    still = changed(rippling, feed_drive={"ripple": 0.0})
-    actions = np.zeros((1000, 2), np.float32)
-    ours, plain = (play(RoughTurningEnv(scenario), 0, actions) for scenario in (rippling, still))
-    ratio = ours["measured_servo_current"][1:] / plain["measured_servo_current"][1:] - 1
-    assert ratio == pytest.approx(0.1 * np.sin(2 * math.pi * 24 * ours["path"][1:] / 10), abs=1e-9)

@@ -65,10 +65,12 @@ class Frame:
         else:
             clock = f"{history.time / 60.0:.1f} of {limit:g} min"
         name = "profit" if scenario.control.edge_changes == "commanded" else "return"
-        texts = [f"{name} {history.total:.1f} s", f"{history.removed:.0f} cm3", clock]
-        if scenario.control.edge_changes != "end":
-            broken = f" ({history.broken:.0f} broken)" if history.broken else ""
-            texts.insert(1, f"{history.edges:.1f} edges used{broken}")
+        texts = [clock]
+        if history.whole:  # otherwise they are not known
+            texts = [f"{name} {history.total:.1f} s", f"{history.removed:.0f} cm3", clock]
+            if scenario.control.edge_changes != "end":
+                broken = f" ({history.broken:.0f} broken)" if history.broken else ""
+                texts.insert(1, f"{history.edges:.1f} edges used{broken}")
         right = float(image.width)
         for text in texts:
             write(image, (right, 7), text, 14, INK, "right")

@@ -28,14 +28,15 @@ class Sample(NamedTuple):
 
 
 class History:
-    """One environment as an onlooker sees it.
+    """One environment as an onlooker sees it, from an episode's first frame to its end.
 
     Attributes:
+        whole: whether the onlooker has been there since the episode's start.
         key: (seed, episode), which determine the bars.
         now: the last step's report, by the names of ``quantities.INFO``.
-        time, total, removed, edges, broken: since the episode's start: machine time [s], return [s], metal [cm3], edges used up
-            and broken [-].
-        reward: of the last step [s].
+        time: machine time since the episode's start [s].
+        total, removed, edges, broken: since the onlooker came: return [s], metal [cm3], edges used up and broken [-].
+        reward: of the last step [s], 0 before the first.
         bar, along: number of the bar that is shown, and the tool's place from where its metal begins [mm], negative in air.
         depth, hardness: of the metal cut last [mm], [-].
         trail: (cutting speed [m/min], feed [mm/rev]) of the last steps.
@@ -52,41 +53,57 @@ class History:
         self.along_bar: list[Sample] = []
         self.bars_seen = 0
         self.passes: list[tuple[float, float, float]] = []
-        self.started = False
+        self._watched = False
 
-    def note(self) -> None:
-        """Record what the last step gave, or that an episode has begun."""
-        self.now: dict[str, float] = self._batch.info(self._index)
-        begins = int(self._state("step_count")) == 0
-        if begins or not self.started:
-            self._start()
-        self.edge = int(self._state("edge"))
-        self.nominal_used_life = float(self._state("nominal_used_life"))
-        self._find_place()
-        if not begins:
-            self.reward = self._batch.reward(self._index)
-            self.total += self.reward
-            self.time += self.now["time"]
-            self.removed += self.now["removed"]
-            self.edges += self.now["edges_used"]
-            self.broken += self.now["edges_broken"]
-            if self._parts:
-                self.passes = self.fields.passes(self._batch.action(self._index))
-        self.ended = self._end() if self._state("ended") else ""
-        self._extend(begins)
-
-    def _state(self, field: str) -> Any:
-        return self._batch.state(self._index, field)
-
-    def _start(self) -> None:
-        self.key = int(self._state("seed")), int(self._state("episode"))
-        self.started = True
-        self.reward = self.time = self.total = self.removed = self.edges = self.broken = 0.0
+    def begin(self) -> None:
+        """Watch the present episode from now on, if it is not watched already."""
+        if self._watched:
+            return
+        self._watched = True
+        self.whole = self._step_count() == 0
+        self.key = self._key()
+        self.time = self.total = self.removed = self.edges = self.broken = 0.0
         self.bar, self.along = 0, -self._scenario.workpiece.approach
         self.depth, self.hardness = self._scenario.workpiece.depth_of_cut, 1.0
         self.trail.clear()
         self.passes = []
         self._start_bar()
+        self._note()
+
+    def goes_on(self) -> bool:
+        """Record what the last step gave, if there was one; return whether the episode that is watched goes on."""
+        steps = self._step_count()
+        self._watched = steps >= self._steps and self._key() == self.key
+        if self._watched and steps > self._steps:
+            self.total += self._batch.reward(self._index)
+            self._note()
+            self.removed += self.now["removed"]
+            self.edges += self.now["edges_used"]
+            self.broken += self.now["edges_broken"]
+        return self._watched
+
+    def _note(self) -> None:
+        self.now: dict[str, float] = self._batch.info(self._index)
+        self._steps = self._step_count()
+        begins = self._steps == 0
+        self.reward = 0.0 if begins else self._batch.reward(self._index)
+        self.time = 60.0 * float(self._state("clock"))
+        self.edge = int(self._state("edge"))
+        self.nominal_used_life = float(self._state("nominal_used_life"))
+        self._find_place()
+        if self._parts and not begins:
+            self.passes = self.fields.passes(self._batch.action(self._index))
+        self.ended = self._end() if self._state("ended") else ""
+        self._extend(begins)
+
+    def _key(self) -> tuple[int, int]:
+        return int(self._state("seed")), int(self._state("episode"))
+
+    def _step_count(self) -> int:
+        return int(self._state("step_count"))
+
+    def _state(self, field: str) -> Any:
+        return self._batch.state(self._index, field)
 
     def _start_bar(self) -> None:
         self.along_bar = []

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
 
 class Viewer:
-    """Looks at the first environments of a batch, step by step.
+    """Looks at the first environments of a batch, from an episode's first frame to its end.
 
-    Pillow, and pygame for a window, are imported when something is drawn for the first time.
+    What is never drawn costs nothing: before a frame nothing is recorded, and Pillow, and pygame for a window, are imported when
+    something is drawn for the first time.
 
     Args:
         env: what is rendered; with the mode "human" every step is shown in a window. The frame rate in its metadata is set.
@@ -40,8 +41,9 @@ class Viewer:
         # Few steps are shown in a second where a step is a whole part or a long interval.
         env.metadata = env.metadata | {"render_fps": 2 if control.action == "part" or control.interval >= 10.0 else 30}
         self._env = env
-        fields = Fields(env.scenario)
-        self._histories = [History(env.scenario, batch, index, fields) for index in range(num_envs)]
+        self._batch, self._num_envs = batch, num_envs
+        self._histories: list[History] = []
+        self._watched: list[History] = []
         self._frames: list[Frame] = []
         self._window: Window | None = None
 
@@ -52,9 +54,9 @@ class Viewer:
         return name if spec is None else f"{spec.id}, {name}"
 
     def note(self) -> None:
-        """Record what the last step gave, and show it where there is a window; call it after each step and reset."""
-        for history in self._histories:
-            history.note()
+        """Record what the last step gave, where an episode is watched, and show it in a window; call it after step and reset."""
+        if self._watched:
+            self._watched = [history for history in self._watched if history.goes_on()]
         if self._env.render_mode == "human":
             self.render()
 
@@ -65,12 +67,19 @@ class Viewer:
             gymnasium.error.ResetNeeded: there is nothing to see yet.
             gymnasium.error.DependencyNotInstalled: Pillow is missing.
         """
-        if not all(history.started for history in self._histories):
+        if not self._batch.seeded:
             raise ResetNeeded("call reset() before render(): no episode is under way")
+        if not self._histories:
+            fields = Fields(self._env.scenario)
+            self._histories = [History(self._env.scenario, self._batch, index, fields) for index in range(self._num_envs)]
         if not self._frames:
             with _named_if_missing():
                 from turning_env.rendering.frame import Frame
             self._frames = [Frame(self._env.scenario, self.title) for _ in self._histories]
+        if len(self._watched) < len(self._histories):
+            for history in self._histories:
+                history.begin()
+            self._watched = list(self._histories)
         return tuple(frame.draw(history) for frame, history in zip(self._frames, self._histories, strict=True))
 
     def render(self) -> "Pixels | None":

@@ -3,6 +3,6 @@
 A scenario holds values and no state; what happens on a lathe belongs in ``physics``.
 """
 
-from turning_env.scenario.scenario import SPLITS, PortableScenario, Scenario, ScenarioError, presets
+from turning_env.scenario.scenario import SPLITS, PortableScenario, Scenario, ScenarioError, Source, presets
 
-__all__ = ["SPLITS", "PortableScenario", "Scenario", "ScenarioError", "presets"]
+__all__ = ["SPLITS", "PortableScenario", "Scenario", "ScenarioError", "Source", "presets"]

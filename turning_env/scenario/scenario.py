@@ -2,10 +2,12 @@
 
 import hashlib
 import json
+import math
 import os
 import re
 import tomllib
-from collections.abc import Iterator
+import unicodedata
+from collections.abc import Iterator, Mapping
 from importlib import resources
 from operator import attrgetter
 from pathlib import Path
@@ -15,7 +17,7 @@ import tomli_w
 from pydantic import BeforeValidator, PlainSerializer, ValidationError, field_validator, model_validator
 
 from turning_env.files import replace_file
-from turning_env.scenario.section import Section
+from turning_env.scenario.section import Section, names_instead
 from turning_env.scenario.sections import (
     Control,
     Economics,
@@ -32,6 +34,7 @@ from turning_env.scenario.sections import (
 from turning_env.scenario.validation import complaints
 
 _PRESETS = resources.files("turning_env.scenario") / "presets"
+_ALL_PRESETS = "python -m turning_env presets"
 
 SPLITS = ("harder_lot", "forging_skin", "worn_lot", "sensor_bias", "small_diameter", "ck45")
 """Presets with bars, tools, sensors and steels for which policies of ``RoughTurning-v0`` were not tuned or trained, as reported.
@@ -105,58 +108,91 @@ class Scenario(Section):
         return self
 
     @classmethod
-    def load(cls, source: "str | os.PathLike[str] | Scenario") -> "Scenario":
-        """Return the scenario of a preset's name, of a TOML file's path, or the scenario itself.
+    def load(cls, source: "Source") -> "Scenario":
+        """Return the scenario of a preset's name, of a TOML file's path, of a dict, or the scenario itself.
 
-        A TOML file states only what differs from the defaults or, with ``base = "PRESET"``, from that preset; without a name, it
-        is called as the file is.
+        A TOML file or a dict states only what differs from the defaults or, with ``base``, from that preset or TOML file; a file
+        names its base from the folder in which it lies. Without a ``name``, a file's scenario is called as the file is, with
+        "_" for characters that are not allowed in a name, and a dict's "custom".
+
+            Scenario.load({"base": "forging", "tool": {"wear_criterion": 0.2}})
 
         Raises:
-            ScenarioError: no such preset or file, not TOML, an unknown key, a value out of range, or presets based on one
-                another in a circle; names the field, the value and what is allowed.
-            TypeError: ``source`` is none of the three.
+            ScenarioError: no such preset or file, not TOML, an unknown key, a value out of range, or scenarios based on one
+                another in a circle; names the file, the field, the value and what is allowed.
+            TypeError: ``source`` is none of the four.
         """
         if isinstance(source, Scenario):
             return source
-        if not isinstance(source, str | os.PathLike):
-            raise TypeError(f"a scenario is a preset's name, a path or a Scenario, not {type(source).__name__}")
-        if isinstance(source, str) and source in presets():
-            return cls._preset(source, ())
-        path = Path(source)
+        if not isinstance(source, str | os.PathLike | Mapping):
+            raise TypeError(f"a scenario is a preset's name, a path, a dict or a Scenario, not {type(source).__name__}")
+        try:
+            if isinstance(source, Mapping):
+                return cls._from_values(dict(source), "scenario", "custom", Path(), ())
+            if isinstance(source, str) and source in presets():
+                return cls._preset(source, ())
+            return cls._file(Path(source), ())
+        except RecursionError as error:
+            what = "the dict" if isinstance(source, Mapping) else source
+            raise ScenarioError(f"{what} is nested too deep to be a scenario") from error
+
+    @classmethod
+    def _file(cls, path: Path, below: tuple[str, ...]) -> "Scenario":
+        """Return the scenario of a file, on which the scenarios ``below`` are based, each on the next."""
         try:
             if not path.is_file():
-                raise ScenarioError(f"no preset and no file is called {str(source)!r}; presets: {', '.join(presets())}")
+                instead = names_instead(str(path), presets(), _ALL_PRESETS)
+                raise ScenarioError(f"no preset and no file is called {str(path)!r}; {instead}")
             text = path.read_bytes()
         except OSError as error:
             raise ScenarioError(f"{str(path)[:200]!r} cannot be read: {error.strerror}") from error
-        try:
-            return cls._parse(text, str(path), path.stem, ())
-        except RecursionError as error:
-            raise ScenarioError(f"{path} is nested too deep to be a scenario") from error
+        return cls._parse(text, str(path), name_of_file(path), path.parent, cls._above(str(path.resolve()), below))
 
     @classmethod
     def _preset(cls, name: str, below: tuple[str, ...]) -> "Scenario":
-        """Return a preset on which the presets ``below`` are based, each on the next."""
-        if name in below:
-            raise ScenarioError(f"presets are based on one another in a circle: {' on '.join((*below, name))}")
-        return cls._parse((_PRESETS / f"{name}.toml").read_bytes(), f"preset {name}", name, (*below, name))
+        """Return a preset; ``below`` as for ``_file``."""
+        text = (_PRESETS / f"{name}.toml").read_bytes()
+        return cls._parse(text, f"preset {name}", name, None, cls._above(name, below))
+
+    @staticmethod
+    def _above(source: str, below: tuple[str, ...]) -> tuple[str, ...]:
+        if source in below:
+            circle = " on ".join((*below[below.index(source) :], source))
+            raise ScenarioError(f"scenarios are based on one another in a circle: {circle}")
+        return (*below, source)
 
     @classmethod
-    def _parse(cls, text: bytes, source: str, name: str, below: tuple[str, ...]) -> "Scenario":
+    def _parse(cls, text: bytes, source: str, name: str, folder: Path | None, below: tuple[str, ...]) -> "Scenario":
         try:
-            values = tomllib.loads(text.decode())
-            base = values.pop("base", None)
-            if base is not None:
-                if base not in presets():
-                    raise ScenarioError(f"{source}: base: {_shown(base)} is not a preset; presets: {', '.join(presets())}")
-                values = _merged(cls._preset(base, below).model_dump(exclude={"name"}), values)
+            values = tomllib.loads(text.decode("utf-8-sig"))  # with or without a byte-order mark
+        except ValueError as error:  # also of bytes that are no text, and of whole numbers of thousands of digits
+            comma = re.search(rb"(?m)^[^\n=#]*=\s*([+-]?\d+),(\d+)\s*(?:#.*)?$", text)
+            advice = f'; numbers have a decimal point: "{comma[1].decode()}.{comma[2].decode()}"' if comma else ""
+            raise ScenarioError(f"{source} is not TOML: {error}{advice}") from error
+        return cls._from_values(values, source, name, folder, below)
+
+    @classmethod
+    def _from_values(
+        cls, values: dict[str, Any], source: str, name: str, folder: Path | None, below: tuple[str, ...]
+    ) -> "Scenario":
+        """Return the scenario of a table. Paths of a base start from the folder; a table without one has a preset as its base."""
+        base = values.pop("base", None)
+        if base is not None:
+            if isinstance(base, str) and base in presets():
+                above = cls._preset(base, below)
+            elif isinstance(base, str) and folder is not None and base.endswith(".toml"):
+                try:
+                    above = cls._file(folder / base, below)
+                except ScenarioError as error:
+                    raise ScenarioError(f"{source}: base: {error}") from error
+            else:
+                instead = names_instead(base if isinstance(base, str) else "", presets(), _ALL_PRESETS)
+                raise ScenarioError(f"{source}: base: {_shown(base)} is neither a preset nor a TOML file; {instead}")
+            values = _merged(above.model_dump(exclude={"name"}), values)
+        try:
             return cls.model_validate({"name": name} | values)
-        except ScenarioError:
-            raise
         except ValidationError as error:
             raise ScenarioError(f"{source}: " + "; ".join(_complaints(error))) from error
-        except ValueError as error:  # also of bytes that are no text, and of whole numbers of thousands of digits
-            raise ScenarioError(f"{source} is not TOML: {error}") from error
 
     def to_toml(self) -> str:
         """Return the whole scenario as TOML; ``Scenario.load`` reads it back equal."""
@@ -177,10 +213,32 @@ class Scenario(Section):
         """Return the SHA-256 of ``differences()``: equal digests mean equal physics, whatever the scenarios are called."""
         return hashlib.sha256(json.dumps(self.differences(), sort_keys=True).encode()).hexdigest()
 
+    def portable(self) -> str | dict[str, Any]:
+        """Return what ``load`` reads back equal anywhere and JSON can hold: a preset's name, or a dict of what differs."""
+        if self.name in presets() and self == self._preset(self.name, ()):
+            return self.name
+        return {"base": _DEFAULTS.name, "name": self.name} | self.differences()
+
+    @property
+    def max_episode_steps(self) -> int | None:
+        """The largest number of steps of an episode; None: changes of edges may take less than the rest of a step."""
+        control = self.control
+        if control.action == "part":
+            return self.workpiece.bars
+        steps = control.time_limit * 60.0 / control.interval
+        if control.edge_changes == "end":
+            return round(steps)
+        if self.economics.edge_change_time * 60.0 < control.interval:
+            return None
+        return math.ceil(steps - 0.5 / control.sub_steps)  # half a sub-step, as the clock is a sum and rounded
+
     def nominal(self) -> "Scenario":
         """Return the scenario of the nominal model, with which controllers are built: the same name, no model mismatch."""
         return self.model_copy(update={"mismatch": Mismatch()})
 
+
+Source = str | os.PathLike[str] | Mapping[str, Any] | Scenario
+"""What ``Scenario.load`` takes."""
 
 _DEFAULTS = Scenario()
 
@@ -204,6 +262,12 @@ class ScenarioError(ValueError):
 def presets() -> tuple[str, ...]:
     """Return the names of the scenarios that come with the package."""
     return tuple(sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir() if entry.name.endswith(".toml")))
+
+
+def name_of_file(path: Path) -> str:
+    """Return the name of the scenario of a file without one: the file's, "_" for what a name may not hold, no accents."""
+    letters = [letter for letter in unicodedata.normalize("NFKD", path.stem) if not unicodedata.combining(letter)]
+    return re.sub(r"^\.|[^A-Za-z0-9_.-]", "_", "".join(letters))[:64]
 
 
 def _differences(values: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:

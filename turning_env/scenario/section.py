@@ -1,5 +1,7 @@
 """Declaration of configured quantities: every number has a default, an allowed range and a unit, which are checked."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
@@ -12,6 +14,18 @@ def quantity(default: Any, low: float, high: float, unit: str, description: str)
         description=f"{description} [{unit}]",
         json_schema_extra={"minimum": low, "maximum": high, "unit": unit},
     )
+
+
+_MAX_LISTED = 8
+_ALL_KEYS = "python -m turning_env schema"
+
+
+def names_instead(name: str, allowed: Iterable[str], lists_all: str) -> str:
+    """Return what to write instead of an unknown name: the names like it, or all if they are few, or what lists them all."""
+    names = list(allowed)
+    if close := get_close_matches(name[:100], names, 3, 0.7):
+        return f"did you mean {' or '.join(close)}?"
+    return f"allowed are {', '.join(names)}" if len(names) <= _MAX_LISTED else f"list all with: {lists_all}"
 
 
 class Section(BaseModel):
@@ -28,7 +42,8 @@ class Section(BaseModel):
         if isinstance(values, dict):
             unknown = [str(key) for key in values if key not in cls.model_fields]
             if unknown:
-                raise ValueError(f"unknown key {', '.join(unknown)}; allowed are {', '.join(cls.model_fields)}")
+                advice = (f"unknown key {key}; {names_instead(key, cls.model_fields, _ALL_KEYS)}" for key in unknown)
+                raise ValueError("; ".join(advice))
         return values
 
     @field_validator("*")

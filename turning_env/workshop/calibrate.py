@@ -4,6 +4,7 @@
 """
 
 import difflib
+import os
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from pydantic import ValidationError
 
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario, presets
+from turning_env.scenario.scenario import name_of_file
 from turning_env.scenario.sections import Material
 from turning_env.workshop import WorkshopError
 from turning_env.workshop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
@@ -192,12 +194,12 @@ def write_scenario(calibration: Calibration, base: str, source: str, out: Path) 
         out: The file, written whole or not at all; its name without the suffix is the scenario's name.
 
     Raises:
-        WorkshopError: The file's name cannot name a scenario, or the fitted laws do not suit the base.
+        WorkshopError: The fitted laws do not suit the base.
         OSError: The file cannot be written.
     """
     spread = calibration.wear_factor_spread
     tool = {} if spread is None else {"wear_factor_spread": spread}
-    values = Scenario.load(base).model_dump() | {"name": out.stem, "material": calibration.material.model_dump()}
+    values = Scenario.load(base).model_dump() | {"name": name_of_file(out), "material": calibration.material.model_dump()}
     values["tool"] |= tool
     try:
         scenario = Scenario.model_validate(values)
@@ -205,8 +207,10 @@ def write_scenario(calibration: Calibration, base: str, source: str, out: Path) 
         raise WorkshopError(f"{out}: {_message(error)}") from error
     stated: dict[str, Any] = {"base": base}
     if base not in presets():
-        stated = tomllib.loads(Path(base).read_text("utf-8"))
+        stated = tomllib.loads(Path(base).read_text("utf-8-sig"))
         stated.pop("name", None)
+        if (above := stated.get("base")) and above not in presets():  # a file, named from the folder of the one that states it
+            stated["base"] = os.path.relpath(Path(base).parent / above, out.parent)
         material = {name: law for name, law in stated.pop("material", {}).items() if name not in calibration.fits}
         stated |= {"material": material} if material else {}
     if tool:

@@ -4,17 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.turning_env.playing import UNDISTURBED, assert_same_bytes, changed, fixed_actions, play
-from turning_env import RoughTurningEnv, Scenario, read
-from turning_env.batch.driver import MAX_SEED
+from tests.turning_env.playing import UNDISTURBED, changed, play
+from turning_env import RoughTurningEnv, read
 from turning_env.physics.records import STATE, new_records, scratch_records
 from turning_env.physics.workpiece import look_up_fields
 
 STEADY = changed(UNDISTURBED, control={"interval": 1})
-SHIFT = changed(Scenario.load("shift"), tool={"edge_strength": 1e6}, workpiece={"approach": 0.0})
 SKIN = {"skin_thickness": 0.5, "skin_hardness": 1.4, "skin_wear": 1.5}
 INITIAL_WEAR = 0.2
 INITIAL_USED_LIFE = (INITIAL_WEAR / 0.3) ** (1 / 0.245)
@@ -27,17 +23,6 @@ def steps(scenario, count, action=(0.0, 0.0)):
 
 def with_mismatch(scenario=STEADY, **mismatch):
     return changed(scenario, mismatch=mismatch)
-
-
-@given(
-    seed=st.integers(0, MAX_SEED),
-    mismatch=st.sampled_from([{"skin_thickness": 0.5}, {"skin_hardness": 1.4, "skin_wear": 1.5}]),
-)
-def test_no_skin_and_a_skin_like_the_metal_change_nothing(seed, mismatch):
-    actions = fixed_actions(40, 1)[:, 0]
-    assert_same_bytes(
-        play(RoughTurningEnv(with_mismatch(Scenario(), **mismatch)), seed, actions), play(RoughTurningEnv(), seed, actions)
-    )
 
 
 @pytest.mark.parametrize(
@@ -90,12 +75,6 @@ def test_of_several_passes_those_that_reach_the_skin_cut_it(floor, ceiling, shar
     assert math.exp(state.log_skin_wear[0]) == pytest.approx(1 + 0.5 * share, rel=1e-12)
 
 
-def test_a_mismatch_of_inserts_wears_more():
-    nominal, poor = steps(STEADY, 20), steps(with_mismatch(wear_factor=1.15), 20)
-    assert poor["wear_factor"] == pytest.approx(1.15, rel=1e-12)
-    assert poor["wear"][1:] / nominal["wear"][1:] == pytest.approx(1.15, rel=1e-9)
-
-
 def test_a_worn_edge_goes_on_from_its_wear_and_is_charged_what_is_used_of_it():
     worn = with_mismatch(**WORN)
     record = steps(worn, 3000, (0.5, 0.0))
@@ -107,24 +86,6 @@ def test_a_worn_edge_goes_on_from_its_wear_and_is_charged_what_is_used_of_it():
     fresh = steps(STEADY, 3000, (0.5, 0.0))
     life = int(np.flatnonzero(fresh["terminated"])[0])
     assert end / life == pytest.approx(1 - INITIAL_USED_LIFE, abs=2 / life)
-
-
-def test_a_worn_edge_that_breaks_is_charged_what_was_left_of_it():
-    brittle = changed(with_mismatch(**WORN), tool={"edge_strength": 800.0, "edge_strength_spread": 0.0})
-    record = steps(brittle, 300, (1.0, 1.0))
-    end = int(np.flatnonzero(record["broken"])[0])
-    assert record["edges_used"][: end + 1].sum() == pytest.approx(1 - INITIAL_USED_LIFE, rel=1e-9)
-
-
-def test_every_edge_of_a_worn_mismatch_starts_worn():
-    record = steps(with_mismatch(SHIFT, **WORN), 3, (0.0, 0.0, 1.0))
-    assert record["cutting_time"] == pytest.approx([0.0, 1 / 60, 1 / 60, 1 / 60])
-    assert record["wear"] == pytest.approx(INITIAL_WEAR, rel=0.02)
-    # Each interval discards the edge of the interval before, and uses the next.
-    discarded = 1 - record["used_life"][:-1]
-    used = record["used_life"][1:] - INITIAL_USED_LIFE
-    assert (used > 0).all()
-    assert record["edges_used"][1:] == pytest.approx(discarded + used, rel=1e-9)
 
 
 @pytest.mark.parametrize("sensed", ["dynamometer", "servo_current"])

@@ -7,7 +7,7 @@ from tests.turning_env.playing import fixed_actions, slightly_different, variant
 from turning_env import RoughTurningEnv, Scenario, presets
 from turning_env.info import INFO_KEYS
 from turning_env.physics import quantities
-from turning_env.physics.quantities import OBS, OBSERVATION, layout, observation_table, quantity_table
+from turning_env.physics.quantities import OBS, OBSERVATION, layout, observation_table
 from turning_env.physics.records import PARAMETERS, parameter_records
 
 # Read by what scores policies, and by what reads observations, not by the transition.
@@ -86,9 +86,3 @@ def test_the_specification_has_the_table_of_the_observation():
 def test_the_specification_names_every_entry_of_info():
     specification = RoughTurningEnv.__doc__ or ""
     assert [name for name in INFO_KEYS if f"`{name}`" not in specification and f"| {name} " not in specification] == []
-
-
-def test_tables_name_quantity_unit_and_meaning():
-    table = quantity_table(quantities.INFO)
-    assert "| `removed` " in table
-    assert table.count("\n") == len(INFO_KEYS) + 1

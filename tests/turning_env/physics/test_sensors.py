@@ -17,11 +17,6 @@ def infos(scenario, intervals):
     return [env.step((0.0, 0.0))[-1] for _ in range(intervals)]
 
 
-def test_perfect_sensors_tell_the_truth():
-    for info in infos(BRISK, 20):
-        assert (info["measured_power"], info["measured_thrust_force"]) == (info["power"], info["thrust_force"])
-
-
 def test_noise_is_relative_unbiased_and_independent():
     """Over 3000 intervals the standard error of a standard deviation is 1.3 %."""
     noisy = infos(changed(BRISK, sensors={"power_noise": 0.02, "force_noise": 0.05}), 3000)

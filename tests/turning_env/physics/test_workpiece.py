@@ -4,13 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.turning_env.playing import UNDISTURBED, changed
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.physics.records import STATE, new_records, parameter_records, scratch_records
-from turning_env.physics.workpiece import MIN_DEPTH_SHARE, between_nodes, look_up_fields, position_in_row
+from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.physics.workpiece import MIN_DEPTH_SHARE, look_up_fields
 
 WORKPIECE = Scenario().workpiece
 
@@ -54,11 +52,6 @@ def test_the_tool_meets_the_same_bars_at_any_speed_and_feed(cutting_speed, feed)
     assert [row["depth_of_cut"] for row in rows] == pytest.approx(depth, rel=1e-9)
 
 
-@given(share=st.floats(0, 1))
-def test_noise_between_nodes_has_unit_variance_everywhere(share):
-    assert between_nodes(1.0, 0.0, share) ** 2 + between_nodes(0.0, 1.0, share) ** 2 == pytest.approx(1.0, rel=1e-12)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("along", [0.0, 10.0, 137.3])
 def test_spreads_are_those_of_the_scenario(along):
@@ -92,10 +85,3 @@ def test_depth_never_falls_below_its_floor():
     depth = fields(rough_blank, np.arange(0, 100 * WORKPIECE.bar_length, 50.0))[1]
     assert depth.min() == MIN_DEPTH_SHARE * WORKPIECE.depth_of_cut
     assert depth.max() > WORKPIECE.depth_of_cut
-
-
-def test_position_in_row():
-    parameters = parameter_records(changed(Scenario(), workpiece={"bar_length": 100, "approach": 3}))[0]
-    expected = {0.0: (0, False), 2.9: (0, False), 3.0: (0, True), 53.0: (50, True), 103.5: (100, False), 107.0: (101, True)}
-    for path, (cut, cutting) in expected.items():
-        assert position_in_row(parameters, path) == (pytest.approx(cut), cutting), path

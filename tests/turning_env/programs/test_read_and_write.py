@@ -6,8 +6,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from turning_env.programs.expression import Expression, Number, Operation, Variable, as_written, number_text, parse
-from turning_env.programs.program import Block, NcError, Program, rounded_within
+from turning_env.programs.expression import Expression, Number, Operation, Variable, as_written, parse
+from turning_env.programs.program import Block, NcError, Program
 from turning_env.programs.read import read
 from turning_env.programs.synchronous import (
     LOAD,
@@ -196,12 +196,6 @@ def test_long_lines_and_long_programs_are_refused() -> None:
         read(";" * 10_000_001)
 
 
-@pytest.mark.slow
-@given(EXPRESSIONS)
-def test_expressions_read_back_equal(expression: Expression) -> None:
-    assert parse(str(expression), READABLE) == expression
-
-
 @pytest.mark.parametrize(
     "text", ["1.0+2.0-3.0*4.0/5.0", "1.0-(2.0-3.0)", "(1.0+2.0)*3.0", "1.0/(2.0*3.0)", "+".join(["1.0"] * 100)]
 )
@@ -214,23 +208,3 @@ def test_expressions_have_the_parentheses_that_they_need(text: str) -> None:
 )
 def test_expressions_compute_product_before_sum_from_the_left(text: str, value: float) -> None:
     assert parse(text, READABLE).value({"$AC_PARAM[0]": 7.0}) == value
-
-
-@given(st.floats(-1e9, 1e9))
-def test_numbers_are_plain_decimals(value: float) -> None:
-    text = number_text(value)
-    assert float(text) == pytest.approx(value, rel=1e-15, abs=5e-13)
-    assert set(text) <= set(string.digits + ".-")
-
-
-@given(st.floats(-1e4, 1e4), st.floats(0.001, 100), st.floats(0.2, 500), st.integers(1, 3))
-def test_rounding_stays_within_the_range(value: float, low: float, width: float, decimals: int) -> None:
-    rounded = rounded_within(value, low, low + width, decimals)
-    assert low - 1e-8 <= rounded <= low + width + 1e-8
-    if low <= value <= low + width:
-        assert abs(rounded - value) < 10.0**-decimals
-
-
-def test_a_range_without_a_value_of_the_resolution_is_an_error() -> None:
-    with pytest.raises(NcError, match=r"the range 0.12 to 0.18 holds no value of 1 decimals"):
-        rounded_within(0.15, 0.12, 0.18, 1)

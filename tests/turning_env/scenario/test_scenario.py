@@ -1,11 +1,12 @@
 """Scenario files: what is read, refused, written and identified."""
 
+import json
 import tomllib
 
 import pytest
 from pydantic import ValidationError
 
-from tests.turning_env.playing import slightly_different, variants
+from tests.turning_env.playing import changed, slightly_different, variants
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, ScenarioError, presets
 
 
@@ -61,9 +62,11 @@ def test_digest_ignores_the_name_and_nothing_else():
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        ("[tol]\n", ["unknown key tol", "allowed are name, material, tool, machine"]),
-        ("[tool]\nwear_criterium = 1\n", ["tool: unknown key wear_criterium", "allowed are wear_criterion, wear_rule"]),
-        ("[material.wear]\ncoefficient = 1\nspeed = 2\n", ["material.wear: unknown key speed", "cutting_speed"]),
+        ("[tol]\n", ["unknown key tol; did you mean tool?"]),
+        ("[quux]\n", ["unknown key quux; list all with: python -m turning_env schema"]),
+        ("[tool]\nwear_criterium = 1\n", ["tool: unknown key wear_criterium; did you mean wear_criterion?"]),
+        ("[material.wear]\ncoefficient = 1\ncutting_sped = 2\n", ["material.wear: unknown key cutting_sped", "cutting_speed"]),
+        ("[limits]\nzz = 2\n", ["limits: unknown key zz; allowed are thrust_force, power, overload_tolerance"]),
         ("[limits]\npower = -3\n", ["limits.power", "-3", "0.001 to 10000", "kW"]),
         ("[limits]\npower = nan\n", ["limits.power", "nan"]),
         ("[limits]\npower = inf\n", ["limits.power", "inf"]),
@@ -80,8 +83,10 @@ def test_digest_ignores_the_name_and_nothing_else():
         ("[material.wear]\ncoefficient = 1\ntime = 1\nwear = 1\n", ["wear.wear is 1.0", "only 0"]),
         ("[material.power]\ncoefficient = 1\ntime = 1\n", ["power.time is 1.0", "only 0"]),
         ("[mismatch]\ninitial_wear = 0.3\n", ["mismatch.initial_wear is 0.3", "below tool.wear_criterion, which is 0.3"]),
-        ("base = 'forgings'\n", ["base: 'forgings' is not a preset; presets: batch_casting, "]),
-        ("base = 3\n", ["base: 3 is not a preset"]),
+        ("base = 'forgings'\n", ["base: 'forgings' is neither a preset nor a TOML file; did you mean forging"]),
+        ("base = 3\n", ["base: 3 is neither a preset nor a TOML file", "python -m turning_env presets"]),
+        ("base = 'none.toml'\n", ["mine.toml: base: no preset and no file is called", "none.toml"]),
+        ("[limits]\npower = 0,5\n", ["is not TOML", "line 2", 'numbers have a decimal point: "0.5"']),
         ("base = 'casting'\n[workpiece]\nlength = 3\n", ["workpiece: unknown key length"]),
         ("base = 'casting'\ntool = 3\n", ["tool", "3"]),
         ("name = '../up'\n", ["name: '../up' is not allowed", "1 to 64"]),
@@ -109,9 +114,64 @@ def test_names_that_cannot_name_a_folder_are_refused(name):
     assert "1 to 64 of the characters A-Z, a-z, 0-9" in str(refusal.value)
 
 
+def test_a_file_may_be_based_on_files(toml, tmp_path):
+    (tmp_path / "shop").mkdir()
+    (tmp_path / "shop" / "lathe.toml").write_text("base = '../steel.toml'\n[limits]\npower = 9\n")
+    (tmp_path / "steel.toml").write_text("base = 'ck45'\n[limits]\npower = 8\nthrust_force = 900\n")
+    scenario = toml("base = 'shop/lathe.toml'\n[tool]\nwear_criterion = 0.2\n")
+    assert (scenario.name, scenario.material) == ("mine", Scenario.load("ck45").material)
+    assert (scenario.limits.power, scenario.limits.thrust_force, scenario.tool.wear_criterion) == (9.0, 900.0, 0.2)
+    (tmp_path / "steel.toml").write_text("base = 'shop/lathe.toml'\n")
+    with pytest.raises(ScenarioError, match=r"in a circle: .*lathe.toml on .*steel.toml on .*lathe.toml$"):
+        toml("base = 'shop/lathe.toml'\n")
+    (tmp_path / "steel.toml").write_text("[limits]\npower = -1\n")
+    with pytest.raises(ScenarioError, match=r"mine.toml: base: .*lathe.toml: base: .*steel.toml: limits.power: -1.0 is outside"):
+        toml("base = 'shop/lathe.toml'\n")
+
+
+def test_a_dict_states_only_what_differs_from_its_base():
+    scenario = Scenario.load({"base": "forging", "limits": {"power": 9}})
+    assert scenario.differences() == Scenario.load("forging").differences() | {"limits": {"power": 9.0}}
+    assert scenario.name == "custom"
+    assert Scenario.load({}).digest() == Scenario().digest()
+    assert Scenario.load({"name": "mine", "workpiece": {"depth_profile": [1.0, 2.0]}}).workpiece.depth_profile == (1.0, 2.0)
+    with pytest.raises(ScenarioError, match=r"unknown key limit; did you mean limits\?"):
+        Scenario.load({"limit": {"power": 9}})
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_what_is_portable_is_the_same_scenario(preset):
+    scenario = Scenario.load(preset)
+    assert scenario.portable() == preset
+    for other in (
+        scenario.model_copy(update={"name": "other"}),
+        changed(scenario, limits={"power": 11.5}, control={"sub_steps": 3}),
+    ):
+        assert Scenario.load(json.loads(json.dumps(other.portable()))) == other
+
+
+@pytest.mark.parametrize(
+    ("file_name", "name"),
+    [
+        ("my mill.toml", "my_mill"),
+        ("stähl.toml", "stahl"),
+        ("Maß (2).toml", "Ma___2_"),
+        (".hidden.toml", "_hidden"),
+        ("钢.toml", "_"),
+        (70 * "x" + ".toml", 64 * "x"),
+    ],
+)
+def test_any_file_name_and_a_byte_order_mark_will_do(file_name, name, tmp_path):
+    path = tmp_path / file_name
+    path.write_bytes(b"\xef\xbb\xbf[limits]\r\npower = 9\r\n")
+    scenario = Scenario.load(path)
+    assert (scenario.name, scenario.limits.power) == (name, 9.0)
+    assert RoughTurningEnv(path).scenario == scenario
+
+
 @pytest.mark.parametrize("make", [Scenario.load, RoughTurningEnv, lambda source: RoughTurningVectorEnv(1, source)])
 def test_unknown_presets_are_refused(make):
-    with pytest.raises(ScenarioError, match=f"'forgings'; presets: {', '.join(presets())}"):
+    with pytest.raises(ScenarioError, match=r"'forgings'; did you mean forging( or \w+)*\?"):
         make("forgings")
-    with pytest.raises(TypeError, match="not dict"):
-        make({})
+    with pytest.raises(TypeError, match="not int"):
+        make(3)

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from turning_env import PowerLaw, Scenario, presets
-from turning_env.scenario.section import Section, quantity
+from turning_env import PowerLaw, Scenario
+from turning_env.scenario.section import Section
 
 SECTIONS = [*(type(value) for value in dict(Scenario()).values() if isinstance(value, Section)), PowerLaw]
 
@@ -34,18 +34,3 @@ def test_field_has_description_unit_and_range(section: type[Section], name: str,
         with pytest.raises(ValidationError, match=name) as refusal:
             section(**required | {name: outside})
         assert f"{low} to {high} {unit}" in str(refusal.value)
-
-
-def test_new_section_with_neutral_defaults_changes_no_identity(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Vibration(Section):
-        amplitude: float = quantity(0, 0, 10, "mm", "amplitude of chatter")
-
-    class Extended(Scenario):
-        vibration: Vibration = Vibration()
-
-    digests = {preset: Scenario.load(preset).digest() for preset in presets()}
-    monkeypatch.setattr("turning_env.scenario.scenario._DEFAULTS", Extended())
-    assert {preset: Extended.load(preset).digest() for preset in presets()} == digests
-    assert Extended(vibration=Vibration(amplitude=1)).digest() not in digests.values()
-    with pytest.raises(ValidationError, match=r"11\.0 is outside the allowed range 0 to 10 mm"):
-        Extended.model_validate({"vibration": {"amplitude": 11.0}})

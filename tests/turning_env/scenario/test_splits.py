@@ -32,11 +32,6 @@ def test_split_differs_as_stated_and_its_nominal_model_lacks_the_mismatch(split:
     assert (nominal == scenario) != mismatched
 
 
-def test_sensors_are_biased_to_the_dangerous_side() -> None:
-    mismatch = Scenario.load("sensor_bias").mismatch
-    assert max(mismatch.power_bias, mismatch.force_bias) < 0
-
-
 def test_ck45_has_the_handbooks_specific_cutting_force() -> None:
     power, force = Scenario.load("ck45").material.power, Scenario.load("ck45").material.thrust_force
     speed, feed, depth = 150.0, 0.2, 2.0

@@ -2,11 +2,8 @@ import numpy as np
 import pytest
 
 from baselines.catalogue import names, playable, spec
-from baselines.rule import Rule
-from tests.turning_env.playing import changed
-from turning_env import SPLITS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
+from turning_env import SPLITS, RoughTurningEnv, Scenario, presets
 from turning_env.score.play import EPISODE_FIELDS, LAST, SUMS, play
-from turning_env.score.policy import Policy
 
 SHORT = Scenario.load("rough_turning").model_copy(update={"tool": Scenario().tool.model_copy(update={"wear_criterion": 0.13})})
 
@@ -47,69 +44,6 @@ def test_every_sum_is_that_of_the_single_environment() -> None:
         for name in LAST:
             assert episodes[name][index] == info[name]
         assert episodes["truncated"][index] == truncated
-
-
-# A few steps of every task.
-FEW = {
-    "rough_turning": {"control": {"time_limit": 1.0}},
-    "paper": {"control": {"time_limit": 5.0}},
-    "override": {"control": {"time_limit": 0.03}},
-    "override_current": {"control": {"time_limit": 0.03}},
-    "rough_turning_current": {"control": {"time_limit": 1.0}},
-    "surface": {"control": {"time_limit": 0.03}},
-    "shift": {"control": {"time_limit": 3.0}, "economics": {"edge_change_time": 0.5}},
-    "batch_casting": {"workpiece": {"bars": 3}},
-}
-SLOW = ("optimiser", "predictive")
-PLAYED = [
-    pytest.param(preset, name, marks=[pytest.mark.slow] if name in SLOW else [])
-    for preset in FEW
-    for name in names(Scenario.load(preset))
-]
-
-
-def middle(rule: Rule) -> dict[str, float]:
-    """Every tuned parameter in the middle of its range."""
-    return rule.fixed | {name: 0.5 * (found.low + found.high) for name, found in rule.ranges.items()}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("preset", "name"), PLAYED)
-def test_a_rule_plays_an_environment_as_it_would_alone(preset: str, name: str) -> None:
-    scenario = changed(Scenario.load(preset), **FEW[preset])
-    rule = playable(name, scenario)
-
-    def make(num_envs: int) -> Policy:
-        return rule.build(scenario, num_envs, middle(rule))
-
-    together = play(make, scenario, [1, 2, 3])
-    alone = play(make, scenario, [2])
-    for field in EPISODE_FIELDS:
-        assert together[field][1] == alone[field][0]
-
-
-@pytest.mark.parametrize(("preset", "name"), PLAYED)
-def test_rules_are_policies(preset: str, name: str) -> None:
-    """Whatever is observed, at the ends of the space and in its middle, the actions are within theirs."""
-    scenario = Scenario.load(preset)
-    rule = playable(name, scenario)
-    env = RoughTurningVectorEnv(2, scenario)
-    policy = rule.build(scenario, 2, middle(rule))
-    policy.reset(np.ones(2, np.bool_))
-    low, high = env.observation_space.low, env.observation_space.high
-    for observations in (0.5 * (low + high), low, high, low, env.reset(seed=0)[0]):
-        actions = policy.act(observations.astype(np.float32))
-        assert actions.shape == env.action_space.shape
-        assert actions.dtype == np.float32
-        assert (np.abs(actions) <= 1.0).all()
-
-
-def test_progress_is_reported() -> None:
-    counts: list[int] = []
-    play(Wavy, SHORT, [1, 2], counts.append)
-    assert counts[0] == 0
-    assert counts[-1] == 2
-    assert counts == sorted(counts)
 
 
 @pytest.mark.parametrize("preset", presets())

@@ -84,20 +84,6 @@ def test_improvement_counts_ties_half_and_averages_over_the_others_training_seed
     np.testing.assert_array_equal(improvement(returns[:1], np.array([[0.0, 0, 0, 0], [9, 9, 9, 4]])), [[0.5, 0.5, 0.5, 0.75]])
 
 
-def test_improvement_on_every_pair_is_the_mann_whitney_statistic() -> None:
-    generator = np.random.default_rng(1)
-    one, other = generator.integers(10, size=40).astype(float), generator.integers(12, size=40).astype(float)
-    pairs = improvement(np.repeat(one, 40)[None], np.tile(other, 40)[None])
-    assert pairs.mean() == pytest.approx(stats.mannwhitneyu(one, other).statistic / 1600)
-
-
-def test_interval_of_a_mean_is_that_of_scipy() -> None:
-    values = np.random.default_rng(2).exponential(size=60)
-    estimate = Estimate.of(float(values.mean()), Bootstrap(60, resamples=20000).means(values[None], "policy"))
-    theirs = stats.bootstrap((values,), np.mean, method="percentile", n_resamples=20000, rng=3).confidence_interval
-    assert (estimate.low, estimate.high) == pytest.approx((theirs.low, theirs.high), abs=0.01)
-
-
 def test_seeds_are_paired_and_training_seeds_are_not() -> None:
     values = np.random.default_rng(6).normal(size=(1, 30))
     bootstrap = Bootstrap(30)

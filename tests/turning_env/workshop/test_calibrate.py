@@ -74,7 +74,6 @@ def test_existing_file_is_kept_without_overwrite(capsys: pytest.CaptureFixture[s
         (["none.csv", "--out", "a.toml"], "none.csv cannot be read: No such file"),
         ([EXAMPLE, "--out", "a.toml", "--strict"], "as --strict demands: wear: depth_of_cut never varies"),
         ([EXAMPLE, "--out", "a.toml", "--base", "none"], "no preset and no file is called 'none'"),
-        ([EXAMPLE, "--out", "my tool.toml"], "'my tool' is not allowed"),
         ([EXAMPLE, "--out", "folder/a.toml"], "folder"),
     ],
 )
@@ -108,7 +107,7 @@ def test_missing_package_is_named_before_anything_is_written(
         monkeypatch.delattr(workshop, name.rpartition(".")[2])
     monkeypatch.setitem(sys.modules, package, None)
     assert calibrate("--plot", "residuals.png") == 2
-    assert capsys.readouterr().err == f'error: {package} is not installed: pip install "rough-turning[workshop]"\n'
+    assert capsys.readouterr().err == f"error: {package} is not installed: pip install matplotlib scipy\n"
     assert not Path("my_tool.toml").exists()
     assert main(["presets"]) == 0
 
