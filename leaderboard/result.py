@@ -11,8 +11,10 @@ reviewers: the task, and for every policy the main numbers and the SHA-256 of it
 import hashlib
 import json
 import lzma
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -222,13 +224,30 @@ def result_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.glob(f"[!.]*{SUFFIX}") if path.name != TRAJECTORIES_FILE)
 
 
+def read_results(folder: Path) -> dict[Path, Result]:
+    """Return the results of one ``result_folder``. A file that cannot be used is named on standard error and left out."""
+    results = {}
+    for path in result_files(folder):
+        try:
+            results[path] = read_result(path)
+        except ResultError as error:
+            tell_once(f"skipped: {error}: delete it, or play it again by python -m leaderboard run")
+    return results
+
+
+@cache
+def tell_once(text: str) -> None:
+    """Print a text on standard error, the first time that a process has it to say."""
+    print(text, file=sys.stderr)
+
+
 def write_manifest(folder: Path, task: Task) -> None:
     """Write the manifest of a folder: the task that is ranked there and its results.
 
     Raises:
-        ResultError: a result cannot be read, or the manifest cannot be written.
+        ResultError: the manifest cannot be written.
     """
-    results = [result for path in result_files(folder) if (result := read_result(path)).task.digest == task.digest]
+    results = [result for result in read_results(folder).values() if result.task.digest == task.digest]
     manifest = Manifest(task=task, results={result.policy.label: Entry.of(result) for result in results})
     path = folder / MANIFEST_FILE
     if not path.is_file() or path.read_text("utf-8") != manifest.text():

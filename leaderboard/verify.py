@@ -121,7 +121,11 @@ def check(results: Path, agents: Path, selection: Selection) -> list[str]:
     complaints = []
     for folder in sorted(results.glob("*/*")):
         manifest = folder / MANIFEST_FILE
-        entries = read_part(Manifest, manifest).results if manifest.is_file() else {}
+        entries: dict[str, Entry] = {}
+        try:
+            entries = read_part(Manifest, manifest).results if manifest.is_file() else {}
+        except ResultError as error:
+            complaints.append(_complaint(manifest, error))
         for path in result_files(folder):
             if selection.holds(path, SUFFIX):
                 try:

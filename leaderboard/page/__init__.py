@@ -68,6 +68,7 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
 
 def _section(leaderboard: Leaderboard) -> dict[str, Any]:
     shown = {heading: columns.applying(group, leaderboard.standings) for heading, group in COLUMN_GROUPS.items()}
+    names = leaderboard.names
     place = f"{leaderboard.task.env_id}/{leaderboard.task.scenario.name}"
     return {
         "place": place,
@@ -79,7 +80,7 @@ def _section(leaderboard: Leaderboard) -> dict[str, Any]:
         "chart_data": chart_data(leaderboard),
         "best_rules": _best_rules(leaderboard),
         "policies": {
-            standing.name: [result.policy for result in leaderboard.results if result.policy.name == standing.name]
+            standing.name: [result.policy for result in leaderboard.results if names[result.policy.label] == standing.name]
             for standing in leaderboard.standings
         },
         "command": reproducing_command(leaderboard),

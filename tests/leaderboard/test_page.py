@@ -154,5 +154,5 @@ def test_table_lists_policies_by_rank(leaderboard: Leaderboard) -> None:
     assert len(ranked) == 16
     assert ranked[:4] == ranked[4:8] == ranked[8:12] == ranked[12:]
     assert max(map(len, lines)) <= 160
-    assert ranked[3] == ["4", "ppo", "2"]
+    assert ranked[3] == ["4", "ppo", "(yours)"]
     assert "NO" in next(line for line in lines if " ppo " in line)

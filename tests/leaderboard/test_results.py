@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from leaderboard import result as results
+from leaderboard import verify
 from leaderboard.ranking import read_leaderboard, read_leaderboards
 from leaderboard.result import (
     MANIFEST_FILE,
@@ -84,8 +85,7 @@ def test_a_file_must_be_where_its_policy_says(make_result: MakeResult, folder: P
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
         with pytest.raises(ResultError, match=message):
-            read_leaderboard(path.parent)
-        path.unlink()
+            read_result(path)
 
 
 def test_the_same_result_is_not_written_again(make_result: MakeResult, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -127,10 +127,29 @@ def test_the_manifest_or_else_the_most_results_decide_which_task_is_ranked(
     assert read_part(Manifest, folder / MANIFEST_FILE).results.keys() == {"mine"}
     with pytest.raises(ResultError, match="holds no results on task"):
         read_leaderboard(folder, task.model_copy(update={"seeds": [5]}))
-    for content in ("{", "{}", "[" * 100_000):
-        (folder / MANIFEST_FILE).write_text(content)
-        with pytest.raises(ResultError, match=r"manifest\.json"):
-            read_leaderboard(folder)
+
+
+@pytest.mark.parametrize("name", ["broken.json.xz", "trajectories.json.xz", MANIFEST_FILE])
+@pytest.mark.parametrize("content", ["{", "{}", "[" * 100_000])
+def test_an_unusable_file_is_named_and_blocks_nothing(
+    make_result: MakeResult, task: Task, folder: Path, name: str, content: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written(make_result("one"), folder)
+    write_manifest(folder, task)
+    lost = folder.with_name("lost") / "lost.json.xz"
+    lost.parent.mkdir()
+    for path in (folder / name, lost):
+        path.write_text(content)
+    (leaderboard,) = read_leaderboards(folder.parents[1])
+    assert [standing.name for standing in leaderboard.standings] == ["one"]
+    told = capsys.readouterr().err
+    assert f"skipped: {folder / name}" in told
+    assert f"skipped: {lost}" in told
+    assert "python -m leaderboard run" in told
+    (complaint,) = [each for each in verify.check(folder.parents[1], Path(), verify.Selection()) if str(lost) in each]
+    assert "cannot be read" in complaint
+    write_manifest(folder, task)
+    assert set(read_part(Manifest, folder / MANIFEST_FILE).results) == {"one"}
 
 
 def test_a_manifest_tells_every_policys_means(make_result: MakeResult, task: Task, folder: Path) -> None:

@@ -84,22 +84,28 @@ def test_an_interrupted_run_goes_on(task: Task, folder: Path, played: list[float
     assert played == pytest.approx([0.1, 0.2])
 
 
-def test_an_unreadable_file_is_played_again_or_else_named(task: Task, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unreadable_file_is_played_again_or_else_skipped(task: Task, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     play_all(task, [spec("one")], folder)
-    (folder / "one.json.xz").write_text("{")
-    (folder / "trajectories.json.xz").write_text("{")
+    for name in ("one", "trajectories", "foreign"):
+        (folder / f"{name}.json.xz").write_text("{")
     play_all(task, [spec("one")], folder)
-    assert "one.json.xz cannot be read" in capsys.readouterr().err
+    assert f"skipped: {folder / 'foreign.json.xz'}" in capsys.readouterr().err
     read_result(folder / "one.json.xz")
-    (folder / "foreign.json.xz").write_text("{}")
-    with pytest.raises(ResultError, match=r"foreign\.json\.xz"):
-        play_all(task, [spec("one")], folder)
+    assert len(recorded_in(folder).episodes) == RECORDED_SEEDS
+    assert [standing.name for standing in read_leaderboard(folder).standings] == ["one"]
 
 
-def test_agents_that_cannot_be_ranked_are_refused_before_play(task: Task, folder: Path, played: list[float]) -> None:
-    with pytest.raises(ResultError, match="ppo-seed0 and ppo-seed1 cannot be one policy"):
-        play_all(task, [spec("ppo", (0, 0.1), 0), spec("ppo", (0, 0.2), 1)], folder)
-    assert not played
+def test_an_agent_trained_anew_takes_the_place_of_its_result_and_stands_beside_other_trainings(
+    task: Task, folder: Path, played: list[float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    play_all(task, [spec("ppo", (0, 0.1), 0, sha256="a"), spec("ppo", (0, 0.1), 1, sha256="b")], folder)
+    play_all(task, [spec("ppo", (0, 0.2), 0, sha256="c")], folder)
+    assert "ppo-seed0" in capsys.readouterr().err
+    assert played == pytest.approx([0.1, 0.1, 0.2])
+    names = {standing.name: standing.training_seeds for standing in read_leaderboard(folder).standings}
+    assert names == {"ppo": (0,), "ppo-seed1": (1,)}
+    recorded = {each.policy.label: each.policy.sha256 for each in recorded_in(folder).episodes}
+    assert recorded["ppo-seed0"] == "c"
 
 
 def test_a_policy_whose_actions_are_no_numbers_is_named_and_others_go_on(task: Task, folder: Path) -> None:

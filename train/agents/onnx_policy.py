@@ -35,6 +35,10 @@ class _Maker:
 def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
     """Load an agent from its file, which may come from anywhere: it is checked, can run no code, and plays within limits.
 
+    Args:
+        path: the file.
+        limits: what it may use each time it plays.
+
     Raises:
         ValueError: it is not an agent's file, or one that is not trusted; says why.
         OSError: it cannot be read.
@@ -45,7 +49,7 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
     content = agent_file.read_content(path)
     try:
-        file = _examined(content, limits)
+        file = _examined(content)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     return agent_file.trained_policy(file.metadata, file.metadata.trained_steps, file.digest, _Maker(file, limits))

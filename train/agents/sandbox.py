@@ -44,8 +44,8 @@ class Limits:
     """Wall-clock time until an answer [s]: generous, as the machine may be busy."""
     start: float = 120.0
     """Wall-clock time until its process is ready [s]."""
-    computing: int = 3600
-    """Total processor time [s]."""
+    computing: int = 600
+    """Total processor time of one play of all its episodes [s]."""
     memory: int = 3072
     """Memory [MiB], including ONNX Runtime's own."""
 
