@@ -55,26 +55,33 @@ def _run(options: argparse.Namespace) -> None:
         if task.env_id != SPLITS_ENV_ID:
             raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID}")
         tasks += [task.model_copy(update={"scenario": Scenario.load(name), "seeds": options.split_seeds}) for name in SPLITS]
+    too_slow = {}
+    for path in options.agents:
+        try:
+            run.agent(path, task.scenario, options.agent_time)
+        except run.AgentTooSlow as error:
+            too_slow[path] = error
     runs = []
     for each in tasks:  # load all policies first, so that errors are found before anything is played
         tuned_on, source = None if each is task else task.scenario, options.scenario or IDS[task.env_id]
-        agents = run.agents(options.agents, each.scenario, options.name, options.keep_names, options.agent_time)
+        able = [path for path in options.agents if path not in too_slow]
+        agents = run.agents(able, each.scenario, options.name, options.keep_names, options.agent_time)
         policies = [*run.named(options.policies, each.scenario, tuned_on, source, skip=True), *agents]
         if not policies:
             raise ResultError("nothing to play: name a policy that is tuned for the scenario, or give an agent")
         runs.append(run.TaskRun(each, policies, result_folder(options.results, each.env_id, each.scenario.name), private))
-    failed = None
+    failed: list[ResultError] = [*too_slow.values()]
     with workers(options.jobs, options.scheduler) as over:
         for each_run in runs:
             shipped.start_results(each_run.folder, each_run.task)
         try:
             run.play_all(runs, options.fresh, over)
         except run.PoliciesFailed as error:
-            failed = error
+            failed.append(error)
     try:
         leaderboards = read_leaderboards(options.results, {each.folder: each.task for each in runs})
     except ResultError as error:
-        raise failed or error from None
+        raise ResultError("; ".join(map(str, failed or [error]))) from None
     played = [each for each in leaderboards if each.task in tasks]
     _print(played, options.json)
     path = options.results / PAGE
@@ -84,8 +91,8 @@ def _run(options: argparse.Namespace) -> None:
     labels = {spec.label for each in runs for spec in each.policies}
     for line in (line for each in played for line in table.own_places(each, labels)):
         print(line, file=notes)
-    if failed is not None:
-        raise failed
+    if failed:
+        raise ResultError("; ".join(map(str, failed)))
 
 
 def _task(options: argparse.Namespace) -> tuple[Task, Sequence[int] | None]:
@@ -144,7 +151,7 @@ def _gallery(options: argparse.Namespace) -> None:
     from leaderboard import behaviour, gallery, run  # needed only here: imports Matplotlib, plays
 
     scenario = _scenario(options)
-    policies = [*run.named(options.policies, scenario), *run.agents(options.agents, scenario)]
+    policies = [*run.named(options.policies, scenario, source=options.scenario), *run.agents(options.agents, scenario)]
     played = gallery.play(policies, scenario, options.seeds)
     written = gallery.write(played, options.out)
     if options.json:

@@ -25,6 +25,7 @@ from leaderboard.result import (
 )
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories, Trajectory, record
 from train.agents.agent_file import ONNX_SUFFIX, check_fits
+from train.agents.sandbox import LIMITS, TooSlow
 from turning_env import Scenario
 from turning_env.files import exclusive_lock, shared_lock
 from turning_env.score.play import Episodes, play_spec
@@ -33,7 +34,11 @@ from turning_env.score.workers import Workers, spread
 
 
 def named(
-    names: Sequence[str] | None, scenario: Scenario, tuned_on: Scenario | None = None, source: str = "", skip: bool = False
+    names: Sequence[str] | None,
+    scenario: Scenario,
+    tuned_on: Scenario | None = None,
+    source: str | None = None,
+    skip: bool = False,
 ) -> list[PolicySpec]:
     """Return controllers and oracles of a scenario by name, all of them if ``names`` is None.
 
@@ -62,7 +67,7 @@ def named(
                 raise
             untuned.append(name)
     if untuned:
-        command = f"python -m baselines.tune --scenario {shlex.quote(source)}"
+        command = f"python -m baselines.tune --scenario {shlex.quote(source or scenario.name)}"
         tell_once(
             f"skipped, as not tuned for scenario {(tuned_on or scenario).name!r}: {', '.join(untuned)}; `{command}` tunes them"
         )
@@ -73,7 +78,7 @@ class NotTunedError(ResultError):
     """A controller is not tuned for the scenario."""
 
 
-def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None, source: str = "") -> PolicySpec:
+def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None, source: str | None = None) -> PolicySpec:
     """Return a controller: see ``named``.
 
     Raises:
@@ -129,16 +134,20 @@ def agents(
     return list(specs.values())
 
 
+class AgentTooSlow(ResultError):
+    """An agent's file gives no actions in time."""
+
+
 def agent(path: Path, scenario: Scenario, seconds: int | None = None) -> PolicySpec:
     """Return the agent of an ONNX file or of a training run's folder: see ``agents``.
 
     Raises:
+        AgentTooSlow: it gives no actions in time.
         ResultError: there is none, or it cannot play the scenario.
     """
     try:
         if path.suffix == ONNX_SUFFIX:
             from train.agents import onnx_policy
-            from train.agents.sandbox import LIMITS
 
             spec = onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
         else:
@@ -146,6 +155,8 @@ def agent(path: Path, scenario: Scenario, seconds: int | None = None) -> PolicyS
 
             spec = run_folder.load(path)
         check_fits(spec, scenario)
+    except TooSlow as error:
+        raise AgentTooSlow(f"skipped: {error}") from error
     except (OSError, ValueError) as error:
         raise ResultError(f"no agent can be loaded from {path}: {error}") from error
     return spec

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from train.agents import agent_file
 from train.agents.agent_file import AgentFile
-from train.agents.sandbox import LIMITS, GuardedPolicy, Limits, examined
+from train.agents.sandbox import LIMITS, GuardedPolicy, Limits, TooSlow, examined
 from turning_env.score.policy import PolicySpec
 
 _examined = lru_cache(64)(examined)
@@ -40,6 +40,7 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
         limits: what it may use each time it plays.
 
     Raises:
+        TooSlow: it gives no actions in time.
         ValueError: it is not an agent's file, or one that is not trusted; says why.
         OSError: it cannot be read.
         ModuleNotFoundError: what runs such files is not installed.
@@ -50,6 +51,8 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
     content = agent_file.read_content(path)
     try:
         file = _examined(content)
+    except TooSlow as error:
+        raise TooSlow(f"{path}: {error}") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     return agent_file.trained_policy(file.metadata, file.metadata.trained_steps, file.digest, _Maker(file, limits))
