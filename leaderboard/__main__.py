@@ -55,17 +55,10 @@ def _run(options: argparse.Namespace) -> None:
         if task.env_id != SPLITS_ENV_ID:
             raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID}")
         tasks += [task.model_copy(update={"scenario": Scenario.load(name), "seeds": options.split_seeds}) for name in SPLITS]
-    too_slow = {}
-    for path in options.agents:
-        try:
-            run.agent(path, task.scenario, options.agent_time)
-        except run.AgentTooSlow as error:
-            too_slow[path] = error
-    runs = []
+    runs, too_slow = [], dict[Path, ResultError]()
     for each in tasks:  # load all policies first, so that errors are found before anything is played
         tuned_on, source = None if each is task else task.scenario, options.scenario or IDS[task.env_id]
-        able = [path for path in options.agents if path not in too_slow]
-        agents = run.agents(able, each.scenario, options.name, options.keep_names, options.agent_time)
+        agents = run.agents(options.agents, each.scenario, options.name, options.keep_names, options.agent_time, too_slow)
         policies = [*run.named(options.policies, each.scenario, tuned_on, source, skip=True), *agents]
         if not policies:
             raise ResultError("nothing to play: name a policy that is tuned for the scenario, or give an agent")

@@ -206,11 +206,7 @@ def read_result(path: Path) -> Result:
 
 
 def write_result(result: Result, folder: Path) -> None:
-    """Write a result into its folder, unless the file there already says the same: no number changes, no file changes.
-
-    Raises:
-        ResultError: the folder or the file cannot be written.
-    """
+    """Write a result into its folder, unless the file there already says the same: no number changes, no file changes."""
     path = result_path(folder, result.policy)
     with suppress(ResultError):
         if read_result(path).same_as(result):
@@ -242,11 +238,7 @@ def tell_once(text: str) -> None:
 
 
 def write_manifest(folder: Path, task: Task) -> None:
-    """Write the manifest of a folder: the task that is ranked there and its results.
-
-    Raises:
-        ResultError: the manifest cannot be written.
-    """
+    """Write the manifest of a folder: the task that is ranked there and its results."""
     results = [result for result in read_results(folder).values() if result.task.digest == task.digest]
     manifest = Manifest(task=task, results={result.policy.label: Entry.of(result) for result in results})
     path = folder / MANIFEST_FILE
@@ -282,26 +274,15 @@ def _content(path: Path) -> bytes:
 
 
 def write_part(part: Part, path: Path) -> None:
-    """Write a file, all of it or nothing, compressed where its name ends in .xz; its folder is made.
-
-    Raises:
-        ResultError: the folder or the file cannot be written.
-    """
+    """Write a file, all of it or nothing, compressed where its name ends in .xz; its folder is made."""
     content = (json.dumps(part.model_dump(by_alias=True), allow_nan=False) + "\n").encode()
     write_whole(path, lzma.compress(content, preset=9 | lzma.PRESET_EXTREME) if path.name.endswith(".xz") else content)
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file, all of it or nothing; its folder is made.
-
-    Raises:
-        ResultError: the folder or the file cannot be written.
-    """
+    """Write a file, all of it or nothing; its folder is made."""
     encoded = content.encode() if isinstance(content, str) else content
-    try:
-        replace_file(path, lambda partial: partial.write_bytes(encoded))
-    except OSError as error:
-        raise ResultError(f"{path} cannot be written: {error.strerror}") from error
+    replace_file(path, lambda partial: partial.write_bytes(encoded))
 
 
 def _complaints(error: ValidationError, most: int = 5) -> Iterator[str]:

@@ -97,7 +97,12 @@ def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None, source
 
 
 def agents(
-    paths: Sequence[Path], scenario: Scenario, name: str | None = None, keep: bool = True, seconds: int | None = None
+    paths: Sequence[Path],
+    scenario: Scenario,
+    name: str | None = None,
+    keep: bool = True,
+    seconds: int | None = None,
+    too_slow: dict[Path, ResultError] | None = None,
 ) -> list[PolicySpec]:
     """Return the trained agents of ONNX files, which may come from anywhere, and of one's own training runs' folders.
 
@@ -107,16 +112,24 @@ def agents(
         name: the name of those that do not come with the project; None: what their files say.
         keep: whether they may have the name of an agent that comes with the project; else ``my_`` is put before it.
         seconds: processor time that the agent of a file may use for all episodes [s]; None: ``train.agents.sandbox.LIMITS``.
+        too_slow: files that give no actions in time, which are left out; those that are found are added. None: raise.
 
     Raises:
+        AgentTooSlow: a file gives no actions in time.
         ResultError: a path holds no agent, or one that cannot play the scenario; two have the same name and training seed; the
             name is that of another policy.
     """
     from baselines import catalogue
 
     specs: dict[str, PolicySpec] = {}
-    for path in paths:
-        spec = agent(path, scenario, seconds)
+    for path in (each for each in paths if each not in (too_slow or {})):
+        try:
+            spec = agent(path, scenario, seconds)
+        except AgentTooSlow as error:
+            if too_slow is None:
+                raise
+            too_slow[path] = error
+            continue
         if shipped.is_own(spec) and not keep:
             taken = shipped.agents().values()
             own = name or (f"my_{spec.name}" if spec.name in taken else spec.name)
@@ -207,15 +220,12 @@ def play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None) 
 
     Raises:
         PoliciesFailed: some policies cannot play; says which and why. All others have played.
-        ResultError: a folder cannot be written to.
         WorkersError: the workers have gone, or do not run this version.
+        OSError: a folder cannot be written to.
     """
     with ExitStack() as held:
         for each in runs:
-            try:
-                held.enter_context(shared_lock(each.folder))
-            except OSError as error:
-                raise ResultError(f"{each.folder} cannot be written: {error.strerror}") from error
+            held.enter_context(shared_lock(each.folder))
         _play_all(runs, fresh, over)
 
 

@@ -25,11 +25,7 @@ def is_own(policy: PolicySpec) -> bool:
 
 
 def start_results(folder: Path, task: Task) -> None:
-    """Copy the results that come with the project into a folder that has no manifest yet, if they are on this task.
-
-    Raises:
-        ResultError: a file cannot be written.
-    """
+    """Copy the results that come with the project into a folder that has no manifest yet, if they are on this task."""
     source = result_folder(RESULTS, task.env_id, task.scenario.name)
     manifest = source / MANIFEST_FILE
     if (folder / MANIFEST_FILE).exists() or not manifest.is_file() or read_part(Manifest, manifest).task.digest != task.digest:

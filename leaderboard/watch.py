@@ -53,12 +53,9 @@ class Show:
         """Play one step.
 
         Raises:
-            ResultError: the policy's action has the wrong shape or is not finite.
+            ValueError: the policy's action has the wrong shape or is not finite.
         """
-        try:
-            self._observation, _, terminated, truncated, _ = self.env.step(self._policy.act(self._observation[None])[0])
-        except ValueError as error:
-            raise ResultError(f"{self._label} cannot play: {error}") from error
+        self._observation, _, terminated, truncated, _ = self.env.step(self._policy.act(self._observation[None])[0])
         self.ended = terminated or truncated
 
     def frame(self) -> Frame:

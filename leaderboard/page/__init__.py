@@ -34,11 +34,7 @@ _SCRIPTS = ("tables.js", "charts.js", "start.js")
 
 
 def write(leaderboards: Sequence[Leaderboard], path: Path) -> None:
-    """Write the page of some leaderboards, whole or not at all.
-
-    Raises:
-        ResultError: the file cannot be written.
-    """
+    """Write the page of some leaderboards, whole or not at all."""
     write_whole(path, render(leaderboards))
 
 

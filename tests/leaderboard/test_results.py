@@ -192,7 +192,7 @@ def test_a_broken_write_leaves_the_old_file(make_result: MakeResult, folder: Pat
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "replace", full)
-    with pytest.raises(ResultError, match="No space left"):
+    with pytest.raises(OSError, match="No space left"):
         write_part(make_result("rule", wear=1.0), path)
     assert read_result(path).episodes["wear"] == [0.0] * 4
     (folder / ".partial-1-other.json.xz").write_text("{")  # what a killed write leaves is no result

@@ -102,6 +102,3 @@ def test_what_is_interrupted_leaves_nothing(
         assert main([*short, "--policy", "fixed_handbook", "--out", str(tmp_path / "new" / name)]) == 130
         assert "interrupted" in capsys.readouterr().err
     assert not list((tmp_path / "new").iterdir())
-    (tmp_path / "file").write_text("")
-    assert main([*short, "--policy", "fixed_handbook", "--steps", "1", "--out", str(tmp_path / "file" / "cut.gif")]) == 2
-    assert "cut.gif cannot be written" in capsys.readouterr().err
