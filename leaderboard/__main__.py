@@ -229,8 +229,8 @@ def _seeds_or_file(text: str) -> list[int] | Path:
 
 
 def _name(text: str) -> str:
-    if not re.fullmatch("[a-z][a-z0-9_]{0,63}", text):
-        raise argparse.ArgumentTypeError(f"{text!r} is not made of small letters, digits and _, at most 64, a letter first")
+    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}", text):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a name of at most 128 letters, digits, _, . and -")
     return text
 
 

@@ -12,7 +12,6 @@ import hashlib
 import json
 import lzma
 import sys
-from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
@@ -195,13 +194,9 @@ def read_result(path: Path) -> Result:
         ResultError: the file is no result, or not one of this environment, scenario and policy.
     """
     result = read_part(Result, path)
-    scenario, env_id = path.parent.name, path.parent.parent.name
-    if result.task.env_id != env_id:
-        raise ResultError(f"{path}: task.env_id is {result.task.env_id!r}, but the folder is of {env_id!r}")
-    if result.task.scenario.name != scenario:
-        raise ResultError(f"{path}: task.scenario.name is {result.task.scenario.name!r}, but the folder is of {scenario!r}")
-    if path != result_path(path.parent, result.policy):
-        raise ResultError(f"{path}: policy is {result.policy.label!r}, but the file is named otherwise")
+    place = result_path(result_folder(Path(), result.task.env_id, result.task.scenario.name), result.policy)
+    if path.parts[-3:] != place.parts:
+        raise ResultError(f"{path} holds the result of {result.policy.label} and should be at {place} in the folder of results")
     return result
 
 
@@ -258,7 +253,7 @@ def read_part(kind: type[PartType], path: Path) -> PartType:
     try:
         return kind.model_validate(json.loads(_content(path)))
     except ValidationError as error:
-        raise ResultError(f"{path}: " + "; ".join(_complaints(error))) from error
+        raise ResultError(f"{path}: {_complaint(error)}") from error
     except (OSError, ValueError, RecursionError, lzma.LZMAError, EOFError) as error:
         raise ResultError(f"{path} cannot be read: {error}") from error
 
@@ -285,14 +280,11 @@ def write_whole(path: Path, content: str | bytes) -> None:
     replace_file(path, lambda partial: partial.write_bytes(encoded))
 
 
-def _complaints(error: ValidationError, most: int = 5) -> Iterator[str]:
-    details: Sequence[Any] = error.errors()
-    for detail in details[:most]:
-        field = ".".join(str(part) for part in detail["loc"])
-        message = detail["msg"].removeprefix("Value error, ")
-        if field and detail["type"] != "missing":
-            value = repr(detail["input"])
-            message = f"{value if len(value) <= 60 else value[:60] + '...'} is not allowed: {message}"
-        yield f"{field}: {message}" if field else message
-    if len(details) > most:
-        yield f"and {len(details) - most} more"
+def _complaint(error: ValidationError) -> str:
+    """Return the field, the value and what is allowed, of the first error."""
+    detail: Any = error.errors()[0]
+    field, message = ".".join(str(part) for part in detail["loc"]), detail["msg"].removeprefix("Value error, ")
+    if field and detail["type"] != "missing":
+        value = repr(detail["input"])
+        message = f"{value if len(value) <= 60 else value[:60] + '...'} is not allowed: {message}"
+    return f"{field}: {message}" if field else message

@@ -45,7 +45,8 @@ def render(leaderboard: Leaderboard) -> str:
 
 def own_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]:
     """Return a line on the place of each of one's own agents, if its label is one of these."""
-    asked = {leaderboard.names.get(label) for label in labels}
+    names = leaderboard.names
+    asked = {names.get(label) for label in labels}
     ranked = [standing for standing in leaderboard.standings if standing.kind != "oracle"]
     lines = []
     for place, standing in enumerate(ranked, 1):

@@ -176,11 +176,10 @@ def _check(result: Result, agents: Path) -> PolicySpec | Path:
         return path
     if policy.kind == "rule":
         now = run.rule(policy.name, scenario, _tuned_on(policy.tuned_for))
+    elif known := [oracle for oracle in oracles.oracles(scenario) if oracle.name == policy.name]:
+        (now,) = known
     else:
-        known = {oracle.name: oracle for oracle in oracles.oracles(scenario)}
-        if policy.name not in known:
-            raise ResultError(f"there is no oracle {policy.name!r} for scenario {scenario.name!r}")
-        now = known[policy.name]
+        raise ResultError(f"there is no oracle {policy.name!r} for scenario {scenario.name!r}")
     if fields := [name for name, value in now.identity.items() if value != policy.identity[name]]:
         raise ResultError(f"{policy.label} is no longer what played: {', '.join(fields)} differ")
     return now

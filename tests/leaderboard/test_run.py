@@ -58,18 +58,12 @@ def test_only_what_is_missing_or_changed_is_played(task: Task, folder: Path, pla
     assert played[2:] == pytest.approx([0.3, 0.4])
     play_all(task, [spec("one", (0, 0.1), version=2)], folder)
     play_all(task, [spec("one", (0, 0.1), version=2)], folder, fresh=True)
-    play_all(task.model_copy(update={"seeds": [1, 2]}), [spec("one", (0, 0.1))], folder)
-    assert played[4:] == pytest.approx([0.1, 0.1, 0.1])
-
-
-def test_what_another_model_has_made_is_played_again(task: Task, folder: Path, played: list[float]) -> None:
-    policies = [spec("fixed_tuned", (0, 0.1)), spec("grid_search", (0, 0.2))]
-    play_all(task.model_copy(update={"model_version": 0}), policies, folder)
     before = recorded_in(folder)
-    play_all(task, policies[:1], folder)
-    assert played == pytest.approx([0.1, 0.2, 0.1])
-    assert recorded_in(folder).task != before.task
-    assert [standing.name for standing in read_leaderboard(folder).standings] == ["fixed_tuned"]
+    for change in ({"seeds": [1, 2]}, {"model_version": 0}):
+        play_all(task.model_copy(update=change), [spec("one", (0, 0.1))], folder)
+        assert [standing.name for standing in read_leaderboard(folder).standings] == ["one"]
+        assert recorded_in(folder).task != before.task
+    assert played[4:] == pytest.approx([0.1] * 4)
 
 
 def test_an_interrupted_run_goes_on(task: Task, folder: Path, played: list[float]) -> None:
@@ -249,11 +243,8 @@ def test_command_line(tmp_path: Path, scenario: Scenario, capsys: pytest.Capture
     assert shown.splitlines()[-1] == f"wrote {results / 'index.html'}"
     assert "fixed_handbook" in shown
     page = (results / "index.html").read_text()
-    (results / "index.html").unlink()
     assert main(["show", *common]) == 0
     assert capsys.readouterr().out.splitlines() == shown.splitlines()[:-1]
-    assert main(["page", *common]) == 0
-    assert (results / "index.html").read_text() == page
     assert main(["page", *common, "--out", str(tmp_path / "site" / "page.html")]) == 0
     assert (tmp_path / "site" / "page.html").read_text() == page
     assert main(["figure", *common, "--out", str(tmp_path / "figures" / "ranking.png")]) == 0
@@ -265,7 +256,6 @@ def test_command_line(tmp_path: Path, scenario: Scenario, capsys: pytest.Capture
     assert printed.err.endswith(f"wrote {results / 'index.html'}\n")
     told = json.loads(printed.out)
     (leaderboard,) = told["leaderboards"]
-    assert (leaderboard["env_id"], leaderboard["scenario"], len(leaderboard["seeds"])) == ("RoughTurning-v0", "rough_turning", 3)
     ranked = read_leaderboard(results / "RoughTurning-v0" / "rough_turning").standings
     assert [standing["name"] for standing in leaderboard["standings"]] == [standing.name for standing in ranked]
     first = leaderboard["standings"][0]

@@ -115,19 +115,15 @@ def test_returns_within_the_tolerance_come_back(shipped: Path) -> None:
     assert "wear differs for 4 of 4 seeds" in complaints(shipped, ONE_RULE)[0]
 
 
-def test_another_model_is_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_model_and_other_presets_are_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    changed, load = Scenario.model_validate({"name": "harder_lot", "limits": {"power": 6.0}}), Scenario.load
+    monkeypatch.setattr(Scenario, "load", lambda source: changed if source == "harder_lot" else load(source))
+    path = file_of(shipped, RULE, "harder_lot")
+    assert checked(shipped) == [f"{path}: is not of the present preset 'harder_lot': values differ"]
     monkeypatch.setattr(verify, "MODEL_VERSION", 10**6)
     found = checked(shipped)
     assert len(found) == 3
     assert all("which is now 1000000" in complaint for complaint in found)
-
-
-def test_other_presets_are_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    changed = Scenario.model_validate({"name": "harder_lot", "limits": {"power": 6.0}})
-    load = Scenario.load
-    monkeypatch.setattr(Scenario, "load", lambda source: changed if source == "harder_lot" else load(source))
-    path = file_of(shipped, RULE, "harder_lot")
-    assert checked(shipped) == [f"{path}: is not of the present preset 'harder_lot': values differ"]
 
 
 @pytest.mark.parametrize("changed", ["parameters", "version"])
