@@ -12,11 +12,15 @@ RESULTS = Path(__file__).parent / "results"
 AGENTS = Path(__file__).parents[1] / "agents"
 
 
+def agent_files(folder: Path) -> dict[str, Path]:
+    """Return the agents' files in a folder and those below it, by their SHA-256."""
+    return {hashlib.sha256(path.read_bytes()).hexdigest(): path for path in sorted(folder.rglob(f"*{ONNX_SUFFIX}"))}
+
+
 @cache
 def agents() -> dict[str, str]:
     """Return the name of each agent that comes with the project, by its file's SHA-256."""
-    files = AGENTS.glob(f"*/*/*{ONNX_SUFFIX}")
-    return {hashlib.sha256(path.read_bytes()).hexdigest(): path.stem.rpartition("-seed")[0] for path in files}
+    return {digest: path.stem.rpartition("-seed")[0] for digest, path in agent_files(AGENTS).items()}
 
 
 def is_own(policy: PolicySpec) -> bool:

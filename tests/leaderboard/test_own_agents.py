@@ -49,6 +49,8 @@ def test_an_own_agent_stands_beside_the_shipped_one(words: list[str], tmp_path: 
     assert (tmp_path / "results" / "index.html").read_text("utf-8").count(">yours<") == 1
     before = (folder / "ppo-seed0.json.xz").read_bytes()
     assert before == (result_folder(shipped.RESULTS, ENV_ID, SHORT.name) / "ppo-seed0.json.xz").read_bytes()
+    where = ["--results", str(tmp_path / "results"), "--agents", str(mine.parent), "--memory", str(tmp_path / "verified.json")]
+    assert main(["verify", *where, "--policies", "my_ppo"]) == 0
     assert main([*words, "--agents", str(mine), "--name", "second"]) == 0
     assert {"my_ppo", "second", "ppo"} <= {standing.name for standing in read_leaderboard(folder).standings}
 

@@ -19,7 +19,6 @@ from turning_env.score.policy import PolicySpec
 
 HOSTILE = "</script><img src=x onerror=\"document.title='owned'\">'&amp;"
 BACKWARDS, LONG = "\u202eexe.gpj \u05d0\u05d1", "long" * 125
-ROWS = 500
 
 pytestmark = pytest.mark.slow
 
