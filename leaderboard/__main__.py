@@ -61,7 +61,8 @@ def _run(options: argparse.Namespace) -> None:
         agents = run.agents(options.agents, each.scenario, options.name, options.keep_names, options.agent_time, too_slow)
         policies = [*run.named(options.policies, each.scenario, tuned_on, source, skip=True), *agents]
         if not policies:
-            raise ResultError("nothing to play: name a policy that is tuned for the scenario, or give an agent")
+            nothing = "nothing to play: name a policy that is tuned for the scenario, or give an agent"
+            raise ResultError("; ".join(map(str, [*too_slow.values(), nothing])))
         runs.append(run.TaskRun(each, policies, result_folder(options.results, each.env_id, each.scenario.name), private))
     failed: list[ResultError] = [*too_slow.values()]
     with workers(options.jobs, options.scheduler) as over:
@@ -258,7 +259,7 @@ def _parser() -> argparse.ArgumentParser:
 
     which = "folder of results (default: results; the project's own are in leaderboard/results)"
     results = shared("--results", type=Path, default=Path("results"), help=which)
-    shipped = shared("--results", type=Path, default=SHIPPED, help=f"folder of results (default: {SHIPPED})")
+    project = shared("--results", type=Path, default=SHIPPED, help=f"folder of results (default: {SHIPPED})")
     agents_folder = shared("--agents", type=Path, default=Path("agents"), help="folder of agents' ONNX files (default: agents)")
     printed = shared("--json", action="store_true", help="print JSON with all numbers and their units")
     environment = shared("--env", choices=IDS, default=SPLITS_ENV_ID, help="the environment's id")
@@ -289,7 +290,7 @@ def _parser() -> argparse.ArgumentParser:
     add = command(_page, "write all rankings as one HTML file", results)
     add("--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)")
 
-    add = command(_verify, "play results again; fail if any differs", shipped, agents_folder, elsewhere)
+    add = command(_verify, "play results again; fail if any differs", project, agents_folder, elsewhere)
     add("--env", choices=IDS, help="only results of this id")
     add("--scenario", metavar="NAME", help="only results on this scenario")
     add("--policies", nargs="+", metavar="NAME", help="only results of these policies")
@@ -300,7 +301,7 @@ def _parser() -> argparse.ArgumentParser:
     memory, which = Path("results/verified.json"), "file that remembers what came back until all has"
     add("--memory", type=Path, default=memory, metavar="FILE", help=f"{which} (default: {memory})")
 
-    command(_cards, "write the model card of every agent", shipped, agents_folder)
+    command(_cards, "write the model card of every agent", project, agents_folder)
     add = command(_figure, "draw the ranking for print", results, environment)
     picture = Path("docs/leaderboard.png")
     add("--out", type=Path, default=picture, help=f"picture to write (default: {picture})")
