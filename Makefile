@@ -52,8 +52,6 @@ setup: .venv/run
 # Train an agent, play it, and rank it with every policy that ships: their results need not be played again.
 leaderboard: .venv/run
 	$(TRAIN) --seed 0
-	mkdir -p $(RESULTS)
-	cp -R leaderboard/results/. $(RESULTS)
 	$(RUN) --agents $(AGENT)0
 
 # Train all agents that ship anew, two at a time, and export them.
@@ -73,7 +71,7 @@ results: .venv/run
 			*) seeds="--seeds $(TASK_SEEDS)";; \
 		esac; \
 		.venv/bin/python -m leaderboard run --env $$env --results $(SHIPPED_RESULTS) --jobs $(JOBS) $$seeds \
-			--agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \
+			--keep-names --agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \
 	done
 	.venv/bin/python -m leaderboard cards --results $(SHIPPED_RESULTS) --agents $(SHIPPED)
 	$(if $(filter leaderboard/results,$(SHIPPED_RESULTS)),.venv/bin/python -m leaderboard.pack)

@@ -7,16 +7,16 @@
 """
 
 import argparse
-import contextlib
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from leaderboard import generalisation, table
+from leaderboard import generalisation, shipped, table
 from leaderboard.private_seeds import PUBLIC, private_task, read_seeds
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
-from leaderboard.result import ResultError, Task, result_folder
+from leaderboard.result import MANIFEST_FILE, ResultError, Task, result_folder
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
 from turning_env.score.seeds import held_out_seeds
@@ -41,6 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> None:
     """Play policies on held-out seeds, then print the ranking and write the page. Results that exist are kept.
 
+    An empty folder starts with the results that come with the project, if they are of the same scenario and seeds.
+
     python -m leaderboard run --seeds 16 --policies fixed_tuned predictive
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --jobs 2
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --seeds private_seeds.txt --results private_results
@@ -53,30 +55,38 @@ def _run(options: argparse.Namespace) -> None:
         if task.env_id != SPLITS_ENV_ID:
             raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID}")
         tasks += [task.model_copy(update={"scenario": Scenario.load(name), "seeds": options.split_seeds}) for name in SPLITS]
-    runs = []
+    runs, too_slow = [], dict[Path, ResultError]()
     for each in tasks:  # load all policies first, so that errors are found before anything is played
-        policies = [
-            *run.named(options.policies, each.scenario, None if each is task else task.scenario),
-            *run.agents(options.agents, each.scenario),
-        ]
+        tuned_on, source = None if each is task else task.scenario, options.scenario or IDS[task.env_id]
+        agents = run.agents(options.agents, each.scenario, options.name, options.keep_names, options.agent_time, too_slow)
+        policies = [*run.named(options.policies, each.scenario, tuned_on, source, skip=True), *agents]
         if not policies:
-            raise ResultError("nothing to play: name a policy or give an agent")
+            nothing = "nothing to play: name a policy that is tuned for the scenario, or give an agent"
+            raise ResultError("; ".join(map(str, [*too_slow.values(), nothing])))
         runs.append(run.TaskRun(each, policies, result_folder(options.results, each.env_id, each.scenario.name), private))
-    played = {each.folder: each.task for each in runs}
+    failed: list[ResultError] = [*too_slow.values()]
     with workers(options.jobs, options.scheduler) as over:
+        for each_run in runs:
+            shipped.start_results(each_run.folder, each_run.task)
         try:
             run.play_all(runs, options.fresh, over)
-        except run.PoliciesFailed:
-            ranked = []
-            for folder, its_task in played.items():
-                with contextlib.suppress(ResultError):  # no policy could play
-                    ranked.append(read_leaderboard(folder, its_task))
-            _print(ranked, options.json)
-            raise
-    _print([read_leaderboard(folder, its_task) for folder, its_task in played.items()], options.json)
+        except run.PoliciesFailed as error:
+            failed.append(error)
+    try:
+        leaderboards = read_leaderboards(options.results, {each.folder: each.task for each in runs})
+    except ResultError as error:
+        raise ResultError("; ".join(map(str, failed or [error]))) from None
+    played = [each for each in leaderboards if each.task in tasks]
+    _print(played, options.json)
     path = options.results / PAGE
-    _write_page(read_leaderboards(options.results, played), path)
-    print(f"wrote {path}", file=sys.stderr if options.json else sys.stdout)
+    _write_page(leaderboards, path)
+    notes = sys.stderr if options.json else sys.stdout
+    print(f"wrote {path}", file=notes)
+    labels = {spec.label for each in runs for spec in each.policies}
+    for line in (line for each in played for line in table.own_places(each, labels)):
+        print(line, file=notes)
+    if failed:
+        raise ResultError("; ".join(map(str, failed)))
 
 
 def _task(options: argparse.Namespace) -> tuple[Task, Sequence[int] | None]:
@@ -94,12 +104,16 @@ def _task(options: argparse.Namespace) -> tuple[Task, Sequence[int] | None]:
 
 
 def _show(options: argparse.Namespace) -> None:
-    """Print the ranking of every environment and scenario in the results' folder.
+    """Print the ranking of one environment on one scenario: the first that there is, or the first of an id; or all rankings.
 
     python -m leaderboard show --results leaderboard/results
-    python -m leaderboard show --results leaderboard/results --json
+    python -m leaderboard show --results leaderboard/results --env RoughTurning-Surface-v0 --json
+    python -m leaderboard show --results leaderboard/results --all
     """
-    _print(read_leaderboards(options.results), options.json)
+    chosen = {"env_id": options.env, "scenario": options.scenario, "most": None if options.all else 1}
+    _print(read_leaderboards(options.results, **chosen), options.json)
+    if not options.all and len(list(options.results.glob(f"*/*/{MANIFEST_FILE}"))) > 1:
+        print("--all prints the other leaderboards", file=sys.stderr)
 
 
 def _page(options: argparse.Namespace) -> None:
@@ -131,7 +145,7 @@ def _gallery(options: argparse.Namespace) -> None:
     from leaderboard import behaviour, gallery, run  # needed only here: imports Matplotlib, plays
 
     scenario = _scenario(options)
-    policies = [*run.named(options.policies, scenario), *run.agents(options.agents, scenario)]
+    policies = [*run.named(options.policies, scenario, source=options.scenario), *run.agents(options.agents, scenario)]
     played = gallery.play(policies, scenario, options.seeds)
     written = gallery.write(played, options.out)
     if options.json:
@@ -215,6 +229,12 @@ def _seeds_or_file(text: str) -> list[int] | Path:
     return Path(text)
 
 
+def _name(text: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}", text):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a name of at most 128 letters, digits, _, . and -")
+    return text
+
+
 def positive(text: str) -> int:
     """Return a whole number above 0, as an argparse type."""
     if not text.isdecimal() or int(text) < 1:
@@ -239,7 +259,7 @@ def _parser() -> argparse.ArgumentParser:
 
     which = "folder of results (default: results; the project's own are in leaderboard/results)"
     results = shared("--results", type=Path, default=Path("results"), help=which)
-    shipped = shared("--results", type=Path, default=SHIPPED, help=f"folder of results (default: {SHIPPED})")
+    project = shared("--results", type=Path, default=SHIPPED, help=f"folder of results (default: {SHIPPED})")
     agents_folder = shared("--agents", type=Path, default=Path("agents"), help="folder of agents' ONNX files (default: agents)")
     printed = shared("--json", action="store_true", help="print JSON with all numbers and their units")
     environment = shared("--env", choices=IDS, default=SPLITS_ENV_ID, help="the environment's id")
@@ -253,17 +273,24 @@ def _parser() -> argparse.ArgumentParser:
     add = command(_run, "play policies, then show and page", results, printed, environment, agents, elsewhere)
     which = "number of held-out seeds (default: 256), or a file of private seeds; give these --results of their own"
     add("--seeds", type=_seeds_or_file, default="256", metavar="SEEDS", help=which)
-    add("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all)")
+    add("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all that are tuned for the scenario)")
+    add("--name", type=_name, help="name of your own agents (default: that of their files, after my_ if a shipped agent has it)")
+    add("--keep-names", action="store_true", help="let agents take the names of those that come with the project")
+    which = "processor time that an agent's file may use for all seeds, or else is skipped (default: 600)"
+    add("--agent-time", type=positive, metavar="SECONDS", help=which)
     add("--splits", action="store_true", help=f"also play the splits: {', '.join(SPLITS)}")
     which = "number of held-out seeds on each split (default: 32)"
     add("--split-seeds", type=_seeds, default="32", metavar="SEEDS", help=which)
     add("--fresh", action="store_true", help="play again even if results exist")
 
-    command(_show, "print the ranking", results, printed)
+    add = command(_show, "print the ranking", results, printed)
+    add("--env", choices=IDS, help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)")
+    add("--scenario", metavar="NAME", help="the scenario's name (default: the id's own)")
+    add("--all", action="store_true", help="print all rankings, of all ids and scenarios unless one is named")
     add = command(_page, "write all rankings as one HTML file", results)
     add("--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)")
 
-    add = command(_verify, "play results again; fail if any differs", shipped, agents_folder, elsewhere)
+    add = command(_verify, "play results again; fail if any differs", project, agents_folder, elsewhere)
     add("--env", choices=IDS, help="only results of this id")
     add("--scenario", metavar="NAME", help="only results on this scenario")
     add("--policies", nargs="+", metavar="NAME", help="only results of these policies")
@@ -274,7 +301,7 @@ def _parser() -> argparse.ArgumentParser:
     memory, which = Path("results/verified.json"), "file that remembers what came back until all has"
     add("--memory", type=Path, default=memory, metavar="FILE", help=f"{which} (default: {memory})")
 
-    command(_cards, "write the model card of every agent", shipped, agents_folder)
+    command(_cards, "write the model card of every agent", project, agents_folder)
     add = command(_figure, "draw the ranking for print", results, environment)
     picture = Path("docs/leaderboard.png")
     add("--out", type=Path, default=picture, help=f"picture to write (default: {picture})")

@@ -116,17 +116,18 @@ METRICS = {
 
 def measure(episodes: Sequence[Episode]) -> dict[str, float]:
     """Return each of ``METRICS`` over all episodes of one policy; NaN where there is nothing to tell."""
-    total = {name: sum(float(episode[name].sum()) for episode in episodes) for name in _SUMS}
-    minutes = sum(float(episode["minutes"][-1]) for episode in episodes)
+    edges, removed, engaged, overload, severe = (
+        sum(float(episode[name].sum()) for episode in episodes)
+        for name in ("edges_used", "removed", "engaged_time", "overload_time", "severe_overload_time")
+    )
     speeds, feeds = by_life_stage(episodes, "cutting_speed"), by_life_stage(episodes, "feed")
-    before, at, after = (_entry_feed(episodes, place) for place in (-BEFORE, 0.0, BEFORE))
     values = (
-        _ratio(minutes, total["edges_used"]),
-        _ratio(total["removed"], total["edges_used"]),
+        _ratio(sum(float(episode["minutes"][-1]) for episode in episodes), edges),
+        _ratio(removed, edges),
         *(float(each) for each in (speeds[0], speeds[-1], feeds[0], feeds[-1])),
-        100.0 * _ratio(total["overload_time"], total["engaged_time"]),
-        100.0 * _ratio(total["severe_overload_time"], total["engaged_time"]),
-        *(100.0 * share for share in (before, at, after)),
+        100.0 * _ratio(overload, engaged),
+        100.0 * _ratio(severe, engaged),
+        *(100.0 * _entry_feed(episodes, place) for place in (-BEFORE, 0.0, BEFORE)),
     )
     return dict(zip(METRICS, values, strict=True))
 

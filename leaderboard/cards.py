@@ -55,7 +55,8 @@ def render(files: Sequence[AgentFile], leaderboard: Leaderboard, across: general
         example: the file that the example loads.
     """
     metadata = files[0].metadata
-    standing = next(standing for standing in leaderboard.standings if standing.name == metadata.algorithm)
+    name = leaderboard.names[files[0].label]
+    standing = next(standing for standing in leaderboard.standings if standing.name == name)
     shown = (*columns.RETURNS, *columns.COMPARISONS, *columns.LIMITS, *columns.WORKSHOP)
     low, high = metadata.observation_space.low, metadata.observation_space.high
     elsewhere: list[tuple[str, Cell, bool]] = []  # split, return there, whether feasible there
@@ -104,7 +105,7 @@ def _agents(folder: Path) -> dict[str, list[AgentFile]]:
         place = Path(metadata.env_id) / metadata.scenario.name / f"{file.label}{ONNX_SUFFIX}"
         if place.parts != path.parts[-3:]:
             raise ResultError(f"{path} holds {file.label} and should be at {place} in the folder of agents")
-        agents.setdefault(metadata.algorithm, []).append(file)
+        agents.setdefault(file.label.rpartition("-seed")[0], []).append(file)
     for name, files in agents.items():
         files.sort(key=lambda file: file.metadata.seed)
         for field in _SHARED:

@@ -33,7 +33,7 @@ def write(leaderboard: Leaderboard, path: Path) -> None:
     """Draw a leaderboard as a PNG, whole or not at all: at most eight policies, and two of them on the same bar.
 
     Raises:
-        ResultError: fewer than two trajectories were recorded, or the file cannot be written.
+        ResultError: fewer than two trajectories were recorded.
     """
     recorded = leaderboard.trajectories.episodes if leaderboard.trajectories else []
     episodes = [episode for episode in recorded if episode.seed == recorded[0].seed]

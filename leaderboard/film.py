@@ -19,15 +19,11 @@ def write(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
     """Write all frames, or of a still the last, to a file ending in ``.mp4``, ``.gif`` or ``.png``.
 
     Raises:
-        ResultError: the file ends otherwise, cannot be written, or what writes it is not installed.
+        ResultError: the file ends otherwise.
+        OSError: it cannot be written.
     """
     check_suffix(path)
-    try:
-        replace_file(path, lambda partial: _WRITERS[path.suffix](frames, partial, frames_per_second))
-    except OSError as error:
-        raise ResultError(f"{path} cannot be written: {error.strerror or error}") from error
-    except ModuleNotFoundError as error:
-        raise ResultError(missing(error) or str(error)) from error
+    replace_file(path, lambda partial: _WRITERS[path.suffix](frames, partial, frames_per_second))
 
 
 def check_suffix(path: Path) -> None:

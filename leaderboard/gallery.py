@@ -70,11 +70,7 @@ def play(specs: Sequence[PolicySpec], scenario: Scenario, seeds: Sequence[int]) 
 
 
 def write(played: Played, folder: Path) -> list[Path]:
-    """Write every picture that applies into a folder, each whole or not at all; returns the paths.
-
-    Raises:
-        ResultError: a file cannot be written.
-    """
+    """Write every picture that applies into a folder, each whole or not at all; returns the paths."""
     written = []
     with rc_context({"font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False}):
         for name, draw in PICTURES.items():
@@ -85,15 +81,8 @@ def write(played: Played, folder: Path) -> list[Path]:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a PNG, whole or not at all.
-
-    Raises:
-        ResultError: it cannot be written.
-    """
-    try:
-        replace_file(path, lambda partial: figure.savefig(partial, dpi=200, format="png"))
-    except OSError as error:
-        raise ResultError(f"{path} cannot be written: {error.strerror}") from error
+    """Write a figure as a PNG, whole or not at all."""
+    replace_file(path, lambda partial: figure.savefig(partial, dpi=200, format="png"))
 
 
 def draw_operating_points(played: Played) -> Figure | None:

@@ -46,8 +46,8 @@ def across(leaderboards: Sequence[Leaderboard]) -> Across | None:
         chosen = [each for name in SPLITS if (each := splits.get(name)) and each.task.env_id == base.task.env_id]
         rows: dict[str, dict[str, Standing]] = {standing.name: {home.name: standing} for standing in base.standings}
         for split in chosen:
-            policies = [result.policy for result in split.results]
-            counted = {policy.name for policy in policies if policy.tuned_for == home or policy.kind == "oracle"}
+            names, policies = split.names, [result.policy for result in split.results]
+            counted = {names[policy.label] for policy in policies if policy.tuned_for == home or policy.kind == "oracle"}
             for standing in split.standings:
                 if standing.name in rows and standing.name in counted:
                     rows[standing.name][split.task.scenario.name] = standing

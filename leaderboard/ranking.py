@@ -7,14 +7,16 @@ from leaderboard.result import (
     MANIFEST_FILE,
     TRAJECTORIES_FILE,
     Manifest,
+    PartType,
     Result,
     ResultError,
     Task,
     read_part,
-    read_result,
+    read_results,
     result_files,
+    tell_once,
 )
-from leaderboard.standings import Standing, rank
+from leaderboard.standings import Standing, names_of, rank
 from leaderboard.trajectories import Trajectories
 from turning_env import IDS
 
@@ -30,6 +32,11 @@ class Leaderboard:
     left_out: list[Path]
     """Files of results on other tasks."""
 
+    @property
+    def names(self) -> dict[str, str]:
+        """Return the name of each result's standing, by its policy's label."""
+        return names_of([result.policy for result in self.results])
+
 
 def read_leaderboard(folder: Path, task: Task | None = None) -> Leaderboard:
     """Rank the results of one environment on one scenario.
@@ -40,19 +47,17 @@ def read_leaderboard(folder: Path, task: Task | None = None) -> Leaderboard:
             most results.
 
     Raises:
-        ResultError: a file cannot be used, or none is on the task.
+        ResultError: no result can be used, or none is on the task.
     """
     by_task: dict[str, dict[Path, Result]] = {}
-    for path in result_files(folder):
-        result = read_result(path)
+    for path, result in read_results(folder).items():
         by_task.setdefault(result.task.digest, {})[path] = result
     if not by_task:
         raise ResultError(f"{folder} holds no results")
-    manifest = folder / MANIFEST_FILE
     if task is not None:
         chosen = task.digest
-    elif manifest.is_file():
-        chosen = read_part(Manifest, manifest).task.digest
+    elif (manifest := read_if_usable(Manifest, folder / MANIFEST_FILE)) is not None:
+        chosen = manifest.task.digest
     else:
         chosen = max(by_task, key=lambda digest: (len(by_task[digest]), digest))
     if chosen not in by_task:
@@ -67,22 +72,40 @@ def read_leaderboard(folder: Path, task: Task | None = None) -> Leaderboard:
     )
 
 
-def read_leaderboards(results: Path, tasks: dict[Path, Task] | None = None) -> list[Leaderboard]:
-    """Rank every environment on every scenario that ``results`` holds.
+def read_leaderboards(
+    results: Path,
+    tasks: dict[Path, Task] | None = None,
+    env_id: str | None = None,
+    scenario: str | None = None,
+    most: int | None = None,
+) -> list[Leaderboard]:
+    """Rank every environment on every scenario that ``results`` holds. A folder that cannot be used is named on standard error.
 
     Ids come in the order in which they are declared, and of an id first its own preset, then other scenarios by name.
 
     Args:
         results: the folder of all results.
         tasks: of some of the folders in it, the task whose results are ranked there; see ``read_leaderboard``.
+        env_id: only this environment's; None: all.
+        scenario: only on the scenario of this name; None: all.
+        most: only the first so many; None: all.
 
     Raises:
-        ResultError: as for ``read_leaderboard``, or there are no results at all.
+        ResultError: there are no results that can be used.
     """
-    folders = sorted((folder for folder in results.glob("*/*") if result_files(folder)), key=_place)
-    if not folders:
-        raise ResultError(f"{results} holds no results yet; python -m leaderboard run makes some")
-    return [read_leaderboard(folder, (tasks or {}).get(folder)) for folder in folders]
+    leaderboards: list[Leaderboard] = []
+    chosen = (folder for folder in results.glob(f"{env_id or '*'}/{scenario or '*'}") if result_files(folder))
+    for folder in sorted(chosen, key=_place):
+        if len(leaderboards) == most:
+            break
+        try:
+            leaderboards.append(read_leaderboard(folder, (tasks or {}).get(folder)))
+        except ResultError as error:
+            tell_once(f"skipped: {error}")
+    if not leaderboards:
+        asked = "".join(f" of {each}" for each in (env_id, scenario) if each)
+        raise ResultError(f"{results} holds no results{asked} yet; python -m leaderboard run makes some")
+    return leaderboards
 
 
 def _place(folder: Path) -> tuple[int, str, bool, str]:
@@ -93,11 +116,20 @@ def _place(folder: Path) -> tuple[int, str, bool, str]:
 
 def _trajectories(folder: Path, results: list[Result]) -> Trajectories | None:
     """Read the recorded trajectories that still belong to the results; None if there are none."""
-    path = folder / TRAJECTORIES_FILE
-    if not path.exists():
-        return None
-    recorded, identities = read_part(Trajectories, path), [result.policy.identity for result in results]
-    if recorded.task != results[0].task.digest:
+    recorded, identities = (
+        read_if_usable(Trajectories, folder / TRAJECTORIES_FILE),
+        [result.policy.identity for result in results],
+    )
+    if recorded is None or recorded.task != results[0].task.digest:
         return None
     episodes = [each for each in recorded.episodes if each.policy.identity in identities]
     return recorded.model_copy(update={"episodes": episodes}) if episodes else None
+
+
+def read_if_usable(kind: type[PartType], path: Path) -> PartType | None:
+    """Read a file that a run makes anew; None, with a word on standard error, if it cannot be used."""
+    try:
+        return read_part(kind, path) if path.exists() else None
+    except ResultError as error:
+        tell_once(f"skipped: {error}: the next python -m leaderboard run writes it anew")
+        return None

@@ -11,8 +11,9 @@ reviewers: the task, and for every policy the main numbers and the SHA-256 of it
 import hashlib
 import json
 import lzma
-from collections.abc import Iterator, Sequence
+import sys
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -193,22 +194,14 @@ def read_result(path: Path) -> Result:
         ResultError: the file is no result, or not one of this environment, scenario and policy.
     """
     result = read_part(Result, path)
-    scenario, env_id = path.parent.name, path.parent.parent.name
-    if result.task.env_id != env_id:
-        raise ResultError(f"{path}: task.env_id is {result.task.env_id!r}, but the folder is of {env_id!r}")
-    if result.task.scenario.name != scenario:
-        raise ResultError(f"{path}: task.scenario.name is {result.task.scenario.name!r}, but the folder is of {scenario!r}")
-    if path != result_path(path.parent, result.policy):
-        raise ResultError(f"{path}: policy is {result.policy.label!r}, but the file is named otherwise")
+    place = result_path(result_folder(Path(), result.task.env_id, result.task.scenario.name), result.policy)
+    if path.parts[-3:] != place.parts:
+        raise ResultError(f"{path} holds the result of {result.policy.label} and should be at {place} in the folder of results")
     return result
 
 
 def write_result(result: Result, folder: Path) -> None:
-    """Write a result into its folder, unless the file there already says the same: no number changes, no file changes.
-
-    Raises:
-        ResultError: the folder or the file cannot be written.
-    """
+    """Write a result into its folder, unless the file there already says the same: no number changes, no file changes."""
     path = result_path(folder, result.policy)
     with suppress(ResultError):
         if read_result(path).same_as(result):
@@ -222,13 +215,26 @@ def result_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.glob(f"[!.]*{SUFFIX}") if path.name != TRAJECTORIES_FILE)
 
 
-def write_manifest(folder: Path, task: Task) -> None:
-    """Write the manifest of a folder: the task that is ranked there and its results.
+def read_results(folder: Path) -> dict[Path, Result]:
+    """Return the results of one ``result_folder``. A file that cannot be used is named on standard error and left out."""
+    results = {}
+    for path in result_files(folder):
+        try:
+            results[path] = read_result(path)
+        except ResultError as error:
+            tell_once(f"skipped: {error}: delete it, or play it again by python -m leaderboard run")
+    return results
 
-    Raises:
-        ResultError: a result cannot be read, or the manifest cannot be written.
-    """
-    results = [result for path in result_files(folder) if (result := read_result(path)).task.digest == task.digest]
+
+@cache
+def tell_once(text: str) -> None:
+    """Print a text on standard error, the first time that a process has it to say."""
+    print(text, file=sys.stderr)
+
+
+def write_manifest(folder: Path, task: Task) -> None:
+    """Write the manifest of a folder: the task that is ranked there and its results."""
+    results = [result for result in read_results(folder).values() if result.task.digest == task.digest]
     manifest = Manifest(task=task, results={result.policy.label: Entry.of(result) for result in results})
     path = folder / MANIFEST_FILE
     if not path.is_file() or path.read_text("utf-8") != manifest.text():
@@ -247,7 +253,7 @@ def read_part(kind: type[PartType], path: Path) -> PartType:
     try:
         return kind.model_validate(json.loads(_content(path)))
     except ValidationError as error:
-        raise ResultError(f"{path}: " + "; ".join(_complaints(error))) from error
+        raise ResultError(f"{path}: {_complaint(error)}") from error
     except (OSError, ValueError, RecursionError, lzma.LZMAError, EOFError) as error:
         raise ResultError(f"{path} cannot be read: {error}") from error
 
@@ -263,36 +269,22 @@ def _content(path: Path) -> bytes:
 
 
 def write_part(part: Part, path: Path) -> None:
-    """Write a file, all of it or nothing, compressed where its name ends in .xz; its folder is made.
-
-    Raises:
-        ResultError: the folder or the file cannot be written.
-    """
+    """Write a file, all of it or nothing, compressed where its name ends in .xz; its folder is made."""
     content = (json.dumps(part.model_dump(by_alias=True), allow_nan=False) + "\n").encode()
     write_whole(path, lzma.compress(content, preset=9 | lzma.PRESET_EXTREME) if path.name.endswith(".xz") else content)
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file, all of it or nothing; its folder is made.
-
-    Raises:
-        ResultError: the folder or the file cannot be written.
-    """
+    """Write a file, all of it or nothing; its folder is made."""
     encoded = content.encode() if isinstance(content, str) else content
-    try:
-        replace_file(path, lambda partial: partial.write_bytes(encoded))
-    except OSError as error:
-        raise ResultError(f"{path} cannot be written: {error.strerror}") from error
+    replace_file(path, lambda partial: partial.write_bytes(encoded))
 
 
-def _complaints(error: ValidationError, most: int = 5) -> Iterator[str]:
-    details: Sequence[Any] = error.errors()
-    for detail in details[:most]:
-        field = ".".join(str(part) for part in detail["loc"])
-        message = detail["msg"].removeprefix("Value error, ")
-        if field and detail["type"] != "missing":
-            value = repr(detail["input"])
-            message = f"{value if len(value) <= 60 else value[:60] + '...'} is not allowed: {message}"
-        yield f"{field}: {message}" if field else message
-    if len(details) > most:
-        yield f"and {len(details) - most} more"
+def _complaint(error: ValidationError) -> str:
+    """Return the field, the value and what is allowed, of the first error."""
+    detail: Any = error.errors()[0]
+    field, message = ".".join(str(part) for part in detail["loc"]), detail["msg"].removeprefix("Value error, ")
+    if field and detail["type"] != "missing":
+        value = repr(detail["input"])
+        message = f"{value if len(value) <= 60 else value[:60] + '...'} is not allowed: {message}"
+    return f"{field}: {message}" if field else message

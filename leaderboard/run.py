@@ -1,32 +1,31 @@
 """Play policies on a task and write their results, each as it finishes."""
 
-import sys
+import shlex
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tqdm import tqdm
 
-from leaderboard.oracles import oracles
-from leaderboard.ranking import read_leaderboard
+from leaderboard import shipped
+from leaderboard.oracles import CAUSAL, CLAIRVOYANT, oracles
+from leaderboard.ranking import read_if_usable, read_leaderboard
 from leaderboard.result import (
     TRAJECTORIES_FILE,
     Result,
     ResultError,
     Task,
-    read_part,
-    read_result,
-    result_files,
-    result_path,
+    read_results,
+    tell_once,
     write_manifest,
     write_part,
     write_result,
     write_whole,
 )
-from leaderboard.standings import check_names
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories, Trajectory, record
 from train.agents.agent_file import ONNX_SUFFIX, check_fits
+from train.agents.sandbox import LIMITS, TooSlow
 from turning_env import Scenario
 from turning_env.files import exclusive_lock, shared_lock
 from turning_env.score.play import Episodes, play_spec
@@ -34,13 +33,21 @@ from turning_env.score.policy import PolicySpec
 from turning_env.score.workers import Workers, spread
 
 
-def named(names: Sequence[str] | None, scenario: Scenario, tuned_on: Scenario | None = None) -> list[PolicySpec]:
+def named(
+    names: Sequence[str] | None,
+    scenario: Scenario,
+    tuned_on: Scenario | None = None,
+    source: str | None = None,
+    skip: bool = False,
+) -> list[PolicySpec]:
     """Return controllers and oracles of a scenario by name, all of them if ``names`` is None.
 
     Args:
         names: their names.
         scenario: the scenario that they play.
         tuned_on: the scenario that the controllers are tuned for; None: the one that they play.
+        source: preset or TOML file of the scenario that they are tuned for, for the command that tunes them.
+        skip: whether to leave out controllers that are not tuned, with a word on standard error.
 
     Raises:
         ResultError: there is none of that name (says which there are), or it is not tuned for the scenario.
@@ -51,56 +58,118 @@ def named(names: Sequence[str] | None, scenario: Scenario, tuned_on: Scenario | 
     known = [*catalogue.names(scenario), *known_oracles]
     if unknown := sorted(set(names or ()) - set(known)):
         raise ResultError(f"no policy is called {', '.join(unknown)}; there are {', '.join(known)}")
-    chosen = dict.fromkeys(known if names is None else names)
-    return [known_oracles[name] if name in known_oracles else rule(name, scenario, tuned_on) for name in chosen]
+    specs, untuned = [], []
+    for name in dict.fromkeys(known if names is None else names):
+        try:
+            specs.append(known_oracles[name] if name in known_oracles else rule(name, scenario, tuned_on, source))
+        except NotTunedError:
+            if not skip:
+                raise
+            untuned.append(name)
+    if untuned:
+        command = f"python -m baselines.tune --scenario {shlex.quote(source or scenario.name)}"
+        tell_once(
+            f"skipped, as not tuned for scenario {(tuned_on or scenario).name!r}: {', '.join(untuned)}; `{command}` tunes them"
+        )
+    return specs
 
 
-def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> PolicySpec:
+class NotTunedError(ResultError):
+    """A controller is not tuned for the scenario."""
+
+
+def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None, source: str | None = None) -> PolicySpec:
     """Return a controller: see ``named``.
 
     Raises:
-        ResultError: there is none of that name, or it is not tuned for the scenario.
+        NotTunedError: it is not tuned for the scenario.
+        ResultError: there is none of that name, or it cannot play the scenario.
     """
-    from baselines import catalogue
+    from baselines import catalogue, tuned
 
     try:
         return catalogue.spec(name, scenario, tuned_on)
+    except tuned.NotTuned as error:
+        advice = str(error).replace("PRESET_OR_TOML", shlex.quote(source or scenario.name))
+        raise NotTunedError(f"{name} cannot play: {advice}") from error
     except (KeyError, ValueError) as error:
         raise ResultError(f"{name} cannot play: {error.args[0]}") from error
 
 
-def agents(paths: Sequence[Path], scenario: Scenario) -> list[PolicySpec]:
+def agents(
+    paths: Sequence[Path],
+    scenario: Scenario,
+    name: str | None = None,
+    keep: bool = True,
+    seconds: int | None = None,
+    too_slow: dict[Path, ResultError] | None = None,
+) -> list[PolicySpec]:
     """Return the trained agents of ONNX files, which may come from anywhere, and of one's own training runs' folders.
 
+    Args:
+        paths: files and folders.
+        scenario: what they play.
+        name: the name of those that do not come with the project; None: what their files say.
+        keep: whether they may have the name of an agent that comes with the project; else ``my_`` is put before it.
+        seconds: processor time that the agent of a file may use for all episodes [s]; None: ``train.agents.sandbox.LIMITS``.
+        too_slow: files that give no actions in time, which are left out; those that are found are added. None: raise.
+
     Raises:
-        ResultError: a path holds no agent, or one that cannot play the scenario, or two hold the same algorithm with the same
-            training seed.
+        AgentTooSlow: a file gives no actions in time.
+        ResultError: a path holds no agent, or one that cannot play the scenario; two have the same name and training seed; the
+            name is that of another policy.
     """
+    from baselines import catalogue
+
     specs: dict[str, PolicySpec] = {}
-    for path in paths:
-        spec = agent(path, scenario)
+    for path in (each for each in paths if each not in (too_slow or {})):
+        try:
+            spec = agent(path, scenario, seconds)
+        except AgentTooSlow as error:
+            if too_slow is None:
+                raise
+            too_slow[path] = error
+            continue
+        if shipped.is_own(spec) and not keep:
+            taken = shipped.agents().values()
+            own = name or (f"my_{spec.name}" if spec.name in taken else spec.name)
+            if own in (*taken, *catalogue.RULES, CLAIRVOYANT, CAUSAL):
+                raise ResultError(f"{path} cannot be called {own}, as another policy is: choose another --name")
+            if name is None and own != spec.name:
+                tell_once(f"{path} plays as {own}, as {spec.name} comes with the project; --name gives it another name")
+            spec = PolicySpec.model_validate(dict(spec) | {"name": own})
         if spec.label in specs:
-            raise ResultError(f"{path} holds {spec.label}, which another of the given agents is too")
+            raise ResultError(
+                f"{path} holds {spec.label}, which another of the given agents is too: play one after the other, each with a "
+                "--name of its own, or export it again by python -m train.export --name"
+            )
         specs[spec.label] = spec
     return list(specs.values())
 
 
-def agent(path: Path, scenario: Scenario) -> PolicySpec:
+class AgentTooSlow(ResultError):
+    """An agent's file gives no actions in time."""
+
+
+def agent(path: Path, scenario: Scenario, seconds: int | None = None) -> PolicySpec:
     """Return the agent of an ONNX file or of a training run's folder: see ``agents``.
 
     Raises:
+        AgentTooSlow: it gives no actions in time.
         ResultError: there is none, or it cannot play the scenario.
     """
     try:
         if path.suffix == ONNX_SUFFIX or (any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()):
             from train.agents import onnx_policy
 
-            spec = onnx_policy.load(path)
+            spec = onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
         else:
             from train.agents import run_folder  # imports torch, which takes seconds
 
             spec = run_folder.load(path)
         check_fits(spec, scenario)
+    except TooSlow as error:
+        raise AgentTooSlow(f"skipped: {error}") from error
     except (OSError, ValueError) as error:
         raise ResultError(f"no agent can be loaded from {path}: {error}") from error
     return spec
@@ -151,16 +220,12 @@ def play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None) 
 
     Raises:
         PoliciesFailed: some policies cannot play; says which and why. All others have played.
-        ResultError: a folder cannot be written to; it holds something unreadable, something that belongs in another, or
-            agents of one name that differ in more than the training seed.
         WorkersError: the workers have gone, or do not run this version.
+        OSError: a folder cannot be written to.
     """
     with ExitStack() as held:
         for each in runs:
-            try:
-                held.enter_context(shared_lock(each.folder))
-            except OSError as error:
-                raise ResultError(f"{each.folder} cannot be written: {error.strerror}") from error
+            held.enter_context(shared_lock(each.folder))
         _play_all(runs, fresh, over)
 
 
@@ -204,42 +269,28 @@ def _play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None) -> Non
 
 
 def _finished(run: TaskRun) -> set[str]:
-    """Return the labels of the results that stand; raise before anything is played if the ranking would fail."""
-    probe = run.folder / "writable"
-    write_whole(probe, "")
-    probe.unlink(missing_ok=True)
-    wanted = {result_path(run.folder, spec): spec for spec in run.policies}
-    ranked = dict(wanted)
-    finished = set()
-    for path in result_files(run.folder):
-        try:
-            result = read_result(path)
-        except ResultError as error:
-            if path not in wanted:
-                raise
-            print(f"played again: {error}", file=sys.stderr)
+    """Return the labels of the results that stand; a folder that cannot be written to is an error before anything is played."""
+    write_whole(run.folder / "writable", "")
+    (run.folder / "writable").unlink(missing_ok=True)
+    wanted, finished = {spec.label: spec for spec in run.policies}, set()
+    for result in read_results(run.folder).values():
+        spec = wanted.get(result.policy.label)
+        if spec is None or result.task.digest != run.task.digest:
             continue
-        if result.task.digest == run.task.digest:
-            ranked.setdefault(path, result.policy)
-            if path in wanted and result.is_of(run.task, wanted[path]):
-                finished.add(result.policy.label)
-    check_names(list(ranked.values()))
+        if result.is_of(run.task, spec):
+            finished.add(spec.label)
+        elif spec.kind == "agent":
+            tell_once(f"{spec.label} in {run.folder} is the result of another agent, which makes way; --name keeps both")
     return finished
 
 
 def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> list[ResultError]:
     """Record missing trajectories of policies on the first seeds; return the errors of those that cannot play."""
     complaints = []
-    path = run.folder / TRAJECTORIES_FILE
-    before = None
-    with suppress(ResultError):  # an unreadable file is recorded anew
-        before = read_part(Trajectories, path)
-    if fresh or before is None:
-        path.unlink(missing_ok=True)
-    wanted, trajectories = _recorded(run)
+    names, wanted, trajectories = _recorded(run)
     # One training seed stands for an agent: the first given.
-    able = {spec.name: spec for spec in reversed(run.policies) if spec.kind != "oracle"}
-    missing = [place for place in wanted if place not in trajectories and place[0] in able]
+    able = {names[spec.label]: spec for spec in reversed(run.policies) if spec.kind != "oracle"}
+    missing = [place for place in wanted if place[0] in able and (fresh or place not in trajectories)]
     pieces = [((name, seed), (able[name], run.task.scenario, seed)) for name, seed in missing]
     try:
         with tqdm(total=len(pieces), unit="trajectory", dynamic_ncols=True, disable=None) as bar:
@@ -251,21 +302,21 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
                 bar.update()
     finally:  # keep what is finished, and what another run has recorded meanwhile
         with exclusive_lock(run.folder.parent, wait=True):
-            wanted, recorded = _recorded(run)
+            _, wanted, recorded = _recorded(run)
             trajectories = recorded | trajectories
             episodes = [trajectories[place] for place in wanted if place in trajectories]
             after = Trajectories(task=run.task.digest, episodes=episodes)
-            if not path.exists() or after != before:
-                write_part(after, path)
+            if read_if_usable(Trajectories, run.folder / TRAJECTORIES_FILE) != after:
+                write_part(after, run.folder / TRAJECTORIES_FILE)
     return complaints
 
 
-def _recorded(run: TaskRun) -> tuple[list[tuple[str, int]], dict[tuple[str, int], Trajectory]]:
-    """Return (policy and seed of each trajectory that the folder should hold, in their order; those that it holds)."""
+def _recorded(run: TaskRun) -> tuple[dict[str, str], list[tuple[str, int]], dict[tuple[str, int], Trajectory]]:
+    """Return (names of standings; policy and seed of each trajectory that the folder should hold; those that it holds)."""
     leaderboard = read_leaderboard(run.folder, run.task)
-    episodes = leaderboard.trajectories.episodes if leaderboard.trajectories else []
+    names, episodes = leaderboard.names, leaderboard.trajectories.episodes if leaderboard.trajectories else []
     wanted = [(standing.name, seed) for standing in leaderboard.standings for seed in run.task.seeds[:RECORDED_SEEDS]]
-    return wanted, {(episode.policy.name, episode.seed): episode for episode in episodes}
+    return names, wanted, {(names[episode.policy.label], episode.seed): episode for episode in episodes}
 
 
 def _trajectory(piece: tuple[PolicySpec, Scenario, int]) -> Trajectory | ResultError:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from leaderboard.oracles import CAUSAL, CLAIRVOYANT
-from leaderboard.result import Result, ResultError
+from leaderboard.result import Result, digest_of
+from leaderboard.shipped import is_own
 from turning_env import Scenario
 from turning_env.score.overload import CONFIDENCE, ratio
 from turning_env.score.policy import PolicySpec
@@ -48,6 +49,7 @@ class Standing:
     name: str
     kind: str
     description: str
+    own: bool  # an agent that does not come with the project
     training_seeds: tuple[int, ...]
     feasible: bool
     mean_return: Estimate  # [s]
@@ -75,23 +77,37 @@ class Standing:
 
 
 def rank(results: Sequence[Result]) -> list[Standing]:
-    """Return the policies of one task: feasible ones first, then by mean return; oracles last. There must be a result.
-
-    Raises:
-        ResultError: agents of one name differ in more than the training seed.
-    """
-    check_names([result.policy for result in results])
+    """Return the policies of one task: feasible ones first, then by mean return; oracles last. There must be a result."""
+    names = names_of([result.policy for result in results])
     groups: dict[str, list[Result]] = {}
     for result in results:
-        groups.setdefault(result.policy.name, []).append(result)
+        groups.setdefault(names[result.policy.label], []).append(result)
     fields = results[0].episodes
     played = {
         name: {field: np.array([each.episodes[field] for each in group]) for field in fields} for name, group in groups.items()
     }
     bootstrap = Bootstrap(len(results[0].task.seeds))
     rules = {name: float(np.mean(played[name]["return"])) for name, group in groups.items() if group[0].policy.kind == "rule"}
-    standings = [_standing(group, played, rules, bootstrap) for group in groups.values()]
+    standings = [_standing(name, group, played, rules, bootstrap) for name, group in groups.items()]
     return sorted(standings, key=lambda each: (each.kind == "oracle", not each.feasible, -each.mean_return.value, each.name))
+
+
+def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
+    """Return the name under which each policy is ranked, by its label: agents that differ only in training seed share one.
+
+    If agents of one name differ in more, or only some come with the project, the first keeps the name, those of the project
+    before others; the name of the others ends in their training seeds.
+    """
+    trainings: dict[str, dict[str, list[PolicySpec]]] = {}
+    for policy in sorted(policies, key=is_own):
+        training = digest_of([is_own(policy), policy.model_dump(include={"kind", "parameters", "tuned_for"})])
+        trainings.setdefault(policy.name, {}).setdefault(training, []).append(policy)
+    names: dict[str, str] = {}
+    for name, groups in trainings.items():
+        for place, group in enumerate(groups.values()):
+            seeds = ",".join(str(policy.training_seed) for policy in group)
+            names |= {policy.label: f"{name}-seed{seeds}" if place else name for policy in group}
+    return names
 
 
 def highest(returns: Mapping[str, float]) -> str | None:
@@ -99,36 +115,20 @@ def highest(returns: Mapping[str, float]) -> str | None:
     return min(returns, key=lambda name: (-returns[name], name), default=None)
 
 
-def check_names(policies: Sequence[PolicySpec]) -> None:
-    """Check that policies of one name are one policy, trained with several seeds.
-
-    Raises:
-        ResultError: two of one name differ in more than the training seed and what follows from it.
-    """
-    first: dict[str, PolicySpec] = {}
-    for policy in policies:
-        other = first.setdefault(policy.name, policy)
-        for field in ("kind", "description", "parameters"):
-            mine, its = getattr(policy, field), getattr(other, field)
-            if mine != its:
-                raise ResultError(
-                    f"{other.label} and {policy.label} cannot be one policy, as they differ in {field}: {its!r}, {mine!r}"
-                )
-
-
 def _standing(
-    group: Sequence[Result], played: Mapping[str, dict[str, Floats]], rules: Mapping[str, float], bootstrap: Bootstrap
+    name: str, group: Sequence[Result], played: Mapping[str, dict[str, Floats]], rules: Mapping[str, float], bootstrap: Bootstrap
 ) -> Standing:
     """Return the standing of one policy.
 
     Args:
+        name: the name under which it is ranked.
         group: its results, one per training seed.
         played: for every policy and episode field, an array of shape (training seeds, seeds).
         rules: mean returns [s] of all rules.
         bootstrap: the resamples of all policies.
     """
     policy, scenario = group[0].policy, group[0].task.scenario
-    name, episodes = policy.name, played[policy.name]
+    episodes = played[name]
     returns = episodes["return"]
     mean_returns = bootstrap.means(returns, name)
 
@@ -163,6 +163,7 @@ def _standing(
         name=name,
         kind=policy.kind,
         description=policy.description,
+        own=is_own(policy),
         training_seeds=tuple(sorted(seed for result in group if (seed := result.policy.training_seed) is not None)),
         feasible=severe_limit <= scenario.limits.overload_allowance,
         mean_return=Estimate.of(float(np.mean(returns)), mean_returns),

@@ -1,6 +1,6 @@
 """Rankings as text, and as data for ``--json``."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -43,6 +43,20 @@ def render(leaderboard: Leaderboard) -> str:
     return "\n".join(lines)
 
 
+def own_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]:
+    """Return a line on the place of each of one's own agents, if its label is one of these."""
+    names = leaderboard.names
+    asked = {names.get(label) for label in labels}
+    ranked = [standing for standing in leaderboard.standings if standing.kind != "oracle"]
+    lines = []
+    for place, standing in enumerate(ranked, 1):
+        if standing.own and standing.name in asked:
+            cell, task = RETURNS[0].cell(standing), leaderboard.task
+            told = f"your agent: rank {place} of {len(ranked)}, return {cell.text} s ({cell.interval})"
+            lines.append(f"{told}: {standing.name} on {task.env_id}, scenario {task.scenario.name}")
+    return lines
+
+
 def _rows(standings: Sequence[Standing], columns: Sequence[Column]) -> list[list[str]]:
     rows = [
         ["rank", "policy", "seeds", "feasible", *(column.heading for column in columns)],
@@ -53,7 +67,8 @@ def _rows(standings: Sequence[Standing], columns: Sequence[Column]) -> list[list
         feasible = "yes" if standing.feasible else "NO"
         seeds = str(len(standing.training_seeds) or "")
         cells = [column.cell(standing) for column in columns]
-        row = [str(place) if ranked else "", standing.name, seeds, feasible if ranked else ""]
+        name = f"{standing.name} (yours)" if standing.own else standing.name
+        row = [str(place) if ranked else "", name, seeds, feasible if ranked else ""]
         rows.append(row + [f"{cell.text} ({cell.interval})" if cell.interval else cell.text for cell in cells])
     return rows
 

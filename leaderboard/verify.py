@@ -4,10 +4,9 @@ Numbers of agents and of the bound are compared bit for bit. Those of policies w
 much from one processor to another.
 """
 
-import hashlib
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -27,9 +26,9 @@ from leaderboard.result import (
     read_part,
     read_result,
     result_files,
-    result_folder,
     write_whole,
 )
+from leaderboard.shipped import agent_files
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.score.play import EPISODE_FIELDS, Episodes
@@ -85,7 +84,7 @@ def verify(
     if not paths:
         raise ResultError(f"{results} holds no such results")
     known = set() if seeds is not None else _remembered(memory)
-    complaints = [*check(results, agents, selection), *_beyond_the_bound(paths)]
+    complaints, files = [*check(results, agents, selection), *_beyond_the_bound(paths)], agent_files(agents)
     with tqdm(total=len(paths), unit="result", dynamic_ncols=True, disable=None) as bar:
 
         def pieces() -> Iterator[tuple[tuple[Path, Result, float], tuple[PolicySpec, Scenario, Sequence[int]]]]:
@@ -93,7 +92,7 @@ def verify(
                 try:
                     result = read_result(path)
                     if result.checksum not in known:
-                        spec = policy_of(result, agents)
+                        spec = policy_of(result, files)
                         yield (path, result, spec.tolerance), (spec, result.task.scenario, result.task.seeds[:seeds])
                         continue
                 except ResultError:
@@ -118,24 +117,28 @@ def check(results: Path, agents: Path, selection: Selection) -> list[str]:
 
     A result is valid until the model's version, a scenario's value, or a rule's version or parameters change, or an agent's file.
     """
-    complaints = []
+    complaints, files, played = [], agent_files(agents), set()
     for folder in sorted(results.glob("*/*")):
         manifest = folder / MANIFEST_FILE
-        entries = read_part(Manifest, manifest).results if manifest.is_file() else {}
+        entries: dict[str, Entry] = {}
+        try:
+            entries = read_part(Manifest, manifest).results if manifest.is_file() else {}
+        except ResultError as error:
+            complaints.append(_complaint(manifest, error))
         for path in result_files(folder):
             if selection.holds(path, SUFFIX):
                 try:
                     result = read_result(path)
-                    _check(result, agents)
+                    played.add((folder, result.policy.sha256))
+                    _check(result, files)
                     if entries.get(result.policy.label) != Entry.of(result):
                         raise ResultError(f"{manifest.name} beside it says otherwise: run python -m leaderboard run again")
                 except ResultError as error:
                     complaints.append(_complaint(path, error))
-    for path in sorted(agents.glob(f"*/*/*{ONNX_SUFFIX}")):
-        if selection.holds(path, ONNX_SUFFIX):
-            result_file = results / path.relative_to(agents).with_name(path.name.removesuffix(ONNX_SUFFIX) + SUFFIX)
-            if not result_file.is_file():
-                complaints.append(f"{path}: has no result {result_file}")
+    for digest, path in files.items():
+        folder = results / path.parent.relative_to(agents)
+        if selection.holds(path, ONNX_SUFFIX) and len(path.relative_to(agents).parts) == 3 and (folder, digest) not in played:
+            complaints.append(f"{path}: has no result in {folder}")
     return complaints
 
 
@@ -143,17 +146,17 @@ def _complaint(path: Path, what: object) -> str:
     return f"{path}: {str(what).removeprefix(f'{path}: ')}"
 
 
-def policy_of(result: Result, agents: Path) -> PolicySpec:
-    """Return a result's policy, ready to play: a rule or an oracle by name, an agent from its file.
+def policy_of(result: Result, files: Mapping[str, Path]) -> PolicySpec:
+    """Return a result's policy, ready to play: a rule or an oracle by name, an agent from its file (see ``agent_files``).
 
     Raises:
         ResultError: it is no longer there, or no longer the same, or the task is not.
     """
-    found = _check(result, agents)
+    found = _check(result, files)
     return run.agent(found, result.task.scenario) if isinstance(found, Path) else found
 
 
-def _check(result: Result, agents: Path) -> PolicySpec | Path:
+def _check(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path:
     """Check that task and policy are what they were; return the rule or the oracle, or the path of the agent's file."""
     policy, task, scenario = result.policy, result.task, result.task.scenario
     if task.private is not None:
@@ -163,20 +166,15 @@ def _check(result: Result, agents: Path) -> PolicySpec | Path:
     if scenario.name in presets() and Scenario.load(scenario.name) != scenario:
         raise ResultError(f"is not of the present preset {scenario.name!r}: values differ")
     if policy.kind == "agent":
-        trained_on = scenario.name if policy.tuned_for is None else policy.tuned_for.name
-        path = result_folder(agents, task.env_id, trained_on) / f"{policy.label}{ONNX_SUFFIX}"
-        if not path.is_file():
-            raise ResultError(f"its agent's file is missing: {path}")
-        if hashlib.sha256(path.read_bytes()).hexdigest() != policy.sha256:
-            raise ResultError(f"{policy.label} is no longer what played: {path} is another file")
+        if (path := files.get(policy.sha256 or "")) is None:
+            raise ResultError(f"{policy.label} is no longer what played: none of the agents' files has its SHA-256")
         return path
     if policy.kind == "rule":
         now = run.rule(policy.name, scenario, _tuned_on(policy.tuned_for))
+    elif known := [oracle for oracle in oracles.oracles(scenario) if oracle.name == policy.name]:
+        (now,) = known
     else:
-        known = {oracle.name: oracle for oracle in oracles.oracles(scenario)}
-        if policy.name not in known:
-            raise ResultError(f"there is no oracle {policy.name!r} for scenario {scenario.name!r}")
-        now = known[policy.name]
+        raise ResultError(f"there is no oracle {policy.name!r} for scenario {scenario.name!r}")
     if fields := [name for name, value in now.identity.items() if value != policy.identity[name]]:
         raise ResultError(f"{policy.label} is no longer what played: {', '.join(fields)} differ")
     return now

@@ -53,12 +53,9 @@ class Show:
         """Play one step.
 
         Raises:
-            ResultError: the policy's action has the wrong shape or is not finite.
+            ValueError: the policy's action has the wrong shape or is not finite.
         """
-        try:
-            self._observation, _, terminated, truncated, _ = self.env.step(self._policy.act(self._observation[None])[0])
-        except ValueError as error:
-            raise ResultError(f"{self._label} cannot play: {error}") from error
+        self._observation, _, terminated, truncated, _ = self.env.step(self._policy.act(self._observation[None])[0])
         self.ended = terminated or truncated
 
     def frame(self) -> Frame:
@@ -91,7 +88,7 @@ def _watch(options: argparse.Namespace) -> None:
         film.check_suffix(options.out)  # before anything is played
     scenario = Scenario.load(options.scenario or IDS[options.env])
     names = [options.agent or options.policy, *([options.beside] if options.beside else [])]
-    specs = [policy(name, scenario) for name in names]
+    specs = [policy(name, scenario, options.scenario) for name in names]
     mode = "human" if options.human else "rgb_array"
     shows = [Show(spec, options.env, scenario, options.seed, mode) for spec in specs]
     try:
@@ -99,15 +96,14 @@ def _watch(options: argparse.Namespace) -> None:
             for _ in steps(shows, options.steps, 1):
                 pass
         else:
-            pace = options.fps or shows[0].env.metadata["render_fps"]
-            film.write(frames(shows, options.steps, options.every, options.width), options.out, pace)
+            film.write(frames(shows, options.steps, options.every), options.out, shows[0].env.metadata["render_fps"])
             print(f"wrote {options.out}")
     finally:
         for show in shows:
             show.env.close()
 
 
-def policy(name: str, scenario: Scenario) -> PolicySpec:
+def policy(name: str, scenario: Scenario, source: str | None = None) -> PolicySpec:
     """Return the rule of a name, or the agent of an ONNX file or a run's folder.
 
     Raises:
@@ -115,7 +111,7 @@ def policy(name: str, scenario: Scenario) -> PolicySpec:
     """
     if name.endswith(ONNX_SUFFIX) or Path(name).is_dir():
         return run.agent(Path(name), scenario)
-    (spec,) = run.named([name], scenario)
+    (spec,) = run.named([name], scenario, source=source)
     if spec.kind == "oracle":
         raise ResultError(f"{name} cannot be watched: only what acts on observations can")
     return spec
@@ -136,24 +132,13 @@ def steps(shows: Sequence[Show], most: int | None, every: int) -> Iterator[int]:
                 yield done
 
 
-def frames(shows: Sequence[Show], most: int | None, every: int, width: int | None = None) -> Iterator[Frame]:
-    """Yield frames side by side, scaled to a width [pixels] if one is given; an episode that has ended stands still."""
-    from PIL import Image
-
+def frames(shows: Sequence[Show], most: int | None, every: int) -> Iterator[Frame]:
+    """Yield frames side by side; an episode that has ended stands still."""
     for _ in steps(shows, most, every):
         pictures = [show.frame() for show in shows]
         gap = np.full((len(pictures[0]), _GAP, 3), 255, np.uint8)
         frame: Frame = np.concatenate([part for picture in pictures for part in (gap, picture)][1:], axis=1)
-        if width is not None:
-            height = 2 * round(0.5 * frame.shape[0] * width / frame.shape[1])  # even, as videos need it
-            frame = np.asarray(Image.fromarray(frame).resize((width, height), Image.Resampling.LANCZOS))
         yield frame
-
-
-def _width(text: str) -> int:
-    if not text.isdecimal() or not 64 <= int(text) <= 4096 or int(text) % 2:
-        raise argparse.ArgumentTypeError(f"{text!r} is not an even number, 64 to 4096")
-    return int(text)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -170,8 +155,6 @@ def _parser() -> argparse.ArgumentParser:
     where.add_argument("--out", type=Path, metavar="FILE", help="an .mp4 or .gif of it all, or a .png of its end")
     where.add_argument("--human", action="store_true", help="show it in a window")
     parser.add_argument("--every", type=positive, default=1, metavar="N", help="film every so many steps (default: 1)")
-    parser.add_argument("--width", type=_width, metavar="N", help="pixels across (default: as drawn, 960 for each policy)")
-    parser.add_argument("--fps", type=positive, metavar="N", help="frames in a second (default: as the task has it)")
     return parser
 
 

@@ -34,11 +34,7 @@ _SCRIPTS = ("tables.js", "charts.js", "start.js")
 
 
 def write(leaderboards: Sequence[Leaderboard], path: Path) -> None:
-    """Write the page of some leaderboards, whole or not at all.
-
-    Raises:
-        ResultError: the file cannot be written.
-    """
+    """Write the page of some leaderboards, whole or not at all."""
     write_whole(path, render(leaderboards))
 
 
@@ -68,6 +64,7 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
 
 def _section(leaderboard: Leaderboard) -> dict[str, Any]:
     shown = {heading: columns.applying(group, leaderboard.standings) for heading, group in COLUMN_GROUPS.items()}
+    names = leaderboard.names
     place = f"{leaderboard.task.env_id}/{leaderboard.task.scenario.name}"
     return {
         "place": place,
@@ -79,7 +76,7 @@ def _section(leaderboard: Leaderboard) -> dict[str, Any]:
         "chart_data": chart_data(leaderboard),
         "best_rules": _best_rules(leaderboard),
         "policies": {
-            standing.name: [result.policy for result in leaderboard.results if result.policy.name == standing.name]
+            standing.name: [result.policy for result in leaderboard.results if names[result.policy.label] == standing.name]
             for standing in leaderboard.standings
         },
         "command": reproducing_command(leaderboard),

@@ -52,7 +52,7 @@ def chart_data(leaderboard: Leaderboard) -> dict[str, Any] | None:
     """
     if leaderboard.trajectories is None:
         return None
-    scenario, recorded = leaderboard.task.scenario, leaderboard.trajectories.episodes
+    scenario, recorded, standing_of = leaderboard.task.scenario, leaderboard.trajectories.episodes, leaderboard.names
     panels = subjects(scenario)
     names = [*AXES, *(name for panel in panels for name in (panel.series, panel.reference) if name is not None)]
     ends = {name: [value for each in recorded for value in (min(each.series[name]), max(each.series[name]))] for name in names}
@@ -65,7 +65,9 @@ def chart_data(leaderboard: Leaderboard) -> dict[str, Any] | None:
         air = np.array(each.series["depth_of_cut"]) == 0.0
         values = {name: np.where(air, math.nan, each.series[name]) if name in gaps else each.series[name] for name in names}
         series = {name: pack(values[name], *ranges[name]) for name in names}
-        policy = by_policy.setdefault(each.policy.name, {"label": each.policy.label, "trajectories": [None] * len(seeds)})
+        policy = by_policy.setdefault(
+            standing_of[each.policy.label], {"label": each.policy.label, "trajectories": [None] * len(seeds)}
+        )
         policy["trajectories"][seeds.index(each.seed)] = {"steps": each.steps, "series": series}
     standings = [standing.name for standing in leaderboard.standings]
     published = comparators(scenario).published

@@ -171,7 +171,7 @@ def test_a_leaderboard_that_finds_the_disk_full_keeps_what_is_whole(tmp_path: Pa
     main, arguments, status = commands(tmp_path, tmp_path)["leaderboard run"]
     with full_disk(3000):  # of which the trajectories are more
         assert main(arguments) == status
-    assert "trajectories.json.xz cannot be written: File too large" in capsys.readouterr().err
+    assert "trajectories.json.xz: File too large" in capsys.readouterr().err
     assert [path.name for path in files(tmp_path)] == (played := ["programmed_feed.json.xz", "tmac.json.xz"])
     assert unreadable(tmp_path) == []
     (first, *_) = files(tmp_path)

@@ -47,19 +47,12 @@ def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixt
         digest = hashlib.sha256(content).hexdigest()
         assert f"| {seed} | `ppo-seed{seed}.onnx` | {len(content)} | `{digest}` |\n" in card
     for said in (
-        "# ppo on RoughTurning-v0, scenario short\n",
         onnx_agents.SCENARIO.digest(),
-        "trained with PPO, with a memory of 7 numbers",
-        "1,000 steps per training seed",
         "\ntrain it\ntrain it\n```",
         "| discount | 0.8 |\n",
         "| Input | `memory` | environments x 7, float32 |",
-        "| Output | `action` | environments x 2, float32 | -1 to 1 |\n",
         "4 held-out seeds, 2 training seeds",
-        "| return | ",
-        "| broken edges | ",
         "| `harder_lot` | ",
-        "Simulation only",
     ):
         assert said in card, said
     program = card[card.index("```python\n") + 10 : card.rindex("```")]

@@ -97,13 +97,6 @@ def test_feed_at_entry_is_that_of_later_bars_at_their_start(make_episode: MakeEp
     assert measure([make_episode(feed=np.where(path == 5.0, 0.1, 0.4))])["feed_at_entry"] == pytest.approx(100.0)
 
 
-def test_the_table_holds_every_number(make_episode: MakeEpisode) -> None:
-    played = {"one": [make_episode()], "two": [make_episode(used_life=0.1, feed=0.3)]}
-    lines = behaviour.render(played).splitlines()
-    assert lines[0].split() == ["one", "two"]
-    assert len(lines) == 1 + len(METRICS)
-
-
 @pytest.mark.slow
 def test_every_picture_is_drawn(make_episode: MakeEpisode, tmp_path: Path) -> None:
     played = {"one": [make_episode(), make_episode()], "two": [make_episode(power=8.0)]}
@@ -111,9 +104,6 @@ def test_every_picture_is_drawn(make_episode: MakeEpisode, tmp_path: Path) -> No
     assert [path.name for path in written] == list(gallery.PICTURES)
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == sorted(gallery.PICTURES)
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ResultError, match=r"operating_point\.png cannot be written"):
-        gallery.write(played, tmp_path / "file")
 
 
 @pytest.mark.slow
@@ -138,15 +128,18 @@ def test_pictures_that_do_not_apply_are_left_out(
     assert {path.name for path in gallery.write(played, tmp_path)} == drawn
 
 
-def test_what_cannot_be_drawn_is_refused(scenario: Scenario) -> None:
-    with pytest.raises(ResultError, match="nothing to draw"):
-        gallery.play([], scenario, [7])
-    with pytest.raises(ResultError, match=r"7 policies .* at most 6"):
-        gallery.play([steady(f"p{number}") for number in range(7)], scenario, [7])
-    with pytest.raises(ResultError, match="causal cannot be drawn"):
-        gallery.play([steady("causal", kind="oracle")], scenario, [7])
-    with pytest.raises(ResultError, match="wrong cannot play"):
-        gallery.play([steady("wrong", (math.nan, 0.0))], scenario, [7])
+@pytest.mark.parametrize(
+    ("policies", "message"),
+    [
+        ([], "nothing to draw"),
+        ([steady(f"p{number}") for number in range(7)], r"7 policies .* at most 6"),
+        ([steady("causal", kind="oracle")], "causal cannot be drawn"),
+        ([steady("wrong", (math.nan, 0.0))], "wrong cannot play"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(scenario: Scenario, policies: list[PolicySpec], message: str) -> None:
+    with pytest.raises(ResultError, match=message):
+        gallery.play(policies, scenario, [7])
 
 
 @pytest.mark.slow
@@ -155,13 +148,9 @@ def test_command(scenario: Scenario, tmp_path: Path, capsys: pytest.CaptureFixtu
     common = ["gallery", "--scenario", str(tmp_path / "short.toml"), "--seeds", "1", "--out", str(tmp_path / "pictures")]
     assert main([*common, "--policies", "fixed_handbook"]) == 0
     printed = capsys.readouterr().out
-    assert f"wrote {tmp_path / 'pictures' / 'used_life.png'}" in printed
+    assert all(metric.heading in printed for metric in METRICS.values())
     assert "bar_entry.png, bars.png" in printed
     assert main([*common, "--policies", "fixed_handbook", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["seeds"] == [2_000_000_000]
-    metrics = data["policies"]["fixed_handbook"]
-    assert metrics["first_feed"] > 0.0
-    assert metrics["feed_at_entry"] is None
-    assert main(common) == 2
-    assert "nothing to draw" in capsys.readouterr().err
+    assert data["policies"]["fixed_handbook"]["feed_at_entry"] is None

@@ -19,7 +19,6 @@ from turning_env.score.policy import PolicySpec
 
 HOSTILE = "</script><img src=x onerror=\"document.title='owned'\">'&amp;"
 BACKWARDS, LONG = "\u202eexe.gpj \u05d0\u05d1", "long" * 125
-ROWS = 500
 
 pytestmark = pytest.mark.slow
 
@@ -180,15 +179,6 @@ def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open) -> None:
     assert "limit" in str(inner.get_by_role("img", name="thrust force [N] over path [mm]").get_attribute("aria-label"))
 
 
-def test_a_row_says_what_is_not_recorded(opened: Open) -> None:
-    shown = opened()
-    assert shown.locator("section:visible tr.policy small", has_text="no trajectory recorded").count() == 4
-    assert shown.locator("section:visible tr.policy small", has_text="some seeds only").count() == 1
-    row(shown, "oracle").click()
-    expect(shown.locator(".inner:visible")).to_contain_text("an oracle knows what no policy sees")
-    assert shown.locator(".inner:visible svg").count() == 0
-
-
 def test_the_keyboard_is_enough(opened: Open) -> None:
     shown = opened()
     target = row(shown, "grid_search")
@@ -208,16 +198,14 @@ def test_the_keyboard_is_enough(opened: Open) -> None:
 
 
 def test_light_and_dark(opened: Open) -> None:
-    shown, dark = opened(color_scheme="light"), opened(color_scheme="dark")
-    paper = "getComputedStyle(document.body).backgroundColor"
-    assert shown.evaluate(paper) == "rgb(255, 255, 255)"
-    assert dark.evaluate(paper) == "rgb(21, 24, 27)"
+    shown = opened(color_scheme="light")
+    paper, light = "getComputedStyle(document.body).backgroundColor", "rgb(255, 255, 255)"
+    assert shown.evaluate(paper) == light
     shown.get_by_label("Theme").select_option("dark")
-    assert shown.evaluate(paper) == "rgb(21, 24, 27)"
     shown.reload()
-    assert shown.evaluate(paper) == "rgb(21, 24, 27)"
+    assert shown.evaluate(paper) == opened(color_scheme="dark").evaluate(paper) != light
     shown.get_by_label("Theme").select_option("as the system")
-    assert shown.evaluate(paper) == "rgb(255, 255, 255)"
+    assert shown.evaluate(paper) == light
 
 
 @pytest.mark.parametrize("width", [360, 1280])
@@ -242,6 +230,8 @@ def test_hostile_names_are_text(opened: Open) -> None:
     shown = opened()
     row(shown, HOSTILE).click()
     shown.locator(".inner:visible summary").click()
+    row(shown, "oracle").click()
+    expect(shown.locator(".inner:visible").last).to_contain_text("an oracle knows what no policy sees")
     assert shown.locator("img").count() == 0
     assert shown.title() == "RoughTurning leaderboard"
     assert {HOSTILE, BACKWARDS, LONG} <= set(names(shown))

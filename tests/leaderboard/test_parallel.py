@@ -111,7 +111,7 @@ def test_a_cluster_writes_the_same_though_a_worker_is_killed(
                 over=over,
             )
         # The commands.
-        arguments = ["--scheduler", cluster.address, "--policies", "fixed_handbook", "ppo"]
+        arguments = ["--scheduler", cluster.address, "--policies", "fixed_handbook", "my_ppo"]
         results, agents = str(tmp_path / "results"), tmp_path / "agents"
         path = onnx_agents.write(result_folder(agents, ENV_ID, "short"))
         scenario = tmp_path / "short.toml"

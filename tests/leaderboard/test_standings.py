@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from leaderboard import shipped
 from leaderboard.columns import LIMITS, WORKSHOP
-from leaderboard.result import ResultError
 from leaderboard.standings import rank
 from tests.leaderboard.conftest import MakeResult, spec
 
@@ -113,10 +113,18 @@ def test_a_policy_that_never_cuts_has_numbers(make_result: MakeResult) -> None:
     assert not any(np.isnan(value) for value in (standing.overload_share, standing.excess, standing.broken_share))
 
 
-def test_agents_of_one_name_must_be_alike(make_result: MakeResult) -> None:
-    one, other = (spec("ppo", seed=seed, parameters={"gamma": gamma}) for seed, gamma in ((0, 0.9), (1, 0.99)))
-    with pytest.raises(ResultError, match=r"ppo-seed0 and ppo-seed1 .* parameters: \{'gamma': 0\.9\}, \{'gamma': 0\.99\}"):
-        rank([make_result("ppo", policy=one), make_result("ppo", policy=other)])
+def test_agents_are_one_if_their_training_is_and_none_is_merged_into_one_that_ships(
+    make_result: MakeResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shipped, "agents", lambda: {"a": "ppo", "b": "ppo"})
+    trained = {0: ("mine", 0.9), 1: ("a", 0.9), 2: ("b", 0.9), 3: ("mine too", 0.9), 4: ("another", 0.99)}
+    policies = [spec("ppo", seed=seed, parameters={"gamma": gamma}, sha256=file) for seed, (file, gamma) in trained.items()]
+    standings = {each.name: each for each in rank([make_result("ppo", policy=policy) for policy in policies])}
+    assert {name: (each.training_seeds, each.own) for name, each in standings.items()} == {
+        "ppo": ((1, 2), False),
+        "ppo-seed0,3": ((0, 3), True),
+        "ppo-seed4": ((4,), True),
+    }
 
 
 def test_score_runs_from_fixed_parameters_to_the_clairvoyant_bound(make_result: MakeResult) -> None:

@@ -115,19 +115,15 @@ def test_returns_within_the_tolerance_come_back(shipped: Path) -> None:
     assert "wear differs for 4 of 4 seeds" in complaints(shipped, ONE_RULE)[0]
 
 
-def test_another_model_is_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_model_and_other_presets_are_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    changed, load = Scenario.model_validate({"name": "harder_lot", "limits": {"power": 6.0}}), Scenario.load
+    monkeypatch.setattr(Scenario, "load", lambda source: changed if source == "harder_lot" else load(source))
+    path = file_of(shipped, RULE, "harder_lot")
+    assert checked(shipped) == [f"{path}: is not of the present preset 'harder_lot': values differ"]
     monkeypatch.setattr(verify, "MODEL_VERSION", 10**6)
     found = checked(shipped)
     assert len(found) == 3
     assert all("which is now 1000000" in complaint for complaint in found)
-
-
-def test_other_presets_are_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    changed = Scenario.model_validate({"name": "harder_lot", "limits": {"power": 6.0}})
-    load = Scenario.load
-    monkeypatch.setattr(Scenario, "load", lambda source: changed if source == "harder_lot" else load(source))
-    path = file_of(shipped, RULE, "harder_lot")
-    assert checked(shipped) == [f"{path}: is not of the present preset 'harder_lot': values differ"]
 
 
 @pytest.mark.parametrize("changed", ["parameters", "version"])
@@ -157,16 +153,17 @@ def test_a_manifest_that_disagrees_is_found(shipped: Path) -> None:
 
 @pytest.mark.slow
 def test_agents_without_file_or_result_are_found(with_agent: Path) -> None:
-    agents = with_agent / "agents" / ENV_ID / "short"
-    path = agents / "ppo-seed0.onnx"
-    path.rename(agents / "ppo-seed1.onnx")
-    missing = f"{agents / 'ppo-seed1.onnx'}: has no result {file_of(with_agent, 'ppo-seed1')}"
-    assert sorted(checked(with_agent)) == [missing, f"{file_of(with_agent, 'ppo-seed0')}: its agent's file is missing: {path}"]
-    assert checked(with_agent, Selection(policies=["ppo-seed1", "oracle"])) == [missing]
+    agents, result = with_agent / "agents" / ENV_ID / "short", file_of(with_agent, "ppo-seed0")
+    (agents / "ppo-seed0.onnx").rename(agents / "another_name.onnx")
+    assert checked(with_agent) == []
+    (agents / "another_name.onnx").unlink()
+    other = onnx_agents.write(agents, seed=1)
+    unplayed = f"{other}: has no result in {result.parent}"
+    gone = f"{result}: ppo-seed0 is no longer what played: none of the agents' files has its SHA-256"
+    assert checked(with_agent) == [gone, unplayed]
+    assert complaints(with_agent, Selection(policies=["ppo-seed0"])) == [gone]
+    assert checked(with_agent, Selection(policies=["ppo-seed1", "oracle"])) == [unplayed]
     assert checked(with_agent, Selection(policies=["oracle"])) == []
-    onnx_agents.write(agents, seed=1).rename(path)
-    (found,) = complaints(with_agent, Selection(policies=["ppo"]))
-    assert found == f"{file_of(with_agent, 'ppo-seed0')}: ppo-seed0 is no longer what played: {path} is another file"
 
 
 @pytest.mark.slow

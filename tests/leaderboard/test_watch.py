@@ -24,22 +24,16 @@ def short(scenario: Scenario, tmp_path: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_videos_gifs_and_stills(short: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("cut.mp4", "cut.gif", "frame.png"):
+def test_videos_gifs_and_stills(short: list[str], tmp_path: Path) -> None:
+    for name, begin in (("cut.mp4", b"ftyp"), ("cut.gif", b"GIF"), ("frame.png", b"PNG")):
         path = tmp_path / "new" / name
-        assert main([*short, "--policy", "fixed_handbook", "--steps", "5", "--out", str(path)]) == 0
-        assert f"wrote {path}" in capsys.readouterr().out
+        words = ["--policy", "fixed_handbook", "--steps", "5", "--every", "3", "--out", str(path)]
+        assert main([*short, *words]) == 0
+        assert begin in path.read_bytes()[:16]
         assert path.stat().st_size > 5_000
-    assert b"ftyp" in (tmp_path / "new" / "cut.mp4").read_bytes()[:16]
-    small = ["--width", "480", "--every", "3", "--fps", "5", "--out", str(tmp_path / "new" / "small.gif")]
-    assert main([*short, "--policy", "fixed_handbook", "--steps", "5", *small]) == 0
-    with Image.open(tmp_path / "new" / "small.gif") as gif:
-        assert gif.n_frames == 3
-        assert (gif.size, gif.info["duration"]) == ((480, 336), 200)
     with Image.open(tmp_path / "new" / "cut.gif") as gif:
-        assert gif.n_frames == 6
-        assert gif.size == (WIDTH, HEIGHT)
-    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["cut.gif", "cut.mp4", "frame.png", "small.gif"]
+        assert (gif.n_frames, gif.size) == (3, (WIDTH, HEIGHT))
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["cut.gif", "cut.mp4", "frame.png"]
 
 
 @pytest.mark.slow
@@ -102,6 +96,3 @@ def test_what_is_interrupted_leaves_nothing(
         assert main([*short, "--policy", "fixed_handbook", "--out", str(tmp_path / "new" / name)]) == 130
         assert "interrupted" in capsys.readouterr().err
     assert not list((tmp_path / "new").iterdir())
-    (tmp_path / "file").write_text("")
-    assert main([*short, "--policy", "fixed_handbook", "--steps", "1", "--out", str(tmp_path / "file" / "cut.gif")]) == 2
-    assert "cut.gif cannot be written" in capsys.readouterr().err

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from train.agents import agent_file
 from train.agents.agent_file import AgentFile
-from train.agents.sandbox import LIMITS, GuardedPolicy, Limits, examined
+from train.agents.sandbox import LIMITS, GuardedPolicy, Limits, TooSlow, examined
 from turning_env.score.policy import PolicySpec
 
 _examined = lru_cache(64)(examined)
@@ -35,7 +35,12 @@ class _Maker:
 def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
     """Load an agent from its file, which may come from anywhere: it is checked, can run no code, and plays within limits.
 
+    Args:
+        path: the file.
+        limits: what it may use each time it plays.
+
     Raises:
+        TooSlow: it gives no actions in time.
         ValueError: it is not an agent's file, or one that is not trusted; says why.
         OSError: it cannot be read.
         ModuleNotFoundError: what runs such files is not installed.
@@ -45,7 +50,9 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
     content = agent_file.read_content(path)
     try:
-        file = _examined(content, limits)
+        file = _examined(content)
+    except TooSlow as error:
+        raise TooSlow(f"{path}: {error}") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     return agent_file.trained_policy(file.metadata, file.metadata.trained_steps, file.digest, _Maker(file, limits))

@@ -44,13 +44,17 @@ class Limits:
     """Wall-clock time until an answer [s]: generous, as the machine may be busy."""
     start: float = 120.0
     """Wall-clock time until its process is ready [s]."""
-    computing: int = 3600
-    """Total processor time [s]."""
+    computing: int = 600
+    """Total processor time of one play of all its episodes [s]."""
     memory: int = 3072
     """Memory [MiB], including ONNX Runtime's own."""
 
 
 LIMITS = Limits()
+
+
+class TooSlow(ValueError):
+    """A network needs more time than it may have."""
 
 
 class Child:
@@ -87,7 +91,7 @@ class Child:
         try:
             self._connection.send(kind, content)
         except OSError as error:
-            raise ValueError(self._end_reason()) from error
+            raise self._end_reason() from error
 
     def answer(self, max_bytes: int, starting: bool = False) -> bytes:
         """Return its answer; ``starting`` allows the time of a start.
@@ -100,23 +104,24 @@ class Child:
             kind, content = self._connection.receive(max(max_bytes, _MAX_ERROR), timeout)
         except TimeoutError as error:
             self.close()
-            raise ValueError(f"gives no answer within {timeout:g} s") from error
+            raise TooSlow(f"gives no answer within {timeout:g} s") from error
         except (OSError, EOFError) as error:
-            raise ValueError(self._end_reason()) from error
+            raise self._end_reason() from error
         if kind == child.ANSWER and len(content) <= max_bytes:
             return content
         text = "".join(each if each.isprintable() else "?" for each in content[:_MAX_ERROR].decode("utf-8", "replace"))
         raise ValueError(text if kind == child.ERROR else "gives an answer to nothing that was asked")
 
-    def _end_reason(self) -> str:
+    def _end_reason(self) -> ValueError:
         try:
             status = self._process.wait(1.0)
         except subprocess.TimeoutExpired:
             status = 0
         self.close()
         if status == -signal.SIGXCPU:
-            return f"needs more than the {self._limits.computing} s of processor time that it may have"
-        return f"its process has ended (status {status}), perhaps for more than the {self._limits.memory} MiB of memory allowed"
+            return TooSlow(f"needs more than the {self._limits.computing} s of processor time that it may have")
+        why = f"perhaps for more than the {self._limits.memory} MiB of memory allowed"
+        return ValueError(f"its process has ended (status {status}), {why}")
 
 
 def _end(process: "subprocess.Popen[bytes]", connection: child.Connection) -> None:

@@ -1,0 +1,115 @@
+"""One's own agents: ranked beside those that come with the project, marked, limited in time."""
+
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from leaderboard import run, shipped
+from leaderboard.__main__ import main
+from leaderboard.ranking import read_leaderboard
+from leaderboard.result import Task, result_folder, write_result
+from tests.leaderboard.conftest import ENV_ID, MakeResult, play_all
+from tests.train import onnx_agents
+from train.agents import onnx_policy, sandbox
+from train.agents.sandbox import Limits
+from turning_env import Scenario
+from turning_env.score.seeds import held_out_seeds
+
+SHORT = onnx_agents.SCENARIO
+pytestmark = pytest.mark.slow  # plays agents in processes of their own
+
+
+@pytest.fixture
+def words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """A run on a project that comes with a rule's and an agent's results."""
+    path = onnx_agents.write(result_folder(tmp_path / "agents", ENV_ID, SHORT.name), memory=True)
+    monkeypatch.setattr(shipped, "AGENTS", tmp_path / "agents")
+    monkeypatch.setattr(shipped, "RESULTS", tmp_path / "shipped")
+    monkeypatch.setattr(shipped, "agents", shipped.agents.__wrapped__)
+    policies = [run.rule("fixed_handbook", SHORT), *run.agents([path], SHORT)]
+    task = Task(env_id=ENV_ID, scenario=SHORT, seeds=held_out_seeds(2))
+    play_all(task, policies, result_folder(shipped.RESULTS, ENV_ID, SHORT.name))
+    SHORT.save(tmp_path / "short.toml")
+    where = ["--scenario", str(tmp_path / "short.toml"), "--results", str(tmp_path / "results")]
+    return ["run", *where, "--seeds", "2", "--policies"]
+
+
+def test_an_own_agent_stands_beside_the_shipped_one(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mine, folder = onnx_agents.write(tmp_path / "mine"), result_folder(tmp_path / "results", ENV_ID, SHORT.name)
+    (theirs,) = shipped.AGENTS.glob("*/*/*.onnx")
+    assert main([*words, "--agents", str(mine), str(theirs)]) == 0
+    told = capsys.readouterr()
+    own = {standing.name: standing.own for standing in read_leaderboard(folder).standings}
+    assert own == {"fixed_handbook": False, "ppo": False, "my_ppo": True}
+    assert "my_ppo (yours)" in told.out
+    assert told.out.splitlines()[-1].startswith("your agent: rank ")
+    assert " of 3, return " in told.out.splitlines()[-1]
+    assert "ppo comes with the project; --name" in told.err
+    assert (tmp_path / "results" / "index.html").read_text("utf-8").count(">yours<") == 1
+    before = (folder / "ppo-seed0.json.xz").read_bytes()
+    assert before == (result_folder(shipped.RESULTS, ENV_ID, SHORT.name) / "ppo-seed0.json.xz").read_bytes()
+    where = ["--results", str(tmp_path / "results"), "--agents", str(mine.parent), "--memory", str(tmp_path / "verified.json")]
+    assert main(["verify", *where, "--policies", "my_ppo"]) == 0
+    assert main([*words, "--agents", str(mine), "--name", "second"]) == 0
+    assert {"my_ppo", "second", "ppo"} <= {standing.name for standing in read_leaderboard(folder).standings}
+
+
+def test_names_that_clash_are_refused_with_advice(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mine, other = (onnx_agents.write(tmp_path / name) for name in ("mine", "other"))
+    for name in ("ppo", "grid_search", "causal"):
+        assert main([*words, "--agents", str(mine), "--name", name]) == 2
+        assert "choose another --name" in capsys.readouterr().err
+    assert main([*words, "--agents", str(mine), str(other)]) == 2
+    assert "--name" in capsys.readouterr().err
+    assert not (tmp_path / "results").exists()
+
+
+def test_an_agent_that_takes_too_long_is_skipped(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "slow.onnx"
+    path.write_bytes(onnx_agents.toiling(products=60, size=400))
+    played = [*words, "fixed_handbook", "--agent-time", "1", "--agents", str(path)]
+    for message in ("my_ppo-seed0 cannot play: needs more than the 1 s of processor time", "gives no answer within 1 s"):
+        assert main(played) == 2
+        told = capsys.readouterr()
+        assert message in told.err
+        assert "fixed_handbook" in told.out
+        assert (tmp_path / "results" / "index.html").exists()
+        path.write_bytes(onnx_agents.toiling())
+        monkeypatch.setattr(onnx_policy, "_examined", partial(sandbox.examined, limits=Limits(answer=1.0)))
+
+
+def test_rules_that_are_not_tuned_are_skipped(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "my lathe.toml"
+    Scenario.model_validate({"name": "mine", "control": {"time_limit": 0.3}}).save(path)
+    words[2] = str(path)
+    assert main([*words, "fixed_tuned", "fixed_handbook"]) == 0
+    advice = f"python -m baselines.tune --scenario '{path}'"
+    assert advice in capsys.readouterr().err
+    assert main([*words, "fixed_tuned"]) == 2
+    assert "nothing to play" in capsys.readouterr().err
+    assert main(["gallery", "--scenario", str(path), "--policies", "fixed_tuned", "--out", str(tmp_path / "out")]) == 2
+    assert advice in capsys.readouterr().err
+
+
+def test_show_prints_one_leaderboard(
+    make_result: MakeResult, task: Task, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ids = ("RoughTurning-v0", "RoughTurning-Override-v0")
+    for env_id, name in ((ids[0], "rough_turning"), (ids[0], "short"), (ids[1], "override")):
+        on = task.model_copy(update={"env_id": env_id, "scenario": task.scenario.model_copy(update={"name": name})})
+        write_result(make_result("one", on=on), result_folder(tmp_path, env_id, name))
+    for option, shown in (
+        ([], ["rough_turning"]),
+        (["--scenario", "short"], ["short"]),
+        (["--env", ids[1]], ["override"]),
+        (["--env", ids[0], "--all"], ["rough_turning", "short"]),
+        (["--all"], ["rough_turning", "short", "override"]),
+    ):
+        assert main(["show", "--results", str(tmp_path), *option]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert [line.split(", ")[1] for line in lines if ", task " in line] == [f"scenario {name}" for name in shown]
+    assert main(["show", "--results", str(tmp_path), "--env", "RoughTurning-Paper-v0"]) == 2
+    assert "RoughTurning-Paper-v0" in capsys.readouterr().err
