@@ -75,18 +75,37 @@ def spec(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> Pol
 
     Raises:
         KeyError: there is no controller of this name; names those there are.
-        ValueError: it cannot play the scenario.
+        ValueError: it cannot play the scenario, or a file of tuned parameters is damaged.
         NotTuned: it has not been tuned on that scenario, or not in this version and with these parameters.
     """
     nominal = scenario.nominal()
     rule = playable(name, nominal)
-    parameters = rule.fixed | (tuned.setting(name, rule, (tuned_on or scenario).nominal()) if rule.ranges else {})
+    found, command = tuned.setting(name, rule, (tuned_on or scenario).nominal()) if rule.ranges else ({}, None)
+    parameters = rule.fixed | found
     return PolicySpec(
         name=name,
         version=rule.version,
         description=rule.description,
         parameters=dict(parameters),
+        command=command,
         tuned_for=None if tuned_on is None else ScenarioId.of(tuned_on),
         tolerance=TOLERANCE,
         make=lambda num_envs: rule.build(nominal, num_envs, parameters),
     )
+
+
+def specs(scenario: Scenario, tuned_on: Scenario | None = None) -> tuple[list[PolicySpec], str | None]:
+    """Return all controllers that can play a scenario and are tuned, and a notice that names those that are not, if any.
+
+    Raises:
+        ValueError: a file of tuned parameters is damaged.
+    """
+    ready, untuned = [], []
+    for name in names(scenario):
+        try:
+            ready.append(spec(name, scenario, tuned_on))
+        except tuned.NotTuned:
+            untuned.append(name)
+    home = (tuned_on or scenario).nominal()
+    notice = f"not tuned for scenario {home.name!r}: {', '.join(untuned)}; to play them, run `{tuned.command(home)}`"
+    return ready, notice if untuned else None

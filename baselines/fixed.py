@@ -51,5 +51,11 @@ RULES = {
         sets_speed_and_feed,
         {"cutting_speed": HANDBOOK_CUTTING_SPEED, "feed": HANDBOOK_FEED},
     ),
-    "fixed_tuned": Rule("the best speed and feed on the tuning seeds", _build, sets_speed_and_feed, PROGRAM),
+    "fixed_tuned": Rule(
+        "the best speed and feed on the tuning seeds",
+        _build,
+        sets_speed_and_feed,
+        PROGRAM,
+        worth_tuning=True,
+    ),
 }

@@ -177,5 +177,6 @@ RULES = {
         lambda scenario, num_envs, parameters: RescaledGridSearch(scenario, num_envs, **parameters),
         _plays,
         {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
+        worth_tuning=True,
     ),
 }

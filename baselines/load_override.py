@@ -74,6 +74,7 @@ RULES = {
         on_program(constant_load),
         on_override,
         {"target": Range(0.7, 1.0), "gain": Range(1.0, 40.0, logarithmic=True)},
+        worth_tuning=True,
     ),
     "one_line_law_with_speed": Rule(
         f"{ONE_LINE}, with the program's speed and feed tuned", on_program(one_line_law), on_speed_and_feed, PROGRAM

@@ -75,6 +75,7 @@ RULES = {
         on_program(AirGapControl),
         lambda scenario: on_override(scenario) and _inverts_power(scenario),
         {"target": Range(0.7, 1.0), "entry": Range(0.3, 2.0), "rise": Range(1.0, 50.0, logarithmic=True)},
+        worth_tuning=True,
     ),
     "omative_with_speed": Rule(
         f"{DESCRIPTION}, with the program's speed tuned",

@@ -163,6 +163,7 @@ def _ruled(rule: str, corrected: bool) -> Rule:
         lambda scenario, num_envs, parameters: RuledParts(scenario, rule, corrected, **parameters),
         plays,
         {"margin": Range(0.6, 1.1), "first_margin": Range(0.3, 1.1)},
+        worth_tuning=rule in ("MT", "PN") and not corrected,
     )
 
 
@@ -174,6 +175,7 @@ RULES: dict[str, Rule] = {
         _build_fixed,
         turns_parts,
         {"passes": Range(0.5, 4.5), "cutting_speed": Range(0.0, 1.0), "feed": Range(0.0, 1.0)},
+        worth_tuning=True,
     ),
     **{f"parts_{name}": _ruled(rule, corrected=False) for rule, name in _NAMED.items()},
     **{f"parts_app_{name}": _ruled(rule, corrected=True) for rule, name in _NAMED.items()},

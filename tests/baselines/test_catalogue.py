@@ -32,7 +32,8 @@ def tunable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 def keep(rules: dict[str, dict[str, float]], scenario: Scenario) -> None:
     values = {name: {"parameters": parameters} for name, parameters in rules.items()}
-    tuned.path(scenario).write_text(json.dumps({"scenario_digest": scenario.digest(), "rules": values}))
+    about = {"command": "tune it", "scenario_digest": scenario.digest()}
+    tuned.path(scenario).write_text(json.dumps(about | {"rules": values}))
 
 
 def test_the_rules_of_all_modules_are_there() -> None:
@@ -85,7 +86,7 @@ def test_where_edges_are_changed_on_command_the_change_is_tuned_too(tunable: str
 
 
 def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
-    command = r"run `python -m baselines\.tune --scenario PRESET_OR_TOML"
+    command = r"run `python -m baselines\.tune --scenario rough_turning --shipped"
     with pytest.raises(tuned.NotTuned, match=f"have not been tuned: {command}`"):
         spec(tunable, Scenario())
     keep({"fixed_tuned": {"cutting_speed": 150.0, "feed": 0.2}}, Scenario())

@@ -31,6 +31,7 @@ from turning_env.scenario.sections import (
 )
 from turning_env.scenario.validation import complaints
 
+_FILE = "_file"  # beside the fields, as Pydantic would compare a private attribute
 _PRESETS = resources.files("turning_env.scenario") / "presets"
 
 SPLITS = ("harder_lot", "forging_skin", "worn_lot", "sensor_bias", "small_diameter", "ck45")
@@ -104,6 +105,12 @@ class Scenario(Section):
             raise ValueError('sensors.probe is true, but blanks are only probed where control.action is "part"')
         return self
 
+    @property
+    def file(self) -> Path | None:
+        """Return the TOML file from which it was loaded, or None. Copies keep it; it is no part of the identity."""
+        file: Path | None = vars(self).get(_FILE)
+        return file
+
     @classmethod
     def load(cls, source: "str | os.PathLike[str] | Scenario") -> "Scenario":
         """Return the scenario of a preset's name, of a TOML file's path, or the scenario itself.
@@ -130,9 +137,11 @@ class Scenario(Section):
         except OSError as error:
             raise ScenarioError(f"{str(path)[:200]!r} cannot be read: {error.strerror}") from error
         try:
-            return cls._parse(text, str(path), path.stem, ())
+            loaded = cls._parse(text, str(path), path.stem, ())
         except RecursionError as error:
             raise ScenarioError(f"{path} is nested too deep to be a scenario") from error
+        vars(loaded)[_FILE] = path
+        return loaded
 
     @classmethod
     def _preset(cls, name: str, below: tuple[str, ...]) -> "Scenario":
