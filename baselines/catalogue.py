@@ -26,6 +26,7 @@ def merged(modules: Iterable[ModuleType]) -> dict[str, Rule]:
 
 
 FILES = (
+    "trivial",
     "fixed",
     "grid_search",
     "two_limits",
