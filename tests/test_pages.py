@@ -26,7 +26,7 @@ SMALLER: Smaller = {
     "make results": ("TASK_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v0", {}),
     "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Surface-v0'", {}),
     "python -m train.ppo": ("--steps 20000", {}),
-    "python -m baselines.tune": ("--seeds 1 --trials 2", {"rough_turning": "short.toml"}),
+    "python -m baselines.tune": ("--seeds 1 --trials 2", {"rough_turning": "short.toml", "my_tool.toml": "short.toml", "--shipped": "--quick"}),
     "python -m leaderboard run --policies steady_load": ("--scenario short.toml", {}),
     "python -m leaderboard run --agents": ("--policies fixed_tuned grid_search", {}),  # ``make leaderboard`` plays all
     "python -m leaderboard run": ("--seeds 2", {}),
@@ -82,7 +82,7 @@ def test_every_command_works_in_the_order_given(copy: Path) -> None:
         check(run(small(command, SMALLER), copy), command, allowed)
     for page in TUTORIALS:
         walk((ROOT / "docs" / "tutorials" / f"{page}.md").read_text("utf-8"), copy, SMALLER, COMMANDS)
-    for made in ("few-results/index.html", "results/index.html", "docs/leaderboard.png", "baselines/tuned/short.json"):
+    for made in ("few-results/index.html", "results/index.html", "docs/leaderboard.png", "short.tuned.json"):
         assert (copy / made).stat().st_size > 0
 
 
