@@ -19,6 +19,8 @@ TUTORIALS = ("ten_minutes", "train", "submit_a_policy", "add_a_controller", "add
 INTERPRETED = "change_the_lathe"
 # Commands that other tests run.
 ELSEWHERE = {"python -m papers.reproduce": "tests/papers/test_reproduce.py"}
+TO_OWN = {"--shipped": "--quick"}
+"""What ships is not tuned anew."""
 # How a command is made small: options added to it, words replaced in it.
 SMALLER: Smaller = {
     "make leaderboard": ("STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results", {}),
@@ -26,7 +28,10 @@ SMALLER: Smaller = {
     "make results": ("TASK_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v0", {}),
     "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Surface-v0'", {}),
     "python -m train.ppo": ("--steps 20000", {}),
-    "python -m baselines.tune": ("--seeds 1 --trials 2", {"rough_turning": "short.toml", "my_tool.toml": "short.toml", "--shipped": "--quick"}),
+    "python -m baselines.tune": (
+        "--seeds 1 --trials 2",
+        {"rough_turning": "short.toml", "my_tool.toml": "short.toml", "--shipped": "--quick"},
+    ),
     "python -m leaderboard run --policies steady_load": ("--scenario short.toml", {}),
     "python -m leaderboard run --agents": ("--policies fixed_tuned grid_search", {}),  # ``make leaderboard`` plays all
     "python -m leaderboard run": ("--seeds 2", {}),

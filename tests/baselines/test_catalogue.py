@@ -1,12 +1,11 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from baselines import tuned
-from baselines.catalogue import RULES, merged, names, playable, spec
+from baselines.catalogue import RULES, names, playable, spec
 from baselines.fixed import FixedParameters
 from baselines.models.edge_changes import CHANGE_AT, TimelyChanges
 from baselines.rule import Range, Rule
@@ -34,18 +33,6 @@ def keep(rules: dict[str, dict[str, float]], scenario: Scenario) -> None:
     values = {name: {"parameters": parameters} for name, parameters in rules.items()}
     about = {"command": "tune it", "scenario_digest": scenario.digest()}
     tuned.path(scenario).write_text(json.dumps(about | {"rules": values}))
-
-
-def test_the_rules_of_all_modules_are_there() -> None:
-    assert {"fixed_handbook", "fixed_tuned", "grid_search", "rescaled_grid_search"} <= RULES.keys()
-    assert names(Scenario()) == [name for name, rule in RULES.items() if rule.plays(Scenario())]
-
-
-def test_two_rules_of_one_name_are_refused() -> None:
-    first, second = (SimpleNamespace(__name__=name, RULES={"same": TUNABLE}) for name in ("first", "second"))
-    assert merged([first]) == {"same": TUNABLE}
-    with pytest.raises(ValueError, match="second declares same"):
-        merged([first, second])
 
 
 @pytest.mark.parametrize("name", RULES)

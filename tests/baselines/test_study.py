@@ -1,4 +1,3 @@
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -120,12 +119,6 @@ def test_interrupted_it_goes_on_to_the_same_end(at: int, scored: Callable[[Score
     assert list(Path().iterdir()) == [journal]
 
 
-def test_what_is_found_is_found_again_without_playing(scored: Callable[[Score], Counted]) -> None:
-    counted = scored(hill)
-    assert run() == run()
-    assert len(counted.settings) == 16
-
-
 @pytest.mark.parametrize(
     ("trials", "seeds", "version", "time_limit"), [(6, 4, 1, 0.1), (5, 3, 1, 0.1), (5, 4, 2, 0.1), (5, 4, 1, 0.2)]
 )
@@ -189,10 +182,3 @@ def test_settings_are_really_played() -> None:
     assert played.steps == episodes["steps"].sum()
     assert played.severe_share == episodes["severe_overload_time"].sum() / episodes["engaged_time"].sum()
     assert 0 < played.severe_share <= played.severe_limit
-
-
-def test_it_is_quiet(capfd: pytest.CaptureFixture[str]) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        search("fixed_tuned", RULES["fixed_tuned"], SHORT, 12, 2)
-    assert capfd.readouterr() == ("", "")
