@@ -80,20 +80,3 @@ def spec(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> Pol
         tolerance=TOLERANCE,
         make=lambda num_envs: rule.build(nominal, num_envs, parameters),
     )
-
-
-def specs(scenario: Scenario, tuned_on: Scenario | None = None) -> tuple[list[PolicySpec], str | None]:
-    """Return all controllers that can play a scenario and are tuned, and a notice that names those that are not, if any.
-
-    Raises:
-        ValueError: a file of tuned parameters is damaged.
-    """
-    ready, untuned = [], []
-    for name in names(scenario):
-        try:
-            ready.append(spec(name, scenario, tuned_on))
-        except tuned.NotTuned:
-            untuned.append(name)
-    home = (tuned_on or scenario).nominal()
-    notice = f"not tuned for scenario {home.name!r}: {', '.join(untuned)}; to play them, run `{tuned.command(home)}`"
-    return ready, notice if untuned else None

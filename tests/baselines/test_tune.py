@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from baselines import tuned
-from baselines.catalogue import RULES, spec, specs
+from baselines.catalogue import RULES, spec
 from baselines.rule import Range, Rule
 from baselines.tune import __main__ as tune
 from baselines.tune import study
@@ -101,21 +101,22 @@ def test_a_maintainer_writes_what_ships(folder: Path) -> None:
     assert json.loads(elsewhere.read_text())["rules"] == tuned.read(tuned.FOLDER / "override.json")["rules"]
 
 
-def test_a_quick_tuning_is_of_what_is_worth_it_and_others_are_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = folder / "short.toml"
     assert tune.main(["--scenario", str(path), "--quick"]) == 0
     values = tuned.read(folder / "short.tuned.json")
     assert list(values["rules"]) == ["fixed_tuned"]
     assert values["budget"] == tune.QUICK
-    ready, notice = specs(Scenario.load(path))
-    assert [each.name for each in ready] == ["fixed_handbook", "fixed_tuned"]
-    assert notice is not None
-    assert "'short': other;" in notice
-    assert f"`python -m baselines.tune --scenario {path}`" in notice
+    scenario = Scenario.load(path)
+    assert spec("fixed_tuned", scenario).parameters == values["rules"]["fixed_tuned"]["parameters"]
+    with pytest.raises(tuned.NotTuned, match=rf"other has not .* run `{re.escape(tuned.command(scenario))} --rules other`"):
+        spec("other", scenario)
     assert run(folder, "--quick", "--rules", "other") == 2
     assert "keeps fixed_tuned, tuned with another budget" in capsys.readouterr().err
     assert run(folder) == 0
-    assert specs(Scenario.load(path))[1] is None
+    assert spec("other", scenario).command == f"python -m baselines.tune --scenario {path} --trials 3 --seeds 2 --rules other"
 
 
 @pytest.mark.slow
@@ -207,6 +208,6 @@ def test_a_damaged_file_of_tuned_parameters_is_named_and_kept(folder: Path, cont
     path = folder / "short.tuned.json"
     path.write_text(content)
     with pytest.raises(ValueError, match=r"short\.tuned\.json holds no tuned parameters"):
-        specs(Scenario.load(folder / "short.toml"))
+        spec("fixed_tuned", Scenario.load(folder / "short.toml"))
     assert run(folder, "--trials", "1") == 2
     assert path.read_text() == content
