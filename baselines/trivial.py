@@ -1,5 +1,7 @@
 """Policies that need no knowledge of cutting: random actions, and none. A controller must beat them to be worth anything."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -64,16 +66,17 @@ class ZeroActions(Policy):
         return self._actions
 
 
-RULES = {
-    name: Rule(
+def _rule(description: str, policy: Callable[[int, int], Policy]) -> Rule:
+    return Rule(
         description,
-        lambda scenario, num_envs, parameters, policy=policy: policy(num_envs, action_size(scenario)),
+        lambda scenario, num_envs, parameters: policy(num_envs, action_size(scenario)),
         lambda scenario: True,
         {},
         changes_edges=True,
     )
-    for name, description, policy in (
-        ("random", "random actions, drawn evenly", RandomActions),
-        ("zero_action", "no action: 0 for all of them", ZeroActions),
-    )
+
+
+RULES = {
+    "random": _rule("random actions, drawn evenly", RandomActions),
+    "zero_action": _rule("no action: 0 for all of them", ZeroActions),
 }

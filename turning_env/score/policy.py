@@ -22,6 +22,7 @@ class Policy(Protocol):
 
         A subclass without state needs no method of its own.
         """
+        return
 
     def act(self, observations: Observations) -> Actions:
         """Return actions in -1..1, float32 of shape (num_envs, actions), for float32 observations of shape (num_envs, entries).
