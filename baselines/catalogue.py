@@ -1,8 +1,6 @@
 """Every rule-based controller by name, ready to play a scenario."""
 
-from collections.abc import Iterable
 from importlib import import_module
-from types import ModuleType
 
 from baselines import tuned
 from baselines.models.edge_changes import as_played
@@ -10,22 +8,8 @@ from baselines.rule import TOLERANCE, Rule
 from turning_env import Scenario
 from turning_env.score.policy import PolicySpec, ScenarioId
 
-
-def merged(modules: Iterable[ModuleType]) -> dict[str, Rule]:
-    """Return the rules of all modules, each of which declares its own as ``RULES``.
-
-    Raises:
-        ValueError: two modules declare a rule of the same name.
-    """
-    rules: dict[str, Rule] = {}
-    for module in modules:
-        if twice := rules.keys() & module.RULES.keys():
-            raise ValueError(f"{module.__name__} declares {', '.join(sorted(twice))}, as a module before it does")
-        rules |= module.RULES
-    return rules
-
-
 FILES = (
+    "trivial",
     "fixed",
     "grid_search",
     "two_limits",
@@ -41,8 +25,12 @@ FILES = (
 )
 """Files that declare rules. A new one is added here."""
 
-RULES = merged(import_module(f"baselines.{name}") for name in FILES)
+RULES: dict[str, Rule] = {}
 """All rules by name."""
+for _file in FILES:
+    for _name, _rule in import_module(f"baselines.{_file}").RULES.items():
+        if RULES.setdefault(_name, _rule) is not _rule:
+            raise ImportError(f"baselines/{_file}.py declares a rule {_name!r}, as a file before it does")
 
 
 def names(scenario: Scenario) -> list[str]:
@@ -75,17 +63,19 @@ def spec(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> Pol
 
     Raises:
         KeyError: there is no controller of this name; names those there are.
-        ValueError: it cannot play the scenario.
+        ValueError: it cannot play the scenario, or a file of tuned parameters is damaged.
         NotTuned: it has not been tuned on that scenario, or not in this version and with these parameters.
     """
     nominal = scenario.nominal()
     rule = playable(name, nominal)
-    parameters = rule.fixed | (tuned.setting(name, rule, (tuned_on or scenario).nominal()) if rule.ranges else {})
+    found, command = tuned.setting(name, rule, (tuned_on or scenario).nominal()) if rule.ranges else ({}, None)
+    parameters = rule.fixed | found
     return PolicySpec(
         name=name,
         version=rule.version,
         description=rule.description,
         parameters=dict(parameters),
+        command=command,
         tuned_for=None if tuned_on is None else ScenarioId.of(tuned_on),
         tolerance=TOLERANCE,
         make=lambda num_envs: rule.build(nominal, num_envs, parameters),

@@ -22,7 +22,7 @@ from baselines.rule import Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import towards
 from turning_env.scenario.sections import Surface
-from turning_env.score.policy import Actions, Observations
+from turning_env.score.policy import Actions, Observations, Policy
 
 THRESHOLD = 100.0
 """Force below which the tool counts as out of the metal [N] (roughness control paper)."""
@@ -84,7 +84,7 @@ class ConstantForce:
         return program.act(reading, np.where(engaged, override, 1.0))
 
 
-class ModelFeed:
+class ModelFeed(Policy):
     """Open loop: the feed at which the nominal model has the force for the reference of Ra.
 
     Args:
@@ -100,9 +100,6 @@ class ModelFeed:
             raise ValueError(f"material.thrust_force.feed is {law.feed}, but where feed is to set the force it must be above 0")
         force_of_roughness(scenario.surface, np.ones(1))
         self._scenario = scenario
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Do nothing: there is no state."""
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""

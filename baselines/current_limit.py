@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from baselines.constant_force import FORCE_SHARE
 from baselines.models.current_sensing import ForceEstimator
-from baselines.models.part_program import PROGRAM, PartProgram, on_override, on_program, on_speed_and_feed
-from baselines.rule import Rule
-from turning_env import Scenario, read
+from baselines.models.part_program import PROGRAM, PartProgram, override_rules
+from turning_env import read
 from turning_env.score.policy import Actions, Observations
 from turning_env.wrappers import FEED_GRADES
 
@@ -86,21 +85,11 @@ class CurrentLimit:
         return self._program.act(reading, self._overrides[self._grade])
 
 
-def _force_grows(scenario: Scenario) -> bool:
-    return scenario.material.thrust_force.feed > 0.0
-
-
-RULES = {
-    "current_limit": Rule(
-        "feed by a 16-grade switch within a limit of the force, as filtered servo current tells it (servo current paper)",
-        on_program(CurrentLimit),
-        lambda scenario: on_override(scenario) and _force_grows(scenario),
-        {"force_share": FORCE_SHARE},
-    ),
-    "current_limit_with_speed": Rule(
-        "feed by a 16-grade switch within a limit of the force (servo current paper), with the program's speed and feed tuned",
-        on_program(CurrentLimit),
-        lambda scenario: on_speed_and_feed(scenario) and _force_grows(scenario),
-        {"force_share": FORCE_SHARE, **PROGRAM},
-    ),
-}
+RULES = override_rules(
+    "current_limit",
+    "feed by a 16-grade switch within a limit of the force, as filtered servo current tells it (servo current paper)",
+    CurrentLimit,
+    {"force_share": FORCE_SHARE},
+    {"force_share": FORCE_SHARE, **PROGRAM},
+    lambda scenario: scenario.material.thrust_force.feed > 0.0,
+)

@@ -4,17 +4,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.models.part_program import PROGRAM
-from baselines.rule import Parameters, Rule
+from baselines.rule import Parameters, Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
-from turning_env.score.policy import Actions, Observations
+from turning_env.score.policy import Actions, Observations, Policy
 
 HANDBOOK_CUTTING_SPEED, HANDBOOK_FEED = 145.0, 0.32
 """Middle speed of the grid-search paper's verification tests (T5 to T8) [m/min]; usual roughing feed for an insert of this size,
 about half of the machine's highest [mm/rev] (assumption)."""
 
 
-class FixedParameters:
+class FixedParameters(Policy):
     """Commands one set point, clipped to the machine.
 
     Args:
@@ -29,9 +29,6 @@ class FixedParameters:
         self._cutting_speed = np.clip(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)
         self._feed = np.clip(feed, machine.feed_min, machine.feed_max)
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Do nothing: there is no state."""
-
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenario)
@@ -44,6 +41,11 @@ def _build(scenario: Scenario, num_envs: int, parameters: Parameters) -> FixedPa
     return FixedParameters(scenario, parameters["cutting_speed"], parameters["feed"])
 
 
+def _build_override(scenario: Scenario, num_envs: int, parameters: Parameters) -> FixedParameters:
+    control = scenario.control
+    return FixedParameters(scenario, control.initial_cutting_speed, parameters["override"] * control.initial_feed)
+
+
 RULES = {
     "fixed_handbook": Rule(
         "one handbook speed and feed for the edge's whole life",
@@ -51,5 +53,18 @@ RULES = {
         sets_speed_and_feed,
         {"cutting_speed": HANDBOOK_CUTTING_SPEED, "feed": HANDBOOK_FEED},
     ),
-    "fixed_tuned": Rule("the best speed and feed on the tuning seeds", _build, sets_speed_and_feed, PROGRAM),
+    "fixed_tuned": Rule(
+        "the best speed and feed on the tuning seeds",
+        _build,
+        sets_speed_and_feed,
+        PROGRAM,
+        worth_tuning=True,
+    ),
+    "override_tuned": Rule(
+        "the best constant override on the tuning seeds",
+        _build_override,
+        lambda scenario: scenario.control.action == "override",
+        {"override": Range(0.1, 2.0, logarithmic=True)},
+        worth_tuning=True,
+    ),
 }

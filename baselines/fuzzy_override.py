@@ -16,16 +16,7 @@ The paper leaves M_a = M_z open. Here it belongs to the upper branch, which keep
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.models.part_program import (
-    SPEED_AND_TARGET,
-    OverrideLaw,
-    PartProgram,
-    on_override,
-    on_program,
-    on_speed_and_feed,
-    target_load,
-)
-from baselines.rule import Rule
+from baselines.models.part_program import SPEED_AND_TARGET, OverrideLaw, PartProgram, override_rules, target_load
 
 MIN_HEADROOM = 0.05
 """Lower bound of 1 - M_z in (2) and (6) [-], as the target may lie at the rated load or above (assumption)."""
@@ -64,17 +55,19 @@ def fuzzy_override(program: PartProgram, num_envs: int, target: float, k: float,
     )
 
 
-FIRST = "fuzzy feed override, first form (fuzzy override paper, equations (1) to (4))"
-MODIFIED = "fuzzy feed override, modified against over-regulation (fuzzy override paper, equations (5) to (7))"
-_BUILD = on_program(fuzzy_override)
-
 RULES = {
-    "fuzzy_override": Rule(FIRST, _BUILD, on_override, {"target": 1.0, **FIRST_FORM}),
-    "modified_fuzzy_override": Rule(MODIFIED, _BUILD, on_override, {"target": 1.0, **MODIFIED_FORM}),
-    "fuzzy_override_with_speed": Rule(
-        f"{FIRST}, with speed and target tuned", _BUILD, on_speed_and_feed, {**SPEED_AND_TARGET, **FIRST_FORM}
+    **override_rules(
+        "fuzzy_override",
+        "fuzzy feed override, first form (fuzzy override paper, equations (1) to (4))",
+        fuzzy_override,
+        {"target": 1.0, **FIRST_FORM},
+        {**SPEED_AND_TARGET, **FIRST_FORM},
     ),
-    "modified_fuzzy_override_with_speed": Rule(
-        f"{MODIFIED}, with speed and target tuned", _BUILD, on_speed_and_feed, {**SPEED_AND_TARGET, **MODIFIED_FORM}
+    **override_rules(
+        "modified_fuzzy_override",
+        "fuzzy feed override, modified against over-regulation (fuzzy override paper, equations (5) to (7))",
+        fuzzy_override,
+        {"target": 1.0, **MODIFIED_FORM},
+        {**SPEED_AND_TARGET, **MODIFIED_FORM},
     ),
 }

@@ -21,7 +21,7 @@ from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.physics.machinability import force_and_power, log_wear_coefficient
 from turning_env.physics.records import parameter_records
 from turning_env.physics.wear import advance_used_life, log_wear
-from turning_env.score.policy import Actions, Observations
+from turning_env.score.policy import Actions, Observations, Policy
 
 CUTTING_SPEED_STEP = 10.0
 FEED_STEP = 0.005
@@ -90,7 +90,7 @@ def search(parameters, speeds, feeds, used_lives, times, interval, force_limits,
         chosen[i, 1] = feeds[feed]
 
 
-class GridSearch:
+class GridSearch(Policy):
     """The paper's controller: nominal models, nominal depth and hardness, full limits.
 
     Args:
@@ -110,9 +110,6 @@ class GridSearch:
         self._speeds, self._feeds = grid(scenario)
         self._force_limits = np.full(num_envs, scenario.limits.thrust_force)
         self._power_limits = np.full(num_envs, scenario.limits.power)
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Nothing to forget: the nominal wear is in the observation."""
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
@@ -177,5 +174,6 @@ RULES = {
         lambda scenario, num_envs, parameters: RescaledGridSearch(scenario, num_envs, **parameters),
         _plays,
         {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
+        worth_tuning=True,
     ),
 }

@@ -9,16 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.fixed import FixedParameters
-from baselines.models.part_program import (
-    PROGRAM,
-    SPEED_AND_TARGET,
-    OverrideLaw,
-    PartProgram,
-    on_override,
-    on_program,
-    on_speed_and_feed,
-    target_load,
-)
+from baselines.models.part_program import PROGRAM, SPEED_AND_TARGET, OverrideLaw, PartProgram, override_rules, target_load
 from baselines.rule import Range, Rule
 from turning_env.action import sets_feed
 from turning_env.physics.drives import lag_share
@@ -56,9 +47,6 @@ def one_line_law(program: PartProgram, num_envs: int) -> OverrideLaw:
     return OverrideLaw(program, lambda reading, override: np.clip(1.6 - 2.0 * reading.load, 0.0, 1.2))
 
 
-CONSTANT_LOAD = "constant spindle load by feed, in the manner of FANUC iAdaptS"
-ONE_LINE = "override = 160 - 2 load, in per cent, within 0 to 120 %"
-
 RULES = {
     "programmed_feed": Rule(
         "the scenario's programmed speed and feed, uncontrolled",
@@ -68,20 +56,13 @@ RULES = {
         sets_feed,
         {},
     ),
-    "one_line_law": Rule(ONE_LINE, on_program(one_line_law), on_override, {}),
-    "iadapts": Rule(
-        CONSTANT_LOAD,
-        on_program(constant_load),
-        on_override,
+    **override_rules("one_line_law", "override = 160 - 2 load, in per cent, within 0 to 120 %", one_line_law, {}, PROGRAM),
+    **override_rules(
+        "iadapts",
+        "constant spindle load by feed, in the manner of FANUC iAdaptS",
+        constant_load,
         {"target": Range(0.7, 1.0), "gain": Range(1.0, 40.0, logarithmic=True)},
-    ),
-    "one_line_law_with_speed": Rule(
-        f"{ONE_LINE}, with the program's speed and feed tuned", on_program(one_line_law), on_speed_and_feed, PROGRAM
-    ),
-    "iadapts_with_speed": Rule(
-        f"{CONSTANT_LOAD}, with the program's speed tuned",
-        on_program(constant_load),
-        on_speed_and_feed,
         {**SPEED_AND_TARGET, "gain": Range(0.1, 5.0, logarithmic=True)},
+        worth_tuning=True,
     ),
 }

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.load_override import LOWEST_OVERRIDE
-from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_program, on_speed_and_feed, target_load
-from baselines.rule import Range, Rule
-from turning_env import Scenario, read
+from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, override_rules, target_load
+from baselines.rule import Range
+from turning_env import read
 from turning_env.physics.drives import lag_share
 from turning_env.score.policy import Actions, Observations
 
@@ -63,23 +63,12 @@ class AirGapControl:
         return program.act(reading, override)
 
 
-def _inverts_power(scenario: Scenario) -> bool:
-    return scenario.material.power.feed > 0
-
-
-DESCRIPTION = "rapid feed in air, gentle entry, then the feed that the metal allows, in the manner of OMATIVE ACM"
-
-RULES = {
-    "omative": Rule(
-        DESCRIPTION,
-        on_program(AirGapControl),
-        lambda scenario: on_override(scenario) and _inverts_power(scenario),
-        {"target": Range(0.7, 1.0), "entry": Range(0.3, 2.0), "rise": Range(1.0, 50.0, logarithmic=True)},
-    ),
-    "omative_with_speed": Rule(
-        f"{DESCRIPTION}, with the program's speed tuned",
-        on_program(AirGapControl),
-        lambda scenario: on_speed_and_feed(scenario) and _inverts_power(scenario),
-        {**SPEED_AND_TARGET, "entry": 1.0, "rise": Range(0.1, 5.0, logarithmic=True)},
-    ),
-}
+RULES = override_rules(
+    "omative",
+    "rapid feed in air, gentle entry, then the feed that the metal allows, in the manner of OMATIVE ACM",
+    AirGapControl,
+    {"target": Range(0.7, 1.0), "entry": Range(0.3, 2.0), "rise": Range(1.0, 50.0, logarithmic=True)},
+    {**SPEED_AND_TARGET, "entry": 1.0, "rise": Range(0.1, 5.0, logarithmic=True)},
+    lambda scenario: scenario.material.power.feed > 0,
+    worth_tuning=True,
+)

@@ -42,6 +42,8 @@ MIN_USED_LIFE = 1e-9
 class Prospect(NamedTuple):
     """The terms of the gain. A field has shape (num_envs,), or (num_envs, points) for points ahead of the tool."""
 
+    outlook: Outlook
+    """On the bar, at points."""
     log_speed: Array
     """Actual cutting speed [log m/min]."""
     log_feed: Array
@@ -54,12 +56,6 @@ class Prospect(NamedTuple):
     """Value of metal over cutting speed and feed [per m/min and mm/rev], at points."""
     life_price: Array
     """Price of a life [s] that is used at the rate of nominal depth and hardness, at points."""
-    log_force: Array
-    """Log ratio of thrust force, and below of power, to the nominal model [-], at points."""
-    log_power: Array
-    force_spread: Array
-    """Standard deviation of ``log_force``, and below of ``log_power`` [-], at points."""
-    power_spread: Array
     cutting: Array
     """1 in metal, 0 in air, at points."""
     unmeasured: Array
@@ -67,7 +63,8 @@ class Prospect(NamedTuple):
 
     def of(self, env_indices: NDArray[np.intp]) -> "Prospect":
         """Return the prospect of some environments, in any order and any number of times."""
-        return Prospect(*(field[env_indices] for field in self))
+        outlook, *fields = self
+        return Prospect(Outlook(*(field[env_indices] for field in outlook)), *(field[env_indices] for field in fields))
 
 
 class LogLaw:
@@ -155,34 +152,31 @@ class Optimiser:
         # Air takes time and nothing else: crossing it has the value of the metal that could be cut instead.
         depth = np.where(cutting > 0, outlook.depth_of_cut, nominal_depth)
         return Prospect(
+            outlook=outlook,
             log_speed=np.log(reading.cutting_speed),
             log_feed=np.log(reading.feed),
             used_life=used_life,
             breakage_price=60.0 * (left * (economics.edge_cost + economics.edge_change_time) + economics.breakage_downtime),
             metal_value=depth / economics.reference_removal_rate,
             life_price=price[:, np.newaxis] * np.exp(wear / law.time),
-            log_force=outlook.log_force,
-            log_power=outlook.log_power,
-            force_spread=outlook.force_spread,
-            power_spread=outlook.power_spread,
             cutting=cutting,
             unmeasured=unmeasured,
         )
 
     def _gain(self, log_speed: Array, log_feed: Array, prospect: Prospect) -> Array:
         """Return the expected mean gain [s of machine time per s] of commands, one per environment of the prospect."""
-        tool, exponent = self._scenario.tool, self._scenario.material.wear.time
+        tool, exponent, outlook = self._scenario.tool, self._scenario.material.wear.time, prospect.outlook
         speed, feed = log_speed[:, np.newaxis], log_feed[:, np.newaxis]
         speed = speed + (prospect.log_speed[:, np.newaxis] - speed) * self._spindle_left
         feed = feed + (prospect.log_feed[:, np.newaxis] - feed) * self._feed_left
         life_rate = np.exp(self._wear(speed, feed) / exponent) / 60.0  # [1/s]
         wear = exponent * np.log(prospect.used_life[:, np.newaxis] + life_rate * self._times)
-        force = self._force(speed, feed, wear) + prospect.log_force
-        power = self._power(speed, feed, wear) + prospect.log_power
-        excess = self._excess(force, prospect.force_spread) + self._excess(power, prospect.power_spread)
+        force = self._force(speed, feed, wear) + outlook.log_force
+        power = self._power(speed, feed, wear) + outlook.log_power
+        excess = self._excess(force, outlook.force_spread) + self._excess(power, outlook.power_spread)
         cost = prospect.life_price * life_rate + self._overload_price * excess
         gain = prospect.metal_value * np.exp(speed + feed) - prospect.cutting * cost
-        doubt = np.maximum(np.hypot(prospect.force_spread, tool.edge_strength_spread), MIN_SPREAD)
+        doubt = np.maximum(np.hypot(outlook.force_spread, tool.edge_strength_spread), MIN_SPREAD)
         risk = np.max(prospect.unmeasured * ndtr((force - self._log_strength) / doubt), axis=1)
         return np.asarray(gain.mean(axis=1) - prospect.breakage_price * risk / self._scenario.control.interval)
 

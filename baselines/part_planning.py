@@ -14,7 +14,7 @@ from baselines.rule import Parameters, Range, Rule
 from baselines.two_limits import ECONOMIC_OPTIMUM, MIN_DEPTH, TWO_LIMITS, set_point
 from turning_env import Scenario, read
 from turning_env.action import set_point_action
-from turning_env.score.policy import Actions, Observations
+from turning_env.score.policy import Actions, Observations, Policy
 
 Array = NDArray[np.float64]
 _MIN_WEAR = 0.1  # wear of a fresh edge over the criterion [-]: without wear, nothing would limit the force
@@ -44,7 +44,7 @@ def plan(scenario: Scenario, passes: Array, allowance: Array, cutting_speed: Arr
     return np.clip(actions, -1.0, 1.0).astype(np.float32)
 
 
-class FixedParts:
+class FixedParts(Policy):
     """The same passes, cutting speed and feed for every part, as in an NC program.
 
     Args:
@@ -59,9 +59,6 @@ class FixedParts:
         self._passes = min(max(round(passes), 1), scenario.control.passes_max)
         self._cutting_speed, self._feed = cutting_speed, feed
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Do nothing: there is no state."""
-
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         num_envs, passes_max = len(observations), self._scenario.control.passes_max
@@ -74,7 +71,7 @@ class FixedParts:
         )
 
 
-class RuledParts:
+class RuledParts(Policy):
     """Cutting speed and feed of each pass by a rule at its depth of cut, in the cheapest number of passes.
 
     Args:
@@ -90,9 +87,6 @@ class RuledParts:
         self._scenario, self._rule, self._corrected = scenario, rule, corrected
         self._shares = np.full(scenario.control.passes_max, margin)
         self._shares[0] = first_margin
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Do nothing: there is no state."""
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
@@ -163,6 +157,7 @@ def _ruled(rule: str, corrected: bool) -> Rule:
         lambda scenario, num_envs, parameters: RuledParts(scenario, rule, corrected, **parameters),
         plays,
         {"margin": Range(0.6, 1.1), "first_margin": Range(0.3, 1.1)},
+        worth_tuning=rule in ("MT", "PN") and not corrected,
     )
 
 
@@ -174,6 +169,7 @@ RULES: dict[str, Rule] = {
         _build_fixed,
         turns_parts,
         {"passes": Range(0.5, 4.5), "cutting_speed": Range(0.0, 1.0), "feed": Range(0.0, 1.0)},
+        worth_tuning=True,
     ),
     **{f"parts_{name}": _ruled(rule, corrected=False) for rule, name in _NAMED.items()},
     **{f"parts_app_{name}": _ruled(rule, corrected=True) for rule, name in _NAMED.items()},

@@ -41,6 +41,8 @@ class Rule:
     """Raised when its actions change, which makes results and tuned parameters of other versions invalid."""
     changes_edges: bool = False
     """Whether it decides itself when to change the edge, if edges are changed on command."""
+    worth_tuning: bool = False
+    """Whether a quick tuning includes it: the best of those that need tuning, and the fixed parameters to compare with."""
     tuned_on: str | None = None
     """The one preset on which it is tuned for all scenarios: for slow rules, whose parameters have no unit."""
 

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.load_override import towards_load
-from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, on_override, on_program, on_speed_and_feed
-from baselines.rule import Range, Rule
+from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, override_rules
+from baselines.rule import Range
 from turning_env import read
 from turning_env.physics.drives import lag_share
 from turning_env.score.policy import Actions, Observations
@@ -103,26 +103,16 @@ class LearnedPower:
         return program.act(reading, override, self._growth > self._wear)
 
 
-DESCRIPTION = "constant spindle power by feed, watched against a learned cut, in the manner of Caron TMAC"
-
-RULES = {
-    "tmac": Rule(
-        DESCRIPTION,
-        on_program(LearnedPower),
-        on_override,
-        {
-            "target": Range(0.7, 1.0),
-            "gain": Range(1.0, 40.0, logarithmic=True),
-            "extreme": Range(2.0, 5.0),
-            "wear": 1.5,  # a pass is too short to reach it
-        },
-        changes_edges=True,
-    ),
-    "tmac_with_speed": Rule(
-        f"{DESCRIPTION}, with the program's speed tuned",
-        on_program(LearnedPower),
-        on_speed_and_feed,
-        {**SPEED_AND_TARGET, "gain": 1.0, "extreme": 2.0, "wear": Range(1.2, 2.0)},
-        changes_edges=True,
-    ),
-}
+RULES = override_rules(
+    "tmac",
+    "constant spindle power by feed, watched against a learned cut, in the manner of Caron TMAC",
+    LearnedPower,
+    {
+        "target": Range(0.7, 1.0),
+        "gain": Range(1.0, 40.0, logarithmic=True),
+        "extreme": Range(2.0, 5.0),
+        "wear": 1.5,  # a pass is too short to reach it
+    },
+    {**SPEED_AND_TARGET, "gain": 1.0, "extreme": 2.0, "wear": Range(1.2, 2.0)},
+    changes_edges=True,
+)

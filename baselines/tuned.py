@@ -1,15 +1,20 @@
-"""Tuned parameters of the rules, kept as data: one JSON file per scenario's name."""
+"""Tuned parameters of the rules, kept as data: one JSON file per scenario.
+
+Those of the presets ship, in ``baselines/tuned``. Those of a scenario of one's own, ``my_mill.toml``, stand beside its file, in
+``my_mill.tuned.json``. A file belongs to the scenario whose digest it states, whatever their names.
+"""
 
 import json
+import shlex
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from baselines.rule import Parameters, Rule
-from turning_env import Scenario
+from turning_env import Scenario, presets
 
 FOLDER = Path(__file__).parent / "tuned"
-_COMMAND = "python -m baselines.tune --scenario PRESET_OR_TOML"
+"""Of the values that ship."""
 
 
 class NotTuned(ValueError):
@@ -17,57 +22,63 @@ class NotTuned(ValueError):
 
 
 def path(scenario: Scenario) -> Path:
-    """Return the file of a scenario's tuned parameters."""
-    return FOLDER / f"{scenario.name}.json"
+    """Return the file of a scenario's tuned parameters: beside its own file; of a preset, the one that ships."""
+    if scenario.file is None:
+        return FOLDER / f"{scenario.name}.json"
+    return scenario.file.with_name(f"{scenario.file.stem}.tuned.json")
 
 
-def contents(scenario: Scenario) -> dict[str, Any]:
-    """Return all that the scenario's file says; nothing where there is no file.
+def command(scenario: Scenario) -> str:
+    """Return the command that tunes the rules for a scenario."""
+    if scenario.file is not None:
+        source = shlex.quote(str(scenario.file))
+    else:
+        source = f"{scenario.name} --shipped" if scenario.name in presets() else "FILE.toml"
+    return f"python -m baselines.tune --scenario {source}"
+
+
+def read(file: Path) -> dict[str, Any]:
+    """Return all that a file of tuned parameters says; nothing where there is no file.
 
     Raises:
-        NotTuned: the file cannot be understood.
+        ValueError: the file cannot be understood.
     """
-    try:
-        return _read(path(scenario))
-    except FileNotFoundError:
-        return {}
-
-
-def _read(file: Path) -> dict[str, Any]:
     try:
         values: dict[str, Any] = json.loads(file.read_text("utf-8"))
         for rule in values["rules"].values():
             dict(rule["parameters"])
+    except FileNotFoundError:
+        return {}
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise NotTuned(f"{file} holds no tuned parameters ({error!r}): delete it and run `{_COMMAND}`") from error
+        raise ValueError(f"{file} holds no tuned parameters ({error!r}): delete it and tune the rules again") from error
     return values
 
 
-def rules(scenario: Scenario) -> dict[str, dict[str, Any]]:
-    """Return what was found for the rules that have been tuned for a scenario of these values: ``parameters``, ``version``, ...
+def contents(scenario: Scenario) -> dict[str, Any]:
+    """Return all that the file of a scenario of these values says.
 
     Raises:
-        NotTuned: there are none for this scenario; says which command makes them.
+        NotTuned: there is none; says which command makes it.
+        ValueError: a file cannot be understood.
     """
-    own = contents(scenario)
-    others = map(_read, sorted(FOLDER.glob("*.json")))
-    for values in chain([own], others):
+    own = read(path(scenario))
+    for values in chain([own], map(read, sorted(FOLDER.glob("*.json")))):
         if values.get("scenario_digest") == scenario.digest():
-            tuned_rules: dict[str, dict[str, Any]] = values["rules"]
-            return tuned_rules
+            return values
     found = "were tuned for other values" if own else "have not been tuned"
-    raise NotTuned(f"the rules of scenario {scenario.name!r} {found}: run `{_COMMAND}`")
+    raise NotTuned(f"the rules of scenario {scenario.name!r} {found}: run `{command(scenario)}`")
 
 
-def setting(name: str, rule: Rule, scenario: Scenario) -> Parameters:
-    """Return the tuned parameters of one rule for a scenario: those of ``rule.tuned_on`` if it is tuned there alone.
+def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]:
+    """Return one rule's tuned parameters for a scenario and the command that found them: for ``rule.tuned_on`` if it is set.
 
     Raises:
         NotTuned: there are none for this scenario, or they are not those that the rule has; says which command makes them.
     """
     if rule.tuned_on is not None:
         scenario = Scenario.load(rule.tuned_on)
-    known = rules(scenario)
+    values = contents(scenario)
+    known = values["rules"]
     if name not in known:
         found = "has not been tuned"
     elif known[name].get("version", 1) != rule.version:
@@ -75,5 +86,5 @@ def setting(name: str, rule: Rule, scenario: Scenario) -> Parameters:
     elif known[name]["parameters"].keys() != rule.ranges.keys():
         found = "was tuned in other parameters"
     else:
-        return dict(known[name]["parameters"])
-    raise NotTuned(f"{name} {found} for scenario {scenario.name!r}: run `{_COMMAND} --rules {name}`")
+        return dict(known[name]["parameters"]), f"{values['command']} --rules {name}"
+    raise NotTuned(f"{name} {found} for scenario {scenario.name!r}: run `{command(scenario)} --rules {name}`")

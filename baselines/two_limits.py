@@ -210,6 +210,7 @@ def _adaptive(rule: str) -> Rule:
         lambda scenario, num_envs, parameters: AdaptiveRule(scenario, num_envs, rule, **parameters),
         lambda scenario: fixes_a_point(rule, scenario),
         {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
+        worth_tuning=rule == "PN",
     )
 
 

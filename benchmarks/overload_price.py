@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     seeds = tuning_seeds(options.seeds)
     scenario = Scenario.load("rough_turning")
-    smoothing = tuned.rules(scenario)["rescaled_grid_search"]["parameters"]["smoothing"]
+    smoothing = tuned.contents(scenario)["rules"]["rescaled_grid_search"]["parameters"]["smoothing"]
     played = [
         play(partial(RescaledGridSearch, scenario, margin=margin, smoothing=smoothing), scenario, seeds)
         for margin in tqdm(MARGINS, unit="margin", disable=None)

@@ -35,7 +35,6 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from baselines import tuned
 from baselines.tune import __main__ as rule_tuning
 from leaderboard import __main__ as leaderboard_command
 from train import ppo, tune
@@ -68,9 +67,8 @@ def training(folder: Path) -> int:
 
 def tuning_of_rules(folder: Path) -> int:
     """Search for the parameters of two rules."""
-    tuned.FOLDER = folder / "tuned"
     words = ["--scenario", _scenario(folder), "--rules", "fixed_tuned", "rescaled_grid_search"]
-    return rule_tuning.main([*words, "--trials", "10", "--seeds", "4"])
+    return rule_tuning.main([*words, "--trials", "10", "--seeds", "4", "--out", str(folder / "tuned" / "short.json")])
 
 
 def tuning_of_an_agent(folder: Path) -> int:

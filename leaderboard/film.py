@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leaderboard.result import ResultError
-from turning_env.extras import missing
 from turning_env.files import replace_file
 
 Frame = NDArray[np.uint8]

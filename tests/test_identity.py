@@ -17,7 +17,7 @@ from train.agents import agent_file
 from turning_env import Scenario, presets
 
 for path in sorted(tuned.FOLDER.glob("*.json")):
-    assert tuned.rules(Scenario.load(path.stem)), path
+    assert tuned.contents(Scenario.load(path.stem)) == tuned.read(path), path
 for path in sorted(Path("agents").glob("*/*/*.onnx")):
     metadata = agent_file.read(path).metadata
     assert metadata.scenario == Scenario.load(metadata.scenario.name), path

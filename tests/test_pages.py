@@ -25,7 +25,10 @@ SMALLER: Smaller = {
     "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Surface-v0'", {}),
     "python -m leaderboard verify --seeds": ("--env RoughTurning-Surface-v0", {}),
     "python -m train.ppo": ("--steps 20000", {}),
-    "python -m baselines.tune": ("--seeds 1 --trials 2", {"rough_turning": "short.toml"}),
+    "python -m baselines.tune": (
+        "--seeds 1 --trials 2",
+        {"rough_turning": "short.toml", "my_tool.toml": "short.toml", "--shipped": "--quick"},
+    ),
     "python -m leaderboard run --policies steady_load": ("--scenario short.toml", {}),
     "python -m leaderboard run --agents": ("--policies fixed_tuned grid_search", {}),  # ``make leaderboard`` plays all
     "python -m leaderboard run": ("--seeds 2", {}),

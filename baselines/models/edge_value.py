@@ -15,6 +15,7 @@ for its price, its change and all the time they take. Where edges are changed on
 price is never below 0, and the edge is best changed where it reaches 0.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -50,8 +51,12 @@ class Worth(NamedTuple):
     """Price p(D) of a whole life [s] at each of ``USED_LIVES``."""
 
 
+@lru_cache(maxsize=16)
 def worth(scenario: Scenario, overload_price: float) -> Worth:
-    """Return the prices of time and life for a price of overload [s per s and relative excess of 1]."""
+    """Return the prices of time and life for a price of overload [s per s and relative excess of 1].
+
+    Kept, as they take two seconds where edges are changed: do not write to them.
+    """
     value, rate, weight = _outcomes(scenario, overload_price)
     if scenario.control.edge_changes == "end":
         return Worth(1.0, _prices(value - 1.0, rate, weight))

@@ -1,11 +1,11 @@
 """The part program on which a feed override acts: a programmed cutting speed and feed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rule import Parameters, Range
+from baselines.rule import Parameters, Range, Rule
 from turning_env import Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.score.policy import Actions, Observations, Policy
@@ -48,7 +48,7 @@ class PartProgram:
         return towards(reading, self.scenario, np.full(len(feed), self.cutting_speed), feed, change_edge)
 
 
-class OverrideLaw:
+class OverrideLaw(Policy):
     """A controller without state: the override follows from the reading.
 
     Args:
@@ -58,9 +58,6 @@ class OverrideLaw:
 
     def __init__(self, program: PartProgram, law: Callable[[Reading, NDArray[np.float64]], NDArray[np.float64]]) -> None:
         self._program, self._law = program, law
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Do nothing: there is no state."""
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
@@ -79,6 +76,50 @@ def on_program(controller: Callable[..., Policy]) -> Callable[[Scenario, int, Pa
         return controller(PartProgram(scenario, parameters), num_envs, **others)
 
     return build
+
+
+def override_rules(
+    name: str,
+    description: str,
+    controller: Callable[..., Policy],
+    parameters: Mapping[str, float | Range],
+    with_speed: Mapping[str, float | Range],
+    plays: Callable[[Scenario], bool] = lambda scenario: True,
+    *,
+    changes_edges: bool = False,
+    worth_tuning: bool = False,
+) -> dict[str, Rule]:
+    """Return a controller of the feed override as two rules: on the scenario's program, and ``..._with_speed`` on a tuned one.
+
+    Args:
+        name: of the first.
+        description: of the first.
+        controller: see ``on_program``.
+        parameters: of the first.
+        with_speed: of the second, with those of its program.
+        plays: whether a scenario whose feed can be set, to remove metal, offers what else it needs.
+        changes_edges: see ``Rule``.
+        worth_tuning: of the first, see ``Rule``.
+    """
+    build = on_program(controller)
+    tuned = "speed and feed" if "feed" in with_speed else "speed"
+    return {
+        name: Rule(
+            description,
+            build,
+            lambda scenario: on_override(scenario) and plays(scenario),
+            parameters,
+            changes_edges=changes_edges,
+            worth_tuning=worth_tuning,
+        ),
+        f"{name}_with_speed": Rule(
+            f"{description}, with the program's {tuned} tuned",
+            build,
+            lambda scenario: on_speed_and_feed(scenario) and plays(scenario),
+            with_speed,
+            changes_edges=changes_edges,
+        ),
+    }
 
 
 def target_load(scenario: Scenario, share: float) -> float:

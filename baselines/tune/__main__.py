@@ -1,15 +1,18 @@
-"""Tune the rules on tuning seeds, all with the same budget, and write the best parameters to ``baselines/tuned/``.
+"""Tune the rules for a scenario, all with the same budget, and write the best parameters beside its file.
 
-    python -m baselines.tune
-    python -m baselines.tune --scenario forging --rules fixed_tuned rescaled_grid_search
+    python -m baselines.tune --scenario my_mill.toml --quick
+    python -m baselines.tune --scenario my_mill.toml --rules fixed_tuned rescaled_grid_search
+    python -m baselines.tune --scenario forging --out my_forging.tuned.json
 
-Every rule gets the same number of trials on the same seeds, however many parameters it has. The result states the budget in
-episodes and steps; compare ``steps`` in ``train/hyperparameters/ppo.toml`` for an agent's. After an interruption, the same
-command continues. With ``--jobs`` or ``--scheduler`` rules are tuned in parallel, with the same result (docs/scaling.md).
+The parameters of ``my_mill.toml`` go to ``my_mill.tuned.json`` beside it, where all commands find them. Every rule gets the same
+number of trials on the same tuning seeds, however many parameters it has. The file states this budget, also in episodes and
+steps; compare ``steps`` in ``train/hyperparameters/ppo.toml`` for an agent's. After an interruption, the same command continues.
+With ``--jobs`` or ``--scheduler`` rules are tuned in parallel, with the same result (docs/scaling.md).
 """
 
 import argparse
 import json
+import shlex
 import sys
 from collections.abc import Collection, Sequence
 from contextlib import ExitStack
@@ -21,17 +24,19 @@ from baselines import tuned
 from baselines.catalogue import RULES, names, playable
 from baselines.rule import Rule
 from baselines.tune import study
-from turning_env import Scenario
+from turning_env import Scenario, presets
 from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, file_lock, replace_file
 from turning_env.score.seeds import tuning_seeds
 from turning_env.score.workers import workers
 
 Budget = dict[str, int]
+BUDGET: Budget = {"trials": 64, "seeds": 32}
+QUICK: Budget = {"trials": 12, "seeds": 16}
 
 
-def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario) -> dict[str, Rule]:
-    """Return the named rules, or all that can play the scenario and have parameters to tune.
+def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario, quick: bool = False) -> dict[str, Rule]:
+    """Return the named rules, or all that can play the scenario and have parameters to tune; if ``quick``, those worth it.
 
     Raises:
         KeyError: there is no rule of that name.
@@ -46,78 +51,104 @@ def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario) -> dict[str, 
     }
     if wanted is not None and (fixed := rules.keys() - chosen.keys()):
         raise ValueError(f"{', '.join(sorted(fixed))} has nothing to tune on scenario {scenario.name!r}")
+    if quick and wanted is None:
+        return {name: rule for name, rule in chosen.items() if rule.worth_tuning}
     return chosen
 
 
-def kept_rules(chosen: Collection[str], scenario: Scenario, budget: Budget) -> dict[str, Any]:
-    """Return the entries of the scenario's file for the rules that are not tuned now.
+def target_of(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
+    """Return the file to write.
 
     Raises:
-        ValueError: they were tuned with another budget, so that the file would mix budgets.
+        ValueError: it is one of those that ship, without ``shipped``; ``shipped`` is given for a scenario that does not ship; or
+            the file's name has another suffix.
     """
-    values = tuned.contents(scenario)
+    if shipped and (scenario.file is not None or out is not None):
+        raise ValueError(f"--shipped rewrites the parameters of a preset, one of {', '.join(presets())}, without --out")
+    target = out or tuned.path(scenario)
+    if not shipped and target.resolve().parent == tuned.FOLDER.resolve():
+        said = f"{target} ships with the project: give the scenario as a TOML file of your own, or another --out FILE.json"
+        raise ValueError(f"{said}; a maintainer rewrites it by --shipped")
+    if target.suffix != ".json":
+        raise ValueError(f"--out {target} must end in .json")
+    return target
+
+
+def kept_rules(chosen: Collection[str], scenario: Scenario, target: Path, budget: Budget) -> dict[str, Any]:
+    """Return the entries of a file of the scenario's tuned parameters for the rules that are not tuned now.
+
+    Raises:
+        ValueError: they were tuned with another budget, so that the file would mix budgets; or the file is damaged.
+    """
+    values = tuned.read(target)
     if values.get("scenario_digest") != scenario.digest():
         return {}
     kept = {name: values["rules"][name] for name in RULES if name in values["rules"] and name not in chosen}
     if kept and values.get("budget") != budget:
-        raise ValueError(f"{tuned.path(scenario)} keeps {', '.join(kept)}, tuned with another budget: tune all rules")
+        raise ValueError(f"{target} keeps {', '.join(kept)}, tuned with another budget: tune all rules, or give another --out")
     return kept
+
+
+def journal(name: str, target: Path) -> Path:
+    """Return the path of the journal of a rule's unfinished search, beside the file that will hold its result."""
+    return target.with_name(f".unfinished-{target.stem}-{name}.log")
 
 
 @exits(KeyError, ValueError, interrupted="interrupted: run the same command again to go on")
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m baselines.tune", **described(__doc__))
-    parser.add_argument("--scenario", default="rough_turning", metavar="PRESET_OR_TOML", help="default: rough_turning")
-    parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune only these, and keep the others in the scenario's file")
-    parser.add_argument("--trials", type=int, default=64, help="parameter sets to try for each rule (default: 64)")
-    parser.add_argument("--seeds", type=int, default=32, help="tuning seeds on which each trial plays (default: 32)")
+    parser.add_argument("--scenario", required=True, metavar="PRESET_OR_TOML")
+    parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune only these, and keep the others in the file")
+    which = ", ".join(name for name, rule in RULES.items() if rule.worth_tuning)
+    quick = " and ".join(f"{number} {what}" for what, number in QUICK.items())
+    parser.add_argument("--quick", action="store_true", help=f"about a minute: {quick}, and only what can play of {which}")
+    parser.add_argument("--trials", type=int, metavar="N", help="parameter sets to try for each rule (default: 64)")
+    parser.add_argument("--seeds", type=int, metavar="N", help="tuning seeds on which each trial plays (default: 32)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="JSON file to write (default: TOML.tuned.json beside the TOML)")
+    parser.add_argument("--shipped", action="store_true", help="for maintainers: rewrite the parameters that ship for a preset")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes, one rule each (default: 1)")
     parser.add_argument("--scheduler", metavar="URL", help="play on the workers of this Dask cluster, such as tcp://host:8786")
     parsed = parser.parse_args(arguments)
-    budget = {"trials": parsed.trials, "seeds": parsed.seeds}
-    for what in ("trials", "jobs"):
-        if (asked := getattr(parsed, what)) < 1:
-            raise ValueError(f"{asked} {what} asked for, but there must be 1 or more")
-    tuning_seeds(parsed.seeds)
+    asked = {what: getattr(parsed, what) for what in BUDGET if getattr(parsed, what) is not None}
+    budget = (QUICK if parsed.quick else BUDGET) | asked
+    for what, number in (("trials", budget["trials"]), ("jobs", parsed.jobs)):
+        if number < 1:
+            raise ValueError(f"{number} {what} asked for, but there must be 1 or more")
+    tuning_seeds(budget["seeds"])
     scenario = Scenario.load(parsed.scenario)
     if scenario != scenario.nominal():
         raise ValueError(f"scenario {scenario.name!r} has a model mismatch: tune the rules on its nominal model")
-    chosen = chosen_rules(parsed.rules, scenario)
-    if parsed.rules is not None:
-        kept_rules(chosen, scenario, budget)  # refuse before hours of playing, not after
+    target = target_of(scenario, parsed.out, parsed.shipped)
+    chosen = chosen_rules(parsed.rules, scenario, parsed.quick)
+    some = parsed.quick or parsed.rules is not None
+    kept_rules(chosen if some else RULES, scenario, target, budget)  # refuse before hours of playing, not after
     with workers(parsed.jobs, parsed.scheduler) as over, ExitStack() as held:
         for name in chosen:
-            held.enter_context(file_lock(study.journal(name, scenario)))
+            held.enter_context(file_lock(journal(name, target)))
             # Optuna's own lock, left by a process that was killed while writing.
-            study.journal(name, scenario).with_suffix(".log.lock").unlink(missing_ok=True)
-        searches = [study.Search(name, rule, scenario, **budget) for name, rule in chosen.items()]
+            journal(name, target).with_suffix(".log.lock").unlink(missing_ok=True)
+        searches = [study.Search(name, rule, scenario, **budget, journal=journal(name, target)) for name, rule in chosen.items()]
         study.run_all(searches, over)
-        target = _write(searches, parsed.scenario, scenario, budget, parsed.rules is not None)
-        for name in chosen:
-            study.journal(name, scenario).unlink(missing_ok=True)
-    print(target)
-    return 0
-
-
-def _write(searches: Sequence[study.Search], preset: str, scenario: Scenario, budget: Budget, some: bool) -> Path:
-    """Write the best parameters; where only some rules were tuned, keep the others in the file."""
-    found = {search.name: asdict(search.found()) for search in searches}
-    for name, best in found.items():
-        feasible = "feasible" if best["feasible"] else "not feasible"
-        result = f"mean return {best['mean_return']:.1f} s over {budget['seeds']} seeds, {feasible}"
-        print(f"{name}: {best['parameters']}, {result}")
-    with exclusive_lock(tuned.FOLDER, wait=True):  # read again: another process may have tuned another rule
-        rules = found | (kept_rules(found, scenario, budget) if some else {})
+        found = {search.name: asdict(search.found()) for search in searches}
+        for name, best in found.items():
+            feasible = "feasible" if best["feasible"] else "not feasible"
+            result = f"mean return {best['mean_return']:.1f} s over {budget['seeds']} seeds, {feasible}"
+            print(f"{name}: {best['parameters']}, {result}")
+        words = ["--shipped"] * parsed.shipped + [word for what, number in budget.items() for word in (f"--{what}", str(number))]
         values = {
-            "command": f"python -m baselines.tune --scenario {preset} --trials {budget['trials']} --seeds {budget['seeds']}",
+            "command": shlex.join(["python", "-m", "baselines.tune", "--scenario", parsed.scenario, *words]),
             "scenario_digest": scenario.digest(),
             "budget": budget,
-            "rules": {name: rules[name] for name in RULES if name in rules},
         }
-        target = tuned.path(scenario)
-        replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
-    return target
+        with exclusive_lock(target.parent, wait=True):  # read again: another process may have tuned another rule
+            rules = found | (kept_rules(found, scenario, target, budget) if some else {})
+            values["rules"] = {name: rules[name] for name in RULES if name in rules}
+            replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
+        for name in chosen:
+            journal(name, target).unlink(missing_ok=True)
+    print(target)
+    return 0
 
 
 if __name__ == "__main__":

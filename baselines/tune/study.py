@@ -22,7 +22,6 @@ from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 from optuna.trial import FrozenTrial, TrialState
 from tqdm import tqdm
 
-from baselines import tuned
 from baselines.rule import Parameters, Range, Rule
 from baselines.tune.journal import cut_off_half_line
 from turning_env import MODEL_VERSION, Scenario
@@ -90,9 +89,10 @@ class Search:
         scenario: what is played.
         trials: number of trials.
         seeds: number of tuning seeds that each trial plays.
+        journal: file that keeps the trials until the search is finished.
     """
 
-    def __init__(self, name: str, rule: Rule, scenario: Scenario, trials: int, seeds: int) -> None:
+    def __init__(self, name: str, rule: Rule, scenario: Scenario, trials: int, seeds: int, journal: Path) -> None:
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self.name, self._rule, self._scenario, self.trials = name, rule, scenario, trials
         self._seeds = tuning_seeds(seeds)
@@ -100,7 +100,7 @@ class Search:
             key: FloatDistribution(value.low, value.high, log=value.logarithmic) for key, value in rule.ranges.items()
         }
         self._study = optuna.create_study(
-            storage=_open(journal(name, scenario)),
+            storage=_open(journal),
             study_name=_task(rule, scenario, trials, seeds),
             direction="maximize",
             load_if_exists=True,
@@ -189,11 +189,6 @@ def run_all(searches: Sequence[Search], over: Workers | None = None) -> None:
             note(search, played)
             if search.left:
                 over.start(search, play_trial, *search.next())
-
-
-def journal(name: str, scenario: Scenario) -> Path:
-    """Return the path of the journal of an unfinished search."""
-    return tuned.FOLDER / f".unfinished-{scenario.name}-{name}.log"
 
 
 def middle(values: Range) -> float:

@@ -1,12 +1,11 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from baselines import tuned
-from baselines.catalogue import RULES, merged, names, playable, spec
+from baselines.catalogue import RULES, names, playable, spec
 from baselines.fixed import FixedParameters
 from baselines.models.edge_changes import CHANGE_AT, TimelyChanges
 from baselines.rule import Range, Rule
@@ -32,19 +31,8 @@ def tunable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 def keep(rules: dict[str, dict[str, float]], scenario: Scenario) -> None:
     values = {name: {"parameters": parameters} for name, parameters in rules.items()}
-    tuned.path(scenario).write_text(json.dumps({"scenario_digest": scenario.digest(), "rules": values}))
-
-
-def test_the_rules_of_all_modules_are_there() -> None:
-    assert {"fixed_handbook", "fixed_tuned", "grid_search", "rescaled_grid_search"} <= RULES.keys()
-    assert names(Scenario()) == [name for name, rule in RULES.items() if rule.plays(Scenario())]
-
-
-def test_two_rules_of_one_name_are_refused() -> None:
-    first, second = (SimpleNamespace(__name__=name, RULES={"same": TUNABLE}) for name in ("first", "second"))
-    assert merged([first]) == {"same": TUNABLE}
-    with pytest.raises(ValueError, match="second declares same"):
-        merged([first, second])
+    about = {"command": "tune it", "scenario_digest": scenario.digest()}
+    tuned.path(scenario).write_text(json.dumps(about | {"rules": values}))
 
 
 @pytest.mark.parametrize("name", RULES)
@@ -85,7 +73,7 @@ def test_where_edges_are_changed_on_command_the_change_is_tuned_too(tunable: str
 
 
 def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
-    command = r"run `python -m baselines\.tune --scenario PRESET_OR_TOML"
+    command = r"run `python -m baselines\.tune --scenario rough_turning --shipped"
     with pytest.raises(tuned.NotTuned, match=f"have not been tuned: {command}`"):
         spec(tunable, Scenario())
     keep({"fixed_tuned": {"cutting_speed": 150.0, "feed": 0.2}}, Scenario())

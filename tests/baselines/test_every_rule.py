@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from baselines.catalogue import RULES, playable
+from baselines.catalogue import RULES, names, playable
 from baselines.rule import Parameters, Rule
 from baselines.tune.study import middle
 from tests.turning_env.playing import changed
-from turning_env import RoughTurningVectorEnv, Scenario, presets
+from turning_env import IDS, RoughTurningVectorEnv, Scenario, presets
 from turning_env.observation import bounds
 
 SCENARIOS = {name: Scenario.load(name).nominal() for name in presets()}
@@ -66,16 +66,22 @@ def test_each_controller_plays_an_override_task_or_a_speed_and_feed_task_once() 
     for preset in ("override", "rough_turning"):
         played = [name.removesuffix("_with_speed") for name, rule in RULES.items() if rule.plays(SCENARIOS[preset])]
         assert len(played) == len(set(played))
-    assert [name for name, rule in RULES.items() if rule.plays(SCENARIOS["surface"])] == [
-        "programmed_feed",
-        "constant_force",
-        "model_feed",
-    ]
-    assert all("parts" in name for name, rule in RULES.items() if rule.plays(SCENARIOS["batch_casting"]))
+    anywhere = {"random", "zero_action"}
+    on_surface = {name for name, rule in RULES.items() if rule.plays(SCENARIOS["surface"])}
+    assert on_surface == anywhere | {"override_tuned", "programmed_feed", "constant_force", "model_feed"}
+    for name, rule in RULES.items():
+        assert ("parts" in name or name in anywhere) == rule.plays(SCENARIOS["batch_casting"])
+
+
+@pytest.mark.parametrize("preset", IDS.values())
+def test_random_actions_no_action_and_the_best_constant_ones_play_every_task(preset: str) -> None:
+    played = names(SCENARIOS[preset])
+    assert {"random", "zero_action"} <= set(played)
+    assert sum(name in ("fixed_tuned", "override_tuned", "parts_fixed_tuned") for name in played) == 1
 
 
 def test_rules_that_invert_a_law_play_only_where_it_grows_with_feed() -> None:
-    for law, preset, names in (
+    for law, preset, unable in (
         ("power", "override", {"omative"}),
         ("power", "rough_turning", {"omative_with_speed", "grid_search", "rescaled_grid_search"}),
         ("thrust_force", "override", {"current_limit"}),
@@ -84,6 +90,6 @@ def test_rules_that_invert_a_law_play_only_where_it_grows_with_feed() -> None:
         material = SCENARIOS[preset].material
         falling = getattr(material, law).model_copy(update={"feed": -0.1})
         scenario = SCENARIOS[preset].model_copy(update={"material": material.model_copy(update={law: falling})})
-        for name in names:
+        for name in unable:
             assert RULES[name].plays(SCENARIOS[preset]), name
             assert not RULES[name].plays(scenario), name

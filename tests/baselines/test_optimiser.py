@@ -9,7 +9,6 @@ from tests.baselines.observing import seen
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.score.play import play
-from turning_env.score.seeds import tuning_seeds
 
 TIGHT = changed(QUIET, limits={"power": 4.5})
 EXACT = changed(TIGHT, sensors={"force_noise": 0.0, "power_noise": 0.0})
@@ -54,16 +53,6 @@ def test_a_load_above_the_limit_lowers_the_feed(load: float) -> None:
     for _ in range(5):
         action = policy.act(seen(**edge, **dict.fromkeys(air, load)))
     assert action[0, 1] < -0.3
-
-
-@pytest.mark.slow
-def test_it_earns_more_than_the_limits_of_its_knowledge_would_suggest() -> None:
-    """On a few seeds: more than fixed parameters, and with little overload."""
-    scenario = changed(Scenario(), control={"time_limit": 4.0})
-    middle = {name: 0.5 * (found.low + found.high) for name, found in RULES["optimiser"].ranges.items()}
-    ours = play(lambda num_envs: RULES["optimiser"].build(scenario, num_envs, middle), scenario, tuning_seeds(4))
-    assert ours["return"].mean() > 0
-    assert ours["severe_overload_time"].sum() < 0.02 * ours["engaged_time"].sum()
 
 
 @pytest.mark.slow

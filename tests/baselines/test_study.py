@@ -1,11 +1,9 @@
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from baselines import tuned
 from baselines.catalogue import RULES
 from baselines.rule import Parameters, Range, Rule
 from baselines.tune import study
@@ -42,9 +40,10 @@ class Counted:
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(tuned, "FOLDER", tmp_path)
-    return tmp_path
+def journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The journal of all searches."""
+    monkeypatch.chdir(tmp_path)
+    return Path("journal.log")
 
 
 @pytest.fixture
@@ -63,7 +62,7 @@ def hill(setting: Parameters) -> tuple[float, float]:
 
 
 def search(name: str, rule: Rule, scenario: Scenario, trials: int, seeds: int) -> Found:
-    searching = Search(name, rule, scenario, trials, seeds)
+    searching = Search(name, rule, scenario, trials, seeds, Path("journal.log"))
     run_all([searching])
     return searching.found()
 
@@ -106,10 +105,10 @@ def test_where_none_is_feasible_the_best_of_all_wins(scored: Callable[[Score], C
 
 
 @pytest.mark.parametrize("at", [1, 14])
-def test_interrupted_it_goes_on_to_the_same_end(at: int, scored: Callable[[Score], Counted], folder: Path) -> None:
+def test_interrupted_it_goes_on_to_the_same_end(at: int, scored: Callable[[Score], Counted], journal: Path) -> None:
     whole = scored(hill)
     expected = run()
-    study.journal("made_up", SHORT).unlink()
+    journal.unlink()
     parts = scored(hill)
     parts.raise_at = {at: KeyboardInterrupt(), at + 1: KeyboardInterrupt()}
     for _ in range(2):
@@ -117,13 +116,7 @@ def test_interrupted_it_goes_on_to_the_same_end(at: int, scored: Callable[[Score
             run()
     assert run() == expected
     assert parts.settings == whole.settings[:at] + [whole.settings[at - 1]] * 2 + whole.settings[at:]
-    assert [path.name for path in folder.iterdir()] == [".unfinished-short-made_up.log"]
-
-
-def test_what_is_found_is_found_again_without_playing(scored: Callable[[Score], Counted]) -> None:
-    counted = scored(hill)
-    assert run() == run()
-    assert len(counted.settings) == 16
+    assert list(Path().iterdir()) == [journal]
 
 
 @pytest.mark.parametrize(
@@ -144,14 +137,13 @@ DAMAGES = ["garbled", "", "null\n", '{"op_code": 3}\n', "\xff\n", "[" * 100_000 
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=range(len(DAMAGES)))
 def test_a_damaged_journal_is_started_anew(
-    damage: str, scored: Callable[[Score], Counted], capsys: pytest.CaptureFixture[str]
+    damage: str, scored: Callable[[Score], Counted], journal: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     counted = scored(hill)
     expected = run(trials=12)
-    path = study.journal("made_up", SHORT)
-    text = path.read_text()
+    text = journal.read_text()
     lines = text.splitlines(keepends=True)
-    path.write_text({"garbled": "".join([*lines[:9], "{garbled\n", *lines[9:]])}.get(damage, damage), "latin-1")
+    journal.write_text({"garbled": "".join([*lines[:9], "{garbled\n", *lines[9:]])}.get(damage, damage), "latin-1")
     assert run(trials=12) == expected
     assert len(counted.settings) == 24
     assert ("is damaged" in capsys.readouterr().err) == (damage != "")
@@ -159,18 +151,17 @@ def test_a_damaged_journal_is_started_anew(
 
 @pytest.mark.parametrize("kept", [0.3, 0.99])
 def test_of_a_journal_that_ends_within_a_line_all_that_is_whole_is_kept(
-    kept: float, scored: Callable[[Score], Counted], capsys: pytest.CaptureFixture[str]
+    kept: float, scored: Callable[[Score], Counted], journal: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     counted = scored(hill)
     expected = run(trials=12)
-    path = study.journal("made_up", SHORT)
-    content = path.read_bytes()
+    content = journal.read_bytes()
     cut = content[: int(kept * len(content))].rstrip(b"\n")[:-1]
-    path.write_bytes(cut)
+    journal.write_bytes(cut)
     assert run(trials=12) == expected
     assert len(counted.settings) < 12 + 12 * (1.2 - kept)
     assert "ended within a line, which is cut off" in capsys.readouterr().err
-    assert path.read_bytes().startswith(cut[: cut.rfind(b"\n") + 1])
+    assert journal.read_bytes().startswith(cut[: cut.rfind(b"\n") + 1])
 
 
 def test_a_failure_names_the_rule_and_the_setting(scored: Callable[[Score], Counted]) -> None:
@@ -191,10 +182,3 @@ def test_settings_are_really_played() -> None:
     assert played.steps == episodes["steps"].sum()
     assert played.severe_share == episodes["severe_overload_time"].sum() / episodes["engaged_time"].sum()
     assert 0 < played.severe_share <= played.severe_limit
-
-
-def test_it_is_quiet(capfd: pytest.CaptureFixture[str]) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        search("fixed_tuned", RULES["fixed_tuned"], SHORT, 12, 2)
-    assert capfd.readouterr() == ("", "")

@@ -108,21 +108,6 @@ def test_depth_enters_with_the_stated_exponents(rule: str) -> None:
     assert (np.log(faster / slower) / ratio, np.log(more / less) / ratio) == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize("rule", TWO_LIMITS)
-def test_depth_enters_the_cost_with_the_papers_exponents(rule: str) -> None:
-    """q = a t^eta + gamma/C_T b t^lambda along limits H, without cutting speed, and Phi; eta and lambda as the paper has them."""
-    process = handbook_process(rule)
-    h, phi = (limit.law for limit in limits(rule, process))
-    mu, nu, rho = process.life_exponents
-    alpha, beta, depth = phi.cutting_speed, phi.feed, phi.depth_of_cut
-    crossed = h.depth_of_cut * beta / (h.feed * alpha)
-    eta = depth / alpha + h.depth_of_cut / h.feed - 1.0 - crossed
-    lamda = (crossed - depth / alpha) * (mu - 1.0) - h.depth_of_cut / h.feed * (nu - 1.0) + rho - 1.0
-    speed, feed = depth_exponents(rule, process)
-    assert -(1.0 + speed + feed) == pytest.approx(eta)
-    assert speed * (mu - 1.0) + feed * (nu - 1.0) + rho - 1.0 == pytest.approx(lamda)
-
-
 @pytest.mark.parametrize("price", [0.0, 5.0, 40.0, 1000.0])
 @pytest.mark.parametrize("wear", [0.05, 0.15, 0.29])
 def test_the_economic_optimum_is_the_cheapest_feasible_point(price: float, wear: float) -> None:
@@ -137,14 +122,6 @@ def test_the_economic_optimum_is_the_cheapest_feasible_point(price: float, wear:
         assert float(process.power.law(speed, feed, depth, wear=wear)) <= 7.0 * (1 + 1e-6)
         cheapest = float(np.min(costs[feasible]))
         assert cheapest - 0.02 < float(process.log_cost(np.log(speed), np.log(feed), depth, 1.0)) < cheapest + 1e-6
-
-
-def test_dear_edges_lower_the_economic_cutting_speed_to_the_economic_life() -> None:
-    process = replace(STEEL, edge_price=40.0)
-    speed, feed = set_point(ECONOMIC_OPTIMUM, process, 1.0, wear=0.1)
-    assert float(feed) == 0.6
-    mu = process.life_exponents[0]
-    assert float(np.exp(process.log_life(np.log(speed), np.log(feed), 1.0, 1.0))) == pytest.approx(40.0 * (mu - 1.0))
 
 
 @pytest.mark.parametrize("preset", [name for name in presets() if sets_speed_and_feed(Scenario.load(name))])

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from baselines import tuned
 from baselines.tune import __main__ as rule_tuning
-from baselines.tune import study
 from leaderboard import run
 from leaderboard.result import Task, read_part, result_folder
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
@@ -128,18 +127,15 @@ def test_a_damaged_run_says_which_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_search_of_rules_is_not_made_twice_at_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(tuned, "FOLDER", tmp_path / "tuned")
+def test_a_search_of_rules_is_not_made_twice_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     SCENARIO.save(tmp_path / "short.toml")
     arguments = ["--scenario", str(tmp_path / "short.toml"), "--trials", "1", "--seeds", "2", "--rules"]
-    with held("file_lock", study.journal("fixed_tuned", SCENARIO)):
+    with held("file_lock", rule_tuning.journal("fixed_tuned", tmp_path / "short.tuned.json")):
         assert rule_tuning.main([*arguments, "fixed_tuned"]) == 2
         assert "error: another process works with" in capsys.readouterr().err
         assert rule_tuning.main([*arguments, "rescaled_grid_search"]) == 0  # another rule, into the same file
     assert rule_tuning.main([*arguments, "fixed_tuned"]) == 0
-    assert tuned.rules(SCENARIO).keys() == {"fixed_tuned", "rescaled_grid_search"}
+    assert tuned.contents(Scenario.load(tmp_path / "short.toml"))["rules"].keys() == {"fixed_tuned", "rescaled_grid_search"}
 
 
 @pytest.mark.slow

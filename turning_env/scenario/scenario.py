@@ -33,6 +33,7 @@ from turning_env.scenario.sections import (
 )
 from turning_env.scenario.validation import complaints
 
+_SOURCE = "_source"  # beside the fields, as Pydantic would compare a private attribute
 _PRESETS = resources.files("turning_env.scenario") / "presets"
 _ALL_PRESETS = "python -m turning_env presets"
 
@@ -107,6 +108,12 @@ class Scenario(Section):
             raise ValueError('sensors.probe is true, but blanks are only probed where control.action is "part"')
         return self
 
+    @property
+    def file(self) -> Path | None:
+        """Return the TOML file from which it was loaded, or None. Copies keep it; it is no part of the identity."""
+        file: Path | None = vars(self).get(_SOURCE)
+        return file
+
     @classmethod
     def load(cls, source: "Source") -> "Scenario":
         """Return the scenario of a preset's name, of a TOML file's path, of a dict, or the scenario itself.
@@ -146,7 +153,9 @@ class Scenario(Section):
             text = path.read_bytes()
         except OSError as error:
             raise ScenarioError(f"{str(path)[:200]!r} cannot be read: {error.strerror}") from error
-        return cls._parse(text, str(path), name_of_file(path), path.parent, cls._above(str(path.resolve()), below))
+        loaded = cls._parse(text, str(path), name_of_file(path), path.parent, cls._above(str(path.resolve()), below))
+        vars(loaded)[_SOURCE] = path
+        return loaded
 
     @classmethod
     def _preset(cls, name: str, below: tuple[str, ...]) -> "Scenario":

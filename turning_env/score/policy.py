@@ -18,7 +18,11 @@ class Policy(Protocol):
     """Chooses the actions of a fixed number of environments. It sees their observations and nothing else."""
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the environments of the mask, shape (num_envs,): their next observation is the first of an episode."""
+        """Forget the environments of the mask, shape (num_envs,): their next observation is the first of an episode.
+
+        A subclass without state needs no method of its own.
+        """
+        return
 
     def act(self, observations: Observations) -> Actions:
         """Return actions in -1..1, float32 of shape (num_envs, actions), for float32 observations of shape (num_envs, entries).

@@ -5,7 +5,6 @@ import pytest
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from baselines import catalogue
 from baselines.oracles import clairvoyant
 from baselines.oracles.clairvoyant import TOLERANCE, Grid, bounds, covers
 from baselines.oracles.perfect_state import PerfectState
@@ -26,13 +25,6 @@ def bound() -> NDArray[np.float64]:
 def allowed(bound: Any, machine_time: Any) -> Any:
     """What may be earned [s] in view of the steps of the bound's grids."""
     return bound + TOLERANCE * machine_time
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["fixed_tuned", "grid_search", "rescaled_grid_search"])
-def test_no_rule_earns_more(name: str, bound: NDArray[np.float64]) -> None:
-    episodes = play(catalogue.spec(name, BASE).make, BASE, SEEDS)
-    assert (episodes["return"] <= allowed(bound, episodes["time"])).all()
 
 
 @pytest.mark.slow
@@ -108,15 +100,6 @@ def test_it_does_not_depend_on_threads_or_on_what_is_computed_beside_it() -> Non
     together = bounds(BASE, SEEDS[:2], COARSE, on_seed=lambda: done.append(1), threads=2)
     assert together.tolist() == [bounds(BASE, [seed], COARSE, threads=1)[0] for seed in SEEDS[:2]]
     assert len(done) == 2
-
-
-@pytest.mark.slow
-def test_an_override_of_the_feed_is_bounded_too() -> None:
-    override = Scenario.load("override")
-    limit = bounds(override, SEEDS)
-    episodes = play(catalogue.spec("omative", override).make, override, SEEDS)
-    assert (episodes["return"] <= allowed(limit, episodes["time"])).all()
-    assert (limit - episodes["return"] < 10.0).all()
 
 
 def test_worn_edges_and_hard_skins_lower_it() -> None:
