@@ -6,7 +6,7 @@ from baselines import tuned
 from baselines.models.edge_changes import as_played
 from baselines.rule import TOLERANCE, Rule
 from turning_env import Scenario
-from turning_env.score.policy import PolicySpec, ScenarioId
+from turning_env.scoring.policy import PolicySpec, ScenarioId
 
 FILES = (
     "trivial",

@@ -22,7 +22,7 @@ from baselines.rule import Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import towards
 from turning_env.scenario.sections import Surface
-from turning_env.score.policy import Actions, Observations, Policy
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 THRESHOLD = 100.0
 """Force below which the tool counts as out of the metal [N] (roughness control paper)."""

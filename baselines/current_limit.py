@@ -17,7 +17,7 @@ from baselines.constant_force import FORCE_SHARE
 from baselines.models.current_sensing import ForceEstimator
 from baselines.models.part_program import PROGRAM, PartProgram, override_rules
 from turning_env import read
-from turning_env.score.policy import Actions, Observations
+from turning_env.scoring.policy import Actions, Observations
 from turning_env.wrappers import FEED_GRADES
 
 HYSTERESIS, CUTOFF, WINDOW = 0.05, 0.8, 3

@@ -7,7 +7,7 @@ from baselines.models.part_program import PROGRAM
 from baselines.rule import Parameters, Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
-from turning_env.score.policy import Actions, Observations, Policy
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 HANDBOOK_CUTTING_SPEED, HANDBOOK_FEED = 145.0, 0.32
 """Middle speed of the grid-search paper's verification tests (T5 to T8) [m/min]; usual roughing feed for an insert of this size,

@@ -21,7 +21,7 @@ from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.physics.machinability import force_and_power, log_wear_coefficient
 from turning_env.physics.records import parameter_records
 from turning_env.physics.wear import advance_used_life, log_wear
-from turning_env.score.policy import Actions, Observations, Policy
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 CUTTING_SPEED_STEP = 10.0
 FEED_STEP = 0.005

@@ -14,7 +14,7 @@ from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, overrid
 from baselines.rule import Range
 from turning_env import read
 from turning_env.physics.drives import lag_share
-from turning_env.score.policy import Actions, Observations
+from turning_env.scoring.policy import Actions, Observations
 
 ENTRY_TIME = 0.3
 """Duration of the entry override after the touch [s], one control interval at least: the power reading needs that long."""

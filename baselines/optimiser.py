@@ -25,7 +25,7 @@ from baselines.models.kalman import Array, LoadFilter, Outlook, decay, feed_velo
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
-from turning_env.score.policy import Actions, Observations
+from turning_env.scoring.policy import Actions, Observations
 
 POINTS = 3
 """Points of a step at which loads are predicted."""

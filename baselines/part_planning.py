@@ -14,7 +14,7 @@ from baselines.rule import Parameters, Range, Rule
 from baselines.two_limits import ECONOMIC_OPTIMUM, MIN_DEPTH, TWO_LIMITS, set_point
 from turning_env import Scenario, read
 from turning_env.action import set_point_action
-from turning_env.score.policy import Actions, Observations, Policy
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 Array = NDArray[np.float64]
 _MIN_WEAR = 0.1  # wear of a fresh edge over the criterion [-]: without wear, nothing would limit the force

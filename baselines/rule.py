@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from turning_env import Scenario
-from turning_env.score.policy import Policy
+from turning_env.scoring.policy import Policy
 
 Parameters = dict[str, float]
 

@@ -25,7 +25,7 @@ from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, overrid
 from baselines.rule import Range
 from turning_env import read
 from turning_env.physics.drives import lag_share
-from turning_env.score.policy import Actions, Observations
+from turning_env.scoring.policy import Actions, Observations
 
 SETTLING_TIME = 0.5
 """Cutting time of an edge at which learning starts [s]: before, the power is still rising."""

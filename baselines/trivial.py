@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from baselines.rule import Rule
 from turning_env.physics.quantities import action_size
-from turning_env.score.policy import Actions, Observations, Policy
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 Words = NDArray[np.uint64]
 

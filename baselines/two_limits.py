@@ -26,7 +26,7 @@ from baselines.models.process import ALIKE, Array, Limit, Line, Process, Scales
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
-from turning_env.score.policy import Actions, Observations
+from turning_env.scoring.policy import Actions, Observations
 
 TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")
 """The paper's rules."""

@@ -38,11 +38,11 @@ from train.vec_env import RoughTurningVecEnv, info_at_end_of_step
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
 from turning_env.files import replace_file
-from turning_env.score.overload import CONFIDENCE, ratio, severe_share
-from turning_env.score.play import Episodes, play
-from turning_env.score.seeds import tuning_seeds
-from turning_env.score.statistics import Bootstrap, Estimate
-from turning_env.score.workers import spread, workers
+from turning_env.scoring.overload import CONFIDENCE, ratio, severe_share
+from turning_env.scoring.play import Episodes, play
+from turning_env.scoring.seeds import tuning_seeds
+from turning_env.scoring.statistics import Bootstrap, Estimate
+from turning_env.scoring.workers import spread, workers
 
 ENV_ID = "RoughTurning-v0"
 NUM_SEEDS = 128
@@ -213,7 +213,7 @@ class Played:
 
     name: str
     episodes: Episodes
-    """As of ``turning_env.score.play``, each of shape (training seeds, tuning seeds)."""
+    """As of ``turning_env.scoring.play``, each of shape (training seeds, tuning seeds)."""
     seconds: float
     """Processor time of a training [s], mean over training seeds."""
 

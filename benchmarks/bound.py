@@ -15,7 +15,7 @@ import numpy as np
 from baselines.oracles.clairvoyant import GRID, TOLERANCE, Grid, bounds, covers
 from turning_env import Scenario
 from turning_env.console import described, exits, print_json
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.seeds import tuning_seeds
 
 Row = tuple[str, float, float, float, float]
 

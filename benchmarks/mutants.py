@@ -33,9 +33,9 @@ from tqdm import tqdm
 from turning_env.console import described, exits
 
 ROOT = Path(__file__).parents[1]
-TARGETS = ("turning_env/physics/*.py", "turning_env/score/statistics.py", "train/model_gain.py")
+TARGETS = ("turning_env/physics/*.py", "turning_env/scoring/statistics.py", "train/model_gain.py")
 OWN = {
-    "turning_env/score/statistics.py": "tests/turning_env/score/test_statistics.py",
+    "turning_env/scoring/statistics.py": "tests/turning_env/scoring/test_statistics.py",
     "train/model_gain.py": "tests/train/test_model_gain.py",
 }
 """The tests of a file, which are tried first."""

@@ -18,8 +18,8 @@ from baselines import tuned
 from baselines.grid_search import RescaledGridSearch
 from turning_env import Scenario
 from turning_env.console import described, exits, print_json
-from turning_env.score.play import Episodes, play
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.play import Episodes, play
+from turning_env.scoring.seeds import tuning_seeds
 
 PRICES = (1.0, 3.0, 5.0, 10.0, 20.0, 40.0)
 MARGINS = (0.85, 0.90, 0.925, 0.95, 0.975, 1.0, 1.05, 1.1)

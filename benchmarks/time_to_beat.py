@@ -33,9 +33,9 @@ from train.run import Run
 from train.training import SEEDS, Algorithm, new_model
 from turning_env import IDS, Scenario
 from turning_env.console import DONE, FAILED, described, exits, print_json
-from turning_env.score.play import play
-from turning_env.score.seeds import tuning_seeds
-from turning_env.score.statistics import Bootstrap, Estimate
+from turning_env.scoring.play import play
+from turning_env.scoring.seeds import tuning_seeds
+from turning_env.scoring.statistics import Bootstrap, Estimate
 
 ENV_ID = "RoughTurning-v0"
 ALGORITHMS = {module.ALGORITHM.name: module.ALGORITHM for module in (analytic_gradient, ppo)}

@@ -28,7 +28,7 @@ from train.agents import onnx_policy
 from train.training import SEED_STRIDE, SEEDS
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.console import described
-from turning_env.score.policy import PolicyFactory
+from turning_env.scoring.policy import PolicyFactory
 
 with extra("ecosystem"):
     import minari  # type: ignore[import-untyped]

@@ -11,9 +11,9 @@ import torch
 from numpy.typing import NDArray
 
 from turning_env import Scenario
-from turning_env.score.play import play
-from turning_env.score.policy import Actions, Observations, PolicyFactory
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.play import play
+from turning_env.scoring.policy import Actions, Observations, PolicyFactory
+from turning_env.scoring.seeds import tuning_seeds
 
 ENV_ID = "RoughTurning-v0"
 NUM_SEEDS = 32

@@ -25,7 +25,7 @@ import turning_env
 from examples.shared import ENV_ID, at_least, run, score
 from train.vec_env import RoughTurningVecEnv
 from turning_env.console import described
-from turning_env.score.policy import Actions, Observations
+from turning_env.scoring.policy import Actions, Observations
 
 ROLLOUT = 4096
 """Steps of all environments between two updates of an on-policy algorithm."""
@@ -59,7 +59,7 @@ def new_model(algorithm: str, env: VecEnv, seed: int) -> Any:
 
 
 class Predicting:
-    """A model of Stable-Baselines3, with a memory or without, as a policy for ``turning_env.score.play``."""
+    """A model of Stable-Baselines3, with a memory or without, as a policy for ``turning_env.scoring.play``."""
 
     def __init__(self, model: Any, num_envs: int) -> None:
         self._model, self._memory = model, None

@@ -19,8 +19,8 @@ from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import MANIFEST_FILE, ResultError, Task, result_folder
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
-from turning_env.score.seeds import held_out_seeds
-from turning_env.score.workers import WorkersError, workers
+from turning_env.scoring.seeds import held_out_seeds
+from turning_env.scoring.workers import WorkersError, workers
 
 PAGE = "index.html"
 SHIPPED = Path("leaderboard/results")

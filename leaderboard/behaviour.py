@@ -12,7 +12,7 @@ from leaderboard.result import ResultError
 from leaderboard.table import aligned
 from leaderboard.trajectories import play_trajectory
 from turning_env import Scenario
-from turning_env.score.policy import PolicySpec
+from turning_env.scoring.policy import PolicySpec
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from leaderboard.standings import OVERRIDE, PARTS, ROUGHNESS, SPEED_AND_FEED, Standing
-from turning_env.score.statistics import Estimate
+from turning_env.scoring.statistics import Estimate
 
 
 @dataclass(frozen=True)

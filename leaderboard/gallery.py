@@ -23,7 +23,7 @@ from leaderboard.behaviour import AFTER, BEFORE, Episode, by_life_stage, measure
 from leaderboard.result import ResultError
 from turning_env import Scenario
 from turning_env.files import replace_file
-from turning_env.score.policy import PolicySpec
+from turning_env.scoring.policy import PolicySpec
 from turning_env.workshop.plot_style import BLUE, GREY, ORANGE, VERMILLION
 
 Played = Mapping[str, Sequence[Episode]]

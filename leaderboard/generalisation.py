@@ -8,7 +8,7 @@ from leaderboard.ranking import Leaderboard
 from leaderboard.standings import Standing
 from leaderboard.table import aligned
 from turning_env import SPLITS
-from turning_env.score.policy import ScenarioId
+from turning_env.scoring.policy import ScenarioId
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ import numpy as np
 from baselines.oracles import clairvoyant, perfect_state
 from baselines.rule import TOLERANCE
 from turning_env import Scenario
-from turning_env.score.play import EPISODE_FIELDS, Episodes
-from turning_env.score.policy import PolicySpec
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes
+from turning_env.scoring.policy import PolicySpec
 
 CLAIRVOYANT, CAUSAL = "clairvoyant", "causal"
 

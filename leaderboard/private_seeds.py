@@ -13,7 +13,7 @@ from pathlib import Path
 
 from leaderboard.result import ResultError, Task, digest_of
 from turning_env.batch.driver import MAX_SEED
-from turning_env.score.seeds import HELD_OUT_START
+from turning_env.scoring.seeds import HELD_OUT_START
 
 MAX_SEEDS = 1_000_000
 MAX_BYTES = 32_000_000

@@ -24,8 +24,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSeriali
 from turning_env import MODEL_VERSION
 from turning_env.files import replace_file
 from turning_env.scenario import PortableScenario
-from turning_env.score.play import EPISODE_FIELDS, Episodes
-from turning_env.score.policy import PolicySpec
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes
+from turning_env.scoring.policy import PolicySpec
 
 SCHEMA: Literal["rough-turning/result/4"] = "rough-turning/result/4"
 TRAJECTORIES_FILE = "trajectories.json.xz"

@@ -28,9 +28,9 @@ from train.agents.agent_file import ONNX_SUFFIX, check_fits
 from train.agents.sandbox import LIMITS, TooSlow
 from turning_env import Scenario
 from turning_env.files import exclusive_lock, shared_lock
-from turning_env.score.play import Episodes, play_spec
-from turning_env.score.policy import PolicySpec
-from turning_env.score.workers import Workers, spread
+from turning_env.scoring.play import Episodes, play_spec
+from turning_env.scoring.policy import PolicySpec
+from turning_env.scoring.workers import Workers, spread
 
 
 def named(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from leaderboard.result import MANIFEST_FILE, Manifest, Task, read_part, result_folder, write_whole
 from train.agents.agent_file import ONNX_SUFFIX
-from turning_env.score.policy import PolicySpec
+from turning_env.scoring.policy import PolicySpec
 
 RESULTS = Path(__file__).parent / "results"
 AGENTS = Path(__file__).parents[1] / "agents"

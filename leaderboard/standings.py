@@ -10,9 +10,9 @@ from leaderboard.oracles import CAUSAL, CLAIRVOYANT
 from leaderboard.result import Result, digest_of
 from leaderboard.shipped import is_own
 from turning_env import Scenario
-from turning_env.score.overload import CONFIDENCE, ratio
-from turning_env.score.policy import PolicySpec
-from turning_env.score.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean
+from turning_env.scoring.overload import CONFIDENCE, ratio
+from turning_env.scoring.policy import PolicySpec
+from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean
 
 
 @dataclass(frozen=True)

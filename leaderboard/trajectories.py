@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from leaderboard.result import Part
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.score.policy import PolicyFactory, PolicySpec
+from turning_env.scoring.policy import PolicyFactory, PolicySpec
 
 SCHEMA: Literal["rough-turning/trajectories/4"] = "rough-turning/trajectories/4"
 SERIES = (

@@ -31,9 +31,9 @@ from leaderboard.result import (
 from leaderboard.shipped import agent_files
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import MODEL_VERSION, Scenario, presets
-from turning_env.score.play import EPISODE_FIELDS, Episodes
-from turning_env.score.policy import PolicySpec, ScenarioId
-from turning_env.score.workers import Workers, spread
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes
+from turning_env.scoring.policy import PolicySpec, ScenarioId
+from turning_env.scoring.workers import Workers, spread
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from leaderboard.result import ResultError
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
-from turning_env.score.policy import PolicySpec
+from turning_env.scoring.policy import PolicySpec
 
 _CAPTION_HEIGHT = 30
 _GAP = 8

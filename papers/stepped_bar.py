@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from papers import changed
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.score.policy import PolicyFactory
+from turning_env.scoring.policy import PolicyFactory
 
 RIPPLE = 0.02
 """Amplitude of the ripple of load in the paper's test, over the load [-]."""

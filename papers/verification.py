@@ -20,7 +20,7 @@ import numpy as np
 from baselines.fixed import FixedParameters
 from papers import changed
 from turning_env import Scenario
-from turning_env.score.play import play
+from turning_env.scoring.play import play
 
 STATED_LIFE = 15.0
 """Life of the grid search's edge in the paper's ratios of metal per edge [min]."""

@@ -8,7 +8,7 @@ from itertools import product
 from baselines.grid_search import GridSearch, RescaledGridSearch
 from baselines.oracles.clairvoyant import Grid, bounds
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.seeds import tuning_seeds
 
 if __name__ == "__main__":
     for num_envs, rule in product((1, 2), (GridSearch, lambda *task: RescaledGridSearch(*task, margin=1.0, smoothing=0.5))):

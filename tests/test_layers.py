@@ -27,11 +27,11 @@ FLOORS = (
     {"observation", "info"},
     {"batch"},
     {"env", "vector_env", "tasks", "wrappers", "action"},
-    {"score", "programs", "control", "workshop", "rendering"},
+    {"scoring", "programs", "control", "workshop", "rendering"},
     {"__main__"},
 )
 """Rooms of ``turning_env`` from the ground up: a room may import its own floor and all below."""
-UPWARDS = {("env", "rendering"), ("vector_env", "rendering"), ("action", "score")}
+UPWARDS = {("env", "rendering"), ("vector_env", "rendering"), ("action", "scoring")}
 """Exceptions: an environment opens its viewer when it is asked to render, and actions have the type of a policy's."""
 LEAVES = {"files", "locks", "console", "extras"}
 """Modules that all rooms may import, and that import none."""

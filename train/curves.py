@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from train.run import Run
 from turning_env.console import described, exits
-from turning_env.score.overload import CONFIDENCE, KEY, RESAMPLES
+from turning_env.scoring.overload import CONFIDENCE, KEY, RESAMPLES
 from turning_env.workshop import plot_style as style
 
 POINTS = 200

@@ -43,8 +43,8 @@ from turning_env import IDS, RoughTurningVectorEnv, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.console import described, exits
 from turning_env.files import replace_file
-from turning_env.score.policy import Policy
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.policy import Policy
+from turning_env.scoring.seeds import tuning_seeds
 
 NUM_ENVS, STEPS = 50, 100
 """Environments and steps of each of the two comparisons of agent and file."""

@@ -28,7 +28,7 @@ from train.vec_env import RoughTurningVecEnv
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, replace_file
-from turning_env.score.seeds import HELD_OUT_START, TUNING_START
+from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START
 
 SEED_STRIDE = 1_000_000
 """Environment i of training seed s plays the episodes of seed s * SEED_STRIDE + i, so that no two trainings share bars."""

@@ -43,10 +43,10 @@ from train.training import SEEDS, Algorithm, train
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, file_lock
-from turning_env.score.overload import severe_limit
-from turning_env.score.play import play
-from turning_env.score.seeds import tuning_seeds
-from turning_env.score.workers import cluster, processes
+from turning_env.scoring.overload import severe_limit
+from turning_env.scoring.play import play
+from turning_env.scoring.seeds import tuning_seeds
+from turning_env.scoring.workers import cluster, processes
 
 ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
 NUM_EPISODES = 64
@@ -97,7 +97,7 @@ class Evaluation:
     mean_return: float
     """Mean return over tuning seeds and training seeds [s]."""
     severe_limit: float
-    """Upper confidence limit of the severely overloaded share of cutting time [-], see ``turning_env/score/overload.py``."""
+    """Upper confidence limit of the severely overloaded share of cutting time [-], see ``turning_env/scoring/overload.py``."""
 
 
 def algorithm_of(name: str) -> Algorithm:

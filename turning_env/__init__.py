@@ -8,14 +8,17 @@ import gymnasium
 from turning_env.env import RoughTurningEnv
 from turning_env.observation import Reading, read
 from turning_env.physics import MODEL_VERSION
+from turning_env.physics.quantities import OBS
 from turning_env.scenario import SPLITS, Scenario, ScenarioError, presets
 from turning_env.scenario.power_law import PowerLaw
+from turning_env.scoring.score import Score, score
 from turning_env.vector_env import RoughTurningVectorEnv
 from turning_env.wrappers import FeedSwitch, VectorFeedSwitch
 
 __all__ = [
     "IDS",
     "MODEL_VERSION",
+    "OBS",
     "SPLITS",
     "FeedSwitch",
     "PowerLaw",
@@ -24,9 +27,11 @@ __all__ = [
     "RoughTurningVectorEnv",
     "Scenario",
     "ScenarioError",
+    "Score",
     "VectorFeedSwitch",
     "presets",
     "read",
+    "score",
 ]
 
 _ENTRY_POINTS = {

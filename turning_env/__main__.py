@@ -20,11 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from turning_env import IDS
+from turning_env import IDS, score
 from turning_env.console import MISTAKE, described, exits, number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario, ScenarioError, presets
-from turning_env.score.score import score
 from turning_env.workshop import WorkshopError, whatif
 from turning_env.workshop.measurements import COLUMNS, EDGE, read_measurements
 

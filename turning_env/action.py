@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env import Reading, Scenario
-from turning_env.score.policy import Actions
+from turning_env.scoring.policy import Actions
 
 
 def sets_speed_and_feed(scenario: Scenario) -> bool:

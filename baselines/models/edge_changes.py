@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from baselines.rule import Parameters, Range, Rule
 from turning_env import Scenario, read
-from turning_env.score.policy import Actions, Observations, Policy
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 CHANGE_AT = "change_at"
 """Name of the parameter: nominal wear over the wear criterion at which the edge is changed [-]."""

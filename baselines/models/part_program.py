@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from baselines.rule import Parameters, Range, Rule
 from turning_env import Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
-from turning_env.score.policy import Actions, Observations, Policy
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 PROGRAM = {"cutting_speed": Range(50.0, 200.0), "feed": Range(0.06, 0.60, logarithmic=True)}
 """Tuned parameters of a part program where an action sets speed and feed [m/min], [mm/rev], clipped to the machine."""

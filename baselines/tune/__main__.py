@@ -27,8 +27,8 @@ from baselines.tune import study
 from turning_env import Scenario, presets
 from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, file_lock, replace_file
-from turning_env.score.seeds import tuning_seeds
-from turning_env.score.workers import workers
+from turning_env.scoring.seeds import tuning_seeds
+from turning_env.scoring.workers import workers
 
 Budget = dict[str, int]
 BUDGET: Budget = {"trials": 64, "seeds": 32}

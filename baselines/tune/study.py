@@ -25,10 +25,10 @@ from tqdm import tqdm
 from baselines.rule import Parameters, Range, Rule
 from baselines.tune.journal import cut_off_half_line
 from turning_env import MODEL_VERSION, Scenario
-from turning_env.score.overload import severe_limit, severe_share
-from turning_env.score.play import play
-from turning_env.score.seeds import tuning_seeds
-from turning_env.score.workers import Workers
+from turning_env.scoring.overload import severe_limit, severe_share
+from turning_env.scoring.play import play
+from turning_env.scoring.seeds import tuning_seeds
+from turning_env.scoring.workers import Workers
 
 _CANDIDATES = 128
 """Candidates of which the estimator picks one. With Optuna's 24 it comes less near to the limit of feasibility."""

@@ -19,7 +19,7 @@ from leaderboard.result import write_whole
 from leaderboard.standings import highest
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario, presets
-from turning_env.score.overload import CONFIDENCE, RESAMPLES
+from turning_env.scoring.overload import CONFIDENCE, RESAMPLES
 
 COLUMN_GROUPS = {
     "Return": columns.RETURNS,

@@ -21,8 +21,8 @@ from baselines.models.part_program import PartProgram
 from papers import changed
 from papers.reproduce.checks import Check, at_least, at_most, claim, table
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.score.policy import Policy
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.policy import Policy
+from turning_env.scoring.seeds import tuning_seeds
 
 TABLE = Path(__file__).parents[1] / "data" / "surface_table1.csv"
 NUM_SEEDS = 8

@@ -22,9 +22,9 @@ from papers.reproduce.checks import Check, at_least, at_most, claim, table
 from turning_env import RoughTurningVectorEnv, Scenario, read
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.records import parameter_records
-from turning_env.score.play import play
-from turning_env.score.policy import PolicyFactory
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.play import play
+from turning_env.scoring.policy import PolicyFactory
+from turning_env.scoring.seeds import tuning_seeds
 
 NUM_SEEDS = 8
 SETTLED = 3.0

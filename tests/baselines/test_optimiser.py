@@ -8,7 +8,7 @@ from tests.baselines.models.test_kalman import QUIET
 from tests.baselines.observing import seen
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.score.play import play
+from turning_env.scoring.play import play
 
 TIGHT = changed(QUIET, limits={"power": 4.5})
 EXACT = changed(TIGHT, sensors={"force_noise": 0.0, "power_noise": 0.0})

@@ -7,7 +7,7 @@ from baselines.optimiser import Optimiser
 from baselines.predictive import Predictive
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.seeds import tuning_seeds
 
 LENGTH = 100.0
 ROW = changed(Scenario(), workpiece={"bar_length": LENGTH}, tool={"edge_strength": 1e6})

@@ -9,8 +9,8 @@ from baselines.rule import Parameters, Range, Rule
 from baselines.tune import study
 from baselines.tune.study import Found, Played, Search, middle, play_setting, run_all
 from turning_env import Scenario
-from turning_env.score.play import play
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.play import play
+from turning_env.scoring.seeds import tuning_seeds
 
 SHORT = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.1}})
 RULE = Rule(

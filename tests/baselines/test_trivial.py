@@ -3,7 +3,7 @@ import pytest
 
 from baselines.catalogue import spec
 from turning_env import IDS, RoughTurningVectorEnv, Scenario
-from turning_env.score.play import play
+from turning_env.scoring.play import play
 
 
 @pytest.mark.parametrize("preset", IDS.values())

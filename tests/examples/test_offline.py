@@ -13,7 +13,7 @@ from examples import offline
 from examples.offline import clone, load, main
 from examples.shared import NetworkPolicy
 from turning_env import RoughTurningEnv
-from turning_env.score.seeds import TUNING_START
+from turning_env.scoring.seeds import TUNING_START
 
 
 @pytest.fixture(scope="module")

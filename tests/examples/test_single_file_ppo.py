@@ -6,8 +6,8 @@ import torch
 from examples.shared import NetworkPolicy
 from examples.single_file_ppo import Agent, Rollouts, Settings, main, train
 from turning_env import Scenario
-from turning_env.score.play import play
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.play import play
+from turning_env.scoring.seeds import tuning_seeds
 
 
 def test_without_ends_returns_are_discounted_sums() -> None:

@@ -22,7 +22,7 @@ from train.run import Run
 from train.training import train
 from turning_env import Scenario
 from turning_env.files import FolderTaken, exclusive_lock, file_lock, shared_lock
-from turning_env.score.policy import Actions, Observations, PolicyFactory, PolicySpec
+from turning_env.scoring.policy import Actions, Observations, PolicyFactory, PolicySpec
 
 ROOT = Path(__file__).parents[2]
 HOLD = """

@@ -77,7 +77,7 @@ def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
 PARENT = """
 import sys, time
 from pathlib import Path
-from turning_env.score.workers import processes
+from turning_env.scoring.workers import processes
 from tests.faults.test_kills import wait
 with processes(1) as over:
     over.start("long", wait, Path(sys.argv[1]))

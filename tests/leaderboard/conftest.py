@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from leaderboard import run
 from leaderboard.result import Result, Task, result_folder
 from turning_env import Scenario
-from turning_env.score.play import EPISODE_FIELDS
-from turning_env.score.policy import Actions, Observations, PolicySpec
+from turning_env.scoring.play import EPISODE_FIELDS
+from turning_env.scoring.policy import Actions, Observations, PolicySpec
 
 ENV_ID = "RoughTurning-v0"
 MakeResult = Callable[..., Result]

@@ -12,8 +12,8 @@ from leaderboard.result import Result, Task, result_folder, write_result
 from tests.leaderboard.conftest import ENV_ID
 from tests.train import onnx_agents
 from turning_env import Scenario
-from turning_env.score.play import play_spec
-from turning_env.score.policy import ScenarioId
+from turning_env.scoring.play import play_spec
+from turning_env.scoring.policy import ScenarioId
 
 pytestmark = pytest.mark.slow  # exports and plays agents
 

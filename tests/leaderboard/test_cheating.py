@@ -8,9 +8,9 @@ from leaderboard.oracles import oracles
 from leaderboard.trajectories import play_trajectory
 from tests.leaderboard.conftest import Steady, spec
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario
-from turning_env.score.play import play
-from turning_env.score.policy import Actions, Observations, ScenarioId
-from turning_env.score.seeds import HELD_OUT_START, TUNING_START, held_out_seeds, tuning_seeds
+from turning_env.scoring.play import play
+from turning_env.scoring.policy import Actions, Observations, ScenarioId
+from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START, held_out_seeds, tuning_seeds
 
 
 class Spy(Steady):

@@ -15,7 +15,7 @@ from leaderboard.behaviour import METRICS, Episode, measure
 from leaderboard.result import ResultError
 from tests.leaderboard.conftest import Steady
 from turning_env import Scenario
-from turning_env.score.policy import PolicySpec
+from turning_env.scoring.policy import PolicySpec
 
 BAR = {"bar_length": 100.0, "approach": 5.0}
 MakeEpisode = Callable[..., Episode]

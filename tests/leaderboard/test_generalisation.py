@@ -6,7 +6,7 @@ from leaderboard.result import Task
 from leaderboard.standings import rank
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
 from turning_env import SPLITS, Scenario
-from turning_env.score.policy import PolicySpec, ScenarioId
+from turning_env.scoring.policy import PolicySpec, ScenarioId
 
 BASE = ScenarioId.of(Scenario.load("rough_turning"))
 TUNED_HERE = spec("tuned")

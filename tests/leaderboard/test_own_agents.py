@@ -14,7 +14,7 @@ from tests.train import onnx_agents
 from train.agents import onnx_policy, sandbox
 from train.agents.sandbox import Limits
 from turning_env import Scenario
-from turning_env.score.seeds import held_out_seeds
+from turning_env.scoring.seeds import held_out_seeds
 
 SHORT = onnx_agents.SCENARIO
 pytestmark = pytest.mark.slow  # plays agents in processes of their own

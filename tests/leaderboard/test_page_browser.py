@@ -15,7 +15,7 @@ from leaderboard.result import Task
 from leaderboard.standings import rank
 from leaderboard.trajectories import Trajectories, record
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
-from turning_env.score.policy import PolicySpec
+from turning_env.scoring.policy import PolicySpec
 
 HOSTILE = "</script><img src=x onerror=\"document.title='owned'\">'&amp;"
 BACKWARDS, LONG = "\u202eexe.gpj \u05d0\u05d1", "long" * 125

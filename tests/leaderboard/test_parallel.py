@@ -17,8 +17,8 @@ from tests.dask_cluster import dask_cluster
 from tests.leaderboard.conftest import ENV_ID, Steady, spec
 from tests.train import onnx_agents
 from turning_env import IDS, Scenario
-from turning_env.score import workers
-from turning_env.score.policy import Actions, Observations
+from turning_env.scoring import workers
+from turning_env.scoring.policy import Actions, Observations
 
 
 class Deadly(Steady):

@@ -16,9 +16,9 @@ from leaderboard.result import Result, ResultError, Task, digest_of, read_result
 from leaderboard.run import TaskRun, play_all
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
 from turning_env import Scenario
-from turning_env.score.play import play
-from turning_env.score.policy import Actions, Observations, PolicySpec
-from turning_env.score.seeds import held_out_seeds
+from turning_env.scoring.play import play
+from turning_env.scoring.policy import Actions, Observations, PolicySpec
+from turning_env.scoring.seeds import held_out_seeds
 
 SEEDS = [2**64 - 1, 0, 12345678901234567890, 5]
 TEXT = "# who scores knows these\n18446744073709551615 0\n\n12345678901234567890 # the third\n5\n"

@@ -19,9 +19,9 @@ from tests.leaderboard.conftest import Steady, play_all, spec
 from tests.train import onnx_agents
 from train.agents import run_folder
 from turning_env import Scenario
-from turning_env.score import play as playing
-from turning_env.score.play import EPISODE_FIELDS, Episodes, play, play_spec
-from turning_env.score.policy import PolicySpec, ScenarioId
+from turning_env.scoring import play as playing
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play, play_spec
+from turning_env.scoring.policy import PolicySpec, ScenarioId
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from leaderboard.result import MANIFEST_FILE, SUFFIX, Manifest, read_part, resul
 from leaderboard.verify import Selection
 from train.agents import onnx_policy
 from turning_env import IDS, SPLITS, Scenario
-from turning_env.score.policy import ScenarioId
+from turning_env.scoring.policy import ScenarioId
 
 ROOT = Path(__file__).parents[2]
 RESULTS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"

@@ -14,8 +14,8 @@ from leaderboard.verify import Selection
 from tests.leaderboard.conftest import ENV_ID, spec
 from tests.train import onnx_agents
 from turning_env import Scenario
-from turning_env.score.play import EPISODE_FIELDS, Episodes, play_spec
-from turning_env.score.policy import PolicySpec
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_spec
+from turning_env.scoring.policy import PolicySpec
 
 RULE = "fixed_handbook"
 SHORT = onnx_agents.SCENARIO

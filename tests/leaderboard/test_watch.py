@@ -10,7 +10,7 @@ from leaderboard import watch
 from leaderboard.watch import Show, main
 from tests.leaderboard.conftest import Steady
 from turning_env import Scenario
-from turning_env.score.policy import PolicySpec
+from turning_env.scoring.policy import PolicySpec
 
 AGENT = "agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx"
 HEIGHT, WIDTH = 670, 960

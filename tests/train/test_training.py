@@ -18,7 +18,7 @@ from train.run import Run, hyperparameters
 from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
 from turning_env import IDS, Scenario
 from turning_env.batch.driver import Batch, action_space, observation_space
-from turning_env.score.seeds import TUNING_START
+from turning_env.scoring.seeds import TUNING_START
 
 ROOT = Path(__file__).parents[2]
 PPO = ALGORITHMS["ppo"]

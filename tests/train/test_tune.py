@@ -13,7 +13,7 @@ from optuna.trial import TrialState
 from tests.train.small import ALGORITHMS, PARAMETERS, SCENARIO
 from train import tune
 from train.run import hyperparameters
-from turning_env.score.workers import Workers
+from turning_env.scoring.workers import Workers
 
 
 class AtOnce(Executor):

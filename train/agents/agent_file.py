@@ -24,7 +24,7 @@ from train.run import Run
 from turning_env import IDS, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.scenario import PortableScenario
-from turning_env.score.policy import PolicyFactory, PolicySpec, ScenarioId
+from turning_env.scoring.policy import PolicyFactory, PolicySpec, ScenarioId
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"
 """What an agent may be called: the name also names files."""

@@ -15,7 +15,7 @@ from pathlib import Path
 from train.agents import agent_file
 from train.agents.agent_file import AgentFile
 from train.agents.sandbox import LIMITS, GuardedPolicy, Limits, TooSlow, examined
-from turning_env.score.policy import PolicySpec
+from turning_env.scoring.policy import PolicySpec
 
 _examined = lru_cache(64)(examined)
 """One file plays many scenarios."""

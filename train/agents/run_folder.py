@@ -7,7 +7,7 @@ from train.actor import Actor, ActorPolicy
 from train.agents.agent_file import trained_policy
 from train.run import HYPERPARAMETERS, Run, warn_of_pickle
 from turning_env.files import digest_of_files
-from turning_env.score.policy import PolicySpec
+from turning_env.scoring.policy import PolicySpec
 
 
 def load(folder: Path) -> PolicySpec:

@@ -21,7 +21,7 @@ from train.agents import sandbox_child as child
 from train.agents.agent_file import AgentFile
 from train.agents.graph import MAX_BYTES, MAX_METADATA, Outline
 from train.agents.session import check_actions
-from turning_env.score.policy import Actions, Observations
+from turning_env.scoring.policy import Actions, Observations
 
 _PROGRAM = """
 import os, sys

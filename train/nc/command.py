@@ -23,8 +23,8 @@ from turning_env.programs.program import NcError, Program
 from turning_env.programs.read import read, read_file
 from turning_env.programs.schedule import Totals
 from turning_env.programs.write import write
-from turning_env.score.policy import PolicyFactory
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.policy import PolicyFactory
+from turning_env.scoring.seeds import tuning_seeds
 
 PROGRAM = "python -m train.export --nc"
 MAX_DIFFERENCE = 0.02

@@ -14,7 +14,7 @@ from turning_env.action import towards
 from turning_env.programs.program import NcError, Program
 from turning_env.programs.schedule import Totals, with_bars
 from turning_env.programs.synchronous import LOAD, PATH_VELOCITY, SPINDLE_SPEED
-from turning_env.score.policy import Actions, Observations, PolicyFactory
+from turning_env.scoring.policy import Actions, Observations, PolicyFactory
 
 
 class LawPolicy:

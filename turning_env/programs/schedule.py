@@ -15,7 +15,7 @@ from turning_env.programs.program import (
     Program,
     rounded_within,
 )
-from turning_env.score.policy import PolicyFactory
+from turning_env.scoring.policy import PolicyFactory
 
 TOLERANCE = 0.01
 """Relative difference up to which speeds and feeds become one block."""

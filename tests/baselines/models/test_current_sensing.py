@@ -11,7 +11,7 @@ from tests.turning_env.playing import changed
 from turning_env import Reading, RoughTurningVectorEnv, Scenario
 from turning_env.physics.drives import steady_current
 from turning_env.physics.records import parameter_records
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.seeds import tuning_seeds
 from turning_env.wrappers import FEED_GRADES
 
 CURRENT = Scenario.load("override_current")

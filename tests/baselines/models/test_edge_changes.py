@@ -8,7 +8,7 @@ from baselines.models.edge_changes import CHANGE_AT, TimelyChanges, as_played
 from baselines.rule import Range, Rule
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningEnv, Scenario, read
-from turning_env.score.play import play
+from turning_env.scoring.play import play
 
 SHIFT = changed(Scenario.load("shift"), control={"time_limit": 90.0})
 RULE = Rule("fixed", lambda scenario, num_envs, p: FixedParameters(scenario, 150.0, 0.3), lambda scenario: True, {"margin": 1.0})

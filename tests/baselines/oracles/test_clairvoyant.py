@@ -9,8 +9,8 @@ from baselines.oracles import clairvoyant
 from baselines.oracles.clairvoyant import TOLERANCE, Grid, bounds, covers
 from baselines.oracles.perfect_state import PerfectState
 from turning_env import IDS, RoughTurningVectorEnv, Scenario
-from turning_env.score.play import play
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.play import play
+from turning_env.scoring.seeds import tuning_seeds
 
 BASE = Scenario.load("rough_turning")
 SEEDS = tuning_seeds(3)

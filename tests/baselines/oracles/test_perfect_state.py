@@ -6,8 +6,8 @@ from baselines.models.kalman import DEPTH, HARDNESS, WEAR
 from baselines.oracles.perfect_state import PerfectState, covers
 from turning_env import IDS, RoughTurningVectorEnv, Scenario
 from turning_env.physics.quantities import OBS
-from turning_env.score.play import play
-from turning_env.score.seeds import tuning_seeds
+from turning_env.scoring.play import play
+from turning_env.scoring.seeds import tuning_seeds
 
 BASE = Scenario.load("rough_turning")
 

@@ -3,7 +3,7 @@ import pytest
 
 from baselines.catalogue import names, playable, spec
 from turning_env import SPLITS, RoughTurningEnv, Scenario, presets
-from turning_env.score.play import EPISODE_FIELDS, LAST, SUMS, play
+from turning_env.scoring.play import EPISODE_FIELDS, LAST, SUMS, play
 
 SHORT = Scenario.load("rough_turning").model_copy(update={"tool": Scenario().tool.model_copy(update={"wear_criterion": 0.13})})
 

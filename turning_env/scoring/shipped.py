@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from turning_env.score.statistics import Floats
+from turning_env.scoring.statistics import Floats
 
-FOLDER = Path(__file__).parent / "results"
+FOLDER = Path(__file__).parent / "shipped_results"
 DIGITS = 2
 """Decimals of the times [s] in a file."""
 

@@ -9,12 +9,12 @@ import gymnasium
 import numpy as np
 
 from turning_env.scenario import Scenario
-from turning_env.score.adapt import as_factory
-from turning_env.score.overload import CONFIDENCE, ratio
-from turning_env.score.play import Episodes, play
-from turning_env.score.seeds import held_out_seeds
-from turning_env.score.shipped import Played, shipped
-from turning_env.score.statistics import Bootstrap, Estimate
+from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.overload import CONFIDENCE, ratio
+from turning_env.scoring.play import Episodes, play
+from turning_env.scoring.seeds import held_out_seeds
+from turning_env.scoring.shipped import Played, shipped
+from turning_env.scoring.statistics import Bootstrap, Estimate
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Score:
     comparisons: tuple[Comparison, ...]
     """With every policy that ships, best first; oracles last."""
     episodes: Episodes = dataclasses.field(repr=False)
-    """Of every episode, the fields of ``turning_env.score.play.EPISODE_FIELDS``."""
+    """Of every episode, the fields of ``turning_env.scoring.play.EPISODE_FIELDS``."""
 
     def against(self, name: str) -> Comparison:
         """Return the comparison with a policy.
@@ -100,7 +100,7 @@ def score(
         policy: one of the following. It sees observations and nothing else.
 
             * a function from observations, float32 of shape (num_envs, entries), to actions in -1..1, (num_envs, actions);
-            * an object with ``reset(mask)`` and ``act(observations)``, see ``turning_env.score.policy.Policy``;
+            * an object with ``reset(mask)`` and ``act(observations)``, see ``turning_env.scoring.policy.Policy``;
             * a model of Stable-Baselines3, which acts deterministically;
             * a module of PyTorch, from observations to actions;
             * the path of an ONNX file with the input ``observation`` and the output ``action``; with a memory also ``memory`` and

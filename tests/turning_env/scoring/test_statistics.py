@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from turning_env.score import statistics
-from turning_env.score.overload import CONFIDENCE, KEY, RESAMPLES
-from turning_env.score.statistics import Bootstrap, Estimate, improvement, interquartile_mean
+from turning_env.scoring import statistics
+from turning_env.scoring.overload import CONFIDENCE, KEY, RESAMPLES
+from turning_env.scoring.statistics import Bootstrap, Estimate, improvement, interquartile_mean
 
 
 @pytest.fixture

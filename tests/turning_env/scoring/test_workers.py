@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from tests.dask_cluster import dask_cluster
-from turning_env.score import workers
-from turning_env.score.workers import WorkersError, processes, spread
+from turning_env.scoring import workers
+from turning_env.scoring.workers import WorkersError, processes, spread
 
 PIECES = [(str(number), number) for number in range(5)]
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.score.policy import Actions, Observations, Policy, PolicyFactory
+from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 
 
 def as_factory(policy: Any) -> PolicyFactory:

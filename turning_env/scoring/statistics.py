@@ -11,7 +11,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.score.overload import CONFIDENCE, KEY, RESAMPLES
+from turning_env.scoring.overload import CONFIDENCE, KEY, RESAMPLES
 
 Floats = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from turning_env.score import seeds
+from turning_env.scoring import seeds
 
 
 def test_ranges_do_not_meet_and_start_where_they_say():

@@ -6,8 +6,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.score.policy import PolicyFactory, PolicySpec
+from turning_env.scenario import Scenario
+from turning_env.scoring.policy import PolicyFactory, PolicySpec
+from turning_env.vector_env import RoughTurningVectorEnv
 
 SUMS = (
     "reward_metal",  # [s]

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from turning_env.score.overload import severe_limit, severe_share
-from turning_env.score.statistics import CONFIDENCE, Bootstrap
+from turning_env.scoring.overload import severe_limit, severe_share
+from turning_env.scoring.statistics import CONFIDENCE, Bootstrap
 
 ENGAGED = np.array([100.0, 300.0, 200.0, 50.0, 250.0])
 SEVERE = np.array([10.0, 0.0, 4.0, 0.0, 30.0])
