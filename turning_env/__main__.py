@@ -230,8 +230,8 @@ def _warm_up(_: argparse.Namespace) -> int:
 
     Run it when you build a container image, or before many processes start on a folder that they cannot write.
 
-    The folder is the package's own, or the user's cache folder if that cannot be written. NUMBA_CACHE_DIR names another, which must
-    also be set when the environments run.
+    The folder is the package's own, or the user's cache folder if that cannot be written.
+    NUMBA_CACHE_DIR names another, which must also be set when the environments run.
 
     python -m turning_env warm-up
     """

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numba
+from numba.core import config
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
@@ -31,17 +31,17 @@ class _LastLocator(InTreeCacheLocator):
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> "_LastLocator":
         """Return a locator whether the folder can be written or not."""
-        return cls(py_func, py_file)  # type: ignore[no-untyped-call]
+        return cls(py_func, py_file)
 
 
 class _Files(CompileResultCacheImpl):
-    _locator_classes = (*CompileResultCacheImpl._locator_classes, _LastLocator)
+    _locator_classes = [*CompileResultCacheImpl._locator_classes, _LastLocator]  # noqa: RUF012 - as in the base
 
 
 class _SharedCache(FunctionCache):
-    """Numba's cache on disk, for several processes at a time, for damaged files, for a full disk and for folders that cannot be written.
+    """Numba's cache on disk, for several processes, damaged files, a full disk and folders that cannot be written.
 
-    A process that compiles holds a lock, which ends with the process. Others that need the same code wait for it, and load it.
+    A process that compiles holds a lock, which ends with the process. Others that need the same code wait, and load it.
     The log says when something is compiled, which could be taken for a hang, and how long it took.
     """
 
@@ -85,14 +85,16 @@ class _SharedCache(FunctionCache):
     def _load_prepared(self, sig: Any, target_context: Any) -> Any:
         """Return what was compiled beforehand into a folder that this process cannot write, as in an image."""
         source = inspect.getfile(self._py_func)
-        for locator in (UserProvidedCacheLocator, InTreeCacheLocator) if numba.config.CACHE_DIR else (InTreeCacheLocator,):
-            place = locator(self._py_func, source)  # type: ignore[no-untyped-call]
-            if place.get_cache_path() != self.cache_path:
-                file = IndexDataCacheFile(place.get_cache_path(), self._impl.filename_base, place.get_source_stamp())  # type: ignore[no-untyped-call]
+        named = bool(config.CACHE_DIR)  # type: ignore[attr-defined]
+        for locator in (UserProvidedCacheLocator, InTreeCacheLocator)[not named :]:
+            place: Any = locator(self._py_func, source)
+            folder, stamp = place.get_cache_path(), place.get_source_stamp()
+            if folder != self.cache_path:
+                file = IndexDataCacheFile(folder, self._impl.filename_base, stamp)  # type: ignore[no-untyped-call]
                 with suppress(Exception):
                     kept = file.load(self._index_key(sig, target_context.codegen()))  # type: ignore[no-untyped-call]
                     if kept is not None:
-                        return self._impl.rebuild(target_context, kept)  # type: ignore[no-untyped-call]
+                        return self._impl.rebuild(target_context, kept)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -119,13 +121,13 @@ class _Entry(CPUDispatcher):
     """A compiled function that Python calls."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)  # type: ignore[no-untyped-call]
+        super().__init__(*args, **kwargs)
         self._cache = _SharedCache(self.py_func)
 
     def compile(self, sig: Any) -> Any:
         """Compile the function for a signature, or load it."""
         try:
-            return super().compile(sig)  # type: ignore[no-untyped-call]
+            return super().compile(sig)
         finally:
             self._cache.finish()
 
@@ -136,12 +138,12 @@ class _Entry(CPUDispatcher):
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Let compiled functions call a function, which is compiled into them; called from Python it runs interpreted."""
-    return register_jitable(error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)  # type: ignore[no-untyped-call]
+    return register_jitable(error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)
 
 
 def compiled_separately(function: Callable[..., Any]) -> Any:
     """Let compiled functions call a large function; called from Python it runs interpreted."""
-    return register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)  # type: ignore[no-untyped-call]
+    return register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)
 
 
 def compiled_entry(function: Callable[..., Any]) -> Any:
@@ -150,7 +152,7 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
     Numba numbers record types in the order in which a process meets them, and names machine code by these numbers. Processes load
     one another's code, so an argument of an entry, and of what it calls, must always be of the same record type.
     """
-    if numba.config.DISABLE_JIT:
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
     return _Entry(function, targetoptions={"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True})
 
