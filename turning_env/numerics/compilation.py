@@ -49,6 +49,10 @@ class _SharedCache(FunctionCache):
 
     def __init__(self, py_func: Any) -> None:
         super().__init__(py_func)  # type: ignore[no-untyped-call]
+        named = config.CACHE_DIR  # type: ignore[attr-defined]
+        place: Any = (UserProvidedCacheLocator if named else InTreeCacheLocator)(py_func, inspect.getfile(py_func))
+        self.preferred: str = place.get_cache_path()
+        """The folder of machine code, if it can be written; ``cache_path`` otherwise is another."""
         self._lock, self._started = ExitStack(), 0.0
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -84,17 +88,12 @@ class _SharedCache(FunctionCache):
 
     def _load_prepared(self, sig: Any, target_context: Any) -> Any:
         """Return what was compiled beforehand into a folder that this process cannot write, as in an image."""
-        source = inspect.getfile(self._py_func)
-        named = bool(config.CACHE_DIR)  # type: ignore[attr-defined]
-        for locator in (UserProvidedCacheLocator, InTreeCacheLocator)[not named :]:
-            place: Any = locator(self._py_func, source)
-            folder, stamp = place.get_cache_path(), place.get_source_stamp()
-            if folder != self.cache_path:
-                file = IndexDataCacheFile(folder, self._impl.filename_base, stamp)  # type: ignore[no-untyped-call]
-                with suppress(Exception):
-                    kept = file.load(self._index_key(sig, target_context.codegen()))  # type: ignore[no-untyped-call]
-                    if kept is not None:
-                        return self._impl.rebuild(target_context, kept)
+        stamp = self._impl.locator.get_source_stamp()
+        file = IndexDataCacheFile(self.preferred, self._impl.filename_base, stamp)  # type: ignore[no-untyped-call]
+        if self.preferred != self.cache_path:
+            with suppress(Exception):
+                kept = file.load(self._index_key(sig, target_context.codegen()))  # type: ignore[no-untyped-call]
+                return None if kept is None else self._impl.rebuild(target_context, kept)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -133,7 +132,8 @@ class _Entry(CPUDispatcher):
 
     def kept_files(self) -> list[Path]:
         """Return the files on disk with its machine code."""
-        return list(Path(self._cache.cache_path).glob(f"{self._cache._impl.filename_base}.*nb[ci]"))
+        folders = {Path(self._cache.cache_path), Path(self._cache.preferred)}
+        return [path for folder in folders for path in folder.glob(f"{self._cache._impl.filename_base}.*nb[ci]")]
 
 
 def compiled(function: Callable[..., Any]) -> Any:
