@@ -1,4 +1,4 @@
-"""Show scenarios, calibrate them from measurements, predict cuts with their laws, and score policies.
+"""Show scenarios, calibrate them from measurements, predict cuts with their laws, score policies, and compile beforehand.
 
 python -m turning_env presets
 python -m turning_env show forging
@@ -7,6 +7,7 @@ python -m turning_env calibrate cuts.csv --out my_tool.toml
 python -m turning_env whatif my_tool.toml --cutting-speed 150 --feed 0.3 --wear 0.2
 python -m turning_env map my_tool.toml --wear 0.2 --out map.png
 python -m turning_env score my_agent.onnx
+python -m turning_env warm-up
 """
 
 import argparse
@@ -18,11 +19,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 
 from turning_env import IDS, score
 from turning_env.console import MISTAKE, described, exits, number_within, picture_path, print_json
 from turning_env.files import replace_file
+from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario, ScenarioError, presets
 from turning_env.workshop import WorkshopError, whatif
 from turning_env.workshop.measurements import COLUMNS, EDGE, read_measurements
@@ -38,7 +41,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     def command(run: Callable[[argparse.Namespace], int], help: str, scenario: bool = True) -> argparse.ArgumentParser:
         text = (run.__doc__ or "").replace("COLUMNS", "\n    ".join(columns))
-        added = commands.add_parser(run.__name__.removeprefix("_"), help=help, **described(text))
+        added = commands.add_parser(run.__name__.removeprefix("_").replace("_", "-"), help=help, **described(text))
         added.set_defaults(run=run)
         if scenario:
             added.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
@@ -92,6 +95,7 @@ def main(arguments: list[str] | None = None) -> int:
     scored.add_argument("--env", choices=IDS, default="RoughTurning-v0", metavar="ID", help="environment (default: %(default)s)")
     scored.add_argument("--seeds", type=int, metavar="N", help="number of held-out seeds (default: all of the leaderboard)")
     scored.add_argument("--json", action="store_true", help="print all results as JSON")
+    command(_warm_up, "compile everything now, as for a container image", scenario=False)
 
     options = parser.parse_args(arguments)
     return exits(ScenarioError, WorkshopError)(options.run)(options)
@@ -255,6 +259,38 @@ def _score(options: argparse.Namespace) -> int:
         print_json({name: value for name, value in asdict(found).items() if name != "episodes"})
     else:
         print(found.table(), found, sep="\n\n")
+    return 0
+
+
+def _warm_up(_: argparse.Namespace) -> int:
+    """Compile everything that environments, batches and windows call, and say where the machine code is kept.
+
+    Run it when you build a container image, or before many processes start on a folder that they cannot write.
+
+    The folder is the package's own, or the user's cache folder if that cannot be written.
+    NUMBA_CACHE_DIR names another, which must also be set when the environments run.
+
+    python -m turning_env warm-up
+    """
+    from turning_env import RoughTurningVectorEnv
+    from turning_env.batch.driver import start_episodes, step_blocks
+    from turning_env.rendering.fields import Fields, read_fields, read_passes
+
+    for env_id in IDS:
+        for envs in (gymnasium.make_vec(env_id, 1, vectorization_mode="sync"), RoughTurningVectorEnv(2, IDS[env_id])):
+            envs.reset(seed=0)
+            envs.step(envs.action_space.sample())
+            envs.close()
+    fields = Fields(Scenario.load("batch_casting"))
+    fields.along((0, 0), 0, np.zeros(1))
+    fields.passes(np.zeros(action_size(Scenario.load("batch_casting"))))
+    files = [path for entry in (start_episodes, step_blocks, read_fields, read_passes) for path in entry.kept_files()]
+    for folder in sorted({path.parent for path in files}):
+        size = sum(path.stat().st_size for path in files if path.parent == folder)
+        print(f"{size / 1e6:.1f} MB of machine code in {folder}")
+    if not files:
+        raise WorkshopError("no machine code could be kept on disk: name a folder that can be written with NUMBA_CACHE_DIR")
+    print("NUMBA_CACHE_DIR names another folder")
     return 0
 
 

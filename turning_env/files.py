@@ -88,15 +88,17 @@ def shared_lock(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def file_lock(path: Path) -> Iterator[None]:
+def file_lock(path: Path, wait: bool = False) -> Iterator[None]:
     """Lock a file, which is made if need be, against other processes; the rest of its folder stays free.
+
+    ``wait`` for other processes instead of raising.
 
     Raises:
         FolderTaken: Another process holds the lock.
         OSError: The file cannot be made or opened.
     """
     with _opened(path, is_file=True) as handle:
-        if not _lock(handle, shared=False, wait=False):
+        if not _lock(handle, shared=False, wait=wait):
             raise FolderTaken(f"another process works with {path}: wait until it has finished")
         yield
 

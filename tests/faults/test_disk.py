@@ -55,31 +55,26 @@ def results() -> Iterator[Path]:
     """Two rules have been played."""
     with tempfile.TemporaryDirectory() as name:
         Path(name).chmod(0o755)
-        main, arguments, _ = commands(Path(name), Path())["leaderboard run"]
+        main, arguments = commands(Path(name), Path())["leaderboard run"]
         assert main(arguments) == 0
         yield Path(name) / "results"
 
 
-def commands(folder: Path, scenario: Path, results: Path = Path()) -> dict[str, tuple[Main, list[str], int]]:
-    """Programs that write, with their arguments and the status that says that they could not."""
+def commands(folder: Path, scenario: Path, results: Path = Path()) -> dict[str, tuple[Main, list[str]]]:
+    """Programs that write, with their arguments."""
     env = ["--env", "RoughTurning-Override-v0"]
-    rules = ["--policies", "programmed_feed", "tmac", *env]
+    rules = ["--policies", "programmed_feed", "tmac", *env, "--seeds", "1"]
+    search = ["--scenario", str(scenario), "--rules", "fixed_tuned", "--trials", "1", "--seeds", "2"]
+    search += ["--out", str(folder / "tuned" / "short.json")]
+    read = ["--results", str(results)]
     return {
-        "train.ppo": (ppo.main, ["--steps", "1", "--runs", str(folder / "runs")], 2),
-        "train.tune": (tune.main, ["--algorithm", "ppo", "--trials", "1", "--runs", str(folder / "runs")], 2),
-        "baselines.tune": (
-            rule_tuning.main,
-            f"--scenario {scenario} --rules fixed_tuned --trials 1 --seeds 2 --out {folder / 'tuned' / 'short.json'}".split(),
-            2,
-        ),
-        "leaderboard run": (board.main, ["run", *rules, "--seeds", "1", "--results", str(folder / "results")], 2),
-        "leaderboard page": (board.main, ["page", "--results", str(results), "--out", str(folder / "p.html")], 2),
-        "leaderboard figure": (board.main, ["figure", *env, "--results", str(results), "--out", str(folder / "f.png")], 2),
-        "leaderboard.watch": (
-            watch.main,
-            ["--policy", "programmed_feed", *env, "--steps", "1", "--out", str(folder / "w.gif")],
-            2,
-        ),
+        "train.ppo": (ppo.main, ["--steps", "1", "--runs", str(folder / "runs")]),
+        "train.tune": (tune.main, ["--algorithm", "ppo", "--trials", "1", "--runs", str(folder / "runs")]),
+        "baselines.tune": (rule_tuning.main, search),
+        "leaderboard run": (board.main, ["run", *rules, "--results", str(folder / "results")]),
+        "leaderboard page": (board.main, ["page", *read, "--out", str(folder / "p.html")]),
+        "leaderboard figure": (board.main, ["figure", *env, *read, "--out", str(folder / "f.png")]),
+        "leaderboard.watch": (watch.main, ["--policy", "programmed_feed", *env, "--steps", "1", "--out", str(folder / "w.gif")]),
     }
 
 
@@ -94,11 +89,11 @@ def test_a_folder_that_must_not_be_written_is_an_error(
     scenario_file: Path,
 ) -> None:
     if name in ("leaderboard page", "leaderboard figure", "leaderboard.watch"):  # where it may be written, it is
-        main, arguments, _ = commands(tmp_path, scenario_file, results)[name]
+        main, arguments = commands(tmp_path, scenario_file, results)[name]
         assert main(arguments) == 0
     folder = read_only()
-    main, arguments, status = commands(folder, scenario_file, results)[name]
-    assert main(arguments) == status
+    main, arguments = commands(folder, scenario_file, results)[name]
+    assert main(arguments) == 2
     said = capsys.readouterr().err
     assert "Permission denied" in said
     assert str(folder) in said
@@ -144,7 +139,7 @@ def test_the_training_s_command_says_so(tmp_path: Path, capsys: pytest.CaptureFi
 def test_a_search_of_rules_that_finds_the_disk_full_keeps_its_trials(
     tmp_path: Path, scenario_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    main, arguments, _ = commands(tmp_path / "undisturbed", scenario_file)["baselines.tune"]
+    main, arguments = commands(tmp_path / "undisturbed", scenario_file)["baselines.tune"]
     arguments[arguments.index("--trials") + 1] = "8"
     assert main(arguments) == 0
     (expected,) = files(tmp_path / "undisturbed")
@@ -163,9 +158,9 @@ def test_a_search_of_rules_that_finds_the_disk_full_keeps_its_trials(
 
 @pytest.mark.slow
 def test_a_leaderboard_that_finds_the_disk_full_keeps_what_is_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    main, arguments, status = commands(tmp_path, tmp_path)["leaderboard run"]
+    main, arguments = commands(tmp_path, tmp_path)["leaderboard run"]
     with full_disk(3000):  # of which the trajectories are more
-        assert main(arguments) == status
+        assert main(arguments) == 2
     assert "trajectories.json.xz: File too large" in capsys.readouterr().err
     assert [path.name for path in files(tmp_path)] == (played := ["programmed_feed.json.xz", "tmac.json.xz"])
     assert unreadable(tmp_path) == []

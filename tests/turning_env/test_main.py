@@ -1,4 +1,7 @@
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -36,3 +39,17 @@ def test_cuts_beyond_the_machine_are_predicted_with_a_warning(capsys: pytest.Cap
     assert "--feed 0.05 is outside the machine's 0.06 to 0.6 mm/rev" in printed.err
     assert main([*table, "200", "--feed", "0.6"]) == 0
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
+def test_after_a_warm_up_nothing_is_left_to_compile(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["warm-up"]) == 0
+    assert "MB of machine code in " in capsys.readouterr().out
+    code = "import logging, turning_env as t; from turning_env.rendering.fields import Fields; import numpy as np\n"
+    code += "for env_id, preset in t.IDS.items():\n    env = t.RoughTurningEnv(preset); env.reset(seed=0)\n"
+    code += "    env.step(env.action_space.sample()); Fields(t.Scenario.load(preset)).along((0, 0), 0, np.zeros(3))\n"
+    again = subprocess.run(
+        [sys.executable, "-c", code], cwd=Path(__file__).parents[2], capture_output=True, text=True, check=True
+    )
+    assert again.stderr == ""

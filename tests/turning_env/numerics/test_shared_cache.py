@@ -35,10 +35,10 @@ print(len(last.stats.cache_hits), len(last.stats.cache_misses))
 """
 
 
-def run(folder: Path, first: int, **more: str) -> "subprocess.Popen[str]":
+def run(folder: Path, first: int, program: str = PROGRAM, **more: str) -> "subprocess.Popen[str]":
     variables = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])} | more
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, str(first)],
+        [sys.executable, "-c", program, str(first)],
         cwd=folder,
         env=variables,
         stdout=subprocess.PIPE,
@@ -55,10 +55,69 @@ def finished(process: "subprocess.Popen[str]") -> tuple[str, str]:
 
 def test_processes_that_compile_at_the_same_time_keep_all_that_they_made(tmp_path: Path) -> None:
     (tmp_path / "entry.py").write_text(MODULE)
-    for process in [run(tmp_path, first) for first in (0, 2, 4)]:
-        finished(process)
+    outs = [finished(process)[0] for process in [run(tmp_path, first) for first in (0, 2, 4)]]
+    assert sum(int(out.split()[1]) for out in outs) == 6  # others wait for what one compiles
     assert len(list((tmp_path / "__pycache__").glob("*.nbc"))) == 6
     assert finished(run(tmp_path, 0))[0] == "6 0\n"
+
+
+SLOW_MODULE = """
+import time
+from numba.extending import overload
+from turning_env.numerics.compilation import compiled_entry
+
+def slow(): ...
+
+@overload(slow)
+def type_of_slow():
+    print("compiling", flush=True)
+    time.sleep(SECONDS)
+    raise ValueError
+
+@compiled_entry
+def entry():
+    slow()
+"""
+SLOW_PROGRAM = """
+import time
+from entry import entry
+try:
+    entry()
+except ValueError:
+    print("failed", flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize(("seconds", "last"), [(600, "compiling\n"), (0, "failed\n")])
+def test_a_compilation_that_is_killed_or_fails_lets_others_compile(tmp_path: Path, seconds: int, last: str) -> None:
+    """The first process is killed while it compiles, or fails and lives on."""
+    (tmp_path / "entry.py").write_text(SLOW_MODULE.replace("SECONDS", str(seconds)))
+    with run(tmp_path, 0, program=SLOW_PROGRAM) as first:
+        assert first.stdout is not None
+        for line in first.stdout:
+            if line == last:
+                break
+        if seconds:
+            first.kill()
+        with run(tmp_path, 0, program=SLOW_PROGRAM) as second:
+            assert second.stdout is not None
+            assert second.stdout.readline() == "compiling\n"
+            second.kill()
+        first.kill()
+
+
+@pytest.mark.parametrize("writable", [False, True])
+def test_what_was_compiled_beforehand_is_read_where_it_cannot_be_written(tmp_path: Path, writable: bool) -> None:
+    """A container's user reads what its image holds, whether or not another folder can be written."""
+    (tmp_path / "entry.py").write_text(MODULE)
+    finished(run(tmp_path, 0))
+    # Root can write everywhere, so the locators are told that they cannot.
+    code = "from numba.core import caching\ndef refuse(locator): raise PermissionError\n"
+    for name in ("InTree", "UserWide")[: 1 if writable else 2]:
+        code += f"caching.{name}CacheLocator.ensure_cache_path = refuse\n"
+    (tmp_path / "sitecustomize.py").write_text(code)
+    assert finished(run(tmp_path, 0, XDG_CACHE_HOME=str(tmp_path / "home")))[0] == "6 0\n"
 
 
 def test_where_no_folder_can_be_written_it_goes_without(tmp_path: Path) -> None:
@@ -67,7 +126,7 @@ def test_where_no_folder_can_be_written_it_goes_without(tmp_path: Path) -> None:
     nowhere = str(tmp_path / "entry.py" / "home")
     out, error = finished(run(tmp_path, 0, HOME=nowhere, XDG_CACHE_HOME=nowhere))
     assert out == "0 6\n"
-    assert error.count("no folder for machine code can be written") == 1
+    assert error.count("compiled code cannot be kept in") == 1
 
 
 def test_where_there_is_no_room_it_goes_on(tmp_path: Path) -> None:
