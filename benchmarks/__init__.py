@@ -1,4 +1,4 @@
-"""Measurements: speed, prices, bounds, what holds under long and violent use, what is installed."""
+"""Measurements: speed, prices, bounds, soak tests, installed packages."""
 
 from turning_env.extras import tell_plainly
 

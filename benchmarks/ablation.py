@@ -1,4 +1,4 @@
-"""Measure the worth of each choice in PPO's training: agents that differ in one choice play the same tuning seeds.
+"""Measure what each choice in PPO's training is worth: agents that differ in one choice play the same tuning seeds.
 
     python -m benchmarks.ablation
     python -m benchmarks.ablation --steps 2000000 --seeds 3 --out docs/ablation.md
@@ -6,8 +6,8 @@
     python -m benchmarks.ablation --seeds 5 --jobs 8
 
 All variants train for the same number of steps, with ``train/hyperparameters/ppo.toml`` except for the choice that names the row.
-The environment's own return scores every agent, whatever its training rewards. Trainings are kept in ``RUNS/ablation``:
-the same command continues where it stopped, and one with more seeds adds to them.
+The environment's own return scores every agent, whatever its training rewards. ``RUNS/ablation`` keeps the trainings: the same
+command continues where it stopped, and a command with more seeds adds to them.
 """
 
 import argparse
@@ -305,9 +305,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     who = parser.add_mutually_exclusive_group()
     who.add_argument("--jobs", type=int, default=1, metavar="N", help="trainings at the same time (default: %(default)s)")
-    who.add_argument("--scheduler", metavar="URL", help="have the workers of a Dask cluster train, such as tcp://host:8786")
+    who.add_argument("--scheduler", metavar="URL", help="train on the workers of a Dask cluster, such as tcp://host:8786")
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
-    parser.add_argument("--out", type=Path, help="Markdown file for the table")
+    parser.add_argument("--out", type=Path, help="Markdown file for the table (default: only print)")
     parsed = parser.parse_args(arguments)
     for name, most in (("steps", 10**12), ("seeds", SEEDS), ("jobs", 1000)):
         if not 1 <= (value := getattr(parsed, name)) <= most:

@@ -1,6 +1,7 @@
-"""Check the licences and the versions of the installed packages; ``make audit`` then looks up known vulnerabilities by pip-audit.
+"""Check the licences and the versions of the installed packages.
 
-The exit status is 1 if a licence is not one of the allowed, or a package that ``constraints.txt`` pins has another version.
+``make audit`` then looks up their known vulnerabilities with pip-audit. The exit status is 1 if a licence is not allowed, or if a
+package has another version than ``constraints.txt`` pins.
 
     python -m benchmarks.audit
 """
@@ -48,7 +49,9 @@ def pinned(constraints: str) -> dict[str, str]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Audit and print; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.audit", **described(__doc__))
-    parser.add_argument("--constraints", type=Path, default=Path("constraints.txt"), help="default: %(default)s")
+    parser.add_argument(
+        "--constraints", type=Path, default=Path("constraints.txt"), help="file of pinned versions (default: %(default)s)"
+    )
     pins = pinned(parser.parse_args(arguments).constraints.read_text("utf-8"))
     installed = {re.sub(r"[-_.]+", "-", found.name).lower(): found for found in distributions()}
     complaints = []

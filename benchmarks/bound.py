@@ -3,7 +3,7 @@
     python -m benchmarks.bound
     python -m benchmarks.bound --scenario forging --seeds 4 --json
 
-Each grid step is halved in turn, then all of them, on tuning seeds.
+On tuning seeds, it halves each grid step in turn, then all of them together.
 """
 
 import argparse
@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Measure and print; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bound", **described(__doc__))
     parser.add_argument("--scenario", default="rough_turning", help="preset or TOML file (default: rough_turning)")
-    parser.add_argument("--seeds", type=int, default=8, help="tuning seeds (default: 8)")
+    parser.add_argument("--seeds", type=int, default=8, help="number of tuning seeds (default: 8)")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")
     parsed = parser.parse_args(arguments)
     scenario = Scenario.load(parsed.scenario)

@@ -3,8 +3,9 @@
     python -m benchmarks.growth growth.svg
     python -m benchmarks.growth growth.svg --max-envs 4096 --json
 
-Steps per second and bytes per environment of ``RoughTurning-v0`` from 1 environment to a million, as a table and a plot. All
-numbers of environments take turns, so that other load hits all of them. Bytes are Python's and NumPy's allocations after a step.
+It prints and plots steps per second and bytes per environment of ``RoughTurning-v0``, from 1 environment to a million. All
+batches take turns, so other load on the machine affects them equally. Bytes are what Python and NumPy have allocated after a
+step.
 """
 
 import argparse

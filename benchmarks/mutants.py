@@ -1,9 +1,9 @@
 """Make small changes to the physics, the statistics and the models' gradients, and list those that the fast tests miss.
 
-Each mutant is one change of one file, in a copy of the repository: another operator, comparison or constant, a dropped term, a
-negated condition, min for max, two arguments swapped. Two mutants are tried at a time. In the physics the golden trajectories
-are run first, interpreted, which takes ten seconds. Outcomes are kept in ``--out``, so that the same command goes on where it
-stopped. The exit status is 1 if the share found is below ``--at-least``.
+A mutant changes one place in one file of a copy of the repository. It replaces an operator, a comparison or a constant, drops a
+term, negates a condition, writes min for max, or swaps two arguments. Two mutants are tested at a time. A mutant of the physics
+is tested with the golden trajectories first, interpreted, which takes ten seconds. ``--out`` keeps the outcomes, so the same
+command continues where it stopped. The exit status is 1 if the tests find a smaller share of the mutants than ``--at-least``.
 
     python -m benchmarks.mutants
     python -m benchmarks.mutants --count 20 --seed 1
@@ -150,9 +150,9 @@ def survives(mutant: Mutant, copies: "Queue[Path]", limit: float) -> bool:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Try mutants and print those that survive; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants", **described(__doc__))
-    parser.add_argument("--count", type=int, default=200, help="mutants, drawn at random (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the draw (default: %(default)s)")
-    parser.add_argument("--at-least", type=float, default=0.9, help="share to be found (default: %(default)s)")
+    parser.add_argument("--count", type=int, default=200, help="number of mutants, drawn at random (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the draw (default: %(default)s)")
+    parser.add_argument("--at-least", type=float, default=0.9, help="share that the tests must find (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path("runs/mutants.jsonl"), help="file of outcomes (default: %(default)s)")
     options = parser.parse_args(arguments)
     every = mutants()

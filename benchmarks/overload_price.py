@@ -3,8 +3,8 @@
     python -m benchmarks.overload_price
     python -m benchmarks.overload_price --seeds 16 --json
 
-The rescaled grid search plays tuning seeds at several margins. It does not know the price, so each margin is played once, and
-its return at another price follows from the same episodes.
+The rescaled grid search plays tuning seeds at several margins. It does not know the price. So each margin is played once, and its
+returns at all prices follow from the same episodes.
 """
 
 import argparse
@@ -34,7 +34,7 @@ def mean_return(episodes: Episodes, price: float) -> float:
 def main(arguments: list[str] | None = None) -> int:
     """Print the best margin at each price and its overload; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.overload_price", **described(__doc__))
-    parser.add_argument("--seeds", type=int, default=128, help="tuning seeds (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=128, help="number of tuning seeds (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")
     options = parser.parse_args(arguments)
     seeds = tuning_seeds(options.seeds)

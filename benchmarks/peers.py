@@ -2,9 +2,9 @@
 
     python -m benchmarks.peers --out docs
 
-Measures this project and every peer that can be imported, in one process. Install the peers with ``pip install -e '.[peers]'``.
-All cases take turns, so other load on the machine affects them equally, and ratios are taken within a turn. Steps per CPU second
-show which case used more than one core or waited for one. Actions are random and drawn beforehand; resets count.
+It measures this project and every peer that can be imported, in one process. Install the peers with ``pip install -e
+'.[peers]'``. All cases take turns, so other load on the machine affects them equally. Ratios are taken within a turn. Steps per
+CPU second show which case used more than one core or waited for one. Actions are random and drawn beforehand. Resets count.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Make, check and play every task of an installed wheel, single and as a batch, without the clone.
 
-At last print the digest of what all presets played, which must not depend on the version of Python.
+Then print the digest of all presets' trajectories, which must not depend on the version of Python.
 
 Run by ``benchmarks/wheel.py`` with the Python into which the wheel was installed, from an empty folder.
 """

@@ -1,9 +1,12 @@
-"""Kill programs at random moments, and step environments for months of cutting: about an hour.
+"""Kill programs at random moments, and step environments for months of cutting. Takes about an hour.
 
-Each program is killed by SIGKILL, which none can catch, and started again. After each kill every file must be readable and no
-process left; in the end the results must be those of an undisturbed run. Environments are stepped and reset in one process:
-memory must not grow, and the environments of a batch must match single ones bit for bit. The exit status is 1 if any of this
-does not hold.
+Kills: SIGKILL, which no program can catch, ends each program, which is then started again. After each kill, every file must be
+readable and no process may be left. The final results must equal those of an undisturbed run.
+
+Steps: environments are stepped and reset in one process. Memory must not grow, and the environments of a batch must match single
+ones bit for bit.
+
+The exit status is 1 if any of this does not hold.
 
     python -m benchmarks.soak
     python -m benchmarks.soak --only steps --steps 1000000
@@ -334,11 +337,15 @@ def repeat(step: Callable[[], None], count: int, what: str) -> tuple[int, float]
 def main(arguments: Sequence[str] | None = None) -> int:
     """Soak, print and judge; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.soak", **described(__doc__))
-    parser.add_argument("--only", choices=("kills", "steps"), help="this part alone")
-    parser.add_argument("--kills", type=int, default=20, metavar="N", help="of each program (default: %(default)s)")
-    parser.add_argument("--steps", type=int, default=100_000_000, metavar="N", help="of a batch (default: %(default)s)")
-    parser.add_argument("--resets", type=int, default=1_000_000, metavar="N", help="of one environment (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the moments of the kills (default: %(default)s)")
+    parser.add_argument("--only", choices=("kills", "steps"), help="run this part alone")
+    parser.add_argument("--kills", type=int, default=20, metavar="N", help="kills of each program (default: %(default)s)")
+    parser.add_argument("--steps", type=int, default=100_000_000, metavar="N", help="steps of a batch (default: %(default)s)")
+    parser.add_argument(
+        "--resets", type=int, default=1_000_000, metavar="N", help="resets of one environment (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of the moments of the kills (default: %(default)s)"
+    )
     parsed = parser.parse_args(arguments)
     for name, least in (("kills", 1), ("steps", 10_000), ("resets", 100)):
         if getattr(parsed, name) < least:

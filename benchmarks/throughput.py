@@ -3,11 +3,11 @@
     python -m benchmarks.throughput
     python -m benchmarks.throughput --repeats 5 --json
 
-One process, one thread, processor time. All cases take turns, so that other load hits all of them, and ratios are taken within
-a turn. Actions are random and drawn beforehand; resets count.
+It measures processor time in one process on one thread. All cases take turns, so other load on the machine affects them equally.
+Ratios are taken within a turn. Actions are random and drawn beforehand. Resets count.
 
-The exit status is 1 if the ratio to Pendulum of 1024 environments, or of the unwrapped single one, is below two thirds of the
-recorded one.
+The exit status is 1 if the ratio to Pendulum is below two thirds of the recorded ratio, for 1024 environments or for the
+unwrapped single one.
 """
 
 import argparse

@@ -3,9 +3,9 @@
     python -m benchmarks.time_to_beat --seeds 5
     python -m benchmarks.time_to_beat --algorithm ppo --rule rescaled_grid_search --json
 
-Every ``--every`` steps the clock stops while the agent plays the rule's tuning seeds. It beats the rule if its mean return is
-higher and the paired 95 % bootstrap interval lies above zero. The clock starts when environments and network are made, on one
-core per training; the learning rate falls as in a whole training.
+Every ``--every`` steps the clock stops while the agent plays the rule's tuning seeds. The agent beats the rule if its mean
+return is higher and the paired 95 % bootstrap interval lies above zero. The clock starts when environments and network have
+been made. Each training uses one core, and its learning rate falls as in a whole training.
 
 The exit status is 1 if an agent never beats the rule.
 """
@@ -113,12 +113,14 @@ def time_to_beat(algorithm: Algorithm, seed: int, rule: NDArray[np.float64], eve
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, print the times; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.time_to_beat", **described(__doc__))
-    parser.add_argument("--algorithm", choices=ALGORITHMS, default="analytic_gradient", help="who learns (default: %(default)s)")
-    parser.add_argument("--rule", default="predictive", help="to be beaten (default: %(default)s)")
-    parser.add_argument("--seeds", type=int, default=5, help="trainings (default: %(default)s)")
-    parser.add_argument("--tuning-seeds", type=int, default=64, help="tuning seeds played (default: %(default)s)")
-    parser.add_argument("--every", type=int, default=500_000, help="steps between looks (default: %(default)s)")
-    parser.add_argument("--steps", type=int, help="of a whole training (default: the hyperparameter file's)")
+    parser.add_argument(
+        "--algorithm", choices=ALGORITHMS, default="analytic_gradient", help="algorithm of the agent (default: %(default)s)"
+    )
+    parser.add_argument("--rule", default="predictive", help="rule to beat (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=5, help="number of trainings (default: %(default)s)")
+    parser.add_argument("--tuning-seeds", type=int, default=64, help="number of tuning seeds (default: %(default)s)")
+    parser.add_argument("--every", type=int, default=500_000, help="steps between two tests of the agent (default: %(default)s)")
+    parser.add_argument("--steps", type=int, help="steps of a whole training (default: those of the hyperparameters)")
     parser.add_argument("--json", action="store_true", help="print the times [s] as JSON; null for never")
     options = parser.parse_args(arguments)
     for name, most in (("seeds", SEEDS), ("tuning_seeds", 10**6), ("every", 10**12)):

@@ -1,4 +1,4 @@
-"""Cases that are timed in turns, and verdicts: what the speed benchmarks share."""
+"""Shared parts of the speed benchmarks: cases that are timed in turns, and verdicts."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ from tqdm import tqdm
 from turning_env.console import DONE, FAILED, print_json
 
 BATCHES = 16
-"""Batches of random actions that are drawn beforehand, and taken in turn."""
+"""Number of batches of random actions, drawn beforehand and used in turn."""
 
 
 class Case(NamedTuple):

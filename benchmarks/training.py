@@ -3,13 +3,13 @@
     python -m benchmarks.training
     python -m benchmarks.training --repeats 1 --json
 
-In one process on one thread, all cases in turn:
+It measures, in one process on one thread with all cases in turn:
 
 - how much faster ``train.vec_env`` steps than single environments in Stable-Baselines3's ``DummyVecEnv``;
 - how much faster PPO trains with it, at settings made for many environments;
-- which share of PPO's time, at the settings of ``train.ppo``, is spent in the environment.
+- what share of PPO's time the environment takes, at the settings of ``train.ppo``.
 
-The exit status is 1 if one of them misses its criterion.
+The exit status is 1 if one of these misses its criterion.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Build the wheel, install it with its requirements into an empty virtual environment, and play every task there.
 
-All installed files are compared with the hashes of constraints.txt. Presets must play as in the clone bit for bit.
-Takes a minute or two for each Python, most of it compiling. The exit status is 1 if anything fails.
+It compares all installed files with the hashes in constraints.txt. Presets must play as in the clone, bit for bit. Each Python
+takes a minute or two, mostly for compiling. The exit status is 1 if anything fails.
 
     python -m benchmarks.wheel
     python -m benchmarks.wheel --python python3.12 python3.13
@@ -87,8 +87,10 @@ def fault(wheel: Path, constraints: Path, python: str, expected: str) -> str | N
 def main(arguments: Sequence[str] | None = None) -> int:
     """Build, install and play; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.wheel", **described(__doc__))
-    parser.add_argument("--constraints", type=Path, default=ROOT / "constraints.txt", help="default: that of the clone")
-    parser.add_argument("--python", nargs="+", default=[sys.executable], help="with which it is played (default: this one)")
+    parser.add_argument(
+        "--constraints", type=Path, default=ROOT / "constraints.txt", help="file of pinned versions (default: that of the clone)"
+    )
+    parser.add_argument("--python", nargs="+", default=[sys.executable], help="interpreters to test (default: this one)")
     parsed = parser.parse_args(arguments)
     installer(parsed.constraints.read_text("utf-8"))
     for python in parsed.python:

@@ -1,6 +1,6 @@
-"""Pictures of what policies do, for print: each shows one thing, with the same held-out seeds for all policies.
+"""Pictures of how policies behave, for print. Each shows one subject, with the same held-out seeds for all policies.
 
-Numbers of what they do belong in ``leaderboard.behaviour``.
+The numbers of this behaviour belong in ``leaderboard.behaviour``.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -122,7 +122,7 @@ def draw_operating_points(played: Played) -> Figure | None:
     shares = ", ".join(f"{100.0 * used:g}" for used in _WORN)
     _headline(
         figure,
-        "Where an edge is used, as it wears",
+        "Speed and feed over edge life",
         f"limits at {depth:g} mm depth of cut and nominal hardness, for edges of {shares} % used life, in their colours; "
         f"{_seeds_of(played)}",
     )
@@ -177,7 +177,7 @@ def draw_used_life(played: Played) -> Figure:
     for axes in panels:
         axes.set_ylim(bottom=0.0)
     figure.align_ylabels(panels)
-    _headline(figure, "What is made of an edge", f"red: wear criterion; dots: the episode ends; {_seeds_of(played)}")
+    _headline(figure, "Metal and wear per edge", f"red: wear criterion; dots: ends of episodes; {_seeds_of(played)}")
     return figure
 
 
@@ -215,7 +215,7 @@ def draw_entries(played: Played) -> Figure | None:
         lower.axhline(1.0, **_LIMIT)
         share = measure(played[label])["feed_at_entry"]
         upper.set_title(f"{label}\nenters at {share:.0f} % of its feed in the bar", loc="left", fontsize="medium")
-        lower.set_xlabel("place from the bar's start [mm]")
+        lower.set_xlabel("distance from the bar's start [mm]")
         lower.set_xlim(-BEFORE, AFTER)
     grid[0, 0].set_ylim(bottom=0.0)
     grid[0, 0].set_ylabel("feed [mm/rev]")
@@ -223,7 +223,7 @@ def draw_entries(played: Played) -> Figure | None:
     number = ", ".join(str(len(of_policy)) for of_policy in entries.values())
     _headline(
         figure,
-        "Whether a policy slows down before a bar's start or after it",
+        "Feed and load at bar entry",
         f"{number} entries; black: their mean; grey: air; red: limit",
     )
     return figure
@@ -261,7 +261,7 @@ def draw_loads(played: Played) -> Figure | None:
     panels[0].set_ylabel(f"cutting time [%] in steps of {_LEVEL:g}")
     _headline(
         figure,
-        "How close to the limits policies cut",
+        "Loads and their limits",
         f"red: limit; dotted: the tolerance of {100.0 * limits.overload_tolerance:g} %; {_seeds_of(played)}",
     )
     return figure
@@ -317,7 +317,7 @@ def draw_bars(played: Played) -> Figure | None:
     which = "bar 1" if count == 1 else f"bars {bar + 1} to {bar + count}"
     _headline(
         figure,
-        "What was hidden, and what was done about it",
+        "Hidden quantities and the response to them",
         f"{which} of seed {first[finest].seed}; cutting time over a limit: {', '.join(over)}; grey: air; red: limits",
     )
     return figure
@@ -330,7 +330,7 @@ PICTURES: dict[str, Callable[[Played], Figure | None]] = {
     "used_life.png": draw_used_life,
     "bars.png": draw_bars,
 }
-"""File names, and what draws them; it returns None where a picture does not apply to a scenario."""
+"""Drawing functions by file name. A function returns None if its picture does not apply to the scenario."""
 
 
 def _with_looks(played: Played) -> list[tuple[str, str, Any]]:
@@ -349,13 +349,13 @@ def _all_cut(played: Played) -> bool:
 
 
 def _seeds_of(played: Played) -> str:
-    """Return with how many seeds each policy is seen, in words."""
+    """Return the number of seeds of each policy, in words."""
     number = len(next(iter(played.values())))
     return f"{number} seeds" if number > 1 else "1 seed"
 
 
 def _headline(figure: Figure, what: str, how: str) -> None:
-    """Write above a picture what it shows, and below it, or as its legend's title, how to read it."""
+    """Write a picture's title above it, and how to read it below it or as its legend's title."""
     figure.suptitle(what, x=0.01, ha="left", fontweight="bold")
     if not figure.legends:
         figure.supxlabel(how, x=0.01, ha="left", fontsize="small", color=GREY)

@@ -62,8 +62,8 @@ def main(arguments: list[str] | None = None) -> int:
                            help="confidence level of the intervals (default: %(default)s)")  # fmt: skip
     calibrate.add_argument("--strict", action="store_true", help="fail if the exponent of a column cannot be estimated")
     calibrate.add_argument("--overwrite", action="store_true", help="replace an existing TOML file")
-    calibrate.add_argument("--plot", type=picture_path, metavar="FILE", help="draw the residuals: PNG, SVG or PDF")
-    calibrate.add_argument("--report", type=Path, metavar="JSON", help="write all results")
+    calibrate.add_argument("--plot", type=picture_path, metavar="FILE", help="file for a plot of the residuals: PNG, SVG or PDF")
+    calibrate.add_argument("--report", type=Path, metavar="JSON", help="file for all results")
     calibrate.add_argument("--json", action="store_true", help="print all results as JSON")
 
     table = command(_whatif, "predict force, power, wear and tool life")
@@ -87,13 +87,17 @@ def main(arguments: list[str] | None = None) -> int:
     chart = command(_map, "draw the operating map of a worn edge")
     chart.add_argument("--wear", type=_number("wear"), required=True, metavar="X", help="flank wear of the edge [mm]")
     chart.add_argument("--depth", type=_number("depth_of_cut"), metavar="X", help="depth of cut [mm] (default: the scenario's)")
-    chart.add_argument("--hardness", type=_number("hardness"), default=1.0, metavar="X", help="over nominal [-] (default: 1)")
-    chart.add_argument("--out", type=picture_path, required=True, metavar="FILE", help="PNG, SVG or PDF, by its suffix")
+    chart.add_argument(
+        "--hardness", type=_number("hardness"), default=1.0, metavar="X", help="hardness over nominal [-] (default: 1)"
+    )
+    chart.add_argument(
+        "--out", type=picture_path, required=True, metavar="FILE", help="picture to write: PNG, SVG or PDF, by its suffix"
+    )
 
     scored = command(_score, "rank a policy among those that ship", scenario=False)
     scored.add_argument("policy", metavar="POLICY", help="ONNX file, or module:object")
     scored.add_argument("--env", choices=IDS, default="RoughTurning-v0", metavar="ID", help="environment (default: %(default)s)")
-    scored.add_argument("--seeds", type=int, metavar="N", help="number of held-out seeds (default: all of the leaderboard)")
+    scored.add_argument("--seeds", type=int, metavar="N", help="number of held-out seeds (default: those of the leaderboard)")
     scored.add_argument("--json", action="store_true", help="print all results as JSON")
     command(_warm_up, "compile everything now, as for a container image", scenario=False)
 
@@ -164,7 +168,7 @@ def _schema(_: argparse.Namespace) -> int:
 def _calibrate(options: argparse.Namespace) -> int:
     """Fit the laws of wear, thrust force and power to measured cuts, and write a scenario with them.
 
-    The CSV has one cut per row and these columns. Cells may be empty; a row counts for every law whose columns it has.
+    The CSV has one cut per row and the columns below. Cells may be empty. A row counts for every law whose columns it has.
 
     COLUMNS
 
@@ -197,8 +201,8 @@ def _calibrate(options: argparse.Namespace) -> int:
 def _whatif(options: argparse.Namespace) -> int:
     """Print a table of cuts, one row for every combination of the listed values.
 
-    Everything is nominal: no bar is harder and no edge wears faster than the scenario states.
-    Speed, feed and depth have been constant since the edge was fresh.
+    All values are nominal: no bar is harder and no edge wears faster than the scenario states. The table assumes that speed, feed
+    and depth have been constant since the edge was fresh.
 
     python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2:0.4:0.1 --wear 0.2
     """
@@ -244,8 +248,8 @@ def _map(options: argparse.Namespace) -> int:
 def _score(options: argparse.Namespace) -> int:
     """Play a policy on held-out seeds and rank it among the policies that ship.
 
-    A policy is an ONNX file, or an object in a module: a function of observations, a class with reset and act, a model of
-    Stable-Baselines3, a module of PyTorch. It runs in this process: score only what you trust.
+    A policy is an ONNX file or an object in a module. The object may be a function of observations, a class with reset and act, a
+    model of Stable-Baselines3 or a module of PyTorch. It runs in this process: score only code that you trust.
 
     python -m turning_env score my_agent.onnx
     python -m turning_env score my_module:MyPolicy --env RoughTurning-Override-v0 --seeds 32

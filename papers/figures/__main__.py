@@ -3,8 +3,8 @@
     python -m papers.figures
     python -m papers.figures --only grid_search_03 grid_search_12 --format svg --out build/figures
 
-Without --only it also writes an index, README.md, with captions and comparisons with the papers. With --only it prints these for
-the figures that it draws. Takes about a minute.
+Without --only it also writes an index, README.md, with captions and comparisons with the papers. With --only it prints the
+captions and comparisons of the figures that it draws. All figures take about a minute.
 """
 
 import argparse
@@ -39,9 +39,11 @@ figure count how many of these numbers and claims agree. `python -m papers.repro
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m papers.figures", **described(__doc__))
-    parser.add_argument("--out", type=Path, default=Path("docs/figures"), metavar="FOLDER", help="default: %(default)s")
+    parser.add_argument(
+        "--out", type=Path, default=Path("docs/figures"), metavar="FOLDER", help="folder to write to (default: %(default)s)"
+    )
     parser.add_argument("--only", nargs="+", metavar="NAME", help=f"figures to draw, from {', '.join(FIGURES)} (default: all)")
-    parser.add_argument("--format", nargs="+", choices=style.FORMATS, default=["png"], help="default: png")
+    parser.add_argument("--format", nargs="+", choices=style.FORMATS, default=["png"], help="file formats (default: png)")
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.only or () if name not in FIGURES]:
         raise ValueError(f"there is no figure {', '.join(unknown)}; there are {', '.join(FIGURES)}")

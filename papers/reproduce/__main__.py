@@ -3,7 +3,7 @@
     python -m papers.reproduce
     python -m papers.reproduce --json
 
-What the project cannot reproduce is listed with the reason. It fails only if it holds after all.
+A number that the project cannot reproduce is listed with the reason. Its check fails only if it holds after all.
 """
 
 import argparse
