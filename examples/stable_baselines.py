@@ -4,7 +4,7 @@
     python examples/stable_baselines.py --algorithm sac --lathes single --steps 20000
 
 Single environments are what Stable-Baselines3 makes by itself (``make_vec_env``); they are stepped one after the other. The
-project's adapter (``train/vec_env.py``) steps all environments in one call, which is some thirty times as fast. ``python -m
+project's adapter (``turning_env/adapters/stable_baselines3.py``) steps all environments in one call, which is some thirty times as fast. ``python -m
 train.ppo`` and its like do the same with checkpoints and a learning curve.
 """
 
@@ -23,7 +23,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 import turning_env
 from examples.shared import ENV_ID, at_least, run, score
-from train.vec_env import RoughTurningVecEnv
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described
 from turning_env.score.policy import Actions, Observations
 

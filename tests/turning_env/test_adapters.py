@@ -3,8 +3,8 @@ import pytest
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from tests.turning_env.playing import changed
-from train.vec_env import RoughTurningVecEnv
 from turning_env import RoughTurningEnv, Scenario
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 # Episodes of at most 12 intervals, ending in breakage as well as out of time.
 SHORT = Scenario.model_validate({"tool": {"edge_strength": 900.0}, "control": {"time_limit": 0.2}})
