@@ -3,9 +3,9 @@
     python -m examples.stable_baselines --algorithm ppo --steps 500000
     python -m examples.stable_baselines --algorithm sac --vec-env gymnasium --num-envs 8 --steps 20000
 
-``gymnasium`` are single environments as Stable-Baselines3 makes them (``make_vec_env``), stepped one after the other. ``batch``,
-the adapter (``turning_env/adapters/stable_baselines3.py``), steps all environments in one call, which is some thirty times as fast.
-``python -m train.ppo`` and its like do the same with checkpoints and a learning curve.
+``gymnasium`` are single environments as Stable-Baselines3 makes them (``make_vec_env``), stepped one after the other. ``batch``
+is the adapter of ``turning_env.adapters``: it steps all environments in one call, which is some thirty times as fast. ``python -m
+train.ppo`` and its like do the same with checkpoints and a learning curve.
 """
 
 import sys

@@ -46,7 +46,7 @@ def test_torchrl_checks_every_id(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("library", "recipe"),
     [
-        ("agilerl", "agilerl_td3"),
+        ("agilerl", "agilerl_ppo"),
         ("d3rlpy", "d3rlpy_td3_bc"),
         ("ray", "rllib_ppo"),
         ("sbx", "sbx_sac"),

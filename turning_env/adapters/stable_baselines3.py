@@ -23,8 +23,8 @@ class RoughTurningVecEnv(VecEnv):
 
         PPO("MlpPolicy", RoughTurningVecEnv("rough_turning", 64)).learn(500_000)
 
-    ``scenario`` is the name of a preset, the path of a TOML file, or a ``Scenario``. Rewards are multiplied by ``reward_scale``; a
-    subclass that trains on other rewards overrides ``training_rewards``. At an episode's end, an environment's info holds
+    ``scenario`` is the name of a preset, the path of a TOML file, or a ``Scenario``. Rewards are multiplied by ``reward_scale``;
+    a subclass that trains on other rewards overrides ``training_rewards``. At an episode's end, an environment's info holds
     ``terminal_observation``, ``TimeLimit.truncated`` and ``episode`` (return [s of machine time] and length, unscaled); all other
     infos are empty.
     """
