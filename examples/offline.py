@@ -13,9 +13,11 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 
 import gymnasium
 import numpy as np
@@ -123,25 +125,18 @@ def make(behaviour: str, episodes: int, out: Path) -> Path:
 def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -> None:
     """Have Minari write a data set below ``root``, and say in it what it is."""
     scenario = Scenario.load("rough_turning")
-    before = os.environ.get("MINARI_DATASETS_PATH")
-    os.environ["MINARI_DATASETS_PATH"] = str(root)  # Minari takes the folder from nowhere else
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=".*(author|code_permalink)")  # Minari would have a mail address
-            dataset = minari.create_dataset_from_buffers(
-                name,
-                buffers,
-                env=gymnasium.spec(ENV_ID),
-                eval_env=gymnasium.spec(ENV_ID),
-                algorithm_name=behaviour,
-                description=f"One edge per episode, by {' and '.join(BEHAVIOURS[behaviour])}; rewards in s of machine time.",
-                requirements=["rough-turning"],
-            )
-    finally:
-        if before is None:
-            del os.environ["MINARI_DATASETS_PATH"]
-        else:
-            os.environ["MINARI_DATASETS_PATH"] = before
+    folder = patch.dict(os.environ, {"MINARI_DATASETS_PATH": str(root)})  # Minari takes the folder from nowhere else
+    with folder, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*(author|code_permalink)")  # Minari would have a mail address
+        dataset = minari.create_dataset_from_buffers(
+            name,
+            buffers,
+            env=gymnasium.spec(ENV_ID),
+            eval_env=gymnasium.spec(ENV_ID),
+            algorithm_name=behaviour,
+            description=f"One edge per episode, by {' and '.join(BEHAVIOURS[behaviour])}; rewards in s of machine time.",
+            requirements=["rough-turning"],
+        )
     dataset.storage.update_metadata(
         {
             "scenario": scenario.to_toml(),
@@ -162,14 +157,9 @@ def clone(dataset: minari.MinariDataset, epochs: int, seed: int = 0) -> torch.nn
     episodes = list(dataset.iterate_episodes())
     observations = torch.from_numpy(np.concatenate([episode.observations[:-1] for episode in episodes]))
     actions = torch.from_numpy(np.concatenate([episode.actions for episode in episodes]))
-    entries, wanted, width = observations.shape[1], actions.shape[1], 128
-    network = torch.nn.Sequential(
-        torch.nn.Linear(entries, width),
-        torch.nn.ReLU(),
-        torch.nn.Linear(width, width),
-        torch.nn.ReLU(),
-        torch.nn.Linear(width, wanted),
-    )
+    sizes = (observations.shape[1], 128, 128, actions.shape[1])
+    layers = [layer for pair in pairwise(sizes) for layer in (torch.nn.Linear(*pair), torch.nn.ReLU())]
+    network = torch.nn.Sequential(*layers[:-1])
     batches = -(-len(actions) // 1024)
     optimizer = torch.optim.Adam(network.parameters())
     falling = torch.optim.lr_scheduler.OneCycleLR(optimizer, 3e-3, epochs * batches)

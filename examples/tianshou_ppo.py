@@ -21,7 +21,7 @@ from tianshou.env import BaseVectorEnv
 from tianshou.trainer import OnPolicyTrainerParams
 from tianshou.utils.net.common import Net
 from tianshou.utils.net.continuous import ContinuousActorProbabilistic, ContinuousCritic
-from torch.distributions import Distribution, Independent, Normal
+from torch.distributions import Independent, Normal
 
 import turning_env  # noqa: F401 - registers the ids
 from examples.shared import ENV_ID, FunctionPolicy, parser, run, score
@@ -51,11 +51,6 @@ class BatchVectorEnv(BaseVectorEnv):
         return *self.envs.step(action)[:4], self.infos
 
 
-def gaussian(mean_and_deviation: tuple[torch.Tensor, torch.Tensor]) -> Distribution:
-    """Return the distribution of independent actions."""
-    return Independent(Normal(*mean_and_deviation), 1)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
     options = parser("tianshou_ppo", __doc__, 200_000, 64).parse_args(arguments)
@@ -66,7 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     actor = ContinuousActorProbabilistic(
         preprocess_net=Net(**shape), action_shape=action_space.shape, unbounded=True, conditioned_sigma=False
     )
-    policy = ProbabilisticActorPolicy(actor=actor, dist_fn=gaussian, action_space=action_space, deterministic_eval=True)
+    policy = ProbabilisticActorPolicy(
+        actor=actor, dist_fn=lambda of: Independent(Normal(*of), 1), action_space=action_space, deterministic_eval=True
+    )
     algorithm = PPO(
         policy=policy,
         critic=ContinuousCritic(preprocess_net=Net(**shape)),
