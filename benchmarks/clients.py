@@ -17,6 +17,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from benchmarks.wheel import ROOT, built
@@ -118,7 +119,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(row, flush=True)
             if options.write is not None:
                 text = with_row(options.write.read_text("utf-8"), name, row)
-                replace_file(options.write, lambda path, text=text: path.write_text(text, "utf-8"))
+                replace_file(options.write, partial(Path.write_text, data=text, encoding="utf-8"))
     return 1 if failed else 0
 
 

@@ -73,7 +73,7 @@ def digest_of(python: str, folder: Path) -> str:
     return said.rpartition(DIGEST)[2].strip()
 
 
-def digest_in(folder: Path, wheel: Path, constraints: Path, python: str) -> str:
+def digest_in(folder: Path, wheel: Path, constraints: Path, python: str) -> set[str]:
     """Install and play the wheel in an empty folder with a Python of any version; return the digest of what it played.
 
     Raises:
@@ -92,7 +92,7 @@ def digest_in(folder: Path, wheel: Path, constraints: Path, python: str) -> str:
     )
     for command in commands:
         subprocess.run(command, cwd=folder / "empty", check=True)
-    return digest_of(python, folder)
+    return {digest_of(python, folder)}
 
 
 def digests_by_gymnasium(folder: Path, wheel: Path, constraints: Path, python: str) -> set[str]:
@@ -119,11 +119,11 @@ def digests_by_gymnasium(folder: Path, wheel: Path, constraints: Path, python: s
     return digests
 
 
-def fault(digests: Callable[[Path], set[str]], expected: str) -> str | None:
+def fault(play: Callable[..., set[str]], wheel: Path, constraints: Path, python: str, expected: str) -> str | None:
     """Return why the wheel fails or misses the expected digest; None if it passes."""
     with tempfile.TemporaryDirectory() as folder:
         try:
-            found = digests(Path(folder))
+            found = play(Path(folder), wheel, constraints, python)
         except subprocess.CalledProcessError as error:
             return f"{error.cmd[0]} ended with status {error.returncode}"
     return None if found == {expected} else "the same actions give other numbers than in the clone"
@@ -147,14 +147,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except subprocess.CalledProcessError as error:
             print(f"the wheel cannot be built: status {error.returncode}", file=sys.stderr)
             return 1
-        found = {
-            python: fault(lambda folder, python=python: {digest_in(folder, wheel, parsed.constraints, python)}, expected)
-            for python in parsed.python
-        }
+        found = {python: fault(digest_in, wheel, parsed.constraints, python, expected) for python in parsed.python}
         first = parsed.python[0]
-        found[f"{first} with {' and '.join(GYMNASIUMS)}"] = fault(
-            lambda folder: digests_by_gymnasium(folder, wheel, parsed.constraints, first), expected
-        )
+        what = f"{first} with {' or '.join(GYMNASIUMS)}"
+        found[what] = fault(digests_by_gymnasium, wheel, parsed.constraints, first, expected)
     faults = {python: what for python, what in found.items() if what}
     for python, what in faults.items():
         print(f"{python}: {what}", file=sys.stderr)

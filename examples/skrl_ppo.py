@@ -46,7 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     policy.eval()
 
     def mean(observations: torch.Tensor) -> torch.Tensor:
-        return policy.act({"observations": observations}, role="policy")[1]["mean_actions"]
+        actions: torch.Tensor = policy.act({"observations": observations}, role="policy")[1]["mean_actions"]
+        return actions
 
     print(f"PPO after {options.steps} steps: {score(lambda n: network_policy(mean), options.tuning_seeds)}")
     return 0
