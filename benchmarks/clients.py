@@ -48,7 +48,7 @@ CLIENTS = {
     for client in (
         Client("tianshou", "tianshou_ppo", "PPO on the batch", ("tianshou",)),
         Client("skrl", "skrl_ppo", "PPO on the batch", ("skrl",)),
-        Client("agilerl", "agilerl_ppo", "PPO on the batch", ("agilerl",)),
+        Client("agilerl", "agilerl_ppo", "PPO on the batch", ("agilerl", "peft")),
         Client("ray", "rllib_ppo", "RLlib's PPO on single environments", ("ray[rllib]",)),
         Client("sbx-rl", "sbx_sac", "SAC on the batch", ("sbx-rl",)),
         Client("d3rlpy", "d3rlpy_td3_bc", "TD3+BC on data of Minari", ("d3rlpy", "minari[hdf5]", "pillow"), ("--steps", "500")),

@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "gamma": 0.8,
         "num_envs": options.num_envs,
     }
-    agent = PPO(envs.single_observation_space, envs.single_action_space, action_std_init=-1.0, **settings)
+    agent = PPO(envs.single_observation_space, envs.single_action_space, **settings)
     state: dict[str, Any] = {}
     for _ in range(-(-options.steps // ROLLOUT)):
         _, *last = collect_rollouts(agent, scaled, **state)
