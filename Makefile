@@ -7,6 +7,7 @@ NUM_SEEDS ?= 256
 TASK_SEEDS ?= 64
 SPLIT_SEEDS ?= 32
 OTHER_PYTHON ?=
+CLIENTS ?=
 RUNS ?= runs
 RESULTS ?= results
 SHIPPED ?= agents
@@ -44,7 +45,7 @@ FEATURES = import sys; from numpy._core._multiarray_umath import __cpu_dispatch_
 	print(*(name for name in names if sys.argv[1] == "all" or "AVX512" in name or name == "X86_V4"))
 TESTS ?= -m "not slow"
 
-.PHONY: setup leaderboard agents results verify check lint types fast test processors soak mutants wheel audit constraints format clean
+.PHONY: setup leaderboard agents results verify check lint types fast test processors soak mutants wheel clients audit constraints format clean
 
 # Install all that training, tuning, scoring and the papers need.
 setup: .venv/run
@@ -122,6 +123,10 @@ mutants: .venv/test
 # The wheel in an empty environment: its contents, and that every task gives the same bytes there; likewise with other versions of Python.
 wheel: .venv/run
 	.venv/bin/python -m benchmarks.wheel --python .venv/bin/python $(OTHER_PYTHON)
+
+# The recipes of other libraries (docs/ecosystem.md), each in an environment of its own; CLIENTS="skrl" tries one. Minutes each.
+clients: .venv/run
+	.venv/bin/python -m benchmarks.clients --write docs/ecosystem.md $(CLIENTS)
 
 # Licences of the installed packages, and known vulnerabilities of all that constraints.txt pins.
 audit: .venv/test

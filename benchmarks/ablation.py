@@ -34,8 +34,8 @@ from train import ppo
 from train.actor import Actor, ActorPolicy
 from train.run import Run
 from train.training import SEEDS, Algorithm, train
-from train.vec_env import RoughTurningVecEnv, info_at_end_of_step
 from turning_env import IDS, Scenario
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv, info_at_end_of_step
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.scoring.overload import CONFIDENCE, ratio, severe_share

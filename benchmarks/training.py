@@ -5,7 +5,7 @@
 
 It measures, in one process on one thread with all cases in turn:
 
-- how much faster ``train.vec_env`` steps than single environments in Stable-Baselines3's ``DummyVecEnv``;
+- how much faster the adapter for Stable-Baselines3 steps than single environments in its ``DummyVecEnv``;
 - how much faster PPO trains with it, at settings made for many environments;
 - what share of PPO's time the environment takes, at the settings of ``train.ppo``.
 
@@ -34,8 +34,8 @@ from benchmarks.timing import judge
 from train import ppo
 from train.run import Run
 from train.training import new_model
-from train.vec_env import RoughTurningVecEnv
 from turning_env import IDS, Scenario
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
 
 NUM_ENVS = 1024

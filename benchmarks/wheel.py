@@ -1,7 +1,8 @@
 """Build the wheel, install it with its requirements into an empty virtual environment, and play every task there.
 
-It compares all installed files with the hashes in constraints.txt. Presets must play as in the clone, bit for bit. Each Python
-takes a minute or two, mostly for compiling. The exit status is 1 if anything fails.
+It compares all installed files with the hashes in constraints.txt. Presets must play as in the clone, bit for bit. The first
+Python also tries the oldest and the newest Gymnasium, each with Stable-Baselines3. Each Python takes a minute or two, mostly for
+compiling. The exit status is 1 if anything fails.
 
     python -m benchmarks.wheel
     python -m benchmarks.wheel --python python3.12 python3.13
@@ -14,7 +15,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from hashlib import sha256
 from pathlib import Path
 
@@ -25,6 +26,17 @@ ROOT = Path(__file__).resolve().parents[1]
 SMOKE = Path(__file__).with_name("smoke.py")
 TRY = "import runpy, sys; runpy.run_path(sys.argv[1])['main']()"
 """Runs a file without having its folder searched for modules."""
+
+GYMNASIUMS = ("gymnasium==1.1.1", "gymnasium<2")
+"""The oldest and the newest that pyproject.toml allows."""
+BASELINES = """
+import turning_env
+from stable_baselines3 import SAC
+from stable_baselines3.common.env_util import make_vec_env
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
+for env in ("RoughTurning-v0", make_vec_env("RoughTurning-v0", 4), RoughTurningVecEnv("rough_turning", 4)):
+    SAC("MlpPolicy", env, learning_starts=8).learn(16)
+"""
 
 
 def installer(constraints: str) -> str:
@@ -46,18 +58,31 @@ def built(folder: Path) -> Path:
     return wheel
 
 
-def digest_in(folder: Path, wheel: Path, constraints: Path, python: str) -> str:
+def venv_python(folder: Path, python: str) -> str:
+    """Make a virtual environment in a folder and return its Python."""
+    subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
+    (folder / "empty").mkdir()
+    return str(folder / "venv" / ("Scripts" if os.name == "nt" else "bin") / "python")
+
+
+def digest_of(python: str, folder: Path) -> str:
+    """Play what is installed there and return the digest."""
+    smoke = [python, "-I", "-W", "error", "-c", TRY, str(SMOKE)]
+    said = subprocess.run(smoke, cwd=folder / "empty", check=True, stdout=subprocess.PIPE, text=True).stdout
+    print(said, end="")
+    return said.rpartition(DIGEST)[2].strip()
+
+
+def digest_in(folder: Path, wheel: Path, constraints: Path, python: str) -> set[str]:
     """Install and play the wheel in an empty folder with a Python of any version; return the digest of what it played.
 
     Raises:
         subprocess.CalledProcessError: it cannot be installed, or something fails there.
     """
-    subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
-    python = str(folder / "venv" / ("Scripts" if os.name == "nt" else "bin") / "python")
+    python = venv_python(folder, python)
     pip = [python, "-m", "pip", "--disable-pip-version-check", "--quiet"]
     (folder / "pip.txt").write_text(installer(constraints.read_text("utf-8")), "utf-8")
     (folder / "wheel.txt").write_text(f"{wheel} --hash=sha256:{sha256(wheel.read_bytes()).hexdigest()}\n", "utf-8")
-    (folder / "empty").mkdir()
     commands = (
         [*pip, "install", "-r", str(folder / "pip.txt")],
         [*pip, "install", "--only-binary", ":all:", "-c", str(constraints.resolve()), "-r", str(folder / "wheel.txt")],
@@ -67,20 +92,41 @@ def digest_in(folder: Path, wheel: Path, constraints: Path, python: str) -> str:
     )
     for command in commands:
         subprocess.run(command, cwd=folder / "empty", check=True)
-    smoke = [python, "-I", "-W", "error", "-c", TRY, str(SMOKE)]
-    said = subprocess.run(smoke, cwd=folder / "empty", check=True, stdout=subprocess.PIPE, text=True).stdout
-    print(said, end="")
-    return said.rpartition(DIGEST)[2].strip()
+    return {digest_of(python, folder)}
 
 
-def fault(wheel: Path, constraints: Path, python: str, expected: str) -> str | None:
-    """Return why the wheel fails with this Python or misses the expected digest; None if it passes."""
+def digests_by_gymnasium(folder: Path, wheel: Path, constraints: Path, python: str) -> set[str]:
+    """Play the wheel in an empty folder with each of ``GYMNASIUMS``, and train there with Stable-Baselines3; return the digests.
+
+    Raises:
+        subprocess.CalledProcessError: it cannot be installed, or something fails there.
+    """
+    python = venv_python(folder, python)
+    pinned = re.findall(r"^(?!gymnasium=)[\w.-]+==[^\\\n]+", constraints.read_text("utf-8"), re.MULTILINE)
+    (folder / "pins.txt").write_text("\n".join(pinned), "utf-8")
+    install = [python, "-m", "pip", "--disable-pip-version-check", "--quiet", "install", "--only-binary", ":all:"]
+    install += ["-c", str(folder / "pins.txt"), "--upgrade", str(wheel)]
+    digests = set()
+    for gymnasium in GYMNASIUMS:
+        print(f"with {gymnasium}:", flush=True)
+        subprocess.run([*install, gymnasium], cwd=folder / "empty", check=True)
+        digests.add(digest_of(python, folder))
+    # Backwards, as the newest is installed; what the library warns of is not this project's.
+    for gymnasium in reversed(GYMNASIUMS):
+        subprocess.run([*install, gymnasium, "stable-baselines3"], cwd=folder / "empty", check=True)
+        subprocess.run([python, "-I", "-c", BASELINES], cwd=folder / "empty", check=True)
+        print(f"Stable-Baselines3 with {gymnasium}: trained", flush=True)
+    return digests
+
+
+def fault(play: Callable[..., set[str]], wheel: Path, constraints: Path, python: str, expected: str) -> str | None:
+    """Return why the wheel fails or misses the expected digest; None if it passes."""
     with tempfile.TemporaryDirectory() as folder:
         try:
-            digest = digest_in(Path(folder), wheel, constraints, python)
+            found = play(Path(folder), wheel, constraints, python)
         except subprocess.CalledProcessError as error:
             return f"{error.cmd[0]} ended with status {error.returncode}"
-    return None if digest == expected else "the same actions give other numbers than in the clone"
+    return None if found == {expected} else "the same actions give other numbers than in the clone"
 
 
 @exits(ValueError, checks=True)
@@ -103,7 +149,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except subprocess.CalledProcessError as error:
             print(f"the wheel cannot be built: status {error.returncode}", file=sys.stderr)
             return 1
-        found = {python: fault(wheel, parsed.constraints, python, expected) for python in parsed.python}
+        found = {python: fault(digest_in, wheel, parsed.constraints, python, expected) for python in parsed.python}
+        first = parsed.python[0]
+        what = f"{first} with {' or '.join(GYMNASIUMS)}"
+        found[what] = fault(digests_by_gymnasium, wheel, parsed.constraints, first, expected)
     faults = {python: what for python, what in found.items() if what}
     for python, what in faults.items():
         print(f"{python}: {what}", file=sys.stderr)

@@ -1,10 +1,11 @@
 """An offline data set in Minari's format, and a policy cloned from it.
 
-    python examples/offline.py make --behaviour mixture --episodes 200 --out runs/datasets
-    python examples/offline.py clone runs/datasets/rough_turning-mixture-v0
+    python -m examples.offline make --behaviour mixture --episodes 200 --out runs/datasets
+    python -m examples.offline clone runs/datasets/rough_turning-mixture-v0
 
 Behaviours: `grid_search`, the published controller; `analytic_gradient`, the best agent that comes with the project; `mixture`,
-both by turns. Episodes are those of seeds that no agent has been trained on, rules are tuned on or anything is scored on.
+both by turns; `load_rule`, a simple rule with noise. Episodes are those of seeds that no agent has been trained on, rules are
+tuned on or anything is scored on.
 """
 
 import argparse
@@ -12,9 +13,11 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 
 import gymnasium
 import numpy as np
@@ -22,34 +25,48 @@ import torch
 from gymnasium.vector import AutoresetMode
 from tqdm import tqdm
 
-from baselines import catalogue
-from examples.shared import ENV_ID, NUM_SEEDS, NetworkPolicy, at_least, extra, run, score
-from train.agents import onnx_policy
-from train.training import SEED_STRIDE, SEEDS
+from examples.shared import ENV_ID, NUM_SEEDS, FunctionPolicy, at_least, network_policy, run, score
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.console import described
-from turning_env.scoring.policy import PolicyFactory
+from turning_env.extras import needed
+from turning_env.physics.quantities import OBS
+from turning_env.scoring.policy import Observations, PolicyFactory
 
-with extra("ecosystem"):
+with needed():
     import minari  # type: ignore[import-untyped]
     from minari.data_collector.episode_buffer import EpisodeBuffer  # type: ignore[import-untyped]
 
 AGENT = Path(__file__).parents[1] / "agents" / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
-FIRST_SEED = (SEEDS - 1) * SEED_STRIDE
+FIRST_SEED = 999_000_000
 """Seeds of the last training seed, which is kept for data sets."""
+MAX_EPISODES = 1_000_000
 NUM_ENVS = 64
 """Episodes played side by side."""
 BEHAVIOURS = {
     "grid_search": ("grid_search",),
     "analytic_gradient": ("analytic_gradient",),
     "mixture": ("grid_search", "analytic_gradient"),
+    "load_rule": ("load_rule",),
 }
+
+
+def load_rule(observations: Observations) -> Any:
+    """Return actions that lower the feed while the power or the force is above 80 % of its limit, and raise it below."""
+    feed = -0.3 * (observations[:, [OBS.power, OBS.thrust_force]].max(axis=1) + 1.0)
+    return np.stack((np.zeros_like(feed), feed), axis=1)
 
 
 def policy(behaviour: str) -> PolicyFactory:
     """Return the rule or the agent with a name."""
+    if behaviour == "load_rule":
+        noise = np.random.default_rng(0)
+        return lambda num_envs: FunctionPolicy(lambda seen: load_rule(seen) + noise.normal(0.0, 0.2, (len(seen), 2)))
     if behaviour == "analytic_gradient":
+        from train.agents import onnx_policy
+
         return onnx_policy.load(AGENT).make
+    from baselines import catalogue
+
     return catalogue.spec(behaviour, Scenario.load("rough_turning")).make
 
 
@@ -108,25 +125,18 @@ def make(behaviour: str, episodes: int, out: Path) -> Path:
 def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -> None:
     """Have Minari write a data set below ``root``, and say in it what it is."""
     scenario = Scenario.load("rough_turning")
-    before = os.environ.get("MINARI_DATASETS_PATH")
-    os.environ["MINARI_DATASETS_PATH"] = str(root)  # Minari takes the folder from nowhere else
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=".*(author|code_permalink)")  # Minari would have a mail address
-            dataset = minari.create_dataset_from_buffers(
-                name,
-                buffers,
-                env=gymnasium.spec(ENV_ID),
-                eval_env=gymnasium.spec(ENV_ID),
-                algorithm_name=behaviour,
-                description=f"One edge per episode, by {' and '.join(BEHAVIOURS[behaviour])}; rewards in s of machine time.",
-                requirements=["rough-turning"],
-            )
-    finally:
-        if before is None:
-            del os.environ["MINARI_DATASETS_PATH"]
-        else:
-            os.environ["MINARI_DATASETS_PATH"] = before
+    folder = patch.dict(os.environ, {"MINARI_DATASETS_PATH": str(root)})  # Minari takes the folder from nowhere else
+    with folder, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*(author|code_permalink)")  # Minari would have a mail address
+        dataset = minari.create_dataset_from_buffers(
+            name,
+            buffers,
+            env=gymnasium.spec(ENV_ID),
+            eval_env=gymnasium.spec(ENV_ID),
+            algorithm_name=behaviour,
+            description=f"One edge per episode, by {' and '.join(BEHAVIOURS[behaviour])}; rewards in s of machine time.",
+            requirements=["rough-turning"],
+        )
     dataset.storage.update_metadata(
         {
             "scenario": scenario.to_toml(),
@@ -147,14 +157,9 @@ def clone(dataset: minari.MinariDataset, epochs: int, seed: int = 0) -> torch.nn
     episodes = list(dataset.iterate_episodes())
     observations = torch.from_numpy(np.concatenate([episode.observations[:-1] for episode in episodes]))
     actions = torch.from_numpy(np.concatenate([episode.actions for episode in episodes]))
-    entries, wanted, width = observations.shape[1], actions.shape[1], 128
-    network = torch.nn.Sequential(
-        torch.nn.Linear(entries, width),
-        torch.nn.ReLU(),
-        torch.nn.Linear(width, width),
-        torch.nn.ReLU(),
-        torch.nn.Linear(width, wanted),
-    )
+    sizes = (observations.shape[1], 128, 128, actions.shape[1])
+    layers = [layer for pair in pairwise(sizes) for layer in (torch.nn.Linear(*pair), torch.nn.ReLU())]
+    network = torch.nn.Sequential(*layers[:-1])
     batches = -(-len(actions) // 1024)
     optimizer = torch.optim.Adam(network.parameters())
     falling = torch.optim.lr_scheduler.OneCycleLR(optimizer, 3e-3, epochs * batches)
@@ -182,7 +187,7 @@ def load(folder: Path) -> minari.MinariDataset:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python examples/offline.py", **described(__doc__))
+    parser = argparse.ArgumentParser(prog="python -m examples.offline", **described(__doc__))
     commands = parser.add_subparsers(dest="command", required=True)
     making = commands.add_parser("make", help="play, and write a data set")
     making.add_argument("--behaviour", choices=BEHAVIOURS, default="mixture", help="default: %(default)s")
@@ -195,8 +200,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         if options.command == "make":
-            if options.episodes > SEED_STRIDE:
-                parser.error(f"--episodes is {options.episodes}, but must be at most {SEED_STRIDE}")
+            if options.episodes > MAX_EPISODES:
+                parser.error(f"--episodes is {options.episodes}, but must be at most {MAX_EPISODES}")
             print(make(options.behaviour, options.episodes, options.out))
             return 0
         dataset = load(options.dataset)
@@ -207,7 +212,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in BEHAVIOURS[dataset.storage.metadata["algorithm_name"]]:
         print(f"{name}: {score(policy(name), options.tuning_seeds)}")
     network = clone(dataset, options.epochs)
-    print(f"clone: {score(lambda num_envs: NetworkPolicy(network), options.tuning_seeds)}")
+    print(f"clone: {score(lambda num_envs: network_policy(network), options.tuning_seeds)}")
     return 0
 
 

@@ -1,16 +1,17 @@
-"""What the examples share: how an agent is scored, and how a command line ends."""
+"""What the examples share: how an agent is scored, and their command lines."""
 
 import argparse
 import math
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from turning_env import Scenario
+from turning_env.console import described
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import Actions, Observations, PolicyFactory
 from turning_env.scoring.seeds import tuning_seeds
@@ -20,20 +21,23 @@ NUM_SEEDS = 32
 """Tuning seeds that are played for a score: what is tried out is never scored on the held-out ones."""
 
 
-class NetworkPolicy:
-    """A network from observations to actions as a policy; it has no memory."""
+class FunctionPolicy:
+    """A function from observations, shape (num_envs, entries), to actions, as a policy; it has no memory."""
 
-    def __init__(self, network: Callable[[torch.Tensor], torch.Tensor]) -> None:
-        self._network = network
+    def __init__(self, function: Callable[[Observations], Any]) -> None:
+        self._function = function
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Do nothing: nothing is remembered."""
 
-    @torch.no_grad()
     def act(self, observations: Observations) -> Actions:
-        """Return actions in -1..1, shape (num_envs, actions), for observations, shape (num_envs, entries)."""
-        actions: Actions = self._network(torch.from_numpy(observations)).clamp(-1.0, 1.0).numpy()
-        return actions
+        """Return actions in -1..1, float32 of shape (num_envs, actions)."""
+        return np.asarray(self._function(observations), np.float32).clip(-1.0, 1.0)
+
+
+def network_policy(network: Callable[[torch.Tensor], torch.Tensor]) -> FunctionPolicy:
+    """Return a network of PyTorch as a policy."""
+    return FunctionPolicy(torch.no_grad()(lambda observations: network(torch.from_numpy(observations)).numpy()))
 
 
 def score(make: PolicyFactory, num_seeds: int = NUM_SEEDS) -> str:
@@ -54,6 +58,17 @@ def at_least(least: int) -> Callable[[str], int]:
     return number
 
 
+def parser(name: str, doc: str | None, steps: int, num_envs: int | None = None) -> argparse.ArgumentParser:
+    """Return a command line with the options that the examples have in common."""
+    made = argparse.ArgumentParser(prog=f"python -m examples.{name}", **described(doc))
+    made.add_argument("--steps", type=at_least(1), default=steps, help="steps of all environments (default: %(default)s)")
+    if num_envs is not None:
+        made.add_argument("--num-envs", type=at_least(1), default=num_envs, help="environments (default: %(default)s)")
+    made.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
+    made.add_argument("--tuning-seeds", type=at_least(1), default=NUM_SEEDS, help="to score on (default: %(default)s)")
+    return made
+
+
 def run(main: Callable[[Sequence[str] | None], int]) -> int:
     """Run a script's ``main`` on one thread; return its exit status, 130 if it is interrupted."""
     torch.set_num_threads(1)
@@ -62,13 +77,3 @@ def run(main: Callable[[Sequence[str] | None], int]) -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130
-
-
-@contextmanager
-def extra(name: str) -> Iterator[None]:
-    """Wrap imports of an optional extra: exit with 2, naming the extra, if it is not installed."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        print(f"error: {error.name} is not installed: pip install -e '.[{name}]' in a clone", file=sys.stderr)
-        raise SystemExit(2) from error

@@ -1,6 +1,6 @@
 """PPO in one file, on the vector environment as Gymnasium makes it, with nothing but PyTorch.
 
-    python examples/single_file_ppo.py --steps 1000000
+    python -m examples.single_file_ppo --steps 1000000
 
 All that is learned from stays in arrays of shape (rollout, environments, ...): there is no loop over environments. (Schulman
 et al. 2017, arXiv 1707.06347; advantages: Schulman et al. 2016, arXiv 1506.02438.)
@@ -21,7 +21,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 import turning_env  # noqa: F401 - registers the ids
-from examples.shared import ENV_ID, NetworkPolicy, run, score
+from examples.shared import ENV_ID, network_policy, run, score
 from turning_env.console import described
 
 
@@ -158,7 +158,7 @@ def train(settings: Settings) -> Agent:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python examples/single_file_ppo.py", **described(__doc__))
+    parser = argparse.ArgumentParser(prog="python -m examples.single_file_ppo", **described(__doc__))
     for field in fields(Settings):
         kind: Any = field.type
         parser.add_argument(f"--{field.name.replace('_', '-')}", type=kind, default=field.default, help="default: %(default)s")
@@ -168,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ValueError as error:
         parser.error(str(error))
     agent = train(settings)
-    print(f"PPO after {settings.steps} steps: {score(lambda num_envs: NetworkPolicy(agent.mean), settings.tuning_seeds)}")
+    print(f"PPO after {settings.steps} steps: {score(lambda num_envs: network_policy(agent.mean), settings.tuning_seeds)}")
     return 0
 
 

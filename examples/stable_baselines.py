@@ -1,14 +1,13 @@
-"""Stable-Baselines3 and sb3-contrib, on single environments or on the project's own environments side by side.
+"""Stable-Baselines3 and sb3-contrib, on the batch or on single environments.
 
-    python examples/stable_baselines.py --algorithm ppo --steps 500000
-    python examples/stable_baselines.py --algorithm sac --lathes single --steps 20000
+    python -m examples.stable_baselines --algorithm ppo --steps 500000
+    python -m examples.stable_baselines --algorithm sac --vec-env gymnasium --num-envs 8 --steps 20000
 
-Single environments are what Stable-Baselines3 makes by itself (``make_vec_env``); they are stepped one after the other. The
-project's adapter (``train/vec_env.py``) steps all environments in one call, which is some thirty times as fast. ``python -m
+``gymnasium`` are single environments as Stable-Baselines3 makes them (``make_vec_env``), stepped one after the other. ``batch``
+is the adapter of ``turning_env.adapters``: it steps all environments in one call, which is some thirty times as fast. ``python -m
 train.ppo`` and its like do the same with checkpoints and a learning curve.
 """
 
-import argparse
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -21,21 +20,20 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecEnv
 
-import turning_env
-from examples.shared import ENV_ID, at_least, run, score
-from train.vec_env import RoughTurningVecEnv
-from turning_env.console import described
+import turning_env  # noqa: F401 - registers the ids
+from examples.shared import ENV_ID, parser, run, score
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.scoring.policy import Actions, Observations
 
 ROLLOUT = 4096
 """Steps of all environments between two updates of an on-policy algorithm."""
 
 
-def lathes(kind: str, num_envs: int, seed: int) -> VecEnv:
+def make_envs(kind: str, num_envs: int, seed: int) -> VecEnv:
     """Return ``num_envs`` environments behind Stable-Baselines3's interface; environment i plays the episodes of seed + i."""
-    if kind == "single":
+    if kind == "gymnasium":
         return make_vec_env(ENV_ID, n_envs=num_envs, seed=seed, env_kwargs={"render_mode": None})  # else it asks for pictures
-    env = RoughTurningVecEnv(turning_env.Scenario.load("rough_turning"), num_envs, reward_scale=1 / 3)
+    env = RoughTurningVecEnv("rough_turning", num_envs, reward_scale=1 / 3)
     env.seed(seed)
     return env
 
@@ -79,18 +77,14 @@ class Predicting:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python examples/stable_baselines.py", **described(__doc__))
-    parser.add_argument("--algorithm", choices=("ppo", "recurrent_ppo", "sac", "tqc"), default="ppo", help="default: %(default)s")
-    parser.add_argument("--lathes", choices=("adapter", "single"), default="adapter", help="default: %(default)s")
-    parser.add_argument("--num-envs", type=at_least(1), help="environments side by side (default: 64 of the adapter's, 8 single)")
-    parser.add_argument("--steps", type=at_least(1), default=500_000, help="environment steps (default: %(default)s)")
-    parser.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
-    parser.add_argument("--tuning-seeds", type=at_least(1), default=32, help="tuning seeds to score on (default: %(default)s)")
-    options = parser.parse_args(arguments)
-    num_envs = options.num_envs or (64 if options.lathes == "adapter" else 8)
-    if num_envs > ROLLOUT // 2:
-        parser.error(f"--num-envs is {num_envs}, but must be at most {ROLLOUT // 2}")
-    env = lathes(options.lathes, num_envs, options.seed)
+    command_line = parser("stable_baselines", __doc__, 500_000, 64)
+    algorithms = ("ppo", "recurrent_ppo", "sac", "tqc")
+    command_line.add_argument("--algorithm", choices=algorithms, default="ppo", help="default: %(default)s")
+    command_line.add_argument("--vec-env", choices=("batch", "gymnasium"), default="batch", help="default: %(default)s")
+    options = command_line.parse_args(arguments)
+    if options.num_envs > ROLLOUT // 2:
+        command_line.error(f"--num-envs is {options.num_envs}, but must be at most {ROLLOUT // 2}")
+    env = make_envs(options.vec_env, options.num_envs, options.seed)
     model = new_model(options.algorithm, env, options.seed)
     model.learn(options.steps, progress_bar=sys.stderr.isatty())
     env.close()

@@ -27,7 +27,7 @@ FLOORS = (
     {"observation", "info"},
     {"batch"},
     {"env", "vector_env", "tasks", "wrappers", "action"},
-    {"scoring", "programs", "control", "workshop", "rendering"},
+    {"scoring", "programs", "control", "workshop", "rendering", "adapters"},
     {"__main__"},
 )
 """Rooms of ``turning_env`` from the ground up: a room may import its own floor and all below."""

@@ -31,8 +31,8 @@ from train.analytic_actor import ACTUAL, GruActor, TargetCommands
 from train.model_gain import HindsightVecEnv, ModelGain, Truth
 from train.run import Run
 from train.training import Algorithm, command_line
-from train.vec_env import RoughTurningVecEnv
 from turning_env import Scenario
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 Tensor = torch.Tensor
 

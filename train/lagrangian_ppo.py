@@ -24,7 +24,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from train import ppo
 from train.run import Run
 from train.training import Algorithm, command_line
-from train.vec_env import RoughTurningVecEnv, info_at_end_of_step
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv, info_at_end_of_step
 
 
 class AllowanceVecEnv(RoughTurningVecEnv):

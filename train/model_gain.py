@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from torch.nn.functional import softplus
 
 from baselines.models.edge_value import USED_LIVES, worth
-from train.vec_env import RoughTurningVecEnv, info_at_end_of_step
 from turning_env import PowerLaw, Scenario
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv, info_at_end_of_step
 from turning_env.scenario.power_law import log_response
 
 Tensor = torch.Tensor

@@ -19,7 +19,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from train.actor import Feedforward
 from train.run import Run
 from train.training import ACTIVATIONS, Algorithm, command_line
-from train.vec_env import RoughTurningVecEnv
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
 def settings(run: Run) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from train.actor import Actor
 from train.ppo import settings
 from train.run import Run
 from train.training import Algorithm, command_line
-from train.vec_env import RoughTurningVecEnv
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
 class RecurrentActor(Actor):

@@ -15,7 +15,7 @@ from sb3_contrib import TQC
 from train.run import Run
 from train.sac import network, settings
 from train.training import Algorithm, command_line
-from train.vec_env import RoughTurningVecEnv
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
 def new_model(run: Run, vec_env: RoughTurningVecEnv) -> TQC:

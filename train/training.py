@@ -24,8 +24,8 @@ from tqdm import tqdm
 
 from train.actor import Actor
 from train.run import CURVE_COLUMNS, Run, overrides, warn_of_pickle
-from train.vec_env import RoughTurningVecEnv
 from turning_env import IDS, Scenario
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, replace_file
 from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START

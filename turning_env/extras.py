@@ -1,15 +1,19 @@
 """Messages for optional packages that are not installed: the package and how to install it, instead of a traceback."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
 
 EXTRAS = {
     "workshop": ("matplotlib", "scipy"),
     "render": ("PIL", "pygame"),
-    "ecosystem": ("h5py", "minari", "moviepy", "rl_zoo3", "torchrl"),
+    "sb3": ("stable_baselines3",),
+    "torchrl": ("tensordict", "torchrl"),
+    "ecosystem": ("h5py", "minari", "moviepy", "rl_zoo3"),
     "benchmark": (
         *("jinja2", "joblib", "onnx", "onnxruntime", "onnxscript", "optuna", "sb3_contrib", "sqlalchemy"),
-        *("stable_baselines3", "tensorboard", "torch", "tqdm"),
+        *("tensorboard", "torch", "tqdm"),
     ),
     "distributed": ("dask", "distributed", "psutil"),
 }
@@ -36,6 +40,17 @@ def missing(error: BaseException) -> str | None:
         return None
     name = (error.name or "").partition(".")[0]
     return f"{name} is not installed: {HOW[name]}" if name in HOW else None
+
+
+@contextmanager
+def needed() -> Iterator[None]:
+    """Wrap imports of optional packages: the error for a missing one says how to install it."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if (message := missing(error)) is None:
+            raise
+        raise ModuleNotFoundError(message, name=error.name) from error
 
 
 def tell_plainly() -> None:

@@ -12,8 +12,8 @@ from tests.train.small import PARAMETERS, SCENARIO
 from tests.turning_env.playing import changed
 from train.actor import ActorPolicy
 from train.run import Run, hyperparameters
-from train.vec_env import RoughTurningVecEnv
 from turning_env import RoughTurningVectorEnv, Scenario
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 # Of its edges some wear out, some break, and some last till the end.
 MIXED = changed(SCENARIO, tool={"edge_strength": 1500.0, "edge_strength_spread": 0.3}, control={"time_limit": 0.3})

@@ -11,7 +11,7 @@ import minari
 
 from examples import offline
 from examples.offline import clone, load, main
-from examples.shared import NetworkPolicy
+from examples.shared import network_policy
 from turning_env import RoughTurningEnv
 from turning_env.scoring.seeds import TUNING_START
 
@@ -65,7 +65,7 @@ def test_a_clone_acts_as_the_behaviour_did(tmp_path: Path, capsys: pytest.Captur
     dataset = load(tmp_path / "rough_turning-grid_search-v0")
     network = clone(dataset, 100)
     episode = next(iter(dataset.iterate_episodes()))
-    errors = NetworkPolicy(network).act(episode.observations[:-1]) - episode.actions
+    errors = network_policy(network).act(episode.observations[:-1]) - episode.actions
     assert np.square(errors).mean() < 0.3 * np.var(episode.actions, axis=0).mean()
     assert main(["clone", str(tmp_path / "rough_turning-grid_search-v0"), "--epochs", "1", "--tuning-seeds", "2"]) == 0
     assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()][-2:] == ["grid_search", "clone"]

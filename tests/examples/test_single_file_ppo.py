@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from examples.shared import NetworkPolicy
+from examples.shared import network_policy
 from examples.single_file_ppo import Agent, Rollouts, Settings, main, train
 from turning_env import Scenario
 from turning_env.scoring.play import play
@@ -35,7 +35,7 @@ def test_it_learns() -> None:
     torch.manual_seed(0)
     untrained, trained = Agent(11, 2), train(Settings(steps=60_000))
     before, after = (
-        play(lambda num_envs, agent=agent: NetworkPolicy(agent.mean), Scenario(), tuning_seeds(8))["return"].mean()
+        play(lambda num_envs, agent=agent: network_policy(agent.mean), Scenario(), tuning_seeds(8))["return"].mean()
         for agent in (untrained, trained)
     )
     assert after > before + 500

@@ -12,8 +12,8 @@ from scipy.stats import norm
 from baselines.models.edge_value import USED_LIVES
 from train.analytic_actor import ACTUAL, TargetCommands
 from train.model_gain import FIELDS, POINTS, HindsightVecEnv, ModelGain, Truth
-from train.vec_env import info_at_end_of_step
 from turning_env import Scenario
+from turning_env.adapters.stable_baselines3 import info_at_end_of_step
 
 BASE, SHIFT, OVERRIDE = (Scenario.load(preset) for preset in ("rough_turning", "shift", "override"))
 JOB = BASE.model_copy(update={"workpiece": BASE.workpiece.model_copy(update={"bars": 1})})

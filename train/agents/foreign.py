@@ -16,8 +16,8 @@ from stable_baselines3.common.vec_env import VecNormalize
 from train.actor import Actor
 from train.recurrent_ppo import RecurrentActor
 from train.run import warn_of_pickle
-from train.vec_env import RoughTurningVecEnv
 from turning_env import Scenario
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.batch.driver import action_space, observation_space
 
 _MODELS = {

@@ -1,14 +1,19 @@
 """The vector environment behind the interface of Stable-Baselines3, without a Python loop over environments."""
 
+import os
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
 
-from turning_env import RoughTurningVectorEnv, Scenario
+from turning_env.extras import needed
+from turning_env.scenario import Scenario
+from turning_env.vector_env import RoughTurningVectorEnv
+
+with needed():
+    from stable_baselines3.common.vec_env import VecEnv
 
 Indices = int | Iterable[int] | None
 
@@ -16,12 +21,15 @@ Indices = int | Iterable[int] | None
 class RoughTurningVecEnv(VecEnv):
     """``num_envs`` environments behind Stable-Baselines3's ``VecEnv``.
 
-    At an episode's end, an environment's info holds ``terminal_observation``, ``TimeLimit.truncated`` and ``episode`` (return
-    [s of machine time] and length, unscaled); all other infos are empty. Rewards are multiplied by ``reward_scale``. A subclass
-    that trains on other rewards overrides ``training_rewards``.
+        PPO("MlpPolicy", RoughTurningVecEnv("rough_turning", 64)).learn(500_000)
+
+    ``scenario`` is the name of a preset, the path of a TOML file, or a ``Scenario``. Rewards are multiplied by ``reward_scale``;
+    a subclass that trains on other rewards overrides ``training_rewards``. At an episode's end, an environment's info holds
+    ``terminal_observation``, ``TimeLimit.truncated`` and ``episode`` (return [s of machine time] and length, unscaled); all other
+    infos are empty.
     """
 
-    def __init__(self, scenario: Scenario, num_envs: int, reward_scale: float = 1.0) -> None:
+    def __init__(self, scenario: str | os.PathLike[str] | Scenario, num_envs: int, reward_scale: float = 1.0) -> None:
         self.vector_env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
         self.reward_scale = reward_scale
         self._actions: NDArray[np.float32] = np.zeros(self.vector_env.action_space.shape or (), np.float32)

@@ -1,12 +1,14 @@
+"""The batch behind other libraries' interfaces gives what single environments give."""
+
 import numpy as np
 import pytest
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from tests.turning_env.playing import changed
-from train.vec_env import RoughTurningVecEnv
 from turning_env import RoughTurningEnv, Scenario
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
-# Episodes of at most 12 intervals, ending in breakage as well as out of time.
+# Episodes of at most 12 steps, ending in breakage as well as out of time.
 SHORT = Scenario.model_validate({"tool": {"edge_strength": 900.0}, "control": {"time_limit": 0.2}})
 
 
@@ -26,16 +28,16 @@ def few(preset: str, **sections: dict[str, float]) -> Scenario:
     ],
 )
 def test_it_says_what_stable_baselines_own_vec_env_says(scenario: Scenario, kinds: set[bool]) -> None:
-    lanes, scale = 5, 0.5
-    ours = RoughTurningVecEnv(scenario, lanes, scale)
-    theirs = DummyVecEnv([lambda: RoughTurningEnv(scenario)] * lanes)
+    num_envs, scale = 5, 0.5
+    ours = RoughTurningVecEnv(scenario, num_envs, scale)
+    theirs = DummyVecEnv([lambda: RoughTurningEnv(scenario)] * num_envs)
     size = (ours.action_space.shape or (0,))[0]
     ours.seed(40)
     theirs.seed(40)
     np.testing.assert_array_equal(ours.reset(), theirs.reset())
     ends = {True: 0, False: 0}
     for step in range(60):
-        actions = np.sin(np.arange(lanes * size).reshape(lanes, size) + 0.2 * step).astype(np.float32)
+        actions = np.sin(np.arange(num_envs * size).reshape(num_envs, size) + 0.2 * step).astype(np.float32)
         observations, rewards, dones, infos = ours.step(actions)
         expected_observations, expected_rewards, expected_dones, expected_infos = theirs.step(actions)
         np.testing.assert_array_equal(observations, expected_observations)
@@ -62,8 +64,36 @@ def test_episode_statistics_are_unscaled_sums() -> None:
         _, rewards, dones, infos = env.step(np.zeros((3, 2), np.float32))
         totals += rewards / 0.25
         lengths += 1
-        for lane in np.flatnonzero(dones):
-            np.testing.assert_allclose(infos[lane]["episode"]["r"], totals[lane], rtol=1e-5)
-            assert infos[lane]["episode"]["l"] == lengths[lane]
-            totals[lane], lengths[lane], seen = 0.0, 0, seen + 1
+        for index in np.flatnonzero(dones):
+            np.testing.assert_allclose(infos[index]["episode"]["r"], totals[index], rtol=1e-5)
+            assert infos[index]["episode"]["l"] == lengths[index]
+            totals[index], lengths[index], seen = 0.0, 0, seen + 1
     assert seen > 3
+
+
+def test_torchrl_plays_episodes_of_seeds_in_a_row() -> None:
+    torchrl = pytest.importorskip("turning_env.adapters.torchrl")
+    envs = torchrl.RoughTurningTorchEnv(3, SHORT, info=("wear",))
+    envs.set_seed(5)
+    rollout = envs.rollout(40, break_when_any_done=False)
+    ends = 0
+    for index in range(3):
+        env = RoughTurningEnv(SHORT)
+        observation, _ = env.reset(seed=5 + index)
+        for step in rollout[index]:
+            np.testing.assert_array_equal(step["observation"].numpy(), observation)
+            observation, reward, terminated, truncated, info = env.step(step["action"].numpy())
+            after = step["next"]
+            np.testing.assert_array_equal(after["observation"].numpy(), observation)
+            assert (after["reward"].item(), after["wear"].item()) == (np.float32(reward), np.float32(info["wear"]))
+            assert (after["terminated"].item(), after["truncated"].item()) == (terminated, truncated)
+            if terminated or truncated:
+                ends += 1
+                observation, _ = env.reset()
+    assert ends > 3
+
+
+def test_torchrl_refuses_unknown_info() -> None:
+    torchrl = pytest.importorskip("turning_env.adapters.torchrl")
+    with pytest.raises(ValueError, match="info is 'ware', but must be among "):
+        torchrl.RoughTurningTorchEnv(1, info=("ware",))

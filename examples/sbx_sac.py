@@ -1,0 +1,34 @@
+"""SBX, Stable-Baselines3 in JAX: SAC on the batch, by the adapter for Stable-Baselines3.
+
+python -m examples.sbx_sac --steps 100000
+"""
+
+import sys
+from collections.abc import Sequence
+
+from sbx import SAC
+
+from examples.shared import FunctionPolicy, parser, run, score
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train, score; return the exit status."""
+    options = parser("sbx_sac", __doc__, 100_000, 64).parse_args(arguments)
+    env = RoughTurningVecEnv("rough_turning", options.num_envs, reward_scale=1 / 3)
+    layers = {"net_arch": [64, 64]}
+    # As many updates as steps of a tenth of the environments: more cost time and gain little.
+    updates = max(1, options.num_envs // 10)
+    settings = {"gamma": 0.8, "learning_rate": 1e-3, "learning_starts": 2000, "gradient_steps": updates}
+    model = SAC("MlpPolicy", env, seed=options.seed, policy_kwargs=layers, **settings)
+    model.learn(options.steps)
+
+    def act(observations: object) -> object:
+        return model.predict(observations, deterministic=True)[0]
+
+    print(f"SAC after {model.num_timesteps} steps: {score(lambda num_envs: FunctionPolicy(act), options.tuning_seeds)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

@@ -1,0 +1,57 @@
+"""skrl: PPO on the vector environment.
+
+    python -m examples.skrl_ppo --steps 200000
+
+skrl takes the observation after an episode's end for the next episode's first one: the autoreset mode must be SAME_STEP.
+"""
+
+import sys
+from collections.abc import Sequence
+
+import gymnasium
+import torch
+from skrl.agents.torch import ExperimentCfg
+from skrl.agents.torch.ppo import PPO, PPO_CFG
+from skrl.envs.wrappers.torch import wrap_env
+from skrl.memories.torch import RandomMemory
+from skrl.trainers.torch import SequentialTrainer, SequentialTrainerCfg
+from skrl.utils import set_seed
+from skrl.utils.model_instantiators.torch import deterministic_model, gaussian_model
+
+import turning_env  # noqa: F401 - registers the ids
+from examples.shared import ENV_ID, network_policy, parser, run, score
+
+ROLLOUT = 64
+"""Steps per environment between updates."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train, score; return the exit status."""
+    options = parser("skrl_ppo", __doc__, 200_000, 64).parse_args(arguments)
+    set_seed(options.seed)
+    envs = wrap_env(gymnasium.make_vec(ENV_ID, options.num_envs, autoreset_mode="SameStep"))
+    spaces = {"observation_space": envs.observation_space, "action_space": envs.action_space, "device": "cpu"}
+    layers = [{"name": "net", "input": "OBSERVATIONS", "layers": [64, 64], "activations": "relu"}]
+    policy = gaussian_model(**spaces, network=layers, output="ACTIONS", initial_log_std=-1.0)
+    value = deterministic_model(**spaces, network=layers, output="ONE")
+    silent = ExperimentCfg(write_interval=0, checkpoint_interval=0)
+    cfg = PPO_CFG(rollouts=ROLLOUT, learning_epochs=5, mini_batches=8, discount_factor=0.8, experiment=silent)
+    cfg.time_limit_bootstrap = True
+    cfg.rewards_shaper = lambda rewards, *_: rewards / 3
+    memory = RandomMemory(memory_size=ROLLOUT, num_envs=options.num_envs, device="cpu")
+    agent = PPO(models={"policy": policy, "value": value}, memory=memory, cfg=cfg, **spaces)
+    updates = -(-options.steps // (ROLLOUT * options.num_envs))
+    trainer_cfg = SequentialTrainerCfg(timesteps=updates * ROLLOUT, headless=True)
+    SequentialTrainer(env=envs, agents=agent, cfg=trainer_cfg).train()
+    policy.eval()
+
+    def mean(observations: torch.Tensor) -> torch.Tensor:
+        actions: torch.Tensor = policy.act({"observations": observations}, role="policy")[1]["mean_actions"]
+        return actions
+
+    print(f"PPO after {options.steps} steps: {score(lambda n: network_policy(mean), options.tuning_seeds)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

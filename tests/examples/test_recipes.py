@@ -1,0 +1,74 @@
+"""Scripts of one library each, made small. What the clone's pins exclude is skipped here, and tried by ``make clients``."""
+
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from examples import stable_baselines
+from examples.stable_baselines import main, make_envs
+from turning_env import IDS
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("vec_env", ["batch", "gymnasium"])
+@pytest.mark.parametrize(("algorithm", "steps"), [("ppo", 1), ("recurrent_ppo", 1), ("sac", 2010), ("tqc", 2010)])
+def test_every_algorithm_of_stable_baselines_learns(
+    algorithm: str, steps: int, vec_env: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stable_baselines, "ROLLOUT", 512)
+    small = ["--num-envs", "8", "--steps", str(steps), "--tuning-seeds", "1"]
+    assert main(["--algorithm", algorithm, "--vec-env", vec_env, *small]) == 0
+    assert capsys.readouterr().out.startswith(f"{algorithm} after { {1: 512, 2010: 2016}[steps] } steps: -")
+
+
+def test_the_batch_and_single_environments_play_the_same() -> None:
+    batch, single = make_envs("batch", 3, 7), make_envs("gymnasium", 3, 7)
+    np.testing.assert_array_equal(batch.reset(), single.reset())
+    actions = np.full((3, 2), 0.3, np.float32)
+    for _ in range(20):
+        seen, rewards, *_ = batch.step(actions)
+        expected, unscaled, *_ = single.step(actions)
+        np.testing.assert_array_equal(seen, expected)
+        np.testing.assert_allclose(rewards, unscaled / 3, rtol=1e-6)
+
+
+def test_torchrl_checks_every_id(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("torchrl")
+    assert import_module("examples.torch_rl").main(["--steps", "40", "--num-envs", "8"]) == 0
+    said = capsys.readouterr().out
+    assert all(f"{env_id}: checked; after " in said for env_id in IDS)
+    assert "random actions: (8, 5)" in said
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # what the libraries do is not this project's
+@pytest.mark.parametrize(
+    ("library", "recipe"),
+    [
+        ("agilerl", "agilerl_ppo"),
+        ("d3rlpy", "d3rlpy_td3_bc"),
+        ("ray", "rllib_ppo"),
+        ("sbx", "sbx_sac"),
+        ("skrl", "skrl_ppo"),
+        ("tianshou", "tianshou_ppo"),
+    ],
+)
+def test_other_libraries_learn(library: str, recipe: str, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip(library)
+    assert import_module(f"examples.{recipe}").main(["--steps", "500", "--tuning-seeds", "2"]) == 0
+    assert " s per edge " in capsys.readouterr().out.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--steps", "0"], "--steps: is 0, but must be a whole number of at least 1"),
+        (["--seed", "x"], "--seed: is x, but must be a whole number of at least 0"),
+        (["--num-envs", "3000"], "--num-envs is 3000, but must be at most 2048"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(arguments)
+    assert said in capsys.readouterr().err
