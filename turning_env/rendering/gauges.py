@@ -156,10 +156,10 @@ class Gauges:
             colour = ui.OVER if broken or share >= 1.0 else ui.GREEN
             draw.rectangle((100, 65, 100 + 290 * share, 73), fill=colour)
         title = "edge" if self._scenario.control.edge_changes == "end" else f"edge {history.edge + 1}"
-        ui.write(image, (100, 2), title, 13)
+        ui.write(image, (100, 2), f"{title}: true state, hidden", 13)
         ui.write(image, (100, 22), f"flank wear {now['wear']:.3f} mm, worn out at {criterion:g} mm (dashes)", 12)
         ui.write(image, (100, 43), f"life used {100 * now['used_life']:.0f} %", 12)
-        told = f"{'broke' if broken else 'breaks'} at {now['edge_strength']:.0f} N (hidden)"
+        told = f"{'broke' if broken else 'breaks'} at {now['edge_strength']:.0f} N"
         ui.write(image, (390, 2), told, 11, ui.OVER if broken else ui.QUIET, "right")
         ui.write(image, (390, 43), f"cutting for {now['cutting_time']:.2f} min", 12, ui.QUIET, "right")
         ui.put(frame, image, (self._left + 8, self._top + 146))
