@@ -197,7 +197,7 @@ def plot(rows: Sequence[Row], path: Path) -> None:
     others = iter(style.LINES[1:])
     with style.for_print():
         figure = Figure(figsize=(style.DOUBLE, 6.2), layout="constrained")
-        upper, lower = (part.subplots() for part in figure.subfigures(2, 1, height_ratios=(3, 2)))
+        upper, lower = (part.subplots() for part in figure.subfigures(2, 1, squeeze=False, height_ratios=(3, 2))[:, 0])
         for name, found in lines.items():
             colour, dashes = style.LINES[0] if name.startswith(OURS) else next(others)
             upper.plot(

@@ -195,7 +195,8 @@ class BarView:
             # Many thin passes are named in two columns, on a ground that no line crosses.
             middle = left + (right - left) * (0.5 if count <= 4 else 0.25 if number % 2 == 0 else 0.75)
             top, half = round(0.5 * (y + above) - 8), 0.5 * ui.length(text, 12) + 6
-            draw.rectangle((middle - half, top + 2, middle + half, top + 15), fill=ui.ALLOWANCE)
+            bottom = min(top + 15, _SURFACE - _ROOF - 1)
+            draw.rectangle((middle - half, top + 2, middle + half, bottom), fill=ui.ALLOWANCE)
             ui.write(image, (middle, top), text, 12, ui.INK, "middle")
         ui.put(frame, image, (LEFT, _ROOF))
 
@@ -243,6 +244,10 @@ class LoadStrip:
             self._shown, self._drawn = shown, 0
             self._start_sheet(frame, ends)
         draw = ImageDraw.Draw(self._sheet)
+        for sample in history.along_bar[self._drawn :] if self._along == "part" else ():  # the first part has no line yet
+            for name, _, colour in self._lines:
+                x, y = across.within(sample.place), self._height.within(getattr(sample, name))
+                draw.ellipse((x - 5, y - 5, x + 5, y + 5), fill=colour)
         for after in range(max(self._drawn, 1), len(history.along_bar)):
             before, now = history.along_bar[after - 1], history.along_bar[after]
             if not (now.cutting and before.cutting):
