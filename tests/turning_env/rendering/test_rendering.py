@@ -231,16 +231,6 @@ def test_passes_are_those_that_the_action_names():
     assert passes[2] == pytest.approx((240.0, 0.06, 5.0 / 3))
 
 
-def test_loads_are_drawn_although_a_step_is_longer_than_a_bar():
-    env = RoughTurningEnv("paper", render_mode="rgb_array")
-    env.reset(seed=3)
-    strip = np.s_[216:272, 76:926]
-    before = env.render()[strip]
-    for _ in range(3):
-        env.step((0.0, 0.0))
-    assert (env.render()[strip] != before).sum() > 100
-
-
 def test_the_region_is_where_no_limit_is_exceeded():
     scenario, cut = Scenario(), Cut(2.9, 1.1, 0.21)
     corners = [(math.log(speed), math.log(feed)) for speed, feed in ((50, 0.06), (200, 0.06), (200, 0.6), (50, 0.6))]
@@ -279,3 +269,13 @@ def test_ticks_are_round_and_within():
     assert round_ticks(0.0, 1.5, 5) == [0.0, 0.5, 1.0, 1.5]
     assert log_ticks(0.06, 0.6) == pytest.approx([0.06, 0.1, 0.2, 0.3, 0.6])
     assert all(50 <= tick <= 200 for tick in log_ticks(50, 200))
+
+
+def test_loads_are_drawn_although_a_step_is_longer_than_a_bar():
+    env = RoughTurningEnv("paper", render_mode="rgb_array")
+    env.reset(seed=3)
+    strip = np.s_[216:272, 76:926]
+    before = env.render()[strip]
+    for _ in range(3):
+        env.step((0.0, 0.0))
+    assert (env.render()[strip] != before).sum() > 100
