@@ -138,6 +138,16 @@ def test_a_batch_is_drawn_as_single_environments():
         assert np.array_equal(frame, rendered(SHORT_LIVED, 6 + index, actions[:, index]).render())
 
 
+def test_loads_are_drawn_although_a_step_is_longer_than_a_bar():
+    env = RoughTurningEnv("paper", render_mode="rgb_array")
+    env.reset(seed=3)
+    strip = np.s_[216:272, 76:926]
+    before = env.render()[strip]
+    for _ in range(3):
+        env.step((0.0, 0.0))
+    assert (env.render()[strip] != before).sum() > 100
+
+
 def test_as_many_environments_are_drawn_as_asked():
     envs = gymnasium.make_vec("RoughTurning-v0", num_envs=40, render_mode="rgb_array", rendered_envs=2)
     envs.reset(seed=0)
@@ -269,13 +279,3 @@ def test_ticks_are_round_and_within():
     assert round_ticks(0.0, 1.5, 5) == [0.0, 0.5, 1.0, 1.5]
     assert log_ticks(0.06, 0.6) == pytest.approx([0.06, 0.1, 0.2, 0.3, 0.6])
     assert all(50 <= tick <= 200 for tick in log_ticks(50, 200))
-
-
-def test_loads_are_drawn_although_a_step_is_longer_than_a_bar():
-    env = RoughTurningEnv("paper", render_mode="rgb_array")
-    env.reset(seed=3)
-    strip = np.s_[216:272, 76:926]
-    before = env.render()[strip]
-    for _ in range(3):
-        env.step((0.0, 0.0))
-    assert (env.render()[strip] != before).sum() > 100
