@@ -15,11 +15,12 @@ import tracemalloc
 from collections.abc import Sequence
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
 
 from benchmarks.throughput import MAIN, vector
 from benchmarks.timing import measure
 from turning_env.console import described, exits, picture_path, print_json
-from turning_env.files import replace_file
+from turning_env.workshop import plot_style as style
 
 NUM_ENVS = (1, 8, 64, 512, 4096, 32768, 262144, 1048576)
 
@@ -61,15 +62,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     else:
         _print(counts, speeds, sizes)
 
-    figure = Figure(figsize=(7, 6), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    upper.loglog(counts, speeds, "o-")
-    upper.set_ylabel("steps per second")
-    lower.loglog(counts, sizes, "o-")
-    lower.set_ylabel("bytes per environment")
-    lower.set_xlabel(f"environments of {MAIN}")
-    replace_file(options.plot, figure.savefig)
+    with style.for_print():
+        style.save(draw(counts, speeds, sizes), options.plot)
     return 0
+
+
+def draw(counts: Sequence[int], speeds: Sequence[float], sizes: Sequence[float]) -> Figure:
+    """Return a figure of steps per second and bytes per environment, with numbers at the ends."""
+    figure = Figure(figsize=(style.DOUBLE, 2.8), layout="constrained")
+    panels = figure.subplots(1, 2)
+    for axes, values, title, unit in zip(panels, (speeds, sizes), ("speed", "memory"), ("", "B"), strict=True):
+        axes.loglog(counts, values, **style.OURS)
+        axes.set_title(f"{title}: {'bytes per environment' if unit else 'environment steps per second'}", loc="left")
+        named = EngFormatter(unit, sep=" ")
+        for end, place, across in ((0, (8, 0), "left"), (-1, (0, 7), "center")):
+            text = named(float(f"{values[end]:.2g}"))
+            axes.annotate(text, (counts[end], values[end]), place, textcoords="offset points", ha=across)
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+        axes.yaxis.set_major_formatter(named)
+        axes.margins(0.1, 0.15)
+        axes.minorticks_off()
+        axes.grid(alpha=0.4)
+        axes.set_xlabel(f"environments of {MAIN} side by side")
+    return figure
 
 
 def _print(counts: Sequence[int], speeds: Sequence[float], sizes: Sequence[float]) -> None:

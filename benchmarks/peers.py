@@ -183,34 +183,51 @@ def _rounded(rate: float) -> str:
 
 
 def plot(rows: Sequence[Row], path: Path) -> None:
-    """Plot steps per second over environments, one line per case."""
+    """Plot steps per second: a line per case with several numbers of environments, and below, a point for each other case."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import EngFormatter
 
     from turning_env.workshop import plot_style as style
 
-    others = style.VERMILLION, style.ORANGE, style.GREEN, style.PURPLE, style.SKY, style.BLACK
-    figure = Figure(figsize=(8.0, 4.8), layout="constrained")
-    axes = figure.add_subplot()
-    names = [name for name in dict.fromkeys(row.name for row in rows) if "unwrapped" not in name]
-    seen = {True: 0, False: 0}
-    for name in names:
-        of_name = [row for row in rows if row.name == name]
-        ours = name.startswith(OURS)
-        axes.plot(
-            [row.num_envs for row in of_name],
-            [row.rate for row in of_name],
-            marker="os^Dv<>*Pp"[seen[ours] % 10],
-            linewidth=2.0 if ours else 1.0,
-            linestyle="-" if ours else "--",
-            color=style.BLUE if ours else others[seen[ours] % len(others)],
-            label=name,
-        )
-        seen[ours] += 1
-    axes.set(xscale="log", yscale="log", xlabel="environments side by side", ylabel="environment steps per second")
-    axes.set_xticks(NUM_ENVS, [str(num_envs) for num_envs in NUM_ENVS])
-    axes.grid(True, which="major", alpha=0.3)
-    figure.legend(loc="outside right upper", fontsize="small", frameon=False)
-    replace_file(path, lambda temporary: figure.savefig(temporary, dpi=150, format="png"))
+    cases = {name: [row for row in rows if row.name == name] for name in dict.fromkeys(row.name for row in rows)}
+    lines = {name: found for name, found in cases.items() if len(found) > 1}
+    points = sorted(
+        (row for found in cases.values() if len(found) == 1 for row in found), key=lambda row: (-row.num_envs, row.rate)
+    )
+    others = iter(style.LINES[1:])
+    with style.for_print():
+        figure = Figure(figsize=(style.DOUBLE, 6.2), layout="constrained")
+        upper, lower = (part.subplots() for part in figure.subfigures(2, 1, squeeze=False, height_ratios=(3, 2))[:, 0])
+        for name, found in lines.items():
+            colour, dashes = style.LINES[0] if name.startswith(OURS) else next(others)
+            upper.plot(
+                [row.num_envs for row in found],
+                [row.rate for row in found],
+                color=colour,
+                linestyle=dashes,
+                marker="o",
+                markersize=3,
+            )
+            end = found[-1]
+            upper.annotate(name, (end.num_envs, end.rate), (7, 0), textcoords="offset points", va="center", color=colour)
+        upper.set(xscale="log", yscale="log", xlabel="environments side by side", ylabel="environment steps per second")
+        upper.set_xticks(NUM_ENVS, [str(num_envs) for num_envs in NUM_ENVS])
+        upper.set_xlim(right=100 * NUM_ENVS[-1])  # room for the names
+        upper.set_title("Many environments side by side", loc="left")
+        for place, row in enumerate(points):
+            colour = style.BLUE if row.name.startswith(OURS) else style.BLACK
+            lower.plot(row.rate, place, "o", color=colour, markersize=5)
+            lower.annotate(_rounded(row.rate), (row.rate, place), (7, 0), textcoords="offset points", va="center", color=colour)
+        lower.set(xscale="log", xlabel="environment steps per second")
+        lower.set_yticks(range(len(points)), [f"{row.name}: {row.num_envs}" for row in points])
+        lower.set_title("One number of environments, which stands behind the name", loc="left")
+        lower.xaxis.set_major_formatter(EngFormatter(sep=" "))
+        upper.yaxis.set_major_formatter(EngFormatter(sep=" "))
+        lower.margins(x=0.12)
+        for axes in (upper, lower):
+            axes.minorticks_off()
+            axes.grid(alpha=0.4)
+        style.save(figure, path)
 
 
 @exits()

@@ -29,6 +29,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
+def on_page_content(content: str, **_: Any) -> str:
+    """Link every picture to its file, which a phone can enlarge."""
+    return re.sub(r'<img [^>]*\bsrc="([^"]+)"[^>]*>', r'<a href="\1">\g<0></a>', content)
+
+
 def pages() -> dict[str, str]:
     """Return the text of all generated pages by path."""
     leaderboards = read_leaderboards(ROOT / "leaderboard" / "results", {})

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, SymmetricalLogLocator
+from matplotlib.ticker import EngFormatter, FixedLocator, NullLocator
 from numpy.typing import NDArray
 
 from train.run import Run
@@ -25,6 +25,8 @@ from turning_env.scoring.overload import CONFIDENCE, KEY, RESAMPLES
 from turning_env.workshop import plot_style as style
 
 POINTS = 200
+_TICKS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+"""Ticks of returns, over the bound of the axis's linear part."""
 
 AXES = {"steps": "environment steps", "wall_time": "training time [s]"}
 
@@ -99,25 +101,30 @@ def draw(found: Mapping[str, Curve], levels: Mapping[str, float], against: str) 
     """Return a figure with a line per algorithm and per level; call it within ``style.for_print``."""
     figure = Figure(figsize=(style.DOUBLE, 4.4), layout="constrained")
     axes: Axes = figure.subplots()
-    for (name, curve), (colour, dashes) in zip(found.items(), style.LINES, strict=False):
+    for (name, curve), (colour, dashes) in zip(found.items(), style.policy_looks(found), strict=True):
         seeds = f"{curve.seeds} seed{'s' if curve.seeds > 1 else ''}"
         axes.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.2, linewidth=0.0)
         axes.plot(curve.x, curve.mean, color=colour, linestyle=dashes, label=f"{name}, {seeds}")
     for name, level in levels.items():
         axes.axhline(level, color=style.GREY, linewidth=0.8, linestyle=":", zorder=0)
         axes.annotate(
-            f"{name} {level:.0f} s",
+            f"{name} {level:g} s",
             (0.0, level),
             xycoords=("axes fraction", "data"),
             xytext=(4, 2),
             textcoords="offset points",
             color=style.GREY,
         )
-    # Logarithmic away from 0: first returns are many times larger than the final differences.
-    axes.set_yscale("symlog", linthresh=100)
-    axes.yaxis.set_major_locator(SymmetricalLogLocator(base=10, linthresh=100, subs=(1.0, 2.0, 3.0, 5.0)))
-    axes.yaxis.set_major_formatter("{x:.0f}")
-    axes.set_ylabel(f"mean return per episode with {CONFIDENCE:.0%} interval [s], log scale")
+    # Logarithmic beyond the decade of the final returns, from which first returns are far away, and linear towards 0.
+    final = max(max(abs(curve.mean[-1]) for curve in found.values()), 1e-3)
+    linear = 10.0 ** math.floor(math.log10(final))
+    ticks = [0.0, *(sign * share * linear for share in _TICKS for sign in (-1.0, 1.0))]
+    axes.set_yscale("symlog", linthresh=linear)
+    axes.yaxis.set_major_locator(FixedLocator(ticks))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter("{x:g}")
+    scale = f"linear up to ±{linear:g}, logarithmic beyond"
+    axes.set_ylabel(f"mean return per training episode [s]\n{CONFIDENCE:.0%} interval; {scale}")
     axes.set_xlabel(AXES[against])
     axes.xaxis.set_major_formatter(EngFormatter())
     axes.set_xlim(left=0.0)

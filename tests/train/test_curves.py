@@ -9,6 +9,7 @@ from tests.train.small import ALGORITHMS, small_run
 from train import curves
 from train.run import CURVE_COLUMNS, Run
 from turning_env import Scenario
+from turning_env.workshop.plot_style import policy_looks
 
 
 def a_run(
@@ -57,6 +58,14 @@ def test_curves_are_drawn(tmp_path: Path) -> None:
     folder = a_run(tmp_path, 0, line(-1.0))
     assert curves.main([str(folder), "--out", str(out), "--level", "predictive=-75", "--level", "a=b=-160.5"]) == 0
     assert out.read_text("utf-8").startswith("<?xml")
+
+
+def test_a_policy_looks_the_same_in_every_figure_and_unlike_the_others() -> None:
+    names = ["mine", "ppo-seed0", "grid_search", "ppo-seed1", "yours", "analytic_gradient"]
+    looks = dict(zip(names, policy_looks(names), strict=True))
+    assert len({colour for colour, _ in looks.values()}) == len(names)
+    assert looks["ppo-seed0"] == policy_looks(["sac", "ppo"])[1]
+    assert looks["grid_search"] == policy_looks(["grid_search"])[0]
 
 
 def test_mistakes_are_named_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

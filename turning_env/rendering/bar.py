@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from turning_env.rendering import theme as ui
 from turning_env.rendering.fields import Array
-from turning_env.rendering.history import History
+from turning_env.rendering.history import History, along
 from turning_env.scenario import Scenario
 
 LEFT, RIGHT = 76, 926
@@ -28,6 +28,8 @@ _PATCH = (-70, 46, 8)
 """Extent of the tool and the chip around the tool's tip: left, right and below the surface [pixels]."""
 _NODES_IN_VIEW = 80
 """Correlation lengths of hardness shown at a time: more could not be told apart."""
+_ALONG = {"place": "place along the bar [mm]", "time": "machine time [min]", "part": "number of the part"}
+"""What the loads are drawn over."""
 
 
 def stretch_in_view(scenario: Scenario, along: float) -> tuple[float, float]:
@@ -76,12 +78,13 @@ class BarView:
     def draw_axes(self, image: Image.Image, box: ui.Box) -> None:
         """Draw the scales of allowance and hardness, which never change."""
         draw = ImageDraw.Draw(image)
-        ui.write(image, (box[0] + 12, box[1] + 8), f"bar of {self._scenario.workpiece.bar_length:g} mm", 15)
-        ui.write(image, (box[0] + 22, _TOP - 6), "mm", 11, ui.QUIET)
+        title = f"bar of {self._scenario.workpiece.bar_length:g} mm"
+        ui.write(image, (box[0] + 12, box[1] + 8), title, 15)
+        note = "true allowance and hardness, hidden from the policy"
+        ui.write(image, (box[0] + 26 + ui.length(title, 15), box[1] + 11), note, 11, ui.QUIET)
+        ui.write_up(image, (box[0] + 8, 0.5 * (_TOP + _SURFACE)), "allowance [mm]")
         for tick in ui.round_ticks(0.0, self._height.end, 5):
             y = self._height(tick)
-            if tick and y < _TOP + 10:
-                continue
             draw.line((LEFT - 8, y, LEFT - 4, y), fill=ui.FAINT)
             ui.write(image, (LEFT - 11, y - 8), f"{tick:g}", 11, ui.QUIET, "right")
         left, top = RIGHT - 190, box[1] + 11
@@ -89,8 +92,9 @@ class BarView:
         image.paste(Image.fromarray(scale), (left, top))
         ui.write(image, (left - 6, top - 3), f"hardness {_SOFT:g}", 11, ui.QUIET, "right")
         ui.write(image, (left + 96, top - 3), f"{_HARD:g} of nominal", 11, ui.QUIET)
-        note = "allowance and tints are true, and hidden from the controller"
-        ui.write(image, (left - 92 - ui.length(note, 11), top - 3), note, 11, ui.FAINT)
+        for x in range(left - 230, left - 206, 9):  # as the drawing's depth is dashed
+            draw.line((x, top + 5, x + 5, top + 5), fill=ui.QUIET)
+        ui.write(image, (left - 199, top - 3), "nominal allowance", 11, ui.QUIET)
 
     def draw(self, frame: ui.Pixels, history: History) -> None:
         """Draw the bar as it is now: cut on the tool's left, uncut on its right."""
@@ -188,16 +192,21 @@ class BarView:
             above = self._height.within((count - number) * depth) - _ROOF
             draw.line((left, y, right, y), fill=ui.INK)
             text = f"pass {number + 1}:  {speed:.0f} m/min,  {feed:.2f} mm/rev,  {depth:.2f} mm"
-            ui.write(image, (0.5 * (left + right), 0.5 * (y + above) - 8), text, 12, ui.INK, "middle")
+            # Many thin passes are named in two columns, on a ground that no line crosses.
+            middle = left + (right - left) * (0.5 if count <= 4 else 0.25 if number % 2 == 0 else 0.75)
+            top, half = round(0.5 * (y + above) - 8), 0.5 * ui.length(text, 12) + 6
+            bottom = min(top + 15, _SURFACE - _ROOF - 1)
+            draw.rectangle((middle - half, top + 2, middle + half, bottom), fill=ui.ALLOWANCE)
+            ui.write(image, (middle, top), text, 12, ui.INK, "middle")
         ui.put(frame, image, (LEFT, _ROOF))
 
 
 class LoadStrip:
-    """Draws force and power over their limits, or the roughness and its reference, along the bar; with parts, by part."""
+    """Draws force and power over their limits, or the roughness and its reference, along the bar, over time or by part."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._parts = scenario.control.action == "part"
+        self._along = along(scenario)
         self._holds_roughness = scenario.control.aim == "roughness"
         most = 1.5 * scenario.surface.reference_max if self._holds_roughness else _MAX_LOAD
         self._height = ui.Ruler(0.0, most, ui.SCALE * (_STRIP_BOTTOM - _STRIP_TOP), 0.0)
@@ -208,8 +217,9 @@ class LoadStrip:
 
     def draw_axes(self, image: Image.Image, box: ui.Box) -> None:
         """Draw the scale and the legend."""
-        ui.write(image, (box[0] + 22, _STRIP_TOP - 3), "um" if self._holds_roughness else "%", 11, ui.QUIET)
-        for tick in filter(None, ui.round_ticks(0.0, self._height.end, 5)):
+        label = "Ra [um]" if self._holds_roughness else "% of limit"
+        ui.write_up(image, (box[0] + 8, 0.5 * (_STRIP_TOP + _STRIP_BOTTOM)), label)
+        for tick in filter(None, ui.round_ticks(0.0, self._height.end, 4)):
             y = _STRIP_TOP + self._height(tick) / ui.SCALE
             text = f"{tick:g}" if self._holds_roughness else f"{100 * tick:.0f}"
             ui.write(image, (LEFT - 11, y - 8), text, 11, ui.QUIET, "right")
@@ -223,14 +233,21 @@ class LoadStrip:
     def draw(self, frame: ui.Pixels, history: History) -> None:
         """Extend the lines from where they ended."""
         ends = stretch_in_view(self._scenario, history.along)
-        if self._parts:
+        if self._along == "part":
             ends = 0.5, self._scenario.workpiece.bars + 0.5
+        elif self._along == "time":
+            limit = self._scenario.control.time_limit
+            ends = -0.075 * limit, 1.025 * limit
         across = ui.Ruler(*ends, 0.0, ui.SCALE * (RIGHT - LEFT))
         shown = (history.key, history.bars_seen, ends)
         if shown != self._shown:
             self._shown, self._drawn = shown, 0
             self._start_sheet(frame, ends)
         draw = ImageDraw.Draw(self._sheet)
+        for sample in history.along_bar[self._drawn :] if self._along == "part" else ():  # the first part has no line yet
+            for name, _, colour in self._lines:
+                x, y = across.within(sample.place), self._height.within(getattr(sample, name))
+                draw.ellipse((x - 5, y - 5, x + 5, y + 5), fill=colour)
         for after in range(max(self._drawn, 1), len(history.along_bar)):
             before, now = history.along_bar[after - 1], history.along_bar[after]
             if not (now.cutting and before.cutting):
@@ -249,11 +266,12 @@ class LoadStrip:
             limit = self._height(1.0)
             draw.rectangle((0, 0, sheet.width, limit), fill=ui.mixed(ui.OVER, 0.07))
             draw.line((0, limit, sheet.width, limit), fill=ui.mixed(ui.OVER, 0.7), width=2)
+            ui.write(sheet, (10, 6), "overload", 11 * ui.SCALE, ui.OVER)
         draw.line((0, bottom, sheet.width, bottom), fill=ui.FAINT, width=2)
         draw.line((0, 0, 0, bottom), fill=ui.RULE, width=2)
         ui.put(frame, place_axis(ends, RIGHT - LEFT, 15, 9, 0), (LEFT - 15, _STRIP_BOTTOM))
         label = Image.new("RGB", (260, 15), ui.CARD)
-        ui.write(label, (130, 0), "part" if self._parts else "place along the bar [mm]", 11, ui.QUIET, "middle")
+        ui.write(label, (130, 0), _ALONG[self._along], 11, ui.QUIET, "middle")
         ui.put(frame, label, ((LEFT + RIGHT) // 2 - 130, _STRIP_BOTTOM + 15))
 
 

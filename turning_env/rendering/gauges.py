@@ -33,7 +33,7 @@ class _Dial(NamedTuple):
 def _dials(scenario: Scenario) -> tuple[_Dial, _Dial]:
     """Return the two dials that matter in a scenario."""
     limits, parts = scenario.limits, scenario.control.action == "part"
-    prefix, of_pass = ("mean_", ", mean of the last pass") if parts else ("", "")
+    prefix, of_pass = ("mean_", ", mean of last pass") if parts else ("", "")
     sensed = "" if parts or scenario.sensors.force == "servo_current" else "measured_thrust_force"
     most = limits.thrust_force
     force = _Dial(f"force{of_pass}", "N", 0, ui.FORCE, f"{prefix}thrust_force", sensed, 1.5 * most, most)
@@ -74,16 +74,31 @@ def _with_needle(dial: _Dial, face: Image.Image, now: dict[str, float]) -> Image
     middle, base = _WIDTH // 2, _RADIUS + 12
     ui.write(image, (middle, base - 22), f"{value:.{dial.decimals}f} {dial.unit}", 17, ui.INK, "middle")
     ui.write(image, (middle, base + 4), dial.title, 13, ui.INK, "middle")
-    if dial.reference:
-        told = f"reference {now[dial.reference]:.{dial.decimals}f} {dial.unit}"
-    elif dial.measured:
-        told = f"limit {mark:g} {dial.unit}, measured {now[dial.measured]:.{dial.decimals}f}"
-    elif now["measured_servo_current"] > 0.0 and dial.unit == "N":
-        told = f"limit {mark:g} {dial.unit}, servo current {now['measured_servo_current']:.2f} A"
-    else:
-        told = f"limit {mark:g} {dial.unit}"
-    ui.write(image, (middle, base + 21), told, 11, ui.QUIET, "middle")
+    _write_marks(image, base + 21, dial, now)
     return image
+
+
+def _write_marks(image: Image.Image, y: int, dial: _Dial, now: dict[str, float]) -> None:
+    """Write what the marks on the arc are, each behind a small copy of its mark."""
+    if dial.reference:
+        entries = [("reference", f"reference {now[dial.reference]:.{dial.decimals}f} {dial.unit}")]
+    else:
+        entries = [("limit", f"limit {dial.limit:g} {dial.unit}")]
+    if dial.measured:
+        entries.append(("measured", f"measured {now[dial.measured]:.{dial.decimals}f}"))
+    elif now["measured_servo_current"] > 0.0 and dial.unit == "N":
+        entries.append(("", f"servo current {now['measured_servo_current']:.2f} A"))
+    draw = ImageDraw.Draw(image)
+    x = round(0.5 * (image.width + 10 - sum(ui.length(text, 11) + (12 if mark else 4) + 10 for mark, text in entries)))
+    for mark, text in entries:
+        if mark == "measured":
+            draw.polygon([(x, y + 4), (x + 8, y + 4), (x + 4, y + 12)], fill=ui.QUIET)
+        elif mark:
+            colour, width = (ui.OVER, 2) if mark == "limit" else (ui.INK, 3)
+            draw.line((x + 4, y + 2, x + 4, y + 13), fill=colour, width=width)
+        x += 12 if mark else 4
+        ui.write(image, (x, y), text, 11, ui.QUIET)
+        x += round(ui.length(text, 11)) + 10
 
 
 def _ray(share: float, inner: float, outer: float) -> tuple[float, float, float, float]:
@@ -141,11 +156,11 @@ class Gauges:
             colour = ui.OVER if broken or share >= 1.0 else ui.GREEN
             draw.rectangle((100, 65, 100 + 290 * share, 73), fill=colour)
         title = "edge" if self._scenario.control.edge_changes == "end" else f"edge {history.edge + 1}"
-        ui.write(image, (100, 2), title, 13)
-        ui.write(image, (100, 22), f"flank wear {now['wear']:.3f} of {criterion:g} mm", 12)
+        ui.write(image, (100, 2), f"{title}: true state, hidden", 13)
+        ui.write(image, (100, 22), f"flank wear {now['wear']:.3f} mm, worn out at {criterion:g} mm (dashes)", 12)
         ui.write(image, (100, 43), f"life used {100 * now['used_life']:.0f} %", 12)
         told = f"{'broke' if broken else 'breaks'} at {now['edge_strength']:.0f} N"
-        ui.write(image, (390, 2), told, 11, ui.OVER if broken else ui.FAINT, "right")
+        ui.write(image, (390, 2), told, 11, ui.OVER if broken else ui.QUIET, "right")
         ui.write(image, (390, 43), f"cutting for {now['cutting_time']:.2f} min", 12, ui.QUIET, "right")
         ui.put(frame, image, (self._left + 8, self._top + 146))
 
@@ -177,9 +192,9 @@ class Gauges:
         in_metal = now["cutting"] > 0.0
         return [
             ("cutting speed", f"{now['cutting_speed']:.0f} m/min", True),
-            ("depth of cut", f"{now['depth_of_cut']:.2f} mm" if in_metal else "air", False),
+            ("depth of cut (hidden)", f"{now['depth_of_cut']:.2f} mm" if in_metal else "air", False),
             ("feed", f"{now['feed']:.3f} mm/rev", True),
-            ("hardness", f"{now['hardness']:.2f} of nominal" if in_metal else "air", False),
+            ("hardness (hidden)", f"{now['hardness']:.2f}" if in_metal else "air", False),
             ("removal rate", f"{now['removed'] / max(now['time'] / 60.0, 1e-9):.0f} cm3/min", True),
             ("override", f"{100 * now['commanded_feed'] / self._scenario.control.initial_feed:.0f} %", True)
             if override

@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from turning_env.rendering.fields import Fields
 from turning_env.scenario import Scenario
@@ -12,13 +12,23 @@ if TYPE_CHECKING:
 
 TRAIL = 90
 """Steps whose operating points the operating map shows."""
+LONG_STEP = 10.0
+"""Length of a step [s] from which on few steps lie in one bar."""
 _MIN_WEAR = 1e-4  # [mm]: a fresh edge has none, of which there is no logarithm
+
+
+def along(scenario: Scenario) -> Literal["place", "time", "part"]:
+    """Return what samples are ordered by: the place along a bar, machine time where steps are long, or the part's number."""
+    control = scenario.control
+    if control.action == "part":
+        return "part"
+    return "time" if control.interval >= LONG_STEP and control.action != "override" else "place"
 
 
 class Sample(NamedTuple):
     """One step along a bar; with parts, one part."""
 
-    place: float  # along the bar [mm]; with parts, the part's number
+    place: float  # along the bar [mm], since the episode's start [min] or the part's number, see ``along``
     force: float  # over its limit [-]
     power: float  # over its limit [-]
     roughness: float  # Ra [um], 0 with parts
@@ -40,7 +50,7 @@ class History:
         bar, along: number of the bar that is shown, and the tool's place from where its metal begins [mm], negative in air.
         depth, hardness: of the metal cut last [mm], [-].
         trail: (cutting speed [m/min], feed [mm/rev]) of the last steps.
-        along_bar: a sample of each step along the present bar; with parts, of each part.
+        along_bar: a sample of each step along the present bar, or of the episode where samples are not ordered by place.
         bars_seen: how often ``along_bar`` has begun anew.
         passes: with parts, (cutting speed, feed, depth [mm]) of each pass of the last.
         ended: what has ended the episode, or an empty text.
@@ -48,7 +58,8 @@ class History:
 
     def __init__(self, scenario: Scenario, batch: "Batch", index: int, fields: Fields) -> None:
         self._scenario, self._batch, self._index, self.fields = scenario, batch, index, fields
-        self._parts = scenario.control.action == "part"
+        self._along = along(scenario)
+        self._parts = self._along == "part"
         self.trail: deque[tuple[float, float]] = deque(maxlen=TRAIL)
         self.along_bar: list[Sample] = []
         self.bars_seen = 0
@@ -117,7 +128,7 @@ class History:
             bar -= 1
         if workpiece.bars:
             bar = min(bar, workpiece.bars - 1)
-        if bar != self.bar and not self._parts:
+        if bar != self.bar and self._along == "place":
             self._start_bar()
         self.bar = bar
         self.along = min(now["path"] - bar * pitch - workpiece.approach, workpiece.bar_length)
@@ -130,13 +141,14 @@ class History:
                 shares = (now["mean_thrust_force"] / limits.thrust_force, now["mean_power"] / limits.power)
                 self.along_bar.append(Sample(self.bar + 1.0, *shares, 0.0, 0.0, now["feed"], True))
             return
-        cutting = now["cutting"] > 0.0 and now["depth_of_cut"] > 0.0
+        cutting = not begins and now["cutting"] > 0.0 and now["depth_of_cut"] > 0.0
         if cutting:
             self.depth, self.hardness = now["depth_of_cut"], now["hardness"]
         self.trail.append((now["cutting_speed"], now["feed"]))
         shares = (now["thrust_force"] / limits.thrust_force, now["power"] / limits.power)
         surface = (now["roughness"], now["roughness_reference"])
-        self.along_bar.append(Sample(self.along, *shares, *surface, now["feed"], cutting))
+        place = self.time / 60.0 if self._along == "time" else self.along
+        self.along_bar.append(Sample(place, *shares, *surface, now["feed"], cutting))
 
     def _end(self) -> str:
         now = self.now

@@ -16,7 +16,7 @@ from turning_env.physics.parts import MIN_DEPTH
 from turning_env.rendering import theme as ui
 from turning_env.rendering.bar import fields_in_view, place_axis, stretch_in_view
 from turning_env.rendering.fields import Array
-from turning_env.rendering.history import History
+from turning_env.rendering.history import TRAIL, History
 from turning_env.rendering.limits import Cut, HalfPlane, border, bound, highest_feed, region, wear_bound
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import PowerLaw
@@ -31,6 +31,12 @@ _PLACES = 150
 """Places along the bar at which limits of the feed are computed."""
 
 
+def _limit_keys(scenario: Scenario) -> list[tuple[str, ui.Colour, int]]:
+    """Return the legend's entries for the limits of power and force."""
+    limits = scenario.limits
+    return [(f"power limit {limits.power:g} kW", ui.POWER, 3), (f"force limit {limits.thrust_force:g} N", ui.FORCE, 3)]
+
+
 def _draw_point(draw: ImageDraw.ImageDraw, point: ui.Point) -> None:
     x, y = point
     draw.ellipse((x - 9, y - 9, x + 9, y + 9), fill=ui.INK, outline=ui.CARD, width=2)
@@ -41,7 +47,7 @@ class OperatingMap:
 
     def __init__(self, scenario: Scenario, box: ui.Box) -> None:
         self._scenario = scenario
-        self._box = (box[0] + 58, box[1] + 34, box[2] - 16, box[3] - 62)
+        self._box = (box[0] + 58, box[1] + 34, box[2] - 16, box[3] - 74)
         machine = scenario.machine
         self._ends = [
             tuple(math.log(getattr(machine, f"{name}_{end}")) for end in ("min", "max")) for name in ("cutting_speed", "feed")
@@ -63,8 +69,8 @@ class OperatingMap:
         left, top, right, bottom = self._box
         draw = ImageDraw.Draw(image)
         ui.write(image, (box[0] + 12, box[1] + 8), "operating map", 15)
-        ui.write(image, (left - 46, top - 3), "mm/rev", 11, ui.QUIET)
-        ui.write(image, (right, box[1] + 11), "feed over cutting speed, log scales", 11, ui.FAINT, "right")
+        ui.write_up(image, (box[0] + 8, 0.5 * (top + bottom)), "feed [mm/rev]")
+        ui.write(image, (right, box[1] + 11), "feed over cutting speed, log scales", 11, ui.QUIET, "right")
         for tick in ui.log_ticks(*(math.exp(end) for end in self._ends[0])):
             x = left + self._across(math.log(tick)) / ui.SCALE
             draw.line((x, bottom, x, bottom + 4), fill=ui.FAINT)
@@ -72,19 +78,14 @@ class OperatingMap:
         for tick in ui.log_ticks(*(math.exp(end) for end in self._ends[1])):
             y = top + self._up(math.log(tick)) / ui.SCALE
             draw.line((left - 4, y, left, y), fill=ui.FAINT)
-            if y > top + 14:
-                ui.write(image, (left - 8, y - 8), f"{tick:g}", 11, ui.QUIET, "right")
+            ui.write(image, (left - 8, y - 8), f"{tick:g}", 11, ui.QUIET, "right")
         ui.write(image, (0.5 * (left + right), bottom + 19), "cutting speed [m/min]", 11, ui.QUIET, "middle")
-        limits = self._scenario.limits
-        entries = [
-            ("allowed now", ui.mixed(ui.ALLOWED, 0.3), 11),
-            (f"{limits.power:g} kW", ui.POWER, 3),
-            (f"{limits.thrust_force:g} N", ui.FORCE, 3),
-            ("wear", ui.PURPLE, 3),
-            ("by the models", ui.QUIET, 1),
-            ("cm3/min", _CONTOUR, 1),
-        ]
-        ui.draw_key(image, (left - 46, bottom + 39), entries, 16)
+        allowed = [("allowed now", ui.mixed(ui.ALLOWED, 0.3), 11)]
+        ui.draw_key(image, (left - 46, bottom + 36), [*allowed, *_limit_keys(self._scenario), ("wear limit", ui.PURPLE, 3)], 14)
+        parts = self._scenario.control.action == "part"
+        points = "dark: last part's passes" if parts else f"last {TRAIL} steps; ring: command"
+        entries = [("allowed by nominal model", ui.QUIET, 1), ("MRR [cm3/min]", _CONTOUR, 1), (points, ui.INK, 7 if parts else 2)]
+        ui.draw_key(image, (left - 46, bottom + 52), entries, 14)
         draw.rectangle((left - 1, top - 1, right, bottom), outline=ui.FAINT)
 
     def _limits(self, cut: Cut, wear_factor: float, used_life: float, cutting_time: float) -> list[HalfPlane]:
@@ -127,7 +128,10 @@ class OperatingMap:
             y = self._up(upper[1] + 0.04 * (lower[1] - upper[1])) / ui.SCALE
             ui.write(image, (min(x + 3, image.width - ui.length(text, 11) - 3), y - 3), text, 11, ui.QUIET)
         if len(allowed) < 3:
-            ui.write(image, (image.width / 2, image.height / 2), "no speed and feed is allowed", 13, ui.INK, "middle")
+            text = "no speed and feed keeps all limits"
+            middle, y, half = image.width // 2, image.height // 2, math.ceil(0.5 * ui.length(text, 13)) + 6
+            ImageDraw.Draw(image).rectangle((middle - half, y - 4, middle + half, y + 20), fill=ui.CARD, outline=ui.OVER)
+            ui.write(image, (middle, y), text, 13, ui.OVER, "middle")
         ui.put(frame, image, (self._box[0], self._box[1]))
 
     def _draw_trail(self, draw: ImageDraw.ImageDraw, history: History) -> None:
@@ -153,7 +157,7 @@ class FeedMap:
 
     def __init__(self, scenario: Scenario, box: ui.Box) -> None:
         self._scenario = scenario
-        self._box = (box[0] + 58, box[1] + 34, box[2] - 48, box[3] - 62)
+        self._box = (box[0] + 58, box[1] + 34, box[2] - 62, box[3] - 74)
         left, top, right, bottom = self._box
         control = scenario.control
         self._width = ui.SCALE * (right - left)
@@ -165,26 +169,27 @@ class FeedMap:
     def draw_axes(self, image: Image.Image, box: ui.Box) -> None:
         """Draw scales, titles and the key."""
         left, top, right, bottom = self._box
-        draw, limits = ImageDraw.Draw(image), self._scenario.limits
+        draw = ImageDraw.Draw(image)
         ui.write(image, (box[0] + 12, box[1] + 8), "operating map", 15)
-        ui.write(image, (left - 46, top - 3), "mm/rev", 11, ui.QUIET)
+        ui.write_up(image, (box[0] + 8, 0.5 * (top + bottom)), "feed [mm/rev]")
+        ui.write_up(image, (box[2] - 22, 0.5 * (top + bottom)), "feed override")
         speed = self._scenario.control.initial_cutting_speed
-        ui.write(image, (right, box[1] + 11), f"feed along the bar, at {speed:.0f} m/min", 11, ui.FAINT, "right")
+        ui.write(image, (right, box[1] + 11), f"feed along the bar, at {speed:.0f} m/min", 11, ui.QUIET, "right")
         programmed = self._scenario.control.initial_feed
         for tick in ui.round_ticks(0.0, self._up.end, 7):
             y = top + self._up(tick) / ui.SCALE
-            if y > top + 10:
-                ui.write(image, (left - 8, y - 8), f"{tick:g}", 11, ui.QUIET, "right")
-                draw.line((left - 4, y, left, y), fill=ui.FAINT)
+            ui.write(image, (left - 8, min(y - 8, bottom - 13)), f"{tick:g}", 11, ui.QUIET, "right")
+            draw.line((left - 4, y, left, y), fill=ui.FAINT)
         for tick in ui.round_ticks(0.0, self._up.end / programmed, 6):
             y = top + self._up(tick * programmed) / ui.SCALE
             draw.line((right, y, right + 4, y), fill=ui.FAINT)
-            ui.write(image, (right + 7, y - 8), f"{100 * tick:.0f} %", 11, ui.QUIET)
-        curves = [(f"{limits.power:g} kW", ui.POWER, 3), (f"{limits.thrust_force:g} N", ui.FORCE, 3)]
+            ui.write(image, (right + 7, min(y - 8, bottom - 13)), f"{100 * tick:.0f} %", 11, ui.QUIET)
+        curves = _limit_keys(self._scenario)
         if self._holds_roughness:
-            curves = [("gives the reference", ui.SURFACE, 3)]
-        entries = [("allowed", ui.mixed(ui.ALLOWED, 0.3), 11), *curves, ("feed", ui.INK, 3), ("programmed (100 %)", ui.FAINT, 1)]
-        ui.draw_key(image, (left - 46, bottom + 39), entries, 13)
+            curves = [("feed that gives the reference roughness", ui.SURFACE, 3)]
+        entries = [("allowed", ui.mixed(ui.ALLOWED, 0.3), 11), *curves]
+        ui.draw_key(image, (left - 46, bottom + 36), entries, 14)
+        ui.draw_key(image, (left - 46, bottom + 52), [("feed so far", ui.INK, 3), ("programmed feed (100 %)", ui.FAINT, 1)], 14)
         draw.rectangle((left - 1, top - 1, right, bottom), outline=ui.FAINT)
 
     def draw(self, frame: ui.Pixels, history: History) -> None:

@@ -86,6 +86,14 @@ def write(image: Image.Image, place: Point, text: str, size: int = 13, colour: C
         x += advance
 
 
+def write_up(image: Image.Image, place: Point, text: str, size: int = 11, colour: Colour = QUIET) -> None:
+    """Write a line of text from bottom to top, with its left side and its middle at a place."""
+    line = Image.new("RGB", (math.ceil(length(text, size)) + 1, round(1.4 * size)))
+    write(line, (0, 0), text, size, (255, 255, 255))
+    mask = line.convert("L").rotate(90, expand=True)
+    image.paste(colour, (round(place[0]), round(place[1] - 0.5 * mask.height)), mask)
+
+
 def length(text: str, size: int) -> float:
     """Return the length of a line of text [pixels]."""
     return sum(advance for _, advance in _pieces(text, size))

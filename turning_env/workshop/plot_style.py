@@ -4,7 +4,7 @@ One column is 89 mm wide, two are 183 mm, and no letter is smaller than 8 pt. Th
 readers can distinguish; line styles and markers make the same distinctions in grey.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -36,6 +36,21 @@ LINES: tuple[tuple[str, Any], ...] = (
     (BLACK, (0, (2, 2))),
 )
 """Colours and dashes of lines of equal rank."""
+BROWN, OLIVE, WINE = "#8B5A2B", "#999933", "#882255"
+POLICIES: dict[str, tuple[str, Any]] = {
+    "analytic_gradient": LINES[0],
+    "grid_search": (ORANGE, LINES[1][1]),
+    "recurrent_ppo": LINES[2],
+    "ppo": LINES[3],
+    "predictive": LINES[6],
+    "sac": LINES[5],
+    "rescaled_grid_search": (BROWN, LINES[4][1]),
+    "tqc": (OLIVE, LINES[4][1]),
+    "lagrangian_ppo": (WINE, LINES[1][1]),
+    "fixed_tuned": ("#999999", LINES[1][1]),
+    "causal": (GREY, "-"),
+}
+"""Colour and dashes of policies that several figures show: the same in each. Vermillion is left to limits."""
 
 LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "linestyle": (0, (5, 1.5))}
 """Style of a limit."""
@@ -70,6 +85,22 @@ def for_print() -> Iterator[None]:
     """Apply the style within a ``with`` block, whatever the user's own settings; draw and save figures inside it."""
     with style.context(["default", _PRINT]):
         yield
+
+
+def policy_looks(names: Iterable[str]) -> list[tuple[str, Any]]:
+    """Return colour and dashes of policies: a known one's own, seeds of training aside, and for others what is free of ``LINES``.
+
+    At most as many policies as ``LINES`` are told apart.
+    """
+    looks: dict[str, tuple[str, Any]] = {}
+    names = list(names)
+    for name in names:
+        look = POLICIES.get(name.partition("-seed")[0])
+        if look and look not in looks.values():
+            looks[name] = look
+    taken = {colour for colour, _ in looks.values()}
+    free = (look for look in LINES if look[0] not in taken)
+    return [looks.get(name) or next(free) for name in names]
 
 
 def letter(axes: Axes, name: str) -> None:

@@ -13,7 +13,7 @@ from turning_env.scenario import Scenario
 from turning_env.workshop.calibrate import Calibration
 from turning_env.workshop.fit import Fit
 from turning_env.workshop.measurements import COLUMNS
-from turning_env.workshop.plot_style import BLUE, GREEN, GREY, LIGHT, VERMILLION
+from turning_env.workshop.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILLION
 from turning_env.workshop.whatif import Cuts, what_if
 
 MAX_POINTS = 20000
@@ -21,7 +21,7 @@ MAX_POINTS = 20000
 GRID = 301
 """Number of cutting speeds, and of feeds, at which the map evaluates the laws."""
 _LIMITS: dict[str, tuple[str, str, str, Any]] = {
-    "thrust_force": ("thrust force", "N", VERMILLION, "-"),
+    "thrust_force": ("thrust force", "N", ORANGE, "-"),
     "power": ("power", "kW", BLUE, (0, (6, 1.5))),
 }
 """Name, unit, colour and dashes of each limit."""
@@ -43,7 +43,7 @@ def draw_residuals(calibration: Calibration) -> Figure:
             axes.set_xlabel(f"{predicted}{name.replace('_', ' ')} [{COLUMNS[name].unit}]")
         for axes in row[len(shown) :]:
             axes.set_axis_off()
-        row[0].set_ylabel("measured over predicted,\nless 1 [%]")
+        row[0].set_ylabel("measured / predicted - 1\n[%]")
         explained = "" if fitted.r_squared is None else f", R² {fitted.r_squared:.4f}"
         scatter = f"scatter {100 * fitted.scatter:.2g} % (grey: twice it)"
         title = f"{fitted.response.replace('_', ' ').capitalize()}: {len(fitted.lines)} rows{explained}, {scatter}"
@@ -101,9 +101,9 @@ def draw_map(scenario: Scenario, wear: float, depth_of_cut: float | None = None,
         Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"),
         Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"),
         *lines,
-        Line2D([], [], color=GREY, linewidth=0.8, label="MRR, labelled at the right"),
-        Line2D([], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out [min]"),
-        Line2D([], [], color="black", marker="o", linestyle="none", label="highest MRR within limits"),
+        Line2D([], [], color=GREY, linewidth=0.8, label="removal rate, see right axis"),
+        Line2D([], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out"),
+        Line2D([], [], color="black", marker="o", linestyle="none", label="highest removal rate"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return figure
@@ -119,7 +119,7 @@ def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
     right.set_ylim(cuts.feed.min(), cuts.feed.max())
     ends = np.interp(levels, rates[:, -1], cuts.feed[:, -1])
     right.set_yticks(ends, [f"{level:g}" for level in levels], color=GREY)
-    right.set_ylabel("removal rate (MRR) of the line that ends here [cm³/min]", color=GREY)
+    right.set_ylabel("removal rate [cm³/min] of the line that ends here", color=GREY)
 
 
 def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
