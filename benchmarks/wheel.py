@@ -39,6 +39,12 @@ for env in ("RoughTurning-v0", make_vec_env("RoughTurning-v0", 4), RoughTurningV
 """
 
 
+SCORE = """
+import numpy as np, turning_env
+print(turning_env.score(lambda observations: np.zeros((len(observations), 1)), "RoughTurning-Override-v0", seeds=4))
+"""
+
+
 def installer(constraints: str) -> str:
     """Return the lines of a constraints file that pin pip: an older one would not look for hashes in constraints."""
     found = re.search(r"^pip==(.*\\\n)*.*\n", constraints, re.MULTILINE)
@@ -89,6 +95,7 @@ def digest_in(folder: Path, wheel: Path, constraints: Path, python: str) -> set[
         [python, "-m", "pip", "list"],
         [python, "-m", "pip", "check"],
         [python, "-I", "-m", "turning_env", "presets"],
+        [python, "-I", "-c", SCORE],
     )
     for command in commands:
         subprocess.run(command, cwd=folder / "empty", check=True)
