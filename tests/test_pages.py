@@ -25,6 +25,7 @@ SMALLER: Smaller = {
     "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Surface-v0'", {}),
     "python -m leaderboard verify --seeds": ("--env RoughTurning-Surface-v0", {}),
     "python -m train.ppo": ("--steps 20000", {}),
+    "python -m train.tune": ("--steps 4096", {}),
     "python -m baselines.tune": (
         "--seeds 1 --trials 2",
         {"rough_turning": "short.toml", "my_tool.toml": "short.toml", "--shipped": "--quick"},
