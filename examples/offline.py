@@ -215,8 +215,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"error: {error}", file=sys.stderr)
             return 2
         dataset = load(folder)
-        mean = np.mean([mark["return"] for mark in dataset.storage.get_episode_metadata(dataset.episode_indices)])
-        print(f"{folder}: {dataset.total_episodes} episodes, {dataset.total_steps} steps, mean return {mean:.1f} s")
+        marks = list(dataset.storage.get_episode_metadata(dataset.episode_indices))
+        returns = {
+            name: [mark["return"] for mark in marks if mark["behaviour"] == name] for name in BEHAVIOURS[behaviour].policies
+        }
+        means = ", ".join(f"{name} {np.mean(values):.1f} s" for name, values in returns.items() if values)
+        print(f"{folder}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; mean return of {means}")
         print(f"    sha256 {checksum(dataset)}", flush=True)
     return 0
 

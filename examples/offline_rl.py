@@ -102,7 +102,8 @@ def played(folder: Path, algorithm: str, seed: int, steps: int, seeds: int | Non
     if not file.exists():
         found = score(train(load(folder), algorithm, steps, seed).predict, seeds=seeds)
         print(f"{folder.name}, {algorithm}, training seed {seed}: {found}", flush=True)
-        replace_file(file, lambda path: np.savez(path, **{name: found.episodes[name] for name in FIELDS}))
+        columns: dict[str, Any] = {name: found.episodes[name] for name in FIELDS}
+        replace_file(file, lambda path: np.savez(path, **columns))
     with np.load(file) as read:
         return {name: read[name] for name in FIELDS}
 

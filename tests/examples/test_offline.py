@@ -1,5 +1,6 @@
 """Data sets: what is written can be played again, and is of seeds that nothing is scored or tuned on."""
 
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -83,3 +84,16 @@ def test_an_interrupted_data_set_leaves_nothing(tmp_path: Path, monkeypatch: pyt
     with pytest.raises(KeyboardInterrupt):
         main(["make", "--behaviours", "load_rule", "--episodes", "1", "--out", str(tmp_path)])
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # what the library does is not this project's
+def test_learners_are_scored_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("d3rlpy")
+    made("load_rule", tmp_path)
+    command = [str(tmp_path / "rough_turning-load_rule-v0"), "--steps", "3", "--training-seeds", "1", "--seeds", "2"]
+    main_rl = import_module("examples.offline_rl").main
+    assert main_rl([*command, "--out", str(tmp_path / "runs")]) == 0
+    first = capsys.readouterr().out.splitlines()
+    assert main_rl([*command, "--out", str(tmp_path / "runs")]) == 0
+    assert capsys.readouterr().out.splitlines() == first[-5:]  # a header and a row of each algorithm, from files
