@@ -1,53 +1,64 @@
-"""An offline data set in Minari's format, and a policy cloned from it.
+"""Offline data sets of RoughTurning-v0 in Minari's format.
 
-    python -m examples.offline make --behaviour mixture --episodes 200 --out runs/datasets
-    python -m examples.offline clone runs/datasets/rough_turning-mixture-v0
+    python -m examples.offline make --out runs/datasets
+    python -m examples.offline make --behaviours mixture --episodes 20 --out runs/small
 
-Behaviours: `grid_search`, the published controller; `analytic_gradient`, the best agent that comes with the project; `mixture`,
-both by turns; `load_rule`, a simple rule with noise. Episodes are those of seeds that no agent has been trained on, rules are
-tuned on or anything is scored on.
+Behaviours: `grid_search`, the published controller; `analytic_gradient`, the best policy that ships; `mixture`, both by turns,
+with noise; `load_rule`, a simple rule with noise that needs the wheel alone. Without --behaviours the first three are recorded.
+Episodes are those of seeds that no agent is trained on, no rule is tuned on and nothing is scored on.
 """
 
 import argparse
+import hashlib
 import os
 import sys
 import warnings
 from collections.abc import Sequence
-from itertools import pairwise
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 from unittest.mock import patch
 
 import gymnasium
+import minari  # type: ignore[import-untyped]
 import numpy as np
-import torch
 from gymnasium.vector import AutoresetMode
+from minari.data_collector.episode_buffer import EpisodeBuffer  # type: ignore[import-untyped]
 from tqdm import tqdm
 
-from examples.shared import ENV_ID, NUM_SEEDS, FunctionPolicy, at_least, network_policy, run, score
+from examples.shared import ENV_ID, at_least, run
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.console import described
-from turning_env.extras import needed
 from turning_env.physics.quantities import OBS
+from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Observations, PolicyFactory
-
-with needed():
-    import minari  # type: ignore[import-untyped]
-    from minari.data_collector.episode_buffer import EpisodeBuffer  # type: ignore[import-untyped]
 
 AGENT = Path(__file__).parents[1] / "agents" / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
 FIRST_SEED = 999_000_000
 """Seeds of the last training seed, which is kept for data sets."""
+EPISODES = 200
 MAX_EPISODES = 1_000_000
 NUM_ENVS = 64
 """Episodes played side by side."""
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """What acts in a data set: policies by turns, and Gaussian noise on their actions."""
+
+    policies: tuple[str, ...]
+    noise: float = 0.0
+    """Standard deviation of the noise [-]; actions are clipped to -1..1 after it is added."""
+
+
 BEHAVIOURS = {
-    "grid_search": ("grid_search",),
-    "analytic_gradient": ("analytic_gradient",),
-    "mixture": ("grid_search", "analytic_gradient"),
-    "load_rule": ("load_rule",),
+    "grid_search": Behaviour(("grid_search",)),
+    "analytic_gradient": Behaviour(("analytic_gradient",)),
+    "mixture": Behaviour(("grid_search", "analytic_gradient"), 0.2),
+    "load_rule": Behaviour(("load_rule",), 0.2),
 }
+CANONICAL = ("grid_search", "analytic_gradient", "mixture")
 
 
 def load_rule(observations: Observations) -> Any:
@@ -56,31 +67,37 @@ def load_rule(observations: Observations) -> Any:
     return np.stack((np.zeros_like(feed), feed), axis=1)
 
 
-def policy(behaviour: str) -> PolicyFactory:
+def policy(name: str) -> PolicyFactory:
     """Return the rule or the agent with a name."""
-    if behaviour == "load_rule":
-        noise = np.random.default_rng(0)
-        return lambda num_envs: FunctionPolicy(lambda seen: load_rule(seen) + noise.normal(0.0, 0.2, (len(seen), 2)))
-    if behaviour == "analytic_gradient":
+    if name == "load_rule":
+        return as_factory(load_rule)
+    if name == "analytic_gradient":
         from train.agents import onnx_policy
 
         return onnx_policy.load(AGENT).make
     from baselines import catalogue
 
-    return catalogue.spec(behaviour, Scenario.load("rough_turning")).make
+    return catalogue.spec(name, Scenario.load("rough_turning")).make
 
 
-def record(make: PolicyFactory, seeds: Sequence[int]) -> list[EpisodeBuffer]:
-    """Play one episode per seed, all side by side: observations (T + 1, 11), actions (T, 2), rewards [s] and ends (T)."""
+def record(make: PolicyFactory, seeds: Sequence[int], noise: float = 0.0) -> list[EpisodeBuffer]:
+    """Play one episode per seed, all side by side: observations (T + 1, 11), actions (T, 2), rewards [s] and ends (T).
+
+    The noise of an episode depends on its seed alone.
+    """
     envs = RoughTurningVectorEnv(len(seeds), "rough_turning", AutoresetMode.SAME_STEP)
     controller = make(len(seeds))
+    generators = [np.random.default_rng(seed) for seed in seeds]
     observations, _ = envs.reset(seed=list(seeds))
     controller.reset(np.ones(len(seeds), np.bool_))
     seen, steps = [observations], []
     lengths = np.zeros(len(seeds), np.int64)
     last = np.zeros_like(observations)
     while not lengths.all():
-        actions = controller.act(observations).clip(-1.0, 1.0)
+        actions = controller.act(observations)
+        if noise:
+            actions = actions + np.stack([each.normal(0.0, noise, 2) for each in generators])
+        actions = actions.clip(-1.0, 1.0).astype(np.float32)
         observations, rewards, terminated, truncated, infos = envs.step(actions)
         steps.append((actions, rewards, terminated, truncated))
         seen.append(observations)
@@ -98,21 +115,28 @@ def record(make: PolicyFactory, seeds: Sequence[int]) -> list[EpisodeBuffer]:
 
 
 def make(behaviour: str, episodes: int, out: Path) -> Path:
-    """Play and write a data set, whole or not at all; returns its folder.
+    """Play and write a data set, whole or not at all; returns its folder. One that is there already is left as it is.
 
     Raises:
-        FileExistsError: there is one of this name already.
+        FileExistsError: there is something else in its place.
     """
     name = f"rough_turning-{behaviour}-v0"
     if (out / name).exists():
-        raise FileExistsError(f"{out / name} exists: delete it, or choose another --out")
-    names = BEHAVIOURS[behaviour]
+        try:
+            if load(out / name).total_episodes == episodes:
+                return out / name
+        except (OSError, ValueError):
+            pass
+        raise FileExistsError(
+            f"{out / name} exists and is no data set of {episodes} episodes: delete it, or choose another --out"
+        )
+    acting = BEHAVIOURS[behaviour]
     buffers: list[EpisodeBuffer] = []
-    with tqdm(total=episodes, unit="episode", disable=None) as bar:
-        for number, each in enumerate(names):  # by turns: seed i is played by behaviour i modulo their number
-            seeds = range(FIRST_SEED + number, FIRST_SEED + episodes, len(names))
+    with tqdm(total=episodes, desc=behaviour, unit="episode", disable=None) as bar:
+        for number, each in enumerate(acting.policies):  # by turns: seed i is played by policy i modulo their number
+            seeds = range(FIRST_SEED + number, FIRST_SEED + episodes, len(acting.policies))
             for start in range(0, len(seeds), NUM_ENVS):
-                buffers += record(policy(each), seeds[start : start + NUM_ENVS])
+                buffers += record(policy(each), seeds[start : start + NUM_ENVS], acting.noise)
                 bar.update(len(buffers) - bar.n)
     buffers.sort(key=lambda buffer: buffer.seed)
     out.mkdir(parents=True, exist_ok=True)
@@ -124,7 +148,7 @@ def make(behaviour: str, episodes: int, out: Path) -> Path:
 
 def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -> None:
     """Have Minari write a data set below ``root``, and say in it what it is."""
-    scenario = Scenario.load("rough_turning")
+    scenario, acting = Scenario.load("rough_turning"), BEHAVIOURS[behaviour]
     folder = patch.dict(os.environ, {"MINARI_DATASETS_PATH": str(root)})  # Minari takes the folder from nowhere else
     with folder, warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*(author|code_permalink)")  # Minari would have a mail address
@@ -134,43 +158,22 @@ def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -
             env=gymnasium.spec(ENV_ID),
             eval_env=gymnasium.spec(ENV_ID),
             algorithm_name=behaviour,
-            description=f"One edge per episode, by {' and '.join(BEHAVIOURS[behaviour])}; rewards in s of machine time.",
+            description=f"One edge per episode, by {' and '.join(acting.policies)}; rewards in s of machine time.",
             requirements=["rough-turning"],
         )
     dataset.storage.update_metadata(
         {
             "scenario": scenario.to_toml(),
             "scenario_digest": scenario.digest(),
+            "action_noise": acting.noise,
             "first_seed": buffers[0].seed,
             "last_seed": buffers[-1].seed,
             "seeds_are": "of training seed 999: none is trained on, tuned on or held out by the project",
         }
     )
-    names = BEHAVIOURS[behaviour]
+    names = acting.policies
     marks = [{"behaviour": names[number % len(names)], "return": float(sum(each.rewards))} for number, each in enumerate(buffers)]
     dataset.storage.update_episode_metadata(marks)
-
-
-def clone(dataset: minari.MinariDataset, epochs: int, seed: int = 0) -> torch.nn.Module:
-    """Train a small network on a data set: its actions from its observations, by least squares."""
-    torch.manual_seed(seed)
-    episodes = list(dataset.iterate_episodes())
-    observations = torch.from_numpy(np.concatenate([episode.observations[:-1] for episode in episodes]))
-    actions = torch.from_numpy(np.concatenate([episode.actions for episode in episodes]))
-    sizes = (observations.shape[1], 128, 128, actions.shape[1])
-    layers = [layer for pair in pairwise(sizes) for layer in (torch.nn.Linear(*pair), torch.nn.ReLU())]
-    network = torch.nn.Sequential(*layers[:-1])
-    batches = -(-len(actions) // 1024)
-    optimizer = torch.optim.Adam(network.parameters())
-    falling = torch.optim.lr_scheduler.OneCycleLR(optimizer, 3e-3, epochs * batches)
-    for _ in tqdm(range(epochs), unit="epoch", disable=None):
-        for indices in torch.randperm(len(actions)).chunk(batches):
-            optimizer.zero_grad()
-            error: Any = torch.nn.functional.mse_loss(network(observations[indices]), actions[indices])
-            error.backward()
-            optimizer.step()
-            falling.step()
-    return network
 
 
 def load(folder: Path) -> minari.MinariDataset:
@@ -185,34 +188,40 @@ def load(folder: Path) -> minari.MinariDataset:
     return dataset
 
 
+def checksum(dataset: minari.MinariDataset) -> str:
+    """Return the SHA-256 of all arrays, episode by episode: observations, actions, rewards, terminations, truncations."""
+    digest = hashlib.sha256()
+    for episode in dataset.iterate_episodes():
+        for array in (episode.observations, episode.actions, episode.rewards, episode.terminations, episode.truncations):
+            digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m examples.offline", **described(__doc__))
     commands = parser.add_subparsers(dest="command", required=True)
-    making = commands.add_parser("make", help="play, and write a data set")
-    making.add_argument("--behaviour", choices=BEHAVIOURS, default="mixture", help="default: %(default)s")
-    making.add_argument("--episodes", type=at_least(1), default=200, help="default: %(default)s")
+    making = commands.add_parser("make", help="play, write data sets, print their checksums")
+    making.add_argument("--behaviours", nargs="+", choices=BEHAVIOURS, default=CANONICAL, help=f"default: {' '.join(CANONICAL)}")
+    making.add_argument("--episodes", type=at_least(1), default=EPISODES, help="of each (default: %(default)s)")
     making.add_argument("--out", type=Path, default=Path("runs/datasets"), help="folder of data sets (default: %(default)s)")
-    cloning = commands.add_parser("clone", help="learn a data set's actions, and play tuning seeds")
-    cloning.add_argument("dataset", type=Path, help="the folder that make printed")
-    cloning.add_argument("--epochs", type=at_least(1), default=20, help="default: %(default)s")
-    cloning.add_argument("--tuning-seeds", type=at_least(1), default=NUM_SEEDS, help="for the score (default: %(default)s)")
     options = parser.parse_args(arguments)
-    try:
-        if options.command == "make":
-            if options.episodes > MAX_EPISODES:
-                parser.error(f"--episodes is {options.episodes}, but must be at most {MAX_EPISODES}")
-            print(make(options.behaviour, options.episodes, options.out))
-            return 0
-        dataset = load(options.dataset)
-    except (OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    print(f"{dataset.total_episodes} episodes, {dataset.total_steps} steps")
-    for name in BEHAVIOURS[dataset.storage.metadata["algorithm_name"]]:
-        print(f"{name}: {score(policy(name), options.tuning_seeds)}")
-    network = clone(dataset, options.epochs)
-    print(f"clone: {score(lambda num_envs: network_policy(network), options.tuning_seeds)}")
+    if options.episodes > MAX_EPISODES:
+        parser.error(f"--episodes is {options.episodes}, but must be at most {MAX_EPISODES}")
+    for behaviour in options.behaviours:
+        try:
+            folder = make(behaviour, options.episodes, options.out)
+        except (OSError, ValueError) as error:
+            print(f"error: {error}", file=sys.stderr)
+            return 2
+        dataset = load(folder)
+        marks = list(dataset.storage.get_episode_metadata(dataset.episode_indices))
+        returns = {
+            name: [mark["return"] for mark in marks if mark["behaviour"] == name] for name in BEHAVIOURS[behaviour].policies
+        }
+        means = ", ".join(f"{name} {np.mean(values):.1f} s" for name, values in returns.items() if values)
+        print(f"{folder}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; mean return of {means}")
+        print(f"    sha256 {checksum(dataset)}", flush=True)
     return 0
 
 
