@@ -4,11 +4,12 @@ One column is 89 mm wide, two are 183 mm, and no letter is smaller than 8 pt. Th
 readers can distinguish; line styles and markers make the same distinctions in grey.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 from matplotlib import rc_context, style
 from matplotlib.axes import Axes
@@ -36,6 +37,24 @@ LINES: tuple[tuple[str, Any], ...] = (
     (BLACK, (0, (2, 2))),
 )
 """Colours and dashes of lines of equal rank."""
+BROWN, OLIVE, WINE = "#8B5A2B", "#999933", "#882255"
+POLICIES: dict[str, tuple[str, Any]] = {
+    "analytic_gradient": LINES[0],
+    "grid_search": (ORANGE, LINES[1][1]),
+    "recurrent_ppo": LINES[2],
+    "ppo": LINES[3],
+    "predictive": LINES[6],
+    "sac": LINES[5],
+    "rescaled_grid_search": (BROWN, LINES[4][1]),
+    "tqc": (OLIVE, LINES[4][1]),
+    "lagrangian_ppo": (WINE, LINES[1][1]),
+    "fixed_tuned": ("#999999", LINES[1][1]),
+    "causal": (GREY, "-"),
+}
+"""Colour and dashes of policies that several figures show: the same in each. Vermillion is left to limits."""
+_OTHER_COLOURS = ("#332288", "#44AA99", "#AA4466", "#117733", "#AA4499", "#6699CC", "#663333")
+OTHERS = tuple((colour, dashes) for colour, (_, dashes) in zip(_OTHER_COLOURS, LINES, strict=True))
+"""Colours and dashes of all other policies."""
 
 LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "linestyle": (0, (5, 1.5))}
 """Style of a limit."""
@@ -70,6 +89,24 @@ def for_print() -> Iterator[None]:
     """Apply the style within a ``with`` block, whatever the user's own settings; draw and save figures inside it."""
     with style.context(["default", _PRINT]):
         yield
+
+
+def policy_look(name: str) -> tuple[str, Any]:
+    """Return colour and dashes of a policy, its training seed aside: a known one's own, or those of ``OTHERS`` that its name picks."""
+    name = name.partition("-seed")[0]
+    return POLICIES.get(name) or OTHERS[crc32(name.encode()) % len(OTHERS)]
+
+
+def policy_looks(names: Iterable[str]) -> list[tuple[str, Any]]:
+    """Return colour and dashes of policies in one picture: each its own, or a free one of ``OTHERS`` if another has it.
+
+    Any ``len(OTHERS)`` policies are told apart.
+    """
+    looks: list[tuple[str, Any]] = []
+    for name in names:
+        free = [policy_look(name), *OTHERS]
+        looks.append(next(look for look in free if look not in looks))
+    return looks
 
 
 def letter(axes: Axes, name: str) -> None:
