@@ -92,7 +92,7 @@ def for_print() -> Iterator[None]:
 
 
 def policy_look(name: str) -> tuple[str, Any]:
-    """Return colour and dashes of a policy, its training seed aside: a known one's own, or those of ``OTHERS`` that its name picks."""
+    """Return colour and dashes of a policy, its training seed aside; if it is not known, its name picks one of ``OTHERS``."""
     name = name.partition("-seed")[0]
     return POLICIES.get(name) or OTHERS[crc32(name.encode()) % len(OTHERS)]
 
