@@ -12,11 +12,14 @@ import numpy as np
 import pytest
 
 from leaderboard import page, table
+from leaderboard.columns import groups
 from leaderboard.page.charts import GAP, LEVELS, chart_data, pack, quantise
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import Task, result_folder, write_result
 from leaderboard.standings import rank
 from tests.leaderboard.conftest import ENV_ID, MakeResult, play_all, spec
+from turning_env import Scenario
+from turning_env.workshop.plot_style import policy_look, policy_looks
 
 HOSTILE = "<script>alert(1)"
 
@@ -140,6 +143,22 @@ def test_page_without_rules_and_trajectories(leaderboard: Leaderboard) -> None:
     assert "<dt>best rule</dt><dd>none has played.</dd>" in html
     assert "application/json" not in html
     assert html.count("no trajectory recorded<") == 1
+
+
+@pytest.mark.parametrize(
+    ("preset", "first"), [("surface", "roughness_deviation"), ("batch_casting", "part_cost"), ("override", "mean_return")]
+)
+def test_what_a_task_is_about_comes_first(preset: str, first: str, task: Task, make_result: MakeResult) -> None:
+    shown = groups(rank([make_result("one", on=task.model_copy(update={"scenario": Scenario.load(preset)}))]))
+    assert next(iter(shown.values()))[0].field == first
+    assert sum(column.field == first for group in shown.values() for column in group) == 1
+
+
+def test_a_policy_looks_the_same_everywhere_and_unlike_the_others_beside_it() -> None:
+    names = ["mine", "yours", "theirs", "ppo-seed0", "grid_search", "ppo-seed1", "analytic_gradient"]
+    looks = dict(zip(names, policy_looks(names), strict=True))
+    assert len({colour for colour, _ in looks.values()}) == len(names)
+    assert [looks[name] for name in ("mine", "ppo-seed0")] == [policy_look("mine"), policy_look("ppo")]
 
 
 def test_table_lists_policies_by_rank(leaderboard: Leaderboard) -> None:
