@@ -35,6 +35,7 @@ class Column:
     """From the unit of ``Standing`` to ``unit``."""
     of_play: bool = False
     """Whether a policy that has not played, such as the clairvoyant bound, lacks it."""
+    lower_is_better: bool = False
 
     def value(self, standing: Standing) -> Estimate | float | None:
         """Return the standing's value in the unit of ``Standing``, None if it has none."""
@@ -91,6 +92,12 @@ _IMPROVES = (
 _BEST_RULE = "Return less that of the best other rule on the same seeds: the rule-based controller with the highest mean return."
 _SEVERE_LIMIT = "Upper 95 % confidence limit of that share (one-sided). Within the allowance, the policy is feasible."
 _SCORE = "Place of the return between fixed parameters, 0, and the clairvoyant bound, 100; paired by seed."
+_OVERLOAD = "Share of cutting time above the limit of force or of power."
+_SEVERE = "Share of cutting time above a limit by more than the tolerance."
+_EXCESS = "Mean relative excess over force and power limits, added, while cutting."
+_TIME = "Mean time of an episode: machine time, edge changes, downtime of breakages."
+_PART_COST = "Time per part, plus the price of the edges used up in minutes of machine time."
+_DEVIATION = "Mean relative deviation of Ra from its set point."
 _BROKEN = "Edges broken, per hundred used up; an edge that the time limit leaves unfinished counts as its used share."
 
 RETURNS = (
@@ -113,21 +120,38 @@ COMPARISONS = (
     Column("beats published", "%", _IMPROVES, "improves_on_published", 1, 100),
 )
 LIMITS = (
-    Column("over a limit", "%", "Share of cutting time above the limit of force or of power.", "overload_share", 2, 100, True),
-    Column("severely over", "%", "Share of cutting time above a limit by more than the tolerance.", "severe_share", 2, 100, True),
-    Column("severely over, at most", "%", _SEVERE_LIMIT, "severe_limit", 2, 100, True),
-    Column("excess", "%", "Mean relative excess over force and power limits, added, while cutting.", "excess", 3, 100, True),
+    Column("over a limit", "%", _OVERLOAD, "overload_share", 2, 100, True, True),
+    Column("severely over", "%", _SEVERE, "severe_share", 2, 100, True, True),
+    Column("severely over, at most", "%", _SEVERE_LIMIT, "severe_limit", 2, 100, True, True),
+    Column("excess", "%", _EXCESS, "excess", 3, 100, True, True),
 )
 WORKSHOP = (
-    Column("time", "min", "Mean time of an episode: machine time, edge changes, downtime of breakages.", "minutes", 2, 1, True),
-    Column("cost per part", "min", "That time and the price of edges per part, in machine time.", "part_cost", 2, 1, True),
-    Column("roughness deviation", "%", "Mean relative deviation of Ra from its set point.", "roughness_deviation", 2, 100, True),
+    Column("time", "min", _TIME, "minutes", 2, 1, True, True),
+    Column("cost per part", "min", _PART_COST, "part_cost", 2, 1, True, True),
+    Column("roughness deviation", "%", _DEVIATION, "roughness_deviation", 2, 100, True, True),
     Column("removal rate", "cm3/min", _REMOVAL_RATE, "removal_rate", 1, 1, True),
-    Column("cost", "min/dm3", _COST, "cost", 2, 1, True),
-    Column("edges", "edges", "Mean number of edges that an episode uses up.", "edges", 2, 1, True),
-    Column("broken edges", "per 100", _BROKEN, "broken_share", 1, 100, True),
+    Column("cost", "min/dm3", _COST, "cost", 2, 1, True, True),
+    Column("edges", "edges", "Mean number of edges that an episode uses up.", "edges", 2, 1, True, True),
+    Column("broken edges", "per 100", _BROKEN, "broken_share", 1, 100, True, True),
     Column("used life", "%", "Mean used share of the edge's life at the end of an episode.", "used_life", 1, 100, True),
 )
+GROUPS = {
+    "Result": RETURNS,
+    "Score": SCORE,
+    "Limits": LIMITS,
+    "Compared on the same seeds": COMPARISONS,
+    "In the workshop": WORKSHOP,
+}
+_AIMS = ("part_cost", "roughness_deviation")  # of tasks that have them; of others, the return
+
+
+def groups(standings: Sequence[Standing]) -> dict[str, list[Column]]:
+    """Return the columns that apply to a ranking, by heading; what the task is about comes first."""
+    found = {heading: applying(group, standings) for heading, group in GROUPS.items()}
+    aims = [column for column in found["In the workshop"] if column.field in _AIMS]
+    found["Result"] = aims + found["Result"]
+    found["In the workshop"] = [column for column in found["In the workshop"] if column not in aims]
+    return {heading: group for heading, group in found.items() if group}
 
 
 def applying(columns: Sequence[Column], standings: Sequence[Standing]) -> list[Column]:

@@ -4,12 +4,11 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from leaderboard.columns import COMPARISONS, LIMITS, RETURNS, SCORE, WORKSHOP, Column, applying
+from leaderboard.columns import GROUPS, RETURNS, Column, groups
 from leaderboard.ranking import Leaderboard
 from leaderboard.standings import Standing
 
-GROUPS = (RETURNS, SCORE, COMPARISONS, LIMITS, WORKSHOP)
-UNITS = {column.field: column.unit if column.factor == 1.0 else "share" for group in GROUPS for column in group}
+UNITS = {column.field: column.unit if column.factor == 1.0 else "share" for group in GROUPS.values() for column in group}
 """Units of the numbers of a standing."""
 
 
@@ -37,9 +36,8 @@ def render(leaderboard: Leaderboard) -> str:
     """Return a leaderboard as tables, one per subject, under a line that names the task."""
     task = leaderboard.task
     lines = [f"{task.env_id}, scenario {task.scenario.name}, {len(task.seeds)} seeds, task {task.digest[:12]}"]
-    for group in GROUPS:
-        if columns := applying(group, leaderboard.standings):
-            lines += ["", aligned(_rows(leaderboard.standings, columns), left=1)]
+    for columns in groups(leaderboard.standings).values():
+        lines += ["", aligned(_rows(leaderboard.standings, columns), left=1)]
     return "\n".join(lines)
 
 

@@ -20,15 +20,9 @@ from leaderboard.standings import highest
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario, presets
 from turning_env.scoring.overload import CONFIDENCE, RESAMPLES
+from turning_env.workshop.plot_style import policy_look
 
-COLUMN_GROUPS = {
-    "Return": columns.RETURNS,
-    "Score": columns.SCORE,
-    "Limits": columns.LIMITS,
-    "Compared on the same seeds": columns.COMPARISONS,
-    "In the workshop": columns.WORKSHOP,
-}
-SHOWN_AT_FIRST = ("Return", "Score", "Limits")
+SHOWN_AT_FIRST = ("Result", "Score", "Limits")
 _HERE = Path(__file__).parent
 _SCRIPTS = ("tables.js", "charts.js", "start.js")
 
@@ -45,13 +39,15 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
     templates.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
     templates.filters["number"] = lambda text: str(text).replace("-", "\N{MINUS SIGN}")
     templates.filters["unit"] = lambda text: str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
+    templates.filters["short"] = lambda number: "" if number is None else f"{number:.6g}"
+    templates.filters["colour"] = lambda name: policy_look(name)[0]
     script = "\n".join(["'use strict';", *((_HERE / name).read_text("utf-8") for name in _SCRIPTS)])
     sections = [_section(each) for each in leaderboards]
     return templates.get_template("page.html.j2").render(
         sections=sections,
         tasks={env_id: list(group) for env_id, group in groupby(sections, lambda section: section["leaderboard"].task.env_id)},
         across=generalisation.across(leaderboards),
-        column_groups=list(COLUMN_GROUPS),
+        column_groups=list(columns.GROUPS),
         shown_at_first=SHOWN_AT_FIRST,
         confidence=f"{100 * CONFIDENCE:g} %",
         resamples=RESAMPLES,
@@ -63,13 +59,13 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
 
 
 def _section(leaderboard: Leaderboard) -> dict[str, Any]:
-    shown = {heading: columns.applying(group, leaderboard.standings) for heading, group in COLUMN_GROUPS.items()}
+    shown = columns.groups(leaderboard.standings)
     names = leaderboard.names
     place = f"{leaderboard.task.env_id}/{leaderboard.task.scenario.name}"
     return {
         "place": place,
         "link": quote(place),
-        "column_groups": {heading: group for heading, group in shown.items() if group},
+        "column_groups": shown,
         "columns": [(heading, column) for heading, group in shown.items() for column in group],
         "leaderboard": leaderboard,
         "versions": leaderboard.results[0].versions,

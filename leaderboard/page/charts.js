@@ -1,22 +1,22 @@
 // Draws what was recorded of a policy, and of a second one over it. Names go into the page as text only.
 
-const LEVELS = 65534;
+const LEVELS = 4094;
+const LOOKS = ["first", "second"]; // the first policy's line is solid, the second's dashed, each in its own colour
 const HEIGHT = 170, LEFT = 48, RIGHT = 10, TOP = 8, BOTTOM = 36;
 
-function unpack(text, [low, high]) {
-  const levels = new Uint16Array(Uint8Array.from(atob(text), letter => letter.charCodeAt(0)).buffer);
-  return Array.from(levels, level => level > LEVELS ? NaN : low + (level / LEVELS) * (high - low));
+// The levels of all trajectories: their differences are packed, all lower bytes before all upper ones.
+async function unpack(text) {
+  const packed = new Blob([Uint8Array.from(atob(text), letter => letter.charCodeAt(0))]).stream();
+  const bytes = new Uint8Array(await new Response(packed.pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());
+  const levels = new Uint16Array(bytes.length / 2);
+  levels.forEach((_, place) => { levels[place] = (levels[place - 1] ?? 0) + bytes[place] + 256 * bytes[levels.length + place]; });
+  return levels;
 }
 
-function element(name, properties = {}, ...children) {
-  const made = Object.assign(document.createElement(name), properties);
-  made.append(...children);
-  return made;
-}
-
-function drawing(name, attributes, text = "") {
+function drawing(name, attributes, text = "", colour = "") {
   const made = document.createElementNS("http://www.w3.org/2000/svg", name);
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  if (colour) made.style.setProperty("--own", colour);
   made.textContent = text;
   return made;
 }
@@ -39,10 +39,14 @@ const most = values => present(values).reduce((high, value) => Math.max(high, va
 
 // The trajectory of a policy with a seed: its series as numbers, or null.
 function trajectoryOf(data, policy, seed) {
-  const packed = data.policies[policy]?.trajectories[seed];
-  if (!packed) return null;
-  const series = Object.fromEntries(Object.entries(packed.series).map(([name, text]) => [name, unpack(text, data.ranges[name])]));
-  return { label: data.policies[policy].label, steps: packed.steps, series };
+  const found = data.policies[policy]?.trajectories[seed];
+  if (!found) return null;
+  const series = {};
+  Object.entries(data.ranges).forEach(([name, [low, high]], place) => {
+    const from = found.start + place * found.kept;
+    series[name] = Array.from(data.levels.subarray(from, from + found.kept), level => level > LEVELS ? NaN : low + (level / LEVELS) * (high - low));
+  });
+  return { label: data.policies[policy].label, colour: data.policies[policy].colour, steps: found.steps, series };
 }
 
 function panel(subject, trajectories, axis, axisName, width) {
@@ -78,22 +82,42 @@ function panel(subject, trajectories, axis, axisName, width) {
       if (!isNaN(value)) moves += `${joined ? "L" : "M"}${x(trajectory.series[axis][place]).toFixed(1)} ${y(value).toFixed(1)}`;
       joined = !isNaN(value);
     });
-    svg.append(drawing("path", { class: look, d: moves }));
+    svg.append(drawing("path", { class: look, d: moves }, "", trajectory.colour));
   };
   if (subject.reference) line(trajectories[0], subject.reference, "followed");
-  trajectories.forEach((trajectory, place) => line(trajectory, subject.series, place ? "second" : "first"));
+  trajectories.forEach((trajectory, place) => line(trajectory, subject.series, LOOKS[place]));
   if (subject.limit !== null) {
     svg.append(drawing("path", { class: "limit", d: `M${LEFT} ${y(subject.limit)}H${width - RIGHT}` }));
   }
-  return element("figure", {}, element("figcaption", { textContent: title }), svg);
+  // The values where the pointer is: of each trajectory, those of the recorded step that is nearest.
+  const pointer = svg.appendChild(drawing("line", { class: "pointer", y1: TOP, y2: HEIGHT - BOTTOM, visibility: "hidden" }));
+  const readout = element("p", { className: "readout" });
+  const point = value => {
+    pointer.setAttribute("visibility", value === null ? "hidden" : "visible");
+    readout.replaceChildren();
+    if (value === null) return;
+    pointer.setAttribute("x1", x(value));
+    pointer.setAttribute("x2", x(value));
+    const read = (trajectory, name) => {
+      const distances = trajectory.series[axis].map(each => Math.abs(each - value));
+      const found = trajectory.series[name][distances.indexOf(least(distances))];
+      return isNaN(found) ? "in air" : written(found, 3);
+    };
+    readout.append(element("span", { textContent: `at ${written(value, 3)}:` }));
+    trajectories.forEach((trajectory, place) => readout.append(key("span", LOOKS[place], trajectory.colour, named(trajectory.label), ` ${read(trajectory, subject.series)}`)));
+    if (subject.reference) readout.append(key("span", "followed", "", `reference ${read(trajectories[0], subject.reference)}`));
+  };
+  const valueAt = event => {
+    const share = (event.offsetX - LEFT) / (svg.clientWidth - LEFT - RIGHT);
+    return start + Math.min(Math.max(share, 0), 1) * (end - start);
+  };
+  return { figure: element("figure", {}, element("figcaption", { textContent: title }), readout, svg), svg, point, valueAt };
 }
 
-function key(look, ...words) {
+function key(name, look, colour, ...words) {
   const sample = drawing("svg", { class: "key", viewBox: "0 0 35 8", "aria-hidden": "true" });
-  sample.append(drawing("path", { class: look, d: "M0 4H35" }));
-  const item = element("li", {}, ...words);
-  item.prepend(sample);
-  return item;
+  sample.append(drawing("path", { class: look, d: "M0 4H35" }, "", colour));
+  return element(name, {}, sample, ...words);
 }
 
 // The greatest and the last values, for those who do not see the charts.
@@ -102,7 +126,7 @@ function numbers(subjects, trajectories) {
   const heads = ["policy", "time [min]", "path [mm]", ...told.map(each => `${each.heading}, ${each.what} [${each.unit}]`)];
   const body = trajectories.map(({ label, series }) => element("tr", {},
     element("th", { scope: "row" }, named(label)),
-    ...[series.minutes, series.path].map(values => element("td", { textContent: written(values.at(-1)) })),
+    ...[series.minutes, series.path].map(values => element("td", { textContent: written(values.at(-1), 3) })),
     ...told.map(each => element("td", { textContent: written(each.series === "wear" ? series.wear.at(-1) : most(series[each.series]), 3) }))));
   return element("div", { className: "narrow" }, element("table", { className: "numbers" },
     element("caption", { textContent: "The same in numbers" }),
@@ -129,19 +153,26 @@ function showTrajectories(place, data) {
   place.append(choices, output);
   const redraw = () => {
     const trajectories = [trajectoryOf(data, first, seed.value), second.value === "" ? null : trajectoryOf(data, Number(second.value), seed.value)].filter(Boolean);
-    const legend = trajectories.map((trajectory, number) => key(number ? "second" : "first", named(trajectory.label)));
-    legend.push(key("limit", "limit; of wear, the end of the edge"));
-    if (data.subjects.some(subject => subject.reference)) legend.push(key("followed", "reference"));
+    const legend = trajectories.map((trajectory, number) => key("li", LOOKS[number], trajectory.colour, named(trajectory.label)));
+    legend.push(key("li", "limit", "", "limit; of wear, the end of the edge"));
+    if (data.subjects.some(subject => subject.reference)) legend.push(key("li", "followed", "", "reference"));
     const panels = element("div", { className: "panels" });
     const thinned = trajectories.filter(trajectory => trajectory.series.minutes.length < trajectory.steps);
     const note = [
-      second.value !== "" && trajectories.length < 2 ? "Nothing of the second policy was recorded with this seed." : "",
-      thinned.length ? `Of ${thinned.map(trajectory => trajectory.steps).join(" and ")} steps, some ${thinned[0].series.minutes.length} are drawn: of neighbours those with the least and the greatest load.` : "",
+      second.value !== "" && trajectories.length < 2 ? "The second policy was not recorded with this seed." : "",
+      thinned.length ? `Drawn: ${thinned.map(({ series, steps }) => `${series.minutes.length} of ${steps}`).join(" and ")} steps, those with the least and the greatest load among neighbours.` : "",
     ].join(" ").trim();
     output.replaceChildren(element("ul", { className: "legend" }, ...legend), panels, element("p", { className: "note", textContent: note }), numbers(data.subjects, trajectories));
     const columns = getComputedStyle(panels).gridTemplateColumns.split(" ");
     const width = Math.max(200, Math.floor(parseFloat(columns[0]) || 0));
-    panels.append(...data.subjects.map(subject => panel(subject, trajectories, axis.value, data.axes[axis.value], width)));
+    const drawn = data.subjects.map(subject => panel(subject, trajectories, axis.value, data.axes[axis.value], width));
+    panels.append(...drawn.map(each => each.figure));
+    for (const { svg, valueAt } of drawn) {
+      const follow = event => { const value = valueAt(event); for (const each of drawn) each.point(value); };
+      svg.addEventListener("pointermove", follow);
+      svg.addEventListener("pointerdown", follow);
+      svg.addEventListener("pointerleave", () => { for (const each of drawn) each.point(null); });
+    }
   };
   for (const select of [seed, second, axis]) select.addEventListener("change", redraw);
   let drawn = 0;

@@ -1,5 +1,11 @@
 // Sorts, filters and scales the tables that the page holds as HTML.
 
+function element(name, properties = {}, ...children) {
+  const made = Object.assign(document.createElement(name), properties);
+  made.append(...children);
+  return made;
+}
+
 const detailOf = row => row.nextElementSibling?.classList.contains("detail") ? row.nextElementSibling : null;
 
 function sortBy(head) {
@@ -25,8 +31,8 @@ function filterPolicies(section, form) {
   const rows = [...section.querySelectorAll("tr.policy")];
   let shown = 0;
   for (const row of rows) {
-    const named = row.cells[1].textContent.toLocaleLowerCase().includes(text);
-    row.hidden = !named || !kinds.has(row.dataset.kind) || (form.elements.feasible.checked && row.classList.contains("infeasible"));
+    const words = [...row.querySelectorAll("bdi")].map(each => each.textContent).join(" ");
+    row.hidden = !words.toLocaleLowerCase().includes(text) || !kinds.has(row.dataset.kind) || (form.elements.feasible.checked && row.classList.contains("infeasible"));
     const detail = detailOf(row);
     if (detail) detail.hidden = row.hidden || row.querySelector(".open").getAttribute("aria-expanded") !== "true";
     shown += !row.hidden;
@@ -59,14 +65,15 @@ function scaleIntervals(rows) {
     const room = 0.05 * (most - least) || 1;
     const percent = value => 100 * (value - least + room) / (most - least + 2 * room);
     for (const { cell, low, high, at } of intervals) {
-      const bar = cell.querySelector(".interval"), line = bar.firstElementChild;
+      cell.querySelector(".interval")?.remove();
+      if (percent(at) < 0 || percent(at) > 100) continue; // off the scale: the numbers say it
       const [from, to] = [Math.max(percent(low), 0), Math.min(percent(high), 100)];
-      bar.classList.toggle("below", percent(at) < 0);
-      bar.classList.toggle("above", percent(at) > 100);
-      bar.style.setProperty("--zero", percent(0) > 0 && percent(0) < 100 ? `${percent(0)}%` : "-9px");
+      const line = element("i"), bar = element("span", { className: "interval", ariaHidden: "true" }, line);
+      if (percent(0) > 0 && percent(0) < 100) bar.style.setProperty("--zero", `${percent(0)}%`);
       line.style.setProperty("--low", `${from}%`);
       line.style.setProperty("--width", `${to - from}%`);
       line.style.setProperty("--at", `${100 * (percent(at) - from) / (to - from || 1)}%`);
+      cell.append(bar);
     }
   }
 }

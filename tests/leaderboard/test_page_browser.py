@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
+from playwright.sync_api import Browser, FloatRect, Locator, Page, expect, sync_playwright
 
 from leaderboard import page
 from leaderboard.ranking import Leaderboard
@@ -18,6 +18,7 @@ from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
 from turning_env.scoring.policy import PolicySpec
 
 HOSTILE = "</script><img src=x onerror=\"document.title='owned'\">'&amp;"
+GRID_SEARCH_COLOUR = "rgb(230, 159, 0)"
 BACKWARDS, LONG = "\u202eexe.gpj \u05d0\u05d1", "long" * 125
 
 pytestmark = pytest.mark.slow
@@ -78,15 +79,15 @@ def opened(browser: Browser, file: Path) -> Iterator[Open]:
     """Opens a page; at the end it must have said nothing and asked for nothing."""
     contexts, heard = [], []
 
-    def go(path: Path = file, width: int = 1280, height: int = 900, **settings: object) -> Page:
+    def go(at: str = file.as_uri(), width: int = 1280, height: int = 844, **settings: object) -> Page:
         context = browser.new_context(viewport={"width": width, "height": height}, **settings)  # type: ignore[arg-type]
         context.set_default_timeout(10_000)
         contexts.append(context)
         shown = context.new_page()
         shown.on("console", lambda message: heard.append(message.text))
         shown.on("pageerror", lambda error: heard.append(str(error)))
-        shown.on("request", lambda request: None if request.url.startswith(path.as_uri()) else heard.append(request.url))
-        shown.goto(path.as_uri())
+        shown.on("request", lambda request: None if request.url.startswith(file.as_uri()) else heard.append(request.url))
+        shown.goto(at)
         return shown
 
     yield go
@@ -103,6 +104,13 @@ def names(shown: Page) -> list[str]:
 def row(shown: Page, name: str) -> Locator:
     """The button that opens a policy's row."""
     return shown.locator("section:visible .open").filter(has_text=re.compile(f"^{re.escape(name)}$"))
+
+
+def box_of(found: Locator) -> FloatRect:
+    """Where an element lies on the screen."""
+    box = found.bounding_box()
+    assert box is not None
+    return box
 
 
 def width_beyond(shown: Page) -> int:
@@ -133,6 +141,41 @@ def test_headings_sort(opened: Open, leaderboard: Leaderboard) -> None:
     expect(head).to_have_attribute("aria-sort", "ascending")
     assert names(shown) == by_return[::-1]
     assert shown.locator("section:visible th[aria-sort]").count() == 1
+    less_is_better = shown.get_by_role("columnheader", name="severely over [%]", exact=True)
+    less_is_better.get_by_role("button").click()
+    expect(less_is_better).to_have_attribute("aria-sort", "ascending")
+    shown.get_by_role("columnheader", name="rank").get_by_role("button").click()
+    assert names(shown) == ranked
+    expect(shown.locator("section:visible .oracle td").first).to_have_text("\u2013")
+
+
+def test_a_link_opens_its_policy(opened: Open, file: Path) -> None:
+    shown = opened()
+    row(shown, HOSTILE).click()
+    link = shown.url
+    assert shown.get_by_role("link", name="Link to this policy").evaluate("link => link.href") == link
+    row(shown, HOSTILE).click()
+    assert shown.url == f"{file.as_uri()}#{ENV_ID}/rough_turning"
+    again = opened(at=link)
+    expect(row(again, HOSTILE)).to_be_in_viewport()
+    expect(again.locator(".inner:visible .panels svg").first).to_be_visible()
+
+
+@pytest.mark.parametrize("clipboard", [True, False])
+def test_copying(opened: Open, clipboard: bool) -> None:
+    """With the clipboard's interface, or, where a page from a file lacks it, without."""
+    shown = opened()
+    shown.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    if not clipboard:
+        shown.evaluate("Object.defineProperty(navigator, 'clipboard', { value: undefined })")
+    button = shown.get_by_role("button", name="Copy command")
+    command = button.locator("xpath=preceding-sibling::*[1]").inner_text()
+    button.click()
+    expect(shown.get_by_role("button", name="Copied")).to_be_visible()
+    assert shown.locator(".copied").count() == 0
+    shown.get_by_label("Policy").first.focus()
+    shown.keyboard.press("Control+V")
+    expect(shown.get_by_label("Policy").first).to_have_value(command)
 
 
 def test_filters_leave_what_is_asked_for(opened: Open) -> None:
@@ -164,11 +207,17 @@ def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open) -> None:
     # The published controller lies over it at first.
     expect(inner.get_by_role("combobox", name="Second policy")).to_have_value("0")
     assert inner.locator(".panels .second").count() == 5
+    colour = "path => getComputedStyle(path).stroke"
+    assert inner.locator(".panels .second").first.evaluate(colour) == GRID_SEARCH_COLOUR
+    # Where the pointer is, every panel tells the values of both.
+    inner.locator(".panels svg").nth(1).hover(position={"x": 150, "y": 60})
+    expect(inner.locator(".pointer[visibility=visible]")).to_have_count(5)
+    expect(inner.locator(".readout").first).to_have_text(re.compile(r"^at 0\.\d+:.* \d.*grid_search \d"))
     inner.get_by_role("combobox", name="Second policy").select_option(label="none")
     assert inner.locator(".panels .second").count() == 0
     assert inner.locator(".panels .first").count() == 5
     inner.get_by_role("combobox", name="Second policy").select_option(label=f"\u2068{BACKWARDS}\u2069")
-    expect(inner.locator(".note")).to_contain_text("Nothing of the second policy was recorded with this seed.")
+    expect(inner.locator(".note")).to_contain_text("second policy was not recorded")
     before = inner.locator(".panels .first").first.get_attribute("d")
     inner.get_by_role("combobox", name="Seed").select_option(label="8")
     assert inner.locator(".panels .second").count() == 5
@@ -189,8 +238,11 @@ def test_the_keyboard_is_enough(opened: Open) -> None:
     assert target.evaluate("button => getComputedStyle(button).outlineStyle") == "solid"
     shown.keyboard.press("Enter")
     expect(target).to_have_attribute("aria-expanded", "true")
-    shown.keyboard.press("Tab")
-    expect(shown.locator(".inner:visible").get_by_role("combobox", name="Seed")).to_be_focused()
+    seed = shown.locator(".inner:visible").get_by_role("combobox", name="Seed")
+    expect(seed).to_be_visible()
+    for _ in range(3):  # after the link and the button that copies it
+        shown.keyboard.press("Tab")
+    expect(seed).to_be_focused()
     shown.keyboard.press("Escape")
     expect(target).to_have_attribute("aria-expanded", "false")
     expect(target).to_be_focused()
@@ -204,26 +256,35 @@ def test_light_and_dark(opened: Open) -> None:
     shown.get_by_label("Theme").select_option("dark")
     shown.reload()
     assert shown.evaluate(paper) == opened(color_scheme="dark").evaluate(paper) != light
-    shown.get_by_label("Theme").select_option("as the system")
+    shown.get_by_label("Theme").select_option(label="◐ system")
     assert shown.evaluate(paper) == light
 
 
 @pytest.mark.parametrize("width", [360, 1280])
 def test_the_page_is_no_wider_than_the_screen(opened: Open, width: int) -> None:
     shown = opened(width=width)
-    box = row(shown, LONG).bounding_box()
-    assert box is not None
-    assert box["height"] < 100 or width < 1000
+    assert box_of(row(shown, LONG))["height"] < 30
     assert width_beyond(shown) == 0
+    name, value = shown.locator("section:visible .policy").first.locator("th, td.g0").all()[:2]
+    number = box_of(value)  # the best policy's return, to be seen at once
+    assert number["x"] + number["width"] <= width
+    assert number["y"] + number["height"] < 844
+    shown.set_viewport_size({"width": width, "height": 300})
+    shown.locator(".wide:visible").evaluate("box => { box.scrollLeft = 1e6; box.scrollTop = 200; }")
+    head, top = box_of(shown.get_by_role("columnheader", name="policy")), box_of(shown.locator(".wide:visible"))
+    assert 0 <= head["y"] - top["y"] < 60
+    assert head["x"] == pytest.approx(box_of(name)["x"])
+    assert head["x"] == pytest.approx(top["x"]) or width > 1000
+    shown.set_viewport_size({"width": width, "height": 844})
     row(shown, HOSTILE).click()
     expect(shown.locator(".panels svg").first).to_be_visible()
     assert width_beyond(shown) == 0
+    if width < 640:
+        shown.get_by_text("Filter and columns").click()
     for heading in ("compared on the same seeds", "in the workshop"):
         shown.get_by_label(heading).check()
     assert width_beyond(shown) == 0
-    inner = shown.locator(".inner:visible").bounding_box()
-    assert inner is not None
-    assert inner["width"] <= width
+    assert box_of(shown.locator(".inner:visible"))["width"] <= width
 
 
 def test_hostile_names_are_text(opened: Open) -> None:
@@ -231,7 +292,7 @@ def test_hostile_names_are_text(opened: Open) -> None:
     row(shown, HOSTILE).click()
     shown.locator(".inner:visible summary").click()
     row(shown, "oracle").click()
-    expect(shown.locator(".inner:visible").last).to_contain_text("an oracle knows what no policy sees")
+    expect(shown.locator(".inner:visible").last).to_contain_text("an oracle knows what no policy observes")
     assert shown.locator("img").count() == 0
     assert shown.title() == "RoughTurning leaderboard"
     assert {HOSTILE, BACKWARDS, LONG} <= set(names(shown))

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 from matplotlib import rc_context, style
 from matplotlib.axes import Axes
@@ -51,6 +52,9 @@ POLICIES: dict[str, tuple[str, Any]] = {
     "causal": (GREY, "-"),
 }
 """Colour and dashes of policies that several figures show: the same in each. Vermillion is left to limits."""
+_OTHER_COLOURS = ("#332288", "#44AA99", "#AA4466", "#117733", "#AA4499", "#6699CC", "#663333")
+OTHERS = tuple((colour, dashes) for colour, (_, dashes) in zip(_OTHER_COLOURS, LINES, strict=True))
+"""Colours and dashes of all other policies."""
 
 LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "linestyle": (0, (5, 1.5))}
 """Style of a limit."""
@@ -87,20 +91,22 @@ def for_print() -> Iterator[None]:
         yield
 
 
-def policy_looks(names: Iterable[str]) -> list[tuple[str, Any]]:
-    """Return colour and dashes of policies: a known one's own, seeds of training aside, and for others what is free of ``LINES``.
+def policy_look(name: str) -> tuple[str, Any]:
+    """Return colour and dashes of a policy, its training seed aside; if it is not known, its name picks one of ``OTHERS``."""
+    name = name.partition("-seed")[0]
+    return POLICIES.get(name) or OTHERS[crc32(name.encode()) % len(OTHERS)]
 
-    At most as many policies as ``LINES`` are told apart.
+
+def policy_looks(names: Iterable[str]) -> list[tuple[str, Any]]:
+    """Return colour and dashes of policies in one picture: each its own, or a free one of ``OTHERS`` if another has it.
+
+    Any ``len(OTHERS)`` policies are told apart.
     """
-    looks: dict[str, tuple[str, Any]] = {}
-    names = list(names)
+    looks: list[tuple[str, Any]] = []
     for name in names:
-        look = POLICIES.get(name.partition("-seed")[0])
-        if look and look not in looks.values():
-            looks[name] = look
-    taken = {colour for colour, _ in looks.values()}
-    free = (look for look in LINES if look[0] not in taken)
-    return [looks.get(name) or next(free) for name in names]
+        free = [policy_look(name), *OTHERS]
+        looks.append(next(look for look in free if look not in looks))
+    return looks
 
 
 def letter(axes: Axes, name: str) -> None:
