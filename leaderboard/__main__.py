@@ -17,6 +17,7 @@ from leaderboard import generalisation, shipped, table
 from leaderboard.private_seeds import PUBLIC, private_task, read_seeds
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import MANIFEST_FILE, ResultError, Task, result_folder
+from train.agents.agent_file import NAME
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
 from turning_env.scoring.seeds import held_out_seeds
@@ -57,9 +58,9 @@ def _run(options: argparse.Namespace) -> None:
         tasks += [task.model_copy(update={"scenario": Scenario.load(name), "seeds": options.split_seeds}) for name in SPLITS]
     runs, too_slow = [], dict[Path, ResultError]()
     for each in tasks:  # load all policies first, so that errors are found before anything is played
-        tuned_on, source = None if each is task else task.scenario, options.scenario or IDS[task.env_id]
+        tuned_on = None if each is task else task.scenario
         agents = run.agents(options.agents, each.scenario, options.name, options.keep_names, options.agent_time, too_slow)
-        policies = [*run.named(options.policies, each.scenario, tuned_on, source, skip=True), *agents]
+        policies = [*run.named(options.policies, each.scenario, tuned_on, skip=True), *agents]
         if not policies:
             nothing = "nothing to play: name a policy that is tuned for the scenario, or give an agent"
             raise ResultError("; ".join(map(str, [*too_slow.values(), nothing])))
@@ -145,7 +146,7 @@ def _gallery(options: argparse.Namespace) -> None:
     from leaderboard import behaviour, gallery, run  # needed only here: imports Matplotlib, plays
 
     scenario = _scenario(options)
-    policies = [*run.named(options.policies, scenario, source=options.scenario), *run.agents(options.agents, scenario)]
+    policies = [*run.named(options.policies, scenario), *run.agents(options.agents, scenario)]
     played = gallery.play(policies, scenario, options.seeds)
     written = gallery.write(played, options.out)
     if options.json:
@@ -230,7 +231,7 @@ def _seeds_or_file(text: str) -> list[int] | Path:
 
 
 def _name(text: str) -> str:
-    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}", text):
+    if not re.fullmatch(NAME, text):
         raise argparse.ArgumentTypeError(f"{text!r} is not a name of at most 128 letters, digits, _, . and -")
     return text
 

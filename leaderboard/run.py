@@ -1,6 +1,5 @@
 """Play policies on a task and write their results, each as it finishes."""
 
-import shlex
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -37,7 +36,6 @@ def named(
     names: Sequence[str] | None,
     scenario: Scenario,
     tuned_on: Scenario | None = None,
-    source: str | None = None,
     skip: bool = False,
 ) -> list[PolicySpec]:
     """Return controllers and oracles of a scenario by name, all of them if ``names`` is None.
@@ -46,13 +44,12 @@ def named(
         names: their names.
         scenario: the scenario that they play.
         tuned_on: the scenario that the controllers are tuned for; None: the one that they play.
-        source: preset or TOML file of the scenario that they are tuned for, for the command that tunes them.
         skip: whether to leave out controllers that are not tuned, with a word on standard error.
 
     Raises:
         ResultError: there is none of that name (says which there are), or it is not tuned for the scenario.
     """
-    from baselines import catalogue  # reads the tuned values, which only playing needs
+    from baselines import catalogue, tuned  # only playing needs them
 
     known_oracles = {oracle.name: oracle for oracle in oracles(scenario)}
     known = [*catalogue.names(scenario), *known_oracles]
@@ -61,16 +58,14 @@ def named(
     specs, untuned = [], []
     for name in dict.fromkeys(known if names is None else names):
         try:
-            specs.append(known_oracles[name] if name in known_oracles else rule(name, scenario, tuned_on, source))
+            specs.append(known_oracles[name] if name in known_oracles else rule(name, scenario, tuned_on))
         except NotTunedError:
             if not skip:
                 raise
             untuned.append(name)
     if untuned:
-        command = f"python -m baselines.tune --scenario {shlex.quote(source or scenario.name)}"
-        tell_once(
-            f"skipped, as not tuned for scenario {(tuned_on or scenario).name!r}: {', '.join(untuned)}; `{command}` tunes them"
-        )
+        home = tuned_on or scenario
+        tell_once(f"skipped, as not tuned for scenario {home.name!r}: {', '.join(untuned)}; `{tuned.command(home)}` tunes them")
     return specs
 
 
@@ -78,7 +73,7 @@ class NotTunedError(ResultError):
     """A controller is not tuned for the scenario."""
 
 
-def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None, source: str | None = None) -> PolicySpec:
+def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> PolicySpec:
     """Return a controller: see ``named``.
 
     Raises:
@@ -90,8 +85,7 @@ def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None, source
     try:
         return catalogue.spec(name, scenario, tuned_on)
     except tuned.NotTuned as error:
-        advice = str(error).replace("PRESET_OR_TOML", shlex.quote(source or scenario.name))
-        raise NotTunedError(f"{name} cannot play: {advice}") from error
+        raise NotTunedError(f"{name} cannot play: {error}") from error
     except (KeyError, ValueError) as error:
         raise ResultError(f"{name} cannot play: {error.args[0]}") from error
 
@@ -182,6 +176,7 @@ def attempt(piece: tuple[PolicySpec, Scenario, Sequence[int]], on_step: Callable
     """Play a policy's episodes on some seeds of a scenario, or return why it cannot, so that others go on."""
     spec, scenario, seeds = piece
     try:
+        check_fits(spec, scenario)
         return play_spec(spec, scenario, seeds, on_step)
     except ValueError as error:
         return ResultError(f"{spec.label} cannot play: {error}")
