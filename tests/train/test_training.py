@@ -178,7 +178,7 @@ def test_pickles_are_loaded_with_a_warning_by_algorithms_and_to_resume_alone(
         (["--steps", "0"], "steps is 0, but must be at least 1"),
         (["--env", "Pendulum-v1"], "RoughTurning-v0"),
         (["--scenario", "nowhere"], "python -m turning_env presets"),
-        (["--set", "learing_rate=1"], "ppo has no hyperparameter 'learing_rate'; did you mean learning_rate?"),
+        (["--set", "learing_rate=1"], "ppo has no hyperparameter 'learing_rate'; did you mean learning_rate"),
         (["--set", "x=1"], "ppo has no hyperparameter 'x'; list all with: cat train/hyperparameters/ppo.toml"),
         (["--set", "learning_rate"], "learning_rate is '', but must be a float of 0 or more, such as 0.001"),
         (["--set", "discount=nan"], "discount is nan, but"),
