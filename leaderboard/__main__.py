@@ -17,6 +17,7 @@ from leaderboard import generalisation, shipped, table
 from leaderboard.private_seeds import PUBLIC, private_task, read_seeds
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import MANIFEST_FILE, ResultError, Task, result_folder
+from train.agents.agent_file import NAME
 from turning_env import IDS, SPLITS, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
 from turning_env.scoring.seeds import held_out_seeds
@@ -45,6 +46,7 @@ def _run(options: argparse.Namespace) -> None:
 
     python -m leaderboard run --seeds 16 --policies fixed_tuned predictive
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --jobs 2
+    python -m leaderboard run --policy my_module:MyPolicy
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --seeds private_seeds.txt --results private_results
     """
     from leaderboard import run  # needed only here: plays
@@ -57,9 +59,10 @@ def _run(options: argparse.Namespace) -> None:
         tasks += [task.model_copy(update={"scenario": Scenario.load(name), "seeds": options.split_seeds}) for name in SPLITS]
     runs, too_slow = [], dict[Path, ResultError]()
     for each in tasks:  # load all policies first, so that errors are found before anything is played
-        tuned_on, source = None if each is task else task.scenario, options.scenario or IDS[task.env_id]
+        tuned_on = None if each is task else task.scenario
         agents = run.agents(options.agents, each.scenario, options.name, options.keep_names, options.agent_time, too_slow)
-        policies = [*run.named(options.policies, each.scenario, tuned_on, source, skip=True), *agents]
+        own = [run.own_policy(options.policy, task.scenario, options.name)] if options.policy else []
+        policies = [*run.named(options.policies, each.scenario, tuned_on, skip=True), *agents, *own]
         if not policies:
             nothing = "nothing to play: name a policy that is tuned for the scenario, or give an agent"
             raise ResultError("; ".join(map(str, [*too_slow.values(), nothing])))
@@ -145,7 +148,7 @@ def _gallery(options: argparse.Namespace) -> None:
     from leaderboard import behaviour, gallery, run  # needed only here: imports Matplotlib, plays
 
     scenario = _scenario(options)
-    policies = [*run.named(options.policies, scenario, source=options.scenario), *run.agents(options.agents, scenario)]
+    policies = [*run.named(options.policies, scenario), *run.agents(options.agents, scenario)]
     played = gallery.play(policies, scenario, options.seeds)
     written = gallery.write(played, options.out)
     if options.json:
@@ -230,8 +233,14 @@ def _seeds_or_file(text: str) -> list[int] | Path:
 
 
 def _name(text: str) -> str:
-    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}", text):
+    if not re.fullmatch(NAME, text):
         raise argparse.ArgumentTypeError(f"{text!r} is not a name of at most 128 letters, digits, _, . and -")
+    return text
+
+
+def _module_and_object(text: str) -> str:
+    if not re.fullmatch(r"[\w.]+:[\w.]+", text):
+        raise argparse.ArgumentTypeError(f"{text!r} is not MODULE:OBJECT, such as my_module:MyPolicy; --agents takes ONNX files")
     return text
 
 
@@ -274,7 +283,9 @@ def _parser() -> argparse.ArgumentParser:
     which = "number of held-out seeds (default: 256), or a file of private seeds; give these --results of their own"
     add("--seeds", type=_seeds_or_file, default="256", metavar="SEEDS", help=which)
     add("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all that are tuned for the scenario)")
-    add("--name", type=_name, help="name of your own agents (default: that of their files, after my_ if a shipped agent has it)")
+    which = "a policy of your own code, such as my_module:MyPolicy; played again each time"
+    add("--policy", type=_module_and_object, metavar="MODULE:OBJECT", help=which)
+    add("--name", type=_name, help="name of your own agents or policy (default: their own, after my_ if a shipped agent has it)")
     add("--keep-names", action="store_true", help="let agents take the names of those that come with the project")
     which = "processor time that an agent's file may use for all seeds, or else is skipped (default: 600)"
     add("--agent-time", type=positive, metavar="SECONDS", help=which)

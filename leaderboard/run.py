@@ -1,6 +1,6 @@
 """Play policies on a task and write their results, each as it finishes."""
 
-import shlex
+import re
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -28,8 +28,9 @@ from train.agents.agent_file import ONNX_SUFFIX, check_fits
 from train.agents.sandbox import LIMITS, TooSlow
 from turning_env import Scenario
 from turning_env.files import exclusive_lock, shared_lock
+from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import Episodes, play_spec
-from turning_env.scoring.policy import PolicySpec
+from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.workers import Workers, spread
 
 
@@ -37,7 +38,6 @@ def named(
     names: Sequence[str] | None,
     scenario: Scenario,
     tuned_on: Scenario | None = None,
-    source: str | None = None,
     skip: bool = False,
 ) -> list[PolicySpec]:
     """Return controllers and oracles of a scenario by name, all of them if ``names`` is None.
@@ -46,13 +46,12 @@ def named(
         names: their names.
         scenario: the scenario that they play.
         tuned_on: the scenario that the controllers are tuned for; None: the one that they play.
-        source: preset or TOML file of the scenario that they are tuned for, for the command that tunes them.
         skip: whether to leave out controllers that are not tuned, with a word on standard error.
 
     Raises:
         ResultError: there is none of that name (says which there are), or it is not tuned for the scenario.
     """
-    from baselines import catalogue  # reads the tuned values, which only playing needs
+    from baselines import catalogue, tuned  # only playing needs them
 
     known_oracles = {oracle.name: oracle for oracle in oracles(scenario)}
     known = [*catalogue.names(scenario), *known_oracles]
@@ -61,16 +60,14 @@ def named(
     specs, untuned = [], []
     for name in dict.fromkeys(known if names is None else names):
         try:
-            specs.append(known_oracles[name] if name in known_oracles else rule(name, scenario, tuned_on, source))
+            specs.append(known_oracles[name] if name in known_oracles else rule(name, scenario, tuned_on))
         except NotTunedError:
             if not skip:
                 raise
             untuned.append(name)
     if untuned:
-        command = f"python -m baselines.tune --scenario {shlex.quote(source or scenario.name)}"
-        tell_once(
-            f"skipped, as not tuned for scenario {(tuned_on or scenario).name!r}: {', '.join(untuned)}; `{command}` tunes them"
-        )
+        home = tuned_on or scenario
+        tell_once(f"skipped, as not tuned for scenario {home.name!r}: {', '.join(untuned)}; `{tuned.command(home)}` tunes them")
     return specs
 
 
@@ -78,7 +75,7 @@ class NotTunedError(ResultError):
     """A controller is not tuned for the scenario."""
 
 
-def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None, source: str | None = None) -> PolicySpec:
+def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> PolicySpec:
     """Return a controller: see ``named``.
 
     Raises:
@@ -90,8 +87,7 @@ def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None, source
     try:
         return catalogue.spec(name, scenario, tuned_on)
     except tuned.NotTuned as error:
-        advice = str(error).replace("PRESET_OR_TOML", shlex.quote(source or scenario.name))
-        raise NotTunedError(f"{name} cannot play: {advice}") from error
+        raise NotTunedError(f"{name} cannot play: {error}") from error
     except (KeyError, ValueError) as error:
         raise ResultError(f"{name} cannot play: {error.args[0]}") from error
 
@@ -119,8 +115,6 @@ def agents(
         ResultError: a path holds no agent, or one that cannot play the scenario; two have the same name and training seed; the
             name is that of another policy.
     """
-    from baselines import catalogue
-
     specs: dict[str, PolicySpec] = {}
     for path in (each for each in paths if each not in (too_slow or {})):
         try:
@@ -131,13 +125,7 @@ def agents(
             too_slow[path] = error
             continue
         if shipped.is_own(spec) and not keep:
-            taken = shipped.agents().values()
-            own = name or (f"my_{spec.name}" if spec.name in taken else spec.name)
-            if own in (*taken, *catalogue.RULES, CLAIRVOYANT, CAUSAL):
-                raise ResultError(f"{path} cannot be called {own}, as another policy is: choose another --name")
-            if name is None and own != spec.name:
-                tell_once(f"{path} plays as {own}, as {spec.name} comes with the project; --name gives it another name")
-            spec = PolicySpec.model_validate(dict(spec) | {"name": own})
+            spec = PolicySpec.model_validate(dict(spec) | {"name": _own_name(path, spec.name, name)})
         if spec.label in specs:
             raise ResultError(
                 f"{path} holds {spec.label}, which another of the given agents is too: play one after the other, each with a "
@@ -145,6 +133,52 @@ def agents(
             )
         specs[spec.label] = spec
     return list(specs.values())
+
+
+def _own_name(source: object, found: str, given: str | None) -> str:
+    """Return the name of one's own policy: the given one, else its own, after ``my_`` if a shipped agent has that."""
+    from baselines import catalogue
+
+    taken = shipped.agents().values()
+    name = given or (f"my_{found}" if found in taken else found)
+    if name in (*taken, *catalogue.RULES, CLAIRVOYANT, CAUSAL):
+        raise ResultError(f"{source} cannot be called {name}, as another policy is: choose another --name")
+    if given is None and name != found:
+        tell_once(f"{source} plays as {name}, as {found} comes with the project; --name gives it another name")
+    return name
+
+
+def own_policy(source: str, tuned_for: Scenario, name: str | None = None) -> PolicySpec:
+    """Return a policy of one's own code, ``module:object``: see ``turning_env.scoring.adapt.as_factory``.
+
+    It stands among the agents, without a digest, as nothing tells one version of the code from the next.
+
+    Args:
+        source: the module and the object.
+        tuned_for: the scenario that it is made for.
+        name: its name; None: that of the object.
+
+    Raises:
+        ResultError: there is no such object, it is no policy, or another policy has its name.
+    """
+    try:
+        as_factory(source)
+        return PolicySpec(
+            name=_own_name(source, re.split("[:.]", source)[-1], name),
+            kind="agent",
+            description="a policy of your own",
+            training_seed=0,
+            command=source,
+            tuned_for=ScenarioId.of(tuned_for),
+            make=lambda num_envs: as_factory(source)(num_envs),  # a class is instantiated for every play
+        )
+    except (OSError, TypeError, ValueError) as error:
+        raise ResultError(f"{source} cannot play: {error}") from error
+
+
+def _is_code(spec: PolicySpec) -> bool:
+    """Return whether it is a policy of one's own code, which may have changed since it played."""
+    return spec.kind == "agent" and spec.sha256 is None
 
 
 class AgentTooSlow(ResultError):
@@ -182,6 +216,7 @@ def attempt(piece: tuple[PolicySpec, Scenario, Sequence[int]], on_step: Callable
     """Play a policy's episodes on some seeds of a scenario, or return why it cannot, so that others go on."""
     spec, scenario, seeds = piece
     try:
+        check_fits(spec, scenario)
         return play_spec(spec, scenario, seeds, on_step)
     except ValueError as error:
         return ResultError(f"{spec.label} cannot play: {error}")
@@ -210,8 +245,8 @@ class PoliciesFailed(ResultError):
 def play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None) -> None:
     """Have all policies of all runs play, and write each result as it is finished.
 
-    Results in a run's folder of the same task and policy stand, unless ``fresh``. Then the trajectories of the policies on the
-    first seeds of each run are recorded, and the folder's manifest is written.
+    Results in a run's folder of the same task and policy stand, unless ``fresh``; those of own code do not. Then the
+    trajectories of the policies on the first seeds of each run are recorded, and the folder's manifest is written.
 
     Args:
         runs: policies and their tasks.
@@ -278,7 +313,7 @@ def _finished(run: TaskRun) -> set[str]:
         if spec is None or result.task.digest != run.task.digest:
             continue
         if result.is_of(run.task, spec):
-            finished.add(spec.label)
+            finished |= {spec.label} if not _is_code(spec) else set()
         elif spec.kind == "agent":
             tell_once(f"{spec.label} in {run.folder} is the result of another agent, which makes way; --name keeps both")
     return finished
@@ -290,7 +325,7 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
     names, wanted, trajectories = _recorded(run)
     # One training seed stands for an agent: the first given.
     able = {names[spec.label]: spec for spec in reversed(run.policies) if spec.kind != "oracle"}
-    missing = [place for place in wanted if place[0] in able and (fresh or place not in trajectories)]
+    missing = [place for place in wanted if place[0] in able and (fresh or place not in trajectories or _is_code(able[place[0]]))]
     pieces = [((name, seed), (able[name], run.task.scenario, seed)) for name, seed in missing]
     try:
         with tqdm(total=len(pieces), unit="trajectory", dynamic_ncols=True, disable=None) as bar:

@@ -24,7 +24,7 @@ def agents() -> dict[str, str]:
 
 
 def is_own(policy: PolicySpec) -> bool:
-    """Return whether a policy is an agent that does not come with the project."""
+    """Return whether a policy is an agent or code that does not come with the project."""
     return policy.kind == "agent" and policy.sha256 not in agents()
 
 

@@ -5,11 +5,13 @@ much from one processor to another.
 """
 
 import json
+import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from tqdm import tqdm
@@ -29,7 +31,9 @@ from leaderboard.result import (
     write_whole,
 )
 from leaderboard.shipped import agent_files
+from train.agents import onnx_policy
 from train.agents.agent_file import ONNX_SUFFIX
+from train.agents.sandbox import LIMITS
 from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
@@ -80,33 +84,23 @@ def verify(
     Raises:
         ResultError: there is nothing to verify, or the memory cannot be read or written.
     """
-    paths = [path for folder in sorted(results.glob("*/*")) for path in result_files(folder) if selection.holds(path, SUFFIX)]
-    if not paths:
+    found, complaints = _examine(results, agents, selection)
+    if not found and not complaints:
         raise ResultError(f"{results} holds no such results")
     known = set() if seeds is not None else _remembered(memory)
-    complaints, files = [*check(results, agents, selection), *_beyond_the_bound(paths)], agent_files(agents)
-    with tqdm(total=len(paths), unit="result", dynamic_ncols=True, disable=None) as bar:
-
-        def pieces() -> Iterator[tuple[tuple[Path, Result, float], tuple[PolicySpec, Scenario, Sequence[int]]]]:
-            for path in paths:
-                try:
-                    result = read_result(path)
-                    if result.checksum not in known:
-                        spec = policy_of(result, files)
-                        yield (path, result, spec.tolerance), (spec, result.task.scenario, result.task.seeds[:seeds])
-                        continue
-                except ResultError:
-                    pass  # ``check`` has told of it
+    wanted = {path: each for path, each in found.items() if each.player is not None and each.result.checksum not in known}
+    complaints += _beyond_the_bound({path: each.result for path, each in found.items()})
+    with tqdm(total=len(found), initial=len(found) - len(wanted), unit="result", dynamic_ncols=True, disable=None) as bar:
+        for paths, played in spread(over, _attempts, _pieces(wanted, seeds)):
+            for path, attempt in zip(paths, played, strict=True):
+                result, tolerance = wanted[path].result, wanted[path].tolerance
+                bar.set_description(result.policy.label)
                 bar.update()
-
-        for (path, result, tolerance), played in spread(over, run.attempt, pieces()):
-            bar.set_description(result.policy.label)
-            bar.update()
-            found = [str(played)] if isinstance(played, ResultError) else differences(result, played, tolerance)
-            complaints += [_complaint(path, each) for each in found]
-            if not found and seeds is None:
-                known.add(result.checksum)
-                write_whole(memory, json.dumps(sorted(known), indent=1) + "\n")
+                wrong = [str(attempt)] if isinstance(attempt, ResultError) else differences(result, attempt, tolerance)
+                complaints += [_complaint(path, each) for each in wrong]
+                if not wrong and seeds is None:
+                    known.add(result.checksum)
+                    write_whole(memory, json.dumps(sorted(known), indent=1) + "\n")
     if seeds is None:
         memory.unlink(missing_ok=True)
     return sorted(complaints)
@@ -117,7 +111,24 @@ def check(results: Path, agents: Path, selection: Selection) -> list[str]:
 
     A result is valid until the model's version, a scenario's value, or a rule's version or parameters change, or an agent's file.
     """
-    complaints, files, played = [], agent_files(agents), set()
+    return _examine(results, agents, selection)[1]
+
+
+class _Found(NamedTuple):
+    """A result, and who played it: a rule or an oracle, an agent's file, None if neither is still there and the same."""
+
+    result: Result
+    player: PolicySpec | Path | None
+
+    @property
+    def tolerance(self) -> float:
+        return self.player.tolerance if isinstance(self.player, PolicySpec) else 0.0
+
+
+def _examine(results: Path, agents: Path, selection: Selection) -> tuple[dict[Path, _Found], list[str]]:
+    """Return all results that can be read, and the complaints about them, about other files and about agents without one."""
+    found: dict[Path, _Found] = {}
+    complaints, files = list[str](), agent_files(agents)
     for folder in sorted(results.glob("*/*")):
         manifest = folder / MANIFEST_FILE
         entries: dict[str, Entry] = {}
@@ -128,36 +139,61 @@ def check(results: Path, agents: Path, selection: Selection) -> list[str]:
         for path in result_files(folder):
             if selection.holds(path, SUFFIX):
                 try:
-                    result = read_result(path)
-                    played.add((folder, result.policy.sha256))
-                    _check(result, files)
+                    found[path] = _Found(read_result(path), None)
+                    found[path] = _Found(result := found[path].result, player_of(result, files))
                     if entries.get(result.policy.label) != Entry.of(result):
                         raise ResultError(f"{manifest.name} beside it says otherwise: run python -m leaderboard run again")
                 except ResultError as error:
                     complaints.append(_complaint(path, error))
+    played = {(path.parent, each.result.policy.sha256) for path, each in found.items()}
     for digest, path in files.items():
         folder = results / path.parent.relative_to(agents)
         if selection.holds(path, ONNX_SUFFIX) and len(path.relative_to(agents).parts) == 3 and (folder, digest) not in played:
             complaints.append(f"{path}: has no result in {folder}")
-    return complaints
+    return found, complaints
+
+
+Plays = tuple[PolicySpec | Path, list[tuple[Scenario, Sequence[int]]]]
+"""Who plays, and the scenarios and seeds."""
+
+
+def _pieces(wanted: Mapping[Path, _Found], seeds: int | None) -> list[tuple[list[Path], Plays]]:
+    """Return results and what comes back if they are right: all of an agent's file in one piece, and long pieces first."""
+    pieces: dict[Path, tuple[list[Path], Plays]] = {}
+    steps = dict[Path, float]()
+    for path, (result, player) in wanted.items():
+        assert player is not None
+        key = player if isinstance(player, Path) else path
+        paths, (_, plays) = pieces.setdefault(key, ([], (player, [])))
+        paths.append(path)
+        plays.append((result.task.scenario, result.task.seeds[:seeds]))
+        # A bound has no steps, and takes as long as any.
+        steps[key] = steps.get(key, 0.0) + (max(result.episodes["steps"][:seeds]) or math.inf)
+    return [pieces[key] for key in sorted(pieces, key=lambda key: -steps[key])]
+
+
+def _attempts(piece: Plays) -> list[run.Attempt]:
+    """Play one thing after another; an agent's file does so in one process, which may use as much as one each."""
+    player, plays = piece
+    if isinstance(player, PolicySpec):
+        return [run.attempt((player, *each)) for each in plays]
+    try:
+        with onnx_policy.opened(player, replace(LIMITS, computing=LIMITS.computing * len(plays))) as agent:
+            return [run.attempt((agent, *each)) for each in plays]
+    except (OSError, ValueError) as error:
+        return [ResultError(f"no agent can be loaded: {error}") for _ in plays]
 
 
 def _complaint(path: Path, what: object) -> str:
     return f"{path}: {str(what).removeprefix(f'{path}: ')}"
 
 
-def policy_of(result: Result, files: Mapping[str, Path]) -> PolicySpec:
-    """Return a result's policy, ready to play: a rule or an oracle by name, an agent from its file (see ``agent_files``).
+def player_of(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path:
+    """Return who plays a result again: the rule or the oracle, or the path of the agent's file (see ``agent_files``).
 
     Raises:
-        ResultError: it is no longer there, or no longer the same, or the task is not.
+        ResultError: the policy is no longer there, or no longer the same, or the task is not.
     """
-    found = _check(result, files)
-    return run.agent(found, result.task.scenario) if isinstance(found, Path) else found
-
-
-def _check(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path:
-    """Check that task and policy are what they were; return the rule or the oracle, or the path of the agent's file."""
     policy, task, scenario = result.policy, result.task, result.task.scenario
     if task.private is not None:
         raise ResultError("was played on private seeds: only the owner of their file can play it again, by run --seeds FILE")
@@ -203,12 +239,12 @@ def differences(result: Result, episodes: Episodes, tolerance: float) -> list[st
     return complaints
 
 
-def _beyond_the_bound(paths: Sequence[Path]) -> list[str]:
+def _beyond_the_bound(results: Mapping[Path, Result]) -> list[str]:
     """Return a complaint for every result that earns more on a seed than the clairvoyant bound, beyond its tolerance."""
     complaints, read_bound = [], cache(read_result)
-    for path in paths:
+    for path, result in results.items():
         try:
-            result, bound = read_result(path), read_bound(path.with_name(f"{oracles.CLAIRVOYANT}{SUFFIX}"))
+            bound = read_bound(path.with_name(f"{oracles.CLAIRVOYANT}{SUFFIX}"))
         except ResultError:  # ``check`` tells of it, or there is no bound
             continue
         if bound.task.digest != result.task.digest:

@@ -88,7 +88,7 @@ def _watch(options: argparse.Namespace) -> None:
         film.check_suffix(options.out)  # before anything is played
     scenario = Scenario.load(options.scenario or IDS[options.env])
     names = [options.agent or options.policy, *([options.beside] if options.beside else [])]
-    specs = [policy(name, scenario, options.scenario) for name in names]
+    specs = [policy(name, scenario) for name in names]
     mode = "human" if options.human else "rgb_array"
     shows = [Show(spec, options.env, scenario, options.seed, mode) for spec in specs]
     try:
@@ -103,7 +103,7 @@ def _watch(options: argparse.Namespace) -> None:
             show.env.close()
 
 
-def policy(name: str, scenario: Scenario, source: str | None = None) -> PolicySpec:
+def policy(name: str, scenario: Scenario) -> PolicySpec:
     """Return the rule of a name, or the agent of an ONNX file or a run's folder.
 
     Raises:
@@ -111,7 +111,7 @@ def policy(name: str, scenario: Scenario, source: str | None = None) -> PolicySp
     """
     if name.endswith(ONNX_SUFFIX) or Path(name).is_dir():
         return run.agent(Path(name), scenario)
-    (spec,) = run.named([name], scenario, source=source)
+    (spec,) = run.named([name], scenario)
     if spec.kind == "oracle":
         raise ResultError(f"{name} cannot be watched: only what acts on observations can")
     return spec

@@ -1,7 +1,6 @@
 """One training run: its settings, and where its files lie."""
 
 import csv
-import difflib
 import json
 import math
 import sys
@@ -13,6 +12,7 @@ from typing import Any
 
 from turning_env import IDS, Scenario
 from turning_env.files import replace_file
+from turning_env.scenario.section import names_instead
 
 HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
 CURVE_COLUMNS = ("steps", "wall_time", "mean_return")
@@ -41,9 +41,8 @@ def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
     for setting in settings:
         name, _, text = (part.strip() for part in setting.partition("="))
         if name not in known:
-            likely = difflib.get_close_matches(name, known, n=1)
-            hint = f": did you mean {likely[0]}?" if likely else f", but {', '.join(known)}"
-            raise ValueError(f"{algorithm} has no hyperparameter {name!r}{hint}")
+            instead = names_instead(name, known, f"cat train/hyperparameters/{algorithm}.toml")
+            raise ValueError(f"{algorithm} has no hyperparameter {name!r}; {instead}")
         try:
             value = tomllib.loads(f"value = {text}")["value"]
         except ValueError:  # no TOML: a text without quotation marks

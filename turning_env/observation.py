@@ -128,28 +128,30 @@ class Reading(NamedTuple):
     """Mean allowance of the next blank [mm]; NaN where it is not told."""
 
 
+def _in_range(position: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
+    return low * (high / low) ** (0.5 * (position + 1.0))
+
+
+def _ratio(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
+    return deviation / DEVIATION_SCALE + 1.0
+
+
 def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
     """Turn observations of shape (environments, entries) back into physical units, for controllers that reason in them."""
     columns = dict(zip(layout(scenario), np.asarray(observation, np.float64).T, strict=True))
     machine, limits, surface = scenario.machine, scenario.limits, scenario.surface
 
-    def in_range(position: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
-        return low * (high / low) ** (0.5 * (position + 1.0))
-
-    def ratio(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
-        return deviation / DEVIATION_SCALE + 1.0
-
-    power = ratio(columns["power"]) * limits.power
-    cutting_speed = in_range(columns["cutting_speed"], machine.cutting_speed_min, machine.cutting_speed_max)
-    feed = in_range(columns["feed"], machine.feed_min, machine.feed_max)
+    power = _ratio(columns["power"]) * limits.power
+    cutting_speed = _in_range(columns["cutting_speed"], machine.cutting_speed_min, machine.cutting_speed_max)
+    feed = _in_range(columns["feed"], machine.feed_min, machine.feed_max)
     unknown = np.full(len(power), np.nan)
     if scenario.sensors.force == "servo_current":
         parameters: Any = _parameters(scenario)
         feed_velocity = cutting_speed * parameters.revolutions_per_metre * feed
-        servo_current = ratio(columns["thrust_force"]) * steady_current(parameters, limits.thrust_force, 0.0)
+        servo_current = _ratio(columns["thrust_force"]) * steady_current(parameters, limits.thrust_force, 0.0)
         thrust_force = np.maximum(force_from_current(parameters, servo_current, feed_velocity), 0.0)
     else:
-        servo_current, thrust_force = unknown, ratio(columns["thrust_force"]) * limits.thrust_force
+        servo_current, thrust_force = unknown, _ratio(columns["thrust_force"]) * limits.thrust_force
     return Reading(
         power=power,
         load=power / machine.rated_power,
@@ -157,21 +159,21 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
         servo_current=servo_current,
         cutting_speed=cutting_speed,
         feed=feed,
-        commanded_cutting_speed=in_range(
+        commanded_cutting_speed=_in_range(
             columns["commanded_cutting_speed"], machine.cutting_speed_min, machine.cutting_speed_max
         ),
-        commanded_feed=in_range(columns["commanded_feed"], machine.feed_min, machine.feed_max),
+        commanded_feed=_in_range(columns["commanded_feed"], machine.feed_min, machine.feed_max),
         cutting_time=np.expm1(columns["cutting_time"]),
         nominal_wear=columns["nominal_wear"] * scenario.tool.wear_criterion,
-        power_ratio=ratio(columns["power_ratio"]),
-        force_ratio=ratio(columns["force_ratio"]),
+        power_ratio=_ratio(columns["power_ratio"]),
+        force_ratio=_ratio(columns["force_ratio"]),
         cutting=columns["cutting"] > 0.5,
         roughness_reference=(
-            in_range(columns["roughness_reference"], surface.reference_min, surface.reference_max)
+            _in_range(columns["roughness_reference"], surface.reference_min, surface.reference_max)
             if "roughness_reference" in columns
             else unknown
         ),
-        probed_depth=ratio(columns["probed_depth"]) * scenario.workpiece.depth_of_cut if "probed_depth" in columns else unknown,
+        probed_depth=_ratio(columns["probed_depth"]) * scenario.workpiece.depth_of_cut if "probed_depth" in columns else unknown,
     )
 
 

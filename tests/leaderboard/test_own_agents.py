@@ -1,18 +1,23 @@
 """One's own agents: ranked beside those that come with the project, marked, limited in time."""
 
+import importlib
+import sys
 from functools import partial
 from pathlib import Path
 
 import pytest
+import torch
 
+import turning_env
 from leaderboard import run, shipped
 from leaderboard.__main__ import main
 from leaderboard.ranking import read_leaderboard
-from leaderboard.result import Task, result_folder, write_result
+from leaderboard.result import Task, read_result, result_folder, write_result
 from tests.leaderboard.conftest import ENV_ID, MakeResult, play_all
 from tests.train import onnx_agents
 from train.agents import onnx_policy, sandbox
 from train.agents.sandbox import Limits
+from train.export import export_torch
 from turning_env import Scenario
 from turning_env.scoring.seeds import held_out_seeds
 
@@ -113,3 +118,40 @@ def test_show_prints_one_leaderboard(
         assert [line.split(", ")[1] for line in lines if ", task " in line] == [f"scenario {name}" for name in shown]
     assert main(["show", "--results", str(tmp_path), "--env", "RoughTurning-Paper-v0"]) == 2
     assert "RoughTurning-Paper-v0" in capsys.readouterr().err
+
+
+def test_code_of_ones_own_is_ranked_and_played_again_each_time(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = "def idle(observations):\n    return [[{}] * 2] * len(observations)\n"
+    (tmp_path / "some_policy.py").write_text(code.format(0.0))
+    monkeypatch.syspath_prepend(tmp_path)
+    path = result_folder(tmp_path / "results", ENV_ID, SHORT.name) / "mine-seed0.json.xz"
+    returns = []
+    for speed in (0.0, 1.0):
+        (tmp_path / "some_policy.py").write_text(code.format(speed))
+        monkeypatch.delitem(sys.modules, "some_policy", raising=False)
+        importlib.invalidate_caches()
+        monkeypatch.setattr(sys, "dont_write_bytecode", True)
+        assert main([*words, "--policy", "some_policy:idle", "--name", "mine"]) == 0
+        last = capsys.readouterr().out.splitlines()[-1]
+        assert last.startswith("your agent: rank ")
+        assert "mine on" in last
+        returns.append(read_result(path).episodes["return"])
+    assert returns[0] != returns[1]
+    for wrong in ("some_policy:nothing", "some_policy:__name__", "no_such_module:idle"):
+        assert main([*words, "--policy", wrong]) == 2
+    assert main([*words, "--policy", "some_policy:idle", "--name", "grid_search"]) == 2
+    with pytest.raises(SystemExit):
+        main([*words, "--policy", "agent.onnx"])
+
+
+def test_a_torch_module_goes_from_nothing_to_a_rank(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    torch.manual_seed(0)
+    network = torch.nn.Sequential(torch.nn.Linear(11, 32), torch.nn.Tanh(), torch.nn.Linear(32, 2), torch.nn.Tanh())
+    assert turning_env.score(network, seeds=8).seeds == 8
+    score = turning_env.score(network)
+    path = tmp_path / "twenty_lines.onnx"
+    export_torch(network, path)
+    assert main(["run", "--results", str(tmp_path / "results"), "--agents", str(path), "--policies"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith(f"your agent: rank {score.rank} of {score.ranked}, return ")

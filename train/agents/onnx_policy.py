@@ -7,18 +7,26 @@ agent = onnx_policy.load(Path("ppo-seed0.onnx"))
 policy = agent.make(1)
 """
 
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TypeVar
 
 from train.agents import agent_file
 from train.agents.agent_file import AgentFile
 from train.agents.sandbox import LIMITS, GuardedPolicy, Limits, TooSlow, examined
-from turning_env.scoring.policy import PolicySpec
+from turning_env.scoring.policy import PolicyFactory, PolicySpec
 
-_examined = lru_cache(64)(examined)
-"""One file plays many scenarios."""
+Found = TypeVar("Found")
+
+
+@lru_cache(64)
+def _examined(content: bytes) -> AgentFile:
+    """Examine a file once, as it plays many scenarios."""
+    return examined(content)[0]
 
 
 @dataclass(frozen=True)
@@ -45,14 +53,36 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
         OSError: it cannot be read.
         ModuleNotFoundError: what runs such files is not installed.
     """
+    file = _look(path, _examined)
+    return _spec(file, _Maker(file, limits))
+
+
+@contextmanager
+def opened(path: Path, limits: Limits) -> Iterator[PolicySpec]:
+    """Load an agent that plays one thing after another, all in the one process that checks its file; raises as ``load``.
+
+    Args:
+        path: the file.
+        limits: what that process may use for all of it.
+    """
+    file, process = _look(path, lambda content: examined(content, limits))
+    with closing(process):
+        yield _spec(file, lambda num_envs: GuardedPolicy(file, num_envs, process=process))
+
+
+def _look(path: Path, look: Callable[[bytes], Found]) -> Found:
+    """Return what a look at a file's content finds; errors name the path."""
     for name in ("onnx", "onnxruntime"):  # of the process that looks at the file and plays it
         if find_spec(name) is None:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
     content = agent_file.read_content(path)
     try:
-        file = _examined(content)
+        return look(content)
     except TooSlow as error:
         raise TooSlow(f"{path}: {error}") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
-    return agent_file.trained_policy(file.metadata, file.metadata.trained_steps, file.digest, _Maker(file, limits))
+
+
+def _spec(file: AgentFile, make: PolicyFactory) -> PolicySpec:
+    return agent_file.trained_policy(file.metadata, file.metadata.trained_steps, file.digest, make)

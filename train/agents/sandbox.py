@@ -133,15 +133,22 @@ def _end(process: "subprocess.Popen[bytes]", connection: child.Connection) -> No
 class GuardedPolicy:
     """The policy of an agent's file, for ``num_envs`` environments, run in a process of its own.
 
+    Args:
+        file: the agent.
+        num_envs: number of environments.
+        process: of this file, in which no other policy acts any more; None: a new one.
+        limits: of a new process.
+
     Raises:
         ValueError: the network cannot be run within the limits.
     """
 
-    def __init__(self, file: AgentFile, num_envs: int, limits: Limits = LIMITS) -> None:
+    def __init__(self, file: AgentFile, num_envs: int, limits: Limits = LIMITS, process: Child | None = None) -> None:
         spaces = file.metadata.observation_space, file.metadata.action_space
         self._observations, self._actions = ((num_envs, len(space.low)) for space in spaces)
-        self._child = Child(child.PLAY, limits)
-        self._child.send(child.CONTENT, file.content)
+        self._child = process or Child(child.PLAY, limits)
+        if process is None:
+            self._child.send(child.CONTENT, file.content)
         self._child.send(child.SIZES, np.array([*self._observations, file.memory_size], np.int64).tobytes())
         self._child.answer(0, starting=True)
 
@@ -171,8 +178,8 @@ class GuardedPolicy:
         return actions
 
 
-def examined(content: bytes, limits: Limits = LIMITS) -> AgentFile:
-    """Return the agent of a file's content, checked and tried in a process of its own.
+def examined(content: bytes, limits: Limits = LIMITS) -> tuple[AgentFile, Child]:
+    """Return the agent of a file's content, checked and tried in a process of its own, and that process.
 
     Raises:
         ValueError: it is not an agent's file, or one that is not trusted; says why.
@@ -187,6 +194,7 @@ def examined(content: bytes, limits: Limits = LIMITS) -> AgentFile:
         file = agent_file.of_outline(content, outline)
         process.send(child.GO_ON)
         process.answer(0)
-    finally:
+    except BaseException:
         process.close()
-    return file
+        raise
+    return file, process

@@ -10,11 +10,12 @@ import json
 import socket
 import struct
 import time
+from typing import Any
 
 import numpy as np
 
 CHECK, PLAY = "check", "play"
-"""What a child is for: to check a file, or to act."""
+"""What a child is for: to check a file before it acts, or only to act."""
 ANSWER, ERROR = b"K", b"E"
 """Kinds of messages of the child: an answer, or why there is none."""
 CONTENT, GO_ON, SIZES, RESET, ACT = b"C", b"G", b"L", b"R", b"A"
@@ -94,7 +95,7 @@ def main(purpose: str, memory: int, computing: int) -> None:
             from train.agents import graph  # noqa: F401
         limit(memory, computing)
         try:
-            (_check if purpose == CHECK else _play)(parent)
+            _play(parent, _checked(parent) if purpose == CHECK else session.session_of(parent.receive(_MAX_REQUEST)[1]))
         except ValueError as error:
             parent.send(ERROR, session.first_line(error).encode())
     except EOFError:
@@ -124,8 +125,8 @@ def limit(memory: int, computing: int) -> None:
             resource.setrlimit(kind, values)
 
 
-def _check(parent: Connection) -> None:
-    """Send the outline of a file; if the parent accepts it, check that the network can be run."""
+def _checked(parent: Connection) -> Any:
+    """Send the outline of a file; if the parent accepts it, check that the network can be run. Returns its session."""
     from train.agents import graph, session
 
     _, content = parent.receive(graph.MAX_BYTES + 1)
@@ -134,23 +135,24 @@ def _check(parent: Connection) -> None:
     parent.receive(0)
     graph.check_sizes(model)
     del model
-    session.tried(content, outline.inputs["observation"], outline.outputs["action"], outline.inputs.get("memory", 0))
+    inputs = outline.inputs
+    network = session.tried(content, inputs["observation"], outline.outputs["action"], inputs.get("memory", 0))
     parent.send(ANSWER)
+    return network
 
 
-def _play(parent: Connection) -> None:
-    """Answer observations with actions."""
-    from train.agents.session import OnnxPolicy, session_of
+def _play(parent: Connection, network: Any) -> None:
+    """Answer observations with actions. ``SIZES`` makes a new policy of the same network."""
+    from train.agents.session import OnnxPolicy
 
-    _, content = parent.receive(_MAX_REQUEST)
-    session = session_of(content)
-    _, sizes = parent.receive(24)
-    num_envs, entries, memory_size = (int(number) for number in np.frombuffer(sizes, np.int64))
-    policy = OnnxPolicy(session, memory_size, num_envs)
-    parent.send(ANSWER)
     generator, calls = np.random.default_rng(), 0
     while True:
         kind, content = parent.receive(_MAX_REQUEST)
+        if kind == SIZES:
+            num_envs, entries, memory_size = (int(number) for number in np.frombuffer(content, np.int64))
+            policy, calls = OnnxPolicy(network, memory_size, num_envs), 0
+            parent.send(ANSWER)
+            continue
         if kind == RESET:
             policy.reset(np.frombuffer(content, np.bool_))
             continue

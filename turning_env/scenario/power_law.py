@@ -55,13 +55,18 @@ class PowerLaw(Section):
     wear: float = quantity(0.0, -10, 10, "-", "exponent of the flank wear in mm")
     hardness: float = quantity(0.0, -10, 10, "-", "exponent of the relative hardness")
 
+    @property
+    def log_coefficient(self) -> Any:
+        """Return the natural logarithm of the coefficient, with the reference depth folded in."""
+        return np.log(self.coefficient) - self.depth_of_cut * np.log(self.reference_depth_of_cut)
+
     def record(self) -> Any:
         """Return the law as one ``POWER_LAW_RECORD``, with the reference depth folded into the coefficient."""
         record = np.zeros(1, POWER_LAW_RECORD).view(np.recarray)[0]
         for name in POWER_LAW_RECORD.names or ():
             if name != "log_coefficient":
                 record[name] = getattr(self, name)
-        record["log_coefficient"] = np.log(self.coefficient) - self.depth_of_cut * np.log(self.reference_depth_of_cut)
+        record["log_coefficient"] = self.log_coefficient
         return record
 
     def __call__(
@@ -78,4 +83,4 @@ class PowerLaw(Section):
             hardness: Hardness over nominal [-].
         """
         factors = (cutting_speed, feed, depth_of_cut, time, wear, hardness)
-        return np.exp(log_response(self.record(), *(np.log(factor) for factor in factors)))
+        return np.exp(log_response(self, *(np.log(factor) for factor in factors)))
