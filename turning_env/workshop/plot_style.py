@@ -1,7 +1,7 @@
-"""The style of all figures, and how they are written.
+"""Style and write all figures.
 
 One column is 89 mm wide, two are 183 mm, and no letter is smaller than 8 pt. The colours are Okabe and Ito's, which colour-blind
-readers can distinguish; line styles and markers make the same distinctions in grey.
+readers can distinguish. Line styles and markers distinguish the same lines in grey.
 """
 
 from collections.abc import Iterable, Iterator
@@ -50,7 +50,7 @@ POLICIES: dict[str, tuple[str, Any]] = {
     "fixed_tuned": ("#999999", LINES[1][1]),
     "causal": (GREY, "-"),
 }
-"""Colour and dashes of policies that several figures show: the same in each. Vermillion is left to limits."""
+"""Colour and dashes of policies, the same in all figures. Vermillion is reserved for limits."""
 
 LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "linestyle": (0, (5, 1.5))}
 """Style of a limit."""
