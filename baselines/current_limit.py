@@ -21,7 +21,7 @@ from turning_env.scoring.policy import Actions, Observations
 from turning_env.wrappers import FEED_GRADES
 
 HYSTERESIS, CUTOFF, WINDOW = 0.05, 0.8, 3
-"""Defaults of ``CurrentLimit`` [-], [-], [samples]: the filter's lag keeps the loop stable (assumption)."""
+"""Defaults of ``CurrentLimit`` [-], [-], [samples]: the loop is stable with this filter's lag (assumption)."""
 _PROGRAMMED = FEED_GRADES.index(1.0)
 
 

@@ -4,8 +4,8 @@ Each step tries all pairs of a grid of cutting speeds and feeds on the nominal m
 the pair with the highest removal rate among those that keep force, power and wear within their limits at the end of the step. The
 paper's grid has 16 speeds times 109 feeds: 1744 pairs.
 
-The paper's simulation ends at the first step without a feasible pair. Here, the search goes on. Once the nominal edge is worn out,
-wear is no constraint. If no pair keeps force and power within their limits, the search commands the pair with the least force.
+The paper's simulation ends at the first step without a feasible pair. Here, the search goes on. Once the nominal edge is worn
+out, wear is no constraint. If no pair keeps force and power within their limits, it commands the pair with the least force.
 """
 
 from typing import Any
@@ -66,7 +66,7 @@ def highest_feed(parameters, speed, feeds, used_life, start, end, force_limit, p
 
 @compiled
 def best_pair(parameters, speeds, feeds, used_life, start, end, force_limit, power_limit, used_life_limit):
-    """Return the indices (speed, feed) of the feasible pair with the highest removal rate, (-1, -1) if none; prefer low speeds."""
+    """Return the indices (speed, feed) of the feasible pair with the highest removal rate and lowest speed; (-1, -1) if none."""
     best_speed, best_feed, best_rate = -1, -1, 0.0
     for index in range(len(speeds)):
         feed = highest_feed(parameters, speeds[index], feeds, used_life, start, end, force_limit, power_limit, used_life_limit)

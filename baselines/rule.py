@@ -33,7 +33,7 @@ class Rule:
     description: str
     """One line that names the source."""
     build: Callable[[Scenario, int, Parameters], Policy]
-    """Makes the policy for a scenario, a number of environments and parameters."""
+    """Function that makes the policy for a scenario, a number of environments and parameters."""
     plays: Callable[[Scenario], bool]
     """Whether a scenario offers the actions and the inputs that it needs."""
     parameters: Mapping[str, float | Range]

@@ -55,7 +55,7 @@ class ZeroActions(Policy):
 
     Args:
         num_envs: number of environments.
-        actions: number of actions of each.
+        actions: number of actions per environment.
     """
 
     def __init__(self, num_envs: int, actions: int) -> None:

@@ -1,1 +1,1 @@
-"""RoughTurning with other libraries, one script each: what they give is in docs/ecosystem.md."""
+"""Recipes for other libraries, one script per library; docs/ecosystem.md lists their results."""

@@ -1,11 +1,10 @@
-"""An offline data set in Minari's format, and a policy cloned from it.
+"""Write an offline data set in Minari's format, and clone a policy from it.
 
     python -m examples.offline make --behaviour mixture --episodes 200 --out runs/datasets
     python -m examples.offline clone runs/datasets/rough_turning-mixture-v0
 
-Behaviours: `grid_search`, the published controller; `analytic_gradient`, the best agent that comes with the project; `mixture`,
-both by turns; `load_rule`, a simple rule with noise. Episodes are those of seeds that no agent has been trained on, rules are
-tuned on or anything is scored on.
+Behaviours: `grid_search`, the published controller; `analytic_gradient`, the best agent that ships; `mixture`, both in turn;
+`load_rule`, a simple rule with noise. The episodes' seeds are not used for training, tuning or scoring.
 """
 
 import argparse
@@ -98,10 +97,10 @@ def record(make: PolicyFactory, seeds: Sequence[int]) -> list[EpisodeBuffer]:
 
 
 def make(behaviour: str, episodes: int, out: Path) -> Path:
-    """Play and write a data set, whole or not at all; returns its folder.
+    """Play and write a data set, whole or not at all; return its folder.
 
     Raises:
-        FileExistsError: there is one of this name already.
+        FileExistsError: a data set of this name exists.
     """
     name = f"rough_turning-{behaviour}-v0"
     if (out / name).exists():
@@ -123,7 +122,7 @@ def make(behaviour: str, episodes: int, out: Path) -> Path:
 
 
 def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -> None:
-    """Have Minari write a data set below ``root``, and say in it what it is."""
+    """Write a data set with a description below ``root``, using Minari."""
     scenario = Scenario.load("rough_turning")
     folder = patch.dict(os.environ, {"MINARI_DATASETS_PATH": str(root)})  # Minari takes the folder from nowhere else
     with folder, warnings.catch_warnings():
@@ -152,7 +151,7 @@ def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -
 
 
 def clone(dataset: minari.MinariDataset, epochs: int, seed: int = 0) -> torch.nn.Module:
-    """Train a small network on a data set: its actions from its observations, by least squares."""
+    """Train a small network to predict a data set's actions from its observations, by least squares."""
     torch.manual_seed(seed)
     episodes = list(dataset.iterate_episodes())
     observations = torch.from_numpy(np.concatenate([episode.observations[:-1] for episode in episodes]))
@@ -174,10 +173,10 @@ def clone(dataset: minari.MinariDataset, epochs: int, seed: int = 0) -> torch.nn
 
 
 def load(folder: Path) -> minari.MinariDataset:
-    """Open a data set of ``make``.
+    """Open a data set that ``make`` has written.
 
     Raises:
-        ValueError: the folder holds none.
+        ValueError: the folder does not hold such a data set.
     """
     dataset = minari.MinariDataset(folder.resolve() / "data")
     if (behaviour := dataset.storage.metadata.get("algorithm_name")) not in BEHAVIOURS:
@@ -186,17 +185,17 @@ def load(folder: Path) -> minari.MinariDataset:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m examples.offline", **described(__doc__))
     commands = parser.add_subparsers(dest="command", required=True)
-    making = commands.add_parser("make", help="play, and write a data set")
+    making = commands.add_parser("make", help="play episodes and write a data set")
     making.add_argument("--behaviour", choices=BEHAVIOURS, default="mixture", help="default: %(default)s")
     making.add_argument("--episodes", type=at_least(1), default=200, help="default: %(default)s")
     making.add_argument("--out", type=Path, default=Path("runs/datasets"), help="folder of data sets (default: %(default)s)")
-    cloning = commands.add_parser("clone", help="learn a data set's actions, and play tuning seeds")
+    cloning = commands.add_parser("clone", help="train a network on a data set's actions, and score it")
     cloning.add_argument("dataset", type=Path, help="the folder that make printed")
     cloning.add_argument("--epochs", type=at_least(1), default=20, help="default: %(default)s")
-    cloning.add_argument("--tuning-seeds", type=at_least(1), default=NUM_SEEDS, help="for the score (default: %(default)s)")
+    cloning.add_argument("--tuning-seeds", type=at_least(1), default=NUM_SEEDS, help="number of tuning seeds for the score (default: %(default)s)")
     options = parser.parse_args(arguments)
     try:
         if options.command == "make":

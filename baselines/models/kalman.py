@@ -45,11 +45,11 @@ class Outlook(NamedTuple):
     log_force: Array
     """Log ratio of thrust force to the nominal model at nominal wear [-]."""
     log_power: Array
-    """Likewise of power [-]."""
+    """Log ratio of power to the nominal model at nominal wear [-]."""
     force_spread: Array
     """Standard deviation of ``log_force`` [-]."""
     power_spread: Array
-    """Likewise of ``log_power`` [-]."""
+    """Standard deviation of ``log_power`` [-]."""
 
 
 class LoadFilter:
@@ -263,6 +263,6 @@ def feed_velocity(scenario: Scenario, cutting_speed: Array, feed: Array) -> Arra
 
 
 def decay(time: Array, time_constant: float | Array) -> Array:
-    """Return the share of a deviation that remains after a time [s] with a first-order lag [s]: exp(-time / lag), 0 without lag."""
+    """Return the share of a deviation that remains after a time [s]: exp(-time / time_constant), 0 for a time constant of 0."""
     lag = np.asarray(time_constant, np.float64)
     return np.where(lag > 0, np.exp(-time / np.where(lag > 0, lag, 1.0)), np.where(time > 0, 0.0, 1.0))

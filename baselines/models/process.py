@@ -73,7 +73,7 @@ class Limit:
         return abs(determinant) <= ALIKE
 
     def line(self, depth_of_cut: ArrayLike, hardness: ArrayLike, wear: ArrayLike) -> Line:
-        """Return the limit's line at a depth of cut [mm], relative hardness [-] and flank wear [mm], all positive; they broadcast."""
+        """Return the limit's line at a depth of cut [mm], relative hardness [-] and flank wear [mm], positive; they broadcast."""
         response = self.law(1.0, 1.0, depth_of_cut, self.time, wear, hardness)
         return Line(self.law.cutting_speed, self.law.feed, np.log(self.most) - np.log(response))
 

@@ -50,7 +50,7 @@ def start_episode_of(states, scratches):
 
 @compiled_entry
 def survey(states, scratches, fields, cells):
-    """Fill ``fields`` with log depth of cut [mm], log hardness and log wear factor [-] in the middle of ``cells`` cells per bar."""
+    """Fill ``fields`` with log depth of cut [mm], log hardness and log wear factor [-] in the middle of each bar's ``cells``."""
     state, work, p = states[0], scratches[0].work, scratches[0].parameters
     work.engaged[0] = 1.0
     for i in range(fields.shape[1]):
