@@ -2,8 +2,8 @@
 
     python -m examples.agilerl_ppo --steps 200000
 
-AgileRL learns from every step that it sees. With Gymnasium's default autoreset mode, NEXT_STEP, it would learn from resets. Choose
-SAME_STEP, as here.
+AgileRL learns from every step that it sees. With Gymnasium's default autoreset mode, NEXT_STEP, it would also learn from resets.
+Choose SAME_STEP, as here.
 """
 
 import sys

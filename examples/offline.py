@@ -195,7 +195,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     cloning = commands.add_parser("clone", help="train a network on a data set's actions, and score it")
     cloning.add_argument("dataset", type=Path, help="the folder that make printed")
     cloning.add_argument("--epochs", type=at_least(1), default=20, help="default: %(default)s")
-    cloning.add_argument("--tuning-seeds", type=at_least(1), default=NUM_SEEDS, help="number of tuning seeds for the score (default: %(default)s)")
+    cloning.add_argument("--tuning-seeds", type=at_least(1), default=NUM_SEEDS, help="seeds of the score (default: %(default)s)")
     options = parser.parse_args(arguments)
     try:
         if options.command == "make":

@@ -65,7 +65,7 @@ def parser(name: str, doc: str | None, steps: int, num_envs: int | None = None) 
     if num_envs is not None:
         made.add_argument("--num-envs", type=at_least(1), default=num_envs, help="environments (default: %(default)s)")
     made.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
-    made.add_argument("--tuning-seeds", type=at_least(1), default=NUM_SEEDS, help="number of tuning seeds for the score (default: %(default)s)")
+    made.add_argument("--tuning-seeds", type=at_least(1), default=NUM_SEEDS, help="seeds of the score (default: %(default)s)")
     return made
 
 

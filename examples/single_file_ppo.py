@@ -97,7 +97,7 @@ class Rollouts:
 
     @torch.no_grad()
     def next(self, agent: Agent) -> dict[str, Tensor]:
-        """Return observations, actions and advantages of a rollout, each of shape (rollout, environments, ...)."""
+        """Return the steps, advantages and returns of a rollout, each of shape (rollout, environments, ...)."""
         steps: dict[str, list[Tensor]] = {name: [] for name in ("observation", "action", "log_probability", "reward", "end")}
         for _ in range(self.settings.rollout):
             policy = agent.policy(self.observations)

@@ -30,9 +30,9 @@ ROLLOUT = 4096
 
 
 def make_envs(kind: str, num_envs: int, seed: int) -> VecEnv:
-    """Return ``num_envs`` environments behind Stable-Baselines3's interface; environment i plays the episodes of seed + i."""
+    """Return ``num_envs`` environments behind Stable-Baselines3's interface; environment i plays seed + i."""
     if kind == "gymnasium":
-        return make_vec_env(ENV_ID, n_envs=num_envs, seed=seed, env_kwargs={"render_mode": None})  # otherwise it asks for pictures
+        return make_vec_env(ENV_ID, n_envs=num_envs, seed=seed, env_kwargs={"render_mode": None})  # its default draws frames
     env = RoughTurningVecEnv("rough_turning", num_envs, reward_scale=1 / 3)
     env.seed(seed)
     return env

@@ -2,8 +2,8 @@
 
     python -m examples.tianshou_ppo --steps 200000
 
-Tianshou's own vector environments (`DummyVectorEnv`, `SubprocVectorEnv`) also work, but they step single environments, and copying
-infos takes most of their time.
+Tianshou's own vector environments (`DummyVectorEnv`, `SubprocVectorEnv`) also work. They step single environments and spend most
+of their time on copying infos.
 """
 
 import sys

@@ -7,7 +7,7 @@ The tool must travel all bars, and metal is paid by volume. So an agent can only
 where p(D) is the price of the edge's life by dynamic programming (``baselines/models/edge_value.py``). It replaces the flat price
 in the reward; over a whole edge, the two differ by a constant. After a step, the simulator reveals the hidden depth, hardness and
 wear to the teacher (``HindsightVecEnv``). Machinability models and the drives' lags then give the gradient of the step's cost
-with respect to speed and feed. The highest force of a step is charged the expected cost of breakage of an edge of unknown strength.
+with respect to speed and feed. The highest force of a step is charged the expected cost of breaking an edge of unknown strength.
 (Analytic gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat charge: potential-based
 shaping, Ng et al. 1999. The combination is this project's.)
 """
