@@ -30,7 +30,7 @@ def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
     """
     for name in options or ():
         if name not in allowed and not str(name).startswith("minari_"):
-            instead = names_instead(str(name), allowed, "") if allowed else "it has none; pass the scenario to gymnasium.make"
+            instead = names_instead(str(name), allowed, "") if allowed else "there are none; pass the scenario to gymnasium.make"
             raise ValueError(f"reset has no option {name!r}; {instead}")
 
 
