@@ -1,4 +1,4 @@
-"""Every rule-based controller by name, ready to play a scenario."""
+"""The catalogue of all rule-based controllers by name."""
 
 from importlib import import_module
 
@@ -39,11 +39,11 @@ def names(scenario: Scenario) -> list[str]:
 
 
 def playable(name: str, scenario: Scenario) -> Rule:
-    """Return the rule of a name, as it plays a scenario.
+    """Return the rule of a name in the form in which it plays a scenario.
 
     Raises:
-        KeyError: there is no controller of this name; names those there are.
-        ValueError: it cannot play the scenario.
+        KeyError: there is no controller of this name; the message lists all names.
+        ValueError: the rule cannot play the scenario.
     """
     if name not in RULES:
         raise KeyError(f"no controller is called {name!r}; there are {', '.join(RULES)}")
@@ -54,17 +54,17 @@ def playable(name: str, scenario: Scenario) -> Rule:
 
 
 def spec(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> PolicySpec:
-    """Return a controller built with a scenario's nominal model, with its tuned parameters where it has any.
+    """Return a controller built with a scenario's nominal model and its tuned parameters, if it has any.
 
     Args:
-        name: the controller's.
-        scenario: what it is to play.
-        tuned_on: the scenario whose tuned parameters it plays with; None: the one that it plays.
+        name: name of the controller.
+        scenario: scenario to play.
+        tuned_on: scenario on which its parameters were tuned; None: the one that it plays.
 
     Raises:
-        KeyError: there is no controller of this name; names those there are.
-        ValueError: it cannot play the scenario, or a file of tuned parameters is damaged.
-        NotTuned: it has not been tuned on that scenario, or not in this version and with these parameters.
+        KeyError: there is no controller of this name; the message lists all names.
+        ValueError: the controller cannot play the scenario, or a file of tuned parameters is damaged.
+        NotTuned: the controller has not been tuned on that scenario, or with another version or other parameters.
     """
     nominal = scenario.nominal()
     rule = playable(name, nominal)

@@ -1,17 +1,17 @@
-"""Constant cutting force for constant roughness, by feed (roughness control paper).
+"""Hold a constant cutting force, and so a constant roughness, with the feed (roughness control paper).
 
 The commanded feed is
 
     f_c = f(t - 1) F_ref / F
 
-with F the measured force, F_ref its reference and f(t - 1) the feed before. (The paper's equation (6) is lost; this form grows
-without bound as the force vanishes, as the text says.) With the actual feed for f(t - 1), the feed servo integrates the
-deviation, and the loop is stable. With the feed commanded before, the command runs ahead of the lags of servo and chip, and the
-feed swings between its bounds. F_ref is the force at which Ra = a exp(b F), the paper's equation (5), is the reference of Ra, or
-a share of the force limit where no roughness is asked for.
+with F the measured force, F_ref its reference and f(t - 1) the previous feed. (The paper's equation (6) is lost; like the text's,
+this form grows without bound as the force vanishes.) If f(t - 1) is the actual feed, the feed servo integrates the deviation, and
+the loop is stable. If it is the commanded feed, the command runs ahead of the lags of servo and chip, and the feed swings between
+its bounds. F_ref is the force at which Ra = a exp(b F), the paper's equation (5), equals the reference of Ra. Without a reference
+of Ra, it is a share of the force limit.
 
-The law fails where the force vanishes. So it acts only after the force has been above 100 N for some time; until then the
-programmed feed is commanded.
+The law fails if the force vanishes. So it acts only after the force has been above 100 N for some time; until then it commands
+the programmed feed.
 """
 
 import numpy as np
@@ -48,11 +48,11 @@ class ConstantForce:
     Args:
         program: part program.
         num_envs: number of environments.
-        force_share: reference of force over the force limit [-]; unused where a roughness is to be held.
-        on_command: take the commanded feed for the feed before, not the actual one.
+        force_share: reference of force over the force limit [-]; unused if a roughness is to be held.
+        on_command: whether f(t - 1) is the commanded feed, not the actual one.
 
     Raises:
-        ValueError: a roughness is to be held that does not depend on the force.
+        ValueError: a roughness is to be held, but it does not depend on the force.
     """
 
     def __init__(self, program: PartProgram, num_envs: int, force_share: float = 1.0, on_command: bool = False) -> None:
@@ -63,7 +63,7 @@ class ConstantForce:
         self._steps_needed = max(1, round(ENGAGED_TIME / scenario.control.interval))
         self._steps_engaged = np.zeros(num_envs, np.int64)
         if scenario.control.aim == "roughness":
-            force_of_roughness(scenario.surface, np.ones(1))  # refuses now what it would refuse later
+            force_of_roughness(scenario.surface, np.ones(1))  # raises its error now, not in the first step
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Start out of the metal."""
@@ -85,7 +85,7 @@ class ConstantForce:
 
 
 class ModelFeed(Policy):
-    """Open loop: the feed at which the nominal model has the force for the reference of Ra.
+    """Open-loop control: the feed at which the nominal model has the force for the reference of Ra.
 
     Args:
         scenario: task, with the nominal law of thrust force and depth of cut.

@@ -1,11 +1,11 @@
-"""Adaptive feed within a limit of the feed motor's current (servo current paper).
+"""Adapt the feed to a limit on the feed motor's current (servo current paper).
 
-The force estimated from the current is scaled to every grade of the feed switch by the nominal exponent of feed. Above the upper
-limit, a share of the force limit, the feed is lowered to the highest grade within it. Below the lower limit it is raised to the
-lowest grade above that limit; the distance of the limits keeps the switch from chattering. (The paper adapts the feed to the
-calculated force and the given limit, but does not say by which law: assumption.)
+The force is estimated from the current and scaled to every grade of the feed switch by the nominal exponent of feed. If the force
+is above the upper limit, a share of the force limit, the controller takes the highest grade within that limit. If it is below
+the lower limit, the controller takes the lowest grade above that limit. The distance between the limits prevents chatter of the
+switch. (The paper adapts the feed to the calculated force and the limit, but states no law: assumption.)
 
-In air, and in metal until the estimate has settled, the programmed feed is commanded.
+In air, and in metal until the estimate has settled, the controller commands the programmed feed.
 """
 
 import math
@@ -21,20 +21,20 @@ from turning_env.scoring.policy import Actions, Observations
 from turning_env.wrappers import FEED_GRADES
 
 HYSTERESIS, CUTOFF, WINDOW = 0.05, 0.8, 3
-"""Defaults of ``CurrentLimit`` [-], [-], [samples]: a filter whose lag the loop bears (assumption)."""
+"""Defaults of ``CurrentLimit`` [-], [-], [samples]: the loop is stable with this filter's lag (assumption)."""
 _PROGRAMMED = FEED_GRADES.index(1.0)
 
 
 class CurrentLimit:
-    """Keeps the estimated force below a share of its limit by the 16 grades of the feed switch.
+    """Control that keeps the estimated force below a share of its limit with the 16 grades of the feed switch.
 
     Args:
-        program: part program. Where there is a dynamometer, its force is filtered in place of the current.
+        program: part program. If the scenario measures the force, the force is filtered instead of the current.
         num_envs: number of environments.
         force_share: upper limit over the force limit [-].
-        hysteresis: distance of the lower from the upper limit, over the upper [-].
-        cutoff: of the current's filter, over the Nyquist frequency [-]; above 0 and below 1.
-        window: samples over which the current's root mean square is taken, 1 or more.
+        hysteresis: (upper limit - lower limit) / upper limit [-].
+        cutoff: cut-off frequency of the current's filter over the Nyquist frequency [-]; above 0 and below 1.
+        window: number of samples of the current's root mean square, 1 or more.
 
     Raises:
         ValueError: the thrust force does not grow with the feed.

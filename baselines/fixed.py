@@ -15,12 +15,12 @@ about half of the machine's highest [mm/rev] (assumption)."""
 
 
 class FixedParameters(Policy):
-    """Commands one set point, clipped to the machine.
+    """A policy that commands one set point, clipped to the machine's ranges.
 
     Args:
         scenario: task.
         cutting_speed: set point [m/min], one number or shape (num_envs,).
-        feed: set point [mm/rev], likewise.
+        feed: set point [mm/rev], one number or shape (num_envs,).
     """
 
     def __init__(self, scenario: Scenario, cutting_speed: float | NDArray[np.float64], feed: float | NDArray[np.float64]) -> None:

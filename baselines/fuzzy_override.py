@@ -1,16 +1,18 @@
 """Feed override by fuzzy aggregation of spindle load and present override (fuzzy override paper, equations (1) to (7)).
 
-Each step computes the new override O_n from the present one O_a and the load M_a. With M_z the target load and O_m the highest
-override, all as shares (the paper has them in per cent, and O_m = 200 %):
+Each step computes the new override O_n from the present one O_a and the load M_a. M_z is the target load, O_m the highest
+override. All are shares; the paper states per cent, with O_m = 200 %.
 
     W_k = k exp(-5 (M_a / M_z)^2)                                    M_a < M_z    (1), (5)
     O_n = O_m (O_a / O_m + W_k - W_k O_a / O_m)                      M_a < M_z    (3)
     W_k = p exp(-10 / (1 - M_z) (M_a - M_z)^2) + 1 - p               M_a >= M_z   (2), (6)
     O_n = W_k (O_a - d) + d                                          M_a >= M_z   (4), (7)
 
-The first form, (1) to (4), has k = p = 1 and d = 0. Against its over-regulation, (5) to (7) have k = p = 0.1 and d = 25 %.
+The first form, (1) to (4), has k = p = 1 and d = 0. The modified form, (5) to (7), has k = p = 0.1 and d = 25 %, to reduce
+over-regulation.
 
-The paper leaves M_a = M_z open. Here it belongs to the upper branch, which keeps the override; the lower one would raise it on.
+The paper does not say which branch holds for M_a = M_z. Here it is the upper one, which keeps the override; the lower one would
+raise it further.
 """
 
 import numpy as np
@@ -19,7 +21,7 @@ from numpy.typing import NDArray
 from baselines.models.part_program import SPEED_AND_TARGET, OverrideLaw, PartProgram, override_rules, target_load
 
 MIN_HEADROOM = 0.05
-"""Lower bound of 1 - M_z in (2) and (6) [-], as the target may lie at the rated load or above (assumption)."""
+"""Lower bound of 1 - M_z in (2) and (6) [-], because the target may be the rated load or more (assumption)."""
 
 FIRST_FORM = {"k": 1.0, "p": 1.0, "d": 0.0}
 MODIFIED_FORM = {"k": 0.1, "p": 0.1, "d": 0.25}
@@ -29,7 +31,7 @@ MODIFIED_FORM = {"k": 0.1, "p": 0.1, "d": 0.25}
 def new_override(
     override: NDArray[np.float64], load: NDArray[np.float64], target: float, override_max: float, k: float, p: float, d: float
 ) -> NDArray[np.float64]:
-    """Return the new override [-] for the present one and the load [-], all of shape (num_envs,): equations (1) to (7)."""
+    """Return the new override [-] by equations (1) to (7), for the present override and load [-], all of shape (num_envs,)."""
     rising = k * np.exp(-5.0 * (load / target) ** 2)
     headroom = max(1.0 - target, MIN_HEADROOM)
     falling = p * np.exp(-10.0 / headroom * (load - target) ** 2) + 1.0 - p

@@ -1,11 +1,11 @@
-"""The grid search of Alaskari and Oraby (2018), and the same with its models rescaled online.
+"""The grid search of Alaskari and Oraby (2018), as published and on models rescaled online.
 
 Each step tries all pairs of a grid of cutting speeds and feeds on the nominal models of wear, thrust force and power. It commands
 the pair with the highest removal rate among those that keep force, power and wear within their limits at the end of the step. The
 paper's grid has 16 speeds times 109 feeds: 1744 pairs.
 
-The paper ends with the first step without a feasible pair. Beyond it, wear is no constraint once the nominal edge is worn out but
-the real one still cuts; and where no pair keeps force and power, the one of least thrust force is commanded.
+The paper's simulation ends at the first step without a feasible pair. Here, the search goes on. Once the nominal edge is worn
+out, wear is no constraint. If no pair keeps force and power within their limits, it commands the pair with the least force.
 """
 
 from typing import Any
@@ -66,7 +66,7 @@ def highest_feed(parameters, speed, feeds, used_life, start, end, force_limit, p
 
 @compiled
 def best_pair(parameters, speeds, feeds, used_life, start, end, force_limit, power_limit, used_life_limit):
-    """Return the indices (speed, feed) of the feasible pair with the highest removal rate, the slowest of equals; or (-1, -1)."""
+    """Return the indices (speed, feed) of the feasible pair with the highest removal rate and lowest speed; (-1, -1) if none."""
     best_speed, best_feed, best_rate = -1, -1, 0.0
     for index in range(len(speeds)):
         feed = highest_feed(parameters, speeds[index], feeds, used_life, start, end, force_limit, power_limit, used_life_limit)
@@ -91,14 +91,14 @@ def search(parameters, speeds, feeds, used_lives, times, interval, force_limits,
 
 
 class GridSearch(Policy):
-    """The paper's controller: nominal models, nominal depth and hardness, full limits.
+    """The paper's controller: nominal models, nominal depth and hardness, limits without margin.
 
     Args:
         scenario: task, with its nominal models and limits.
         num_envs: number of environments.
 
     Raises:
-        ValueError: a response falls with feed, so that its highest feasible feed cannot be bisected.
+        ValueError: a response falls with feed, so the highest feasible feed cannot be found by bisection.
     """
 
     def __init__(self, scenario: Scenario, num_envs: int) -> None:

@@ -1,8 +1,8 @@
-"""Simple laws from spindle load to feed override: constant load, one line, and none.
+"""Simple laws from spindle load to feed override: constant load, a straight line, and no control.
 
-The law of constant load is in the manner of FANUC iAdaptS: the override integrates the relative deviation of the load from its
-target (assumption: none is published). The dithering of the feed
-against chatter is left out, as the model has no stability limit.
+The law of constant load imitates FANUC iAdaptS: the override integrates the relative deviation of the load from its target
+(assumption: no law is published). The dithering of the feed against chatter is left out, because the model has no stability
+limit.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from turning_env.action import sets_feed
 from turning_env.physics.drives import lag_share
 
 LOWEST_OVERRIDE = 0.1
-"""Lowest override of the commercial controls [-] (assumption): without feed, the edge would only rub."""
+"""Lowest override of the commercial controls [-] (assumption): at zero feed, the edge would only rub."""
 
 
 def towards_load(
@@ -23,7 +23,7 @@ def towards_load(
 ) -> NDArray[np.float64]:
     """Return ``override * (1 + share * (1 - load / target))`` [-], at least ``LOWEST_OVERRIDE``.
 
-    The step is in proportion to the override, since the change of load that it causes is too.
+    The change is proportional to the override, because the resulting change of load is, too.
     """
     return np.maximum(override * (1.0 + share * (1.0 - load / target)), LOWEST_OVERRIDE)
 
@@ -35,7 +35,7 @@ def constant_load(program: PartProgram, num_envs: int, target: float, gain: floa
         program: part program.
         num_envs: number of environments.
         target: load over the load at the power limit [-].
-        gain: of the integration [1/s].
+        gain: gain of the integration [1/s].
     """
     aim = target_load(program.scenario, target)
     share = lag_share(program.scenario.control.interval, 1.0 / gain)
@@ -43,7 +43,7 @@ def constant_load(program: PartProgram, num_envs: int, target: float, gain: floa
 
 
 def one_line_law(program: PartProgram, num_envs: int) -> OverrideLaw:
-    """Return the controller of a published law without target: override = 160 - 2 load, in per cent, within 0 to 120 %."""
+    """Return the controller of a published law without target: override = 160 - 2 load [%], within 0 to 120 %."""
     return OverrideLaw(program, lambda reading, override: np.clip(1.6 - 2.0 * reading.load, 0.0, 1.2))
 
 

@@ -1,9 +1,9 @@
-"""Rapid feed in air gaps, a gentle entry, and then the feed that the metal allows, in the manner of OMATIVE ACM.
+"""Rapid feed in air gaps, a low feed at entry, and then the feed of a target load, in the manner of OMATIVE ACM.
 
-In air the override is the highest. For a moment after the tool touches metal it is the entry override. Then it follows the feed
-at which the spindle has its target load: the actual feed times (target / load)^(1/m), with m the exponent of feed in the nominal
-power law. The feed falls to that value at once and rises to it gradually. The laws and constants are assumptions, as none are
-published.
+In air, the controller commands the highest override, and for a moment after the tool touches metal, the entry override. Then it
+follows the feed at which the spindle has its target load: f (target / load)^(1/m), with f the actual feed and m the exponent of
+feed in the nominal power law. The feed falls to that value at once and rises to it gradually. The laws and constants are
+assumptions, because none are published.
 """
 
 import numpy as np
@@ -17,13 +17,13 @@ from turning_env.physics.drives import lag_share
 from turning_env.scoring.policy import Actions, Observations
 
 ENTRY_TIME = 0.3
-"""Duration of the entry override after the touch [s], one control interval at least: the power reading needs that long."""
+"""Duration of the entry override after the touch [s], at least one control interval: the power reading takes that long."""
 MAX_CHANGE = 5.0
-"""Largest log ratio of wanted to actual feed [-]: without load it would be infinite."""
+"""Largest log ratio of target feed to actual feed [-]: without load it would be infinite."""
 
 
 class AirGapControl:
-    """Feed override that tells air, entry and metal apart.
+    """A feed override with different laws in air, at entry and in metal.
 
     Args:
         program: part program.

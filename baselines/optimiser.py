@@ -1,16 +1,16 @@
-"""A one-step optimiser on the states that a Kalman filter estimates.
+"""An optimiser of one step, on a Kalman filter's estimates of the hidden state.
 
-In every step it chooses, among the cutting speeds and feeds within reach, those with the greatest expected gain:
+In every step it chooses the cutting speed and feed within reach with the greatest expected gain:
 
     value of metal - price of the life used - price of overload - price of breakage
 
-Force and power are log-normal with the filter's means and variances. So the expected excess over a limit has a closed form (that
-of an option, Black and Scholes 1973), and so has the risk that an unmeasured bar breaks the edge. The price of the edge's life
-comes from dynamic programming (``models/edge_value.py``).
+Force and power are log-normal with the filter's means and variances. So the expected excess over a limit has a closed form (the
+price of an option, Black and Scholes 1973). So does the risk that an unmeasured bar breaks the edge. The price of the edge's
+life comes from dynamic programming (``models/edge_value.py``).
 
 The search tries a grid of feeds for each of several cutting speeds and refines it around the best feed. A parabola through the
-best speed and its neighbours gives the speed between them. The tried values do not depend on the gains but by comparison, so that
-the last bits of exponentials, which differ between processors, hardly ever change an action.
+best speed and its neighbours gives the speed between them. Gains enter the tried values only through comparisons. So the last
+bits of exponentials, which differ between processors, hardly ever change an action.
 """
 
 from collections.abc import Callable
@@ -30,13 +30,13 @@ from turning_env.scoring.policy import Actions, Observations
 POINTS = 3
 """Points of a step at which loads are predicted."""
 SPEEDS = 7
-"""Cutting speeds that are tried, from the lowest to the highest within reach."""
+"""Number of cutting speeds to try, from the lowest to the highest within reach."""
 FEEDS, REFINEMENTS = 9, 3
-"""Feeds that are tried for each cutting speed, and number of grids, each between the neighbours of the best feed of the last."""
+"""Number of feeds to try for each cutting speed, and of grids; each grid refines the last around its best feed."""
 MIN_SPREAD = 1e-3
-"""Least standard deviation of log force and log power [-], so that expectations stay smooth where nothing varies."""
+"""Least standard deviation of log force and log power [-]; it keeps expectations smooth if nothing varies."""
 MIN_USED_LIFE = 1e-9
-"""Used share of the life of an edge that has not cut [-]: the laws need some wear."""
+"""Used share of life of an edge that has not cut [-]: the laws are undefined without wear."""
 
 
 class Prospect(NamedTuple):
@@ -68,7 +68,7 @@ class Prospect(NamedTuple):
 
 
 class LogLaw:
-    """The logarithm of a response over its limit, at nominal depth and hardness."""
+    """A law for log(response / limit) at nominal depth and hardness."""
 
     def __init__(self, law: PowerLaw, scenario: Scenario, limit: float) -> None:
         self._law = law
@@ -76,13 +76,13 @@ class LogLaw:
         self._constant = float(np.log(at_one / limit))
 
     def __call__(self, log_speed: Array, log_feed: Array, log_wear: Array | float = 0.0) -> Array:
-        """Return it for logarithms of cutting speed [m/min], feed [mm/rev] and wear over its criterion [-]; arrays broadcast."""
+        """Return log(response / limit) for log cutting speed [m/min], log feed [mm/rev] and log(wear / criterion); broadcasts."""
         law = self._law
         return self._constant + law.cutting_speed * log_speed + law.feed * log_feed + law.wear * log_wear
 
 
 class Optimiser:
-    """Chooses the cutting speed and feed of each step by the gain that it expects of that step alone.
+    """A policy that maximises the expected gain of each step alone.
 
     Args:
         scenario: task.
@@ -121,7 +121,7 @@ class Optimiser:
         return nominal, nominal * np.exp(self._filter.log_wear_factor / exponent)
 
     def _spent(self, reading: Reading) -> NDArray[np.bool_]:
-        """Return whether to change the edge: its life has no price any more, or may be over, at one standard deviation."""
+        """Return whether to change the edge: its life has no price left, or may be over (at one standard deviation)."""
         _, used_life = self._used_life(reading)
         over = used_life * np.exp(self._filter.wear_doubt / self._scenario.material.wear.time) >= 1.0
         worthless = np.interp(used_life, USED_LIVES, self._prices) <= 0.0
@@ -142,14 +142,14 @@ class Optimiser:
         return self._best(reading, self._prospect(reading, outlook, cutting, unmeasured))
 
     def _prospect(self, reading: Reading, outlook: Outlook, cutting: Array, unmeasured: Array) -> Prospect:
-        """Return the prospect for an outlook on the bar, and 1 where the tool cuts and where the bar is unmeasured."""
+        """Return the prospect for an outlook; ``cutting`` and ``unmeasured`` are 1 in metal and in an unmeasured bar, else 0."""
         economics, law = self._scenario.economics, self._scenario.material.wear
         nominal_depth = self._scenario.workpiece.depth_of_cut
         used_life, estimated = self._used_life(reading)
         price = np.interp(estimated, USED_LIVES, self._prices)
         wear = law.depth_of_cut * np.log(outlook.depth_of_cut / nominal_depth) + law.hardness * outlook.log_hardness
         left = np.maximum(1.0 - used_life, 0.0)
-        # Air takes time and nothing else: crossing it has the value of the metal that could be cut instead.
+        # Air costs only time: crossing it is worth the metal that could be cut instead.
         depth = np.where(cutting > 0, outlook.depth_of_cut, nominal_depth)
         return Prospect(
             outlook=outlook,
@@ -217,7 +217,7 @@ class Optimiser:
         return np.where(better, speed, speeds[envs, top]), np.where(better, feed, feeds[envs, top])
 
     def _reach(self, commanded: Array, name: str) -> tuple[Array, Array]:
-        """Return the logarithms of the lowest and the highest value that can be commanded next."""
+        """Return the logarithms of the lowest and the highest value that the next action can command."""
         control, machine = self._scenario.control, self._scenario.machine
         least, most = (float(np.log(getattr(machine, f"{name}_{end}"))) for end in ("min", "max"))
         if control.action == "set_point":

@@ -1,9 +1,9 @@
 """Plans of whole parts by the rules of the adaptive part programming paper (Sharmazanashvili 2008).
 
 A plan divides an allowance into passes of equal depth and takes cutting speed and feed of each pass from a rule. Fixed-rule
-adaptive control keeps the path for the drawing's allowance, and takes cutting speed and feed for the depth that each pass cuts.
-Adaptive part programming makes a new path for the measured size of the blank. Neither knows the blank's run-out and hardness:
-margins hold the limits. Where blanks are not probed, they count as drawn.
+adaptive control keeps the path for the drawing's allowance, and sets cutting speed and feed for the depth that each pass cuts.
+Adaptive part programming makes a new path for the measured size of the blank. Neither knows the blank's run-out and hardness, so
+both keep a margin to the limits. Blanks that are not probed count as drawn.
 """
 
 import numpy as np
@@ -31,9 +31,9 @@ def plan(scenario: Scenario, passes: Array, allowance: Array, cutting_speed: Arr
     Args:
         scenario: task.
         passes: whole numbers of 1 to ``control.passes_max``, shape (num_envs,).
-        allowance: of the path [mm], shape (num_envs,).
-        cutting_speed: of each pass [m/min], shape (num_envs, passes_max).
-        feed: of each pass [mm/rev], likewise.
+        allowance: allowance of the path [mm], shape (num_envs,).
+        cutting_speed: cutting speed of each pass [m/min], shape (num_envs, passes_max).
+        feed: feed of each pass [mm/rev], shape (num_envs, passes_max).
     """
     machine, passes_max = scenario.machine, scenario.control.passes_max
     actions = np.empty((len(passes), 2 + 2 * passes_max))
@@ -45,11 +45,11 @@ def plan(scenario: Scenario, passes: Array, allowance: Array, cutting_speed: Arr
 
 
 class FixedParts(Policy):
-    """The same passes, cutting speed and feed for every part, as in an NC program.
+    """A policy with the same passes, cutting speed and feed for every part, as in an NC program.
 
     Args:
         scenario: task.
-        passes: number of passes; rounded, and clipped to what the control allows.
+        passes: number of passes; rounded, and clipped to the control's maximum.
         cutting_speed: [m/min].
         feed: [mm/rev].
     """
@@ -72,14 +72,14 @@ class FixedParts(Policy):
 
 
 class RuledParts(Policy):
-    """Cutting speed and feed of each pass by a rule at its depth of cut, in the cheapest number of passes.
+    """A policy that plans the cheapest number of passes, with cutting speed and feed by a rule at each pass's depth of cut.
 
     Args:
         scenario: task.
         rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
-        corrected: make the path for the measured size, not for the drawing's allowance.
+        corrected: whether the path is made for the measured size, not for the drawing's allowance.
         margin: factor on the limits of force, power and torque [-].
-        first_margin: the same in the first pass, which cuts what the path does not foresee [-].
+        first_margin: the same factor in the first pass, which cuts all unforeseen metal [-].
     """
 
     def __init__(self, scenario: Scenario, rule: str, corrected: bool, margin: float, first_margin: float) -> None:
@@ -102,7 +102,7 @@ class RuledParts(Policy):
         return plan(scenario, passes, path, speed, feed)
 
     def _cheapest(self, path: Array, wear: Array) -> Array:
-        """Return the allowed number of passes in which a blank of the path's allowance costs least."""
+        """Return the allowed number of passes with the least cost for a blank of the path's allowance."""
         numbers = np.arange(1.0, self._scenario.control.passes_max + 1.0)
         costs = [self._passes(path, path, np.full(len(path), number), wear)[2] for number in numbers]
         cheapest: Array = numbers[np.argmin(costs, axis=0)]
@@ -125,10 +125,10 @@ def pass_depths(allowance: Array, path: Array, passes: Array, passes_max: int) -
     """Return the depth of each pass [mm], shape (num_envs, passes_max), 0 in air and after the last pass.
 
     Args:
-        allowance: of the blank [mm], shape (num_envs,).
-        path: allowance for which the path is made [mm], likewise.
-        passes: number of passes of the path, likewise.
-        passes_max: most passes that the control allows.
+        allowance: allowance of the blank [mm], shape (num_envs,).
+        path: allowance for which the path is made [mm], shape (num_envs,).
+        passes: number of passes of the path, shape (num_envs,).
+        passes_max: largest number of passes that the control allows.
     """
     number = np.arange(passes_max)
     pitch = (path / passes)[:, np.newaxis]

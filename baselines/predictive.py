@@ -1,10 +1,10 @@
-"""The optimiser with foresight: it also expects the entry into the next bar, whose depth and hardness it does not know.
+"""The optimiser with foresight: it also prepares for the next bar, whose depth and hardness it does not know.
 
-The travelled distance and the geometry tell whether the tool will be in the present bar, in air or in the next bar at each point
-of the horizon. An unmeasured bar may be hard and thick, so the feed must fall before the tool enters it. That takes the feed
-servo some time, so the horizon ends later than the step. Once the new bar has been measured, the feed rises again.
+Travelled distance and geometry determine whether the tool will be in the present bar, in air or in the next bar at each point
+of the horizon. An unmeasured bar may be hard and thick, so the feed must fall before the tool enters it. The feed servo needs
+time for that, so the horizon is longer than the step. After the new bar has been measured, the feed rises again.
 
-One step is enough to plan. It leaves behind the state of the edge, whose price is known, and a speed and feed from which the next
+It suffices to plan one step. The step leaves the edge in a state whose price is known, and a speed and feed from which the next
 step reaches almost any other.
 """
 
@@ -17,13 +17,13 @@ from turning_env import Reading, Scenario
 POINTS = 8
 """Points of the horizon at which position and loads are predicted."""
 SETTLING = 3.0
-"""Time constants of the feed servo by which the horizon exceeds the step [-]."""
+"""(Horizon - step) / time constant of the feed servo [-]."""
 
 
 class Predictive(Optimiser):
-    """Chooses the cutting speed and feed of each step by the gain that it expects of that step and of the bar to come.
+    """A policy that maximises the expected gain of each step and of the entry into the next bar.
 
-    For the arguments see ``Optimiser``.
+    See ``Optimiser`` for the arguments.
     """
 
     def __init__(self, scenario: Scenario, num_envs: int, severity: float, caution: float) -> None:

@@ -1,4 +1,4 @@
-"""A kind of controller: how it is built, which scenarios it can play, and which of its parameters are tuned."""
+"""The description of a controller: how to build it, which scenarios it can play, and which parameters are tuned."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -10,9 +10,10 @@ Parameters = dict[str, float]
 
 
 TOLERANCE = 1e-6
-"""Difference that another processor may make in any number of a rule's episode, such as its return [s].
+"""Largest difference of any number of a rule's episode, such as its return [s], on another processor.
 
-Rules compute with NumPy, whose exponentials and logarithms differ in their last bit between processors: measured, at most 3e-9.
+Rules compute with NumPy, whose exponentials and logarithms differ in the last bit between processors. The largest measured
+difference is 3e-9.
 """
 
 
@@ -27,24 +28,24 @@ class Range:
 
 @dataclass(frozen=True)
 class Rule:
-    """A kind of controller."""
+    """A controller with its parameters."""
 
     description: str
-    """One line, which names the source."""
+    """One line that names the source."""
     build: Callable[[Scenario, int, Parameters], Policy]
-    """Makes the policy for a scenario, a number of environments and parameters."""
+    """Function that makes the policy for a scenario, a number of environments and parameters."""
     plays: Callable[[Scenario], bool]
     """Whether a scenario offers the actions and the inputs that it needs."""
     parameters: Mapping[str, float | Range]
-    """A number is fixed, a range is tuned."""
+    """Fixed numbers, and ranges of parameters to tune."""
     version: int = 1
-    """Raised when its actions change, which makes results and tuned parameters of other versions invalid."""
+    """Version, raised when its actions change. Results and tuned parameters of other versions are then invalid."""
     changes_edges: bool = False
-    """Whether it decides itself when to change the edge, if edges are changed on command."""
+    """Whether it decides when to change the edge, if edges are changed on command."""
     worth_tuning: bool = False
-    """Whether a quick tuning includes it: the best of those that need tuning, and the fixed parameters to compare with."""
+    """Whether a quick tuning includes it: the best rules that need tuning, and fixed parameters for comparison."""
     tuned_on: str | None = None
-    """The one preset on which it is tuned for all scenarios: for slow rules, whose parameters have no unit."""
+    """The preset on which it is tuned for all scenarios; for slow rules with parameters without unit."""
 
     @property
     def ranges(self) -> dict[str, Range]:

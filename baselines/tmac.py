@@ -1,18 +1,18 @@
-"""Constant spindle power by feed, watched against a learned cut, in the manner of Caron TMAC.
+"""Hold a constant spindle power with the feed, and compare it with a learned cut, in the manner of Caron TMAC.
 
-Each edge cuts its first seconds at the programmed feed; their mean power is the learned power. From then on the feed keeps the
-power constant within four limits, the last three relative to the learned power:
+Each edge cuts its first seconds at the programmed feed; their mean power is the learned power. Then the feed keeps the power
+constant within four limits. The last three are relative to the learned power:
 
-* The target is a share of the power limit, but never above the extreme limit.
-* Well beyond the extreme limit the feed stops (at the machine's lowest) until the power has fallen.
-* Below the undercut limit, in air or where metal is missing, the feed is the programmed one.
-* Above the wear limit the edge is worn out. Where edges are changed on command it is changed, and the next one is learned anew.
-  Elsewhere the limit does nothing, as an episode goes on until the edge is finished.
+* Target: a share of the power limit, but at most the extreme limit.
+* Extreme limit: well above it, the feed drops to the machine's lowest until the power has fallen.
+* Undercut limit: below it, in air or where metal is missing, the feed is the programmed one.
+* Wear limit: above it, the edge counts as worn out. If edges are changed on command, it is changed, and the next edge is learned.
+  Otherwise the limit has no effect, because an episode goes on until the edge fails.
 
 For the last two limits, power is converted to the programmed feed and speed by the exponents of the nominal power law. What
-remains is the effect of depth of cut, hardness and wear; smoothing evens out depth and hardness for the wear limit.
+remains is the effect of depth of cut, hardness and wear. For the wear limit, smoothing averages over depth and hardness.
 
-The laws and constants are assumptions, as none are published.
+The laws and constants are assumptions, because none are published.
 """
 
 import math
@@ -28,7 +28,7 @@ from turning_env.physics.drives import lag_share
 from turning_env.scoring.policy import Actions, Observations
 
 SETTLING_TIME = 0.5
-"""Cutting time of an edge at which learning starts [s]: before, the power is still rising."""
+"""Cutting time of an edge at which learning starts [s]: until then, the power is still rising."""
 LEARNING_TIME = 1.5
 """Cutting time of an edge at which learning ends [s]."""
 STOP = 1.25
@@ -40,13 +40,13 @@ WEAR_TIME = 60.0
 
 
 class LearnedPower:
-    """Feed override of constant power, with limits relative to each edge's learned power.
+    """A feed override that holds the power constant, with limits relative to each edge's learned power.
 
     Args:
         program: part program.
         num_envs: number of environments.
         target: power over the power limit [-].
-        gain: of the integration [1/s].
+        gain: gain of the integration [1/s].
         extreme: extreme limit over the learned power [-].
         wear: wear limit over the learned power [-].
     """
@@ -58,8 +58,8 @@ class LearnedPower:
         self._extreme, self._wear = extreme, wear
         self._share = lag_share(scenario.control.interval, 1.0 / gain)
         self._wear_share = lag_share(scenario.control.interval, WEAR_TIME)
-        self._cutting_time = np.zeros(num_envs)  # of the edge at the last step [min]
-        self._sum = np.zeros(num_envs)  # of powers while learning [kW]
+        self._cutting_time = np.zeros(num_envs)  # the edge's, at the last step [min]
+        self._sum = np.zeros(num_envs)  # sum of powers while learning [kW]
         self._count = np.zeros(num_envs)
         self._growth = np.ones(num_envs)  # smoothed power over the learned power [-]
 

@@ -1,4 +1,4 @@
-"""Policies that need no knowledge of cutting: random actions, and none. A controller must beat them to be worth anything."""
+"""Policies without knowledge of cutting: random actions, and actions of 0. A useful controller must beat them."""
 
 from collections.abc import Callable
 
@@ -24,14 +24,14 @@ def mixed(words: Words) -> Words:
 
 
 class RandomActions:
-    """Actions drawn evenly from the action space.
+    """A policy of actions drawn uniformly from the action space.
 
-    The key of an environment's draws is all that has been observed since its reset. So an episode of a seed is the same in any
-    batch, and other seeds, which show other bars, draw other actions.
+    The random numbers are keyed by all observations since the environment's reset. So an episode of a seed is the same in any
+    batch, and other seeds, with other bars, give other actions.
 
     Args:
         num_envs: number of environments.
-        actions: number of actions of each.
+        actions: number of actions per environment.
     """
 
     def __init__(self, num_envs: int, actions: int) -> None:
@@ -39,7 +39,7 @@ class RandomActions:
         self._numbers = np.arange(1, actions + 1, dtype=np.uint64)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget what has been observed."""
+        """Forget past observations."""
         self._keys[mask] = 0
 
     def act(self, observations: Observations) -> Actions:
@@ -51,11 +51,11 @@ class RandomActions:
 
 
 class ZeroActions(Policy):
-    """Actions of 0: commands stay as they are where actions are increments, and else lie in the middle of their range.
+    """A policy of actions 0: incremental commands do not change; other commands lie in the middle of their ranges.
 
     Args:
         num_envs: number of environments.
-        actions: number of actions of each.
+        actions: number of actions per environment.
     """
 
     def __init__(self, num_envs: int, actions: int) -> None:

@@ -1,7 +1,7 @@
 """Tuned parameters of the rules, kept as data: one JSON file per scenario.
 
-Those of the presets ship, in ``baselines/tuned``. Those of a scenario of one's own, ``my_mill.toml``, stand beside its file, in
-``my_mill.tuned.json``. A file belongs to the scenario whose digest it states, whatever their names.
+The presets' files ship in ``baselines/tuned``. The file of your own scenario, ``my_mill.toml``, is ``my_mill.tuned.json`` beside
+it. A file belongs to the scenario whose digest it states; names do not matter.
 """
 
 import json
@@ -22,7 +22,7 @@ class NotTuned(ValueError):
 
 
 def path(scenario: Scenario) -> Path:
-    """Return the file of a scenario's tuned parameters: beside its own file; of a preset, the one that ships."""
+    """Return the path of a scenario's tuned parameters: beside the scenario's file or, for a preset, the file that ships."""
     if scenario.file is None:
         return FOLDER / f"{scenario.name}.json"
     return scenario.file.with_name(f"{scenario.file.stem}.tuned.json")
@@ -38,10 +38,10 @@ def command(scenario: Scenario) -> str:
 
 
 def read(file: Path) -> dict[str, Any]:
-    """Return all that a file of tuned parameters says; nothing where there is no file.
+    """Return the contents of a file of tuned parameters; an empty dict if there is no file.
 
     Raises:
-        ValueError: the file cannot be understood.
+        ValueError: the file is damaged.
     """
     try:
         values: dict[str, Any] = json.loads(file.read_text("utf-8"))
@@ -55,11 +55,11 @@ def read(file: Path) -> dict[str, Any]:
 
 
 def contents(scenario: Scenario) -> dict[str, Any]:
-    """Return all that the file of a scenario of these values says.
+    """Return the contents of the file for a scenario with these values.
 
     Raises:
-        NotTuned: there is none; says which command makes it.
-        ValueError: a file cannot be understood.
+        NotTuned: there is no such file; the message says which command makes it.
+        ValueError: a file is damaged.
     """
     own = read(path(scenario))
     for values in chain([own], map(read, sorted(FOLDER.glob("*.json")))):
@@ -70,10 +70,11 @@ def contents(scenario: Scenario) -> dict[str, Any]:
 
 
 def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]:
-    """Return one rule's tuned parameters for a scenario and the command that found them: for ``rule.tuned_on`` if it is set.
+    """Return one rule's tuned parameters and the command that found them, for a scenario or, if set, ``rule.tuned_on``.
 
     Raises:
-        NotTuned: there are none for this scenario, or they are not those that the rule has; says which command makes them.
+        NotTuned: there are none for this scenario, or for another version or other parameters of the rule. The message says
+            which command makes them.
     """
     if rule.tuned_on is not None:
         scenario = Scenario.load(rule.tuned_on)

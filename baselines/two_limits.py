@@ -1,19 +1,19 @@
-"""Cutting speed and feed from two active limits, and at the economic optimum (Sharmazanashvili 2008).
+"""Cutting speed and feed from two active limits, or at the economic optimum (Sharmazanashvili 2008).
 
-A rule such as [PV] names two limits that are reached together and so fix cutting speed and feed: P thrust force, N power,
-M torque, V the machine's highest cutting speed, S its highest feed, T the economic life of the edge along the other limit. In the
-logarithms of cutting speed and feed every limit is a straight line, so a rule is two linear equations.
+A rule such as [PV] names two limits that are reached together and so fix cutting speed and feed. The limits are P thrust force,
+N power, M torque, V the machine's highest cutting speed, S its highest feed, and T the economic life of the edge along the other
+limit. In the logarithms of cutting speed and feed, every limit is a straight line, so a rule is two linear equations.
 
-A rule's point may lie out of reach. So:
+A rule's point may be out of reach. Two steps correct it:
 
-1. If the feed lies beyond the machine's range, it is the range's end, and the cutting speed the highest that the rule's two
-   limits leave; then likewise the cutting speed, and the feed.
-2. If force or power is then exceeded, the feed is lowered; where the lowest feed does not do, the cutting speed. A force that
-   falls with rising cutting speed, as that of 709M40 does, may still be exceeded.
+1. If the feed is outside the machine's range, it is set to the end of the range, and the cutting speed to the highest that the
+   rule's two limits allow. Then the same is done with the cutting speed and the feed exchanged.
+2. If force or power is exceeded, the feed is lowered; if the lowest feed does not suffice, the cutting speed is lowered. A force
+   that falls with rising cutting speed, as with 709M40, may still be exceeded.
 
-With 709M40 on the presets' lathe many rules come to the same. The economic lives ask for more than its highest cutting speed,
-so [SV], [PT], [ST], [MV] and [MT] play as [PV]. [MN] plays as [SN] until the torque binds, whose limit is an assumption. The
-economic optimum is [PN]. So the catalogue has one of each; ``set_point`` knows all.
+With 709M40 on the presets' lathe, many rules coincide. The economic lives would need more than its highest cutting speed, so
+[SV], [PT], [ST], [MV] and [MT] act as [PV]. [MN] acts as [SN] until the torque limit, an assumption, is reached. The economic
+optimum is [PN]. So the catalogue has one rule of each kind; ``set_point`` knows all rules.
 """
 
 from itertools import combinations
@@ -45,7 +45,7 @@ def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
     """Return the two limits of a rule.
 
     Raises:
-        ValueError: there is no such rule, or with these laws its limits run parallel and fix no point.
+        ValueError: the rule is unknown, or with these laws its limits are parallel and fix no point.
     """
     if rule not in TWO_LIMITS:
         raise ValueError(f"no rule is called {rule!r}; there are {', '.join(TWO_LIMITS)} and {ECONOMIC_OPTIMUM}")
@@ -66,7 +66,7 @@ def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
 def set_point(
     rule: str, process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike = 1.0, wear: ArrayLike | None = None
 ) -> tuple[Array, Array]:
-    """Return cutting speed [m/min] and feed [mm/rev] of a rule, both of the shape to which the arguments broadcast.
+    """Return a rule's cutting speed [m/min] and feed [mm/rev], both of the shape to which the arguments broadcast.
 
     Args:
         rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
@@ -76,7 +76,7 @@ def set_point(
         wear: flank wear at which the limits hold [mm], above 0; by default the mean over the edge's life.
 
     Raises:
-        ValueError: there is no such rule, or with these laws its limits fix no point.
+        ValueError: the rule is unknown, or with these laws its limits fix no point.
     """
     cut = (np.maximum(depth_of_cut, MIN_DEPTH), hardness, process.mean_wear if wear is None else wear)
     held = (process.thrust_force.line(*cut), process.power.line(*cut))
@@ -90,7 +90,7 @@ def set_point(
 
 
 def depth_exponents(rule: str, process: Process) -> tuple[float, float]:
-    """Return the exponents of depth of cut in a rule's cutting speed and feed [-], where its own two limits alone bind."""
+    """Return the exponents of depth of cut in a rule's cutting speed and feed [-] while only its own two limits are active."""
     first, second = (limit.law for limit in limits(rule, process))
     coefficients = [[first.cutting_speed, first.feed], [second.cutting_speed, second.feed]]
     speed, feed = np.linalg.solve(coefficients, [-first.depth_of_cut, -second.depth_of_cut])
@@ -117,10 +117,10 @@ def _within_force_and_power(process: Process, held: Lines, log_speed: Array, log
 
 
 def _cheapest(process: Process, held: Lines, cut: tuple[ArrayLike, ArrayLike, ArrayLike]) -> tuple[Array, Array]:
-    """Return the log economic optimum, or log highest speed and lowest feed where no point keeps force and power.
+    """Return the log economic optimum, or log highest speed and lowest feed if no point keeps force and power within limits.
 
-    On logarithmic scales the cost is convex and all limits are lines. So the optimum lies where two of these cross, or where the
-    life along one of them is its economic life.
+    On logarithmic scales, the cost is convex and all limits are lines. So the optimum is where two lines cross, or where the
+    life along a line is its economic life.
     """
     slowest, fastest = np.log(process.cutting_speed_range)
     least, most = np.log(process.feed_range)
@@ -142,9 +142,9 @@ def _cheapest(process: Process, held: Lines, cut: tuple[ArrayLike, ArrayLike, Ar
 
 
 class AdaptiveRule:
-    """A rule, applied in every step to models rescaled by measured over predicted force and power.
+    """A policy that applies a rule in every step to models rescaled by measured over predicted force and power.
 
-    Predictions and limits use nominal wear, depth and hardness; the scales hold the difference.
+    Predictions and limits use nominal wear, depth and hardness; the scales absorb the deviations.
 
     Args:
         scenario: task.
@@ -167,7 +167,7 @@ class AdaptiveRule:
         reading = read(observations, self._scenario)
         depth = self._scenario.workpiece.depth_of_cut
         interval = self._scenario.control.interval / 60.0
-        # A fresh edge gets the wear after one control interval: without wear, nothing would limit it.
+        # A fresh edge counts with the wear after one control interval: without wear, no limit would apply.
         fresh = self._process.wear(reading.cutting_speed, reading.feed, depth, time=interval)
         wear = np.maximum(reading.nominal_wear, fresh)
         force = self._process.thrust_force.law(reading.cutting_speed, reading.feed, depth, wear=wear)

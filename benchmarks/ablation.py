@@ -1,4 +1,4 @@
-"""Measure what each choice in PPO's training is worth: agents that differ in one choice play the same tuning seeds.
+"""Measure the worth of each choice in PPO's training: agents that differ in one choice play the same tuning seeds.
 
     python -m benchmarks.ablation
     python -m benchmarks.ablation --steps 2000000 --seeds 3 --out docs/ablation.md
@@ -48,11 +48,11 @@ ENV_ID = "RoughTurning-v0"
 NUM_SEEDS = 128
 """Tuning seeds that each agent plays."""
 FRAMES = 4
-"""Observations in a row that an agent with history sees."""
+"""Number of successive observations that an agent with history sees."""
 
 
 def edge_price(scenario: Scenario) -> float:
-    """Price of a whole edge and its change [s]."""
+    """Return the price of a whole edge and its change [s]."""
     return 60.0 * (scenario.economics.edge_cost + scenario.economics.edge_change_time)
 
 
@@ -151,7 +151,7 @@ def stacked_actor(policy: Any) -> StackedActor:
 
 
 class ProcessorTime(BaseCallback):
-    """Keep a training's processor time [s] in its model, so that checkpoints and the agent's file hold it."""
+    """A callback that keeps a training's processor time [s] in its model, so checkpoints and the agent's file hold it."""
 
     def _on_training_start(self) -> None:
         self._start = time.process_time() - getattr(self.model, "processor_time", 0.0)
@@ -172,14 +172,14 @@ class ProcessorTime(BaseCallback):
 
 @dataclass(frozen=True)
 class Variant:
-    """Differences of a training of PPO."""
+    """A variant of PPO's training."""
 
     title: str
     """Name in the table."""
     parameters: dict[str, Any] = field(default_factory=dict)
     """Hyperparameters that differ."""
     control: dict[str, Any] = field(default_factory=dict)
-    """Fields of the scenario's section ``control`` that differ, in training and in play."""
+    """Fields of the scenario's section ``control`` that differ in training and in play."""
     algorithm: Algorithm = ppo.ALGORITHM
 
     def scenario(self, base: Scenario) -> Scenario:
@@ -213,7 +213,7 @@ class Played:
 
     name: str
     episodes: Episodes
-    """As of ``turning_env.scoring.play``, each of shape (training seeds, tuning seeds)."""
+    """Episodes as ``turning_env.scoring.play`` returns them, each field of shape (training seeds, tuning seeds)."""
     seconds: float
     """Processor time of a training [s], mean over training seeds."""
 
@@ -241,7 +241,7 @@ def play_agent(
 
 
 def gathered(name: str, agents: Sequence[tuple[Episodes, float]]) -> Played:
-    """Gather a variant's agents by training seed."""
+    """Stack a variant's agents by training seed."""
     episodes = {key: np.stack([each[key] for each, _ in agents]) for key in agents[0][0]}
     return Played(name, episodes, float(np.mean([seconds for _, seconds in agents])))
 

@@ -19,13 +19,13 @@ ALLOWED = re.compile(
     r"MIT|BSD|Apache|\bPSF|Python Software Foundation|\bISC\b|MPL|Mozilla Public|HPND|Zlib|CC0|Unlicense|LGPL|Lesser General",
     re.IGNORECASE,
 )
-"""Licences under which the project may be used and passed on beside them; LGPL and MPL as nothing of them is changed."""
+"""Licences that the project's use and distribution allow; LGPL and MPL are allowed because their code is not changed."""
 REFUSED = re.compile(r"\bA?GPL(?!\S* WITH )|Affero|(?<!Lesser )General Public|Proprietary|Commercial", re.IGNORECASE)
 """Licences that must not be named beside an allowed one."""
 
 
 def allowed(licence: str) -> bool:
-    """Return whether a licence is one of the allowed."""
+    """Return whether a licence is allowed."""
     return ALLOWED.search(licence) is not None and REFUSED.search(licence) is None
 
 

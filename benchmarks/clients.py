@@ -1,9 +1,9 @@
-"""Try the recipes of other libraries, each in an empty virtual environment with the wheel, its library and nothing else.
+"""Test the recipes of other libraries, each in an empty virtual environment with the wheel, its library and PyTorch only.
 
     python -m benchmarks.clients
     python -m benchmarks.clients skrl tianshou --write docs/ecosystem.md
 
-Needs a package index and 2 GB of disk at a time; takes some minutes per library. The exit status is 1 if a recipe fails.
+It needs a package index and 2 GB of disk, and takes a few minutes per library. The exit status is 1 if a recipe fails.
 """
 
 import argparse
@@ -25,20 +25,20 @@ from turning_env.console import described, exits
 from turning_env.files import replace_file
 
 MAX_INSTALL, MAX_RUN = 1800.0, 900.0
-"""Time for the installation and for the recipe [s]."""
+"""Time limit of the installation, and of the recipe [s]."""
 VERSIONS = "import importlib.metadata as m, json, sys; print(json.dumps([m.version(name) for name in sys.argv[1:]]))"
 
 
 @dataclass(frozen=True)
 class Client:
-    """A library, and the recipe that shows it."""
+    """A library and its recipe."""
 
     library: str
     """Name of the distribution."""
     recipe: str
     """Module in ``examples``."""
     uses: str
-    """What the recipe shows, for people."""
+    """Description of the recipe for the table."""
     packages: tuple[str, ...]
     arguments: tuple[str, ...] = ("--steps", "5000")
 
@@ -57,14 +57,14 @@ CLIENTS = {
 
 
 def torch_pin() -> str:
-    """Return the requirement of torch in constraints.txt: libraries are tried with the version of the clone."""
+    """Return the requirement of torch in constraints.txt, so that libraries are tested with the clone's version."""
     found = re.search(r"^torch==\S+", (ROOT / "constraints.txt").read_text("utf-8"), re.MULTILINE)
     assert found is not None
     return found[0]
 
 
 def attempt(client: Client, wheel: Path, folder: Path) -> tuple[str, str, str | None]:
-    """Install and run a recipe in an empty folder. Return the versions of its library and Gymnasium, and its failure, if any."""
+    """Install and run a recipe in an empty folder; return the versions of library and Gymnasium, and the failure, if any."""
     python = str(folder / "venv" / ("Scripts" if os.name == "nt" else "bin") / "python")
     pip = [python, "-m", "pip", "--disable-pip-version-check", "--quiet", "install", "--prefer-binary"]
     shutil.copytree(ROOT / "examples", folder / "examples")
@@ -98,10 +98,10 @@ def with_row(text: str, library: str, row: str) -> str:
 
 @exits(OSError, ValueError, checks=True)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Try libraries one after the other; return the exit status."""
+    """Test libraries one after the other; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.clients", **described(__doc__))
-    parser.add_argument("libraries", nargs="*", metavar="LIBRARY", help=f"of {', '.join(CLIENTS)} (default: all)")
-    parser.add_argument("--write", type=Path, metavar="FILE", help="a Markdown file whose table is brought up to date")
+    parser.add_argument("libraries", nargs="*", metavar="LIBRARY", help=f"libraries to test: {', '.join(CLIENTS)} (default: all)")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="Markdown file whose table to update")
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.libraries if name not in CLIENTS]:
         raise ValueError(f"LIBRARY is {unknown[0]!r}, but must be one of {', '.join(CLIENTS)}")

@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error("--max-envs, --threads and --repeats must be at least 1, and --seconds above 0")
 
     counts = [num_envs for num_envs in NUM_ENVS if num_envs <= options.max_envs]
-    bytes_per_env(1)  # what is imported and loaded at the first step belongs to no environment
+    bytes_per_env(1)  # loads everything that belongs to no environment
     sizes = [bytes_per_env(num_envs) for num_envs in counts]
     cases = [vector(MAIN, num_envs, batches=2, threads=options.threads) for num_envs in counts]
     measured = measure(cases, options.repeats, options.seconds)

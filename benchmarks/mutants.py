@@ -38,11 +38,11 @@ OWN = {
     "turning_env/scoring/statistics.py": "tests/turning_env/scoring/test_statistics.py",
     "train/model_gain.py": "tests/train/test_model_gain.py",
 }
-"""The tests of a file, which are tried first."""
+"""Tests of each file, which run first."""
 GOLDEN = "tests/turning_env/test_golden.py"
-"""Those of the physics, run interpreted: compiling would take longer."""
+"""Tests of the physics, run interpreted: compiling would take longer."""
 TESTS = ("tests/turning_env/physics", "tests/turning_env/test_observation.py", "tests/turning_env/test_tasks.py")
-"""Run compiled where a mutant of the physics passes the golden trajectories."""
+"""Tests to run compiled if a mutant of the physics passes the golden trajectories."""
 LEFT_OUT = shutil.ignore_patterns(".*", "__pycache__", "runs", "results", "agents", "docs", "site")
 OPERATORS: dict[type[ast.AST], tuple[type[ast.AST], ...]] = {
     **{ast.Add: (ast.Sub,), ast.Sub: (ast.Add,), ast.Mult: (ast.Div,), ast.Div: (ast.Mult,), ast.And: (ast.Or,)},
@@ -100,7 +100,7 @@ class Mutant(NamedTuple):
 
     @property
     def key(self) -> str:
-        """Name among outcomes: other once the file has changed."""
+        """Name of the outcome; it changes with the file."""
         return f"{self.path}:{self.line} {sha256(self.text.encode()).hexdigest()[:16]}"
 
 
@@ -136,7 +136,7 @@ def passes(copy: Path, path: str, limit: float | None = None) -> bool:
 
 
 def survives(mutant: Mutant, copies: "Queue[Path]", limit: float) -> bool:
-    """Try a mutant in one of the copies, which is then given back as it was."""
+    """Test a mutant in one of the copies, and restore the copy."""
     copy = copies.get()
     try:
         (copy / mutant.path).write_text(mutant.text, "utf-8")
@@ -148,7 +148,7 @@ def survives(mutant: Mutant, copies: "Queue[Path]", limit: float) -> bool:
 
 @exits(RuntimeError, interrupted="interrupted: the same command goes on", checks=True)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Try mutants and print those that survive; return the exit status."""
+    """Test mutants and print those that survive; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants", **described(__doc__))
     parser.add_argument("--count", type=int, default=200, help="number of mutants, drawn at random (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the draw (default: %(default)s)")

@@ -2,7 +2,7 @@
 
 Then print the digest of all presets' trajectories, which must not depend on the version of Python.
 
-Run by ``benchmarks/wheel.py`` with the Python into which the wheel was installed, from an empty folder.
+``benchmarks/wheel.py`` runs this file with the Python into which the wheel was installed, from an empty folder.
 """
 
 import hashlib
@@ -32,7 +32,7 @@ def check_contents(installed: Distribution) -> None:
 
 
 def check_task(env_id: str) -> None:
-    """Check a task's interface by Gymnasium's checker, and play it for a few steps, single and as a batch."""
+    """Check a task's interface with Gymnasium's checker, and play a few steps, single and as a batch."""
     env = gymnasium.make(env_id)
     check_env(env.unwrapped, skip_render_check=True)
     env.reset(seed=1)
@@ -49,7 +49,7 @@ def check_task(env_id: str) -> None:
 
 
 def digest_of_plays(steps: int = 60) -> str:
-    """Return SHA-256 of what every preset gives as two episodes begin, alone and as a batch of three."""
+    """Return the SHA-256 of every preset's first steps in two episodes, single and as a batch of three."""
     whole = hashlib.sha256()
     for preset in turning_env.presets():
         env, envs = turning_env.RoughTurningEnv(preset), turning_env.RoughTurningVectorEnv(3, preset)

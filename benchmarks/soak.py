@@ -48,17 +48,17 @@ from turning_env.console import described, exits
 from turning_env.files import replace_file
 
 Program = Callable[[Path], int]
-"""Fills a folder, or goes on filling it, and returns the exit status."""
+"""A function that fills a folder, or continues to fill it, and returns the exit status."""
 
 SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}, "control": {"time_limit": 2.0}})
 LOG = ".log"
 """Output of a program, in its folder."""
 MAX_GROWTH = 8_000_000
-"""Growth of memory that counts as none [bytes]."""
+"""Growth of memory that is tolerated [bytes]."""
 MAX_SECONDS = 600.0
-"""A program that takes longer hangs [s]."""
+"""Time after which a program counts as hung [s]."""
 MAX_ORPHAN_SECONDS = 30.0
-"""Time by which the processes of a killed program must have ended [s]."""
+"""Time within which the processes of a killed program must end [s]."""
 
 
 def training(folder: Path) -> int:
@@ -120,17 +120,17 @@ class Toll:
 
     @property
     def survived(self) -> bool:
-        """Whether nothing was broken or lost."""
+        """Whether no file was broken and no result lost."""
         return self.torn == self.differing == self.orphans == 0 < self.finished
 
 
 def kill(program: Program, kills: int, folder: Path, random: Random) -> Toll:
-    """Kill a program so many times, each at a random moment of its undisturbed duration, and start it again.
+    """Kill a program ``kills`` times, each at a random moment of its undisturbed duration, and start it again.
 
-    Whenever it finishes, its results are compared with those of an undisturbed run, and it begins anew in another folder.
+    Whenever it finishes, its results are compared with those of an undisturbed run, and it starts again in another folder.
 
     Raises:
-        RuntimeError: it fails without having been killed.
+        RuntimeError: the program fails although it was not killed.
     """
     toll, begun = Toll(), 0
     _started(_nothing, folder / "warm").join()  # the server of processes imports all that is needed, once
@@ -160,7 +160,7 @@ def _nothing(folder: Path) -> int:
 
 def _started(program: Callable[..., object], folder: Path) -> BaseProcess:
     folder.mkdir(parents=True, exist_ok=True)
-    # The server has neither threads nor anything else that a fork would break.
+    # The server has no threads or other state that a fork would break.
     context = get_context("forkserver")
     context.set_forkserver_preload(["benchmarks.soak"])
     process = context.Process(target=_run, args=(program, folder))
@@ -177,7 +177,7 @@ def _run(program: Program, folder: Path) -> None:
 
 
 def _killed(process: BaseProcess) -> bool:
-    """Kill a process, but none of its children; return whether these end by themselves, as they ought to."""
+    """Kill a process, but not its children; return whether the children end by themselves, as they should."""
     assert process.pid is not None
     process.kill()
     process.join()
@@ -202,7 +202,7 @@ def _finish(process: BaseProcess, folder: Path) -> None:
 
 
 def files(folder: Path) -> Iterator[Path]:
-    """Yield the files of results: neither hidden ones, which are being filled, nor TensorBoard's, which grow."""
+    """Yield the result files, without hidden files, which are being written, and TensorBoard's, which grow."""
     for path in sorted(folder.rglob("*")):
         parts = path.relative_to(folder).parts
         if path.is_file() and "tensorboard" not in parts and not any(part.startswith(".") for part in parts):
@@ -222,13 +222,13 @@ def unreadable(folder: Path) -> list[str]:
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Return digests of the files without times, and without journals, which also hold killed trials."""
+    """Return digests of the files, ignoring times and journals, which also hold killed trials."""
     kept = (path for path in files(folder) if path.suffix != ".log" and path.name != "run.json")
     return {str(path.relative_to(folder)): sha256(_read(path, path.read_bytes())).hexdigest() for path in kept}
 
 
 def _read(path: Path, otherwise: bytes | None = None) -> bytes:
-    """Return the content that must not differ from run to run; if it cannot be read, return ``otherwise``, or raise if None."""
+    """Return the content that must be equal in all runs; if it cannot be read, return ``otherwise``, or raise if None."""
     try:
         content = path.read_bytes()
         if not content:

@@ -24,9 +24,9 @@ from turning_env.console import described, exits
 PEER = "Pendulum-v1"
 MAIN = "RoughTurning-v0"
 RECORDED = {"single": 2.05, "batch": 32.4}
-"""Rates over Pendulum's in the same run, on the machine of docs/peers.md."""
+"""Recorded ratios to Pendulum's rate in the same run, on the machine of docs/peers.md."""
 MIN_SHARE = 2.0 / 3.0
-"""Of these; more is lost to slower code, not to noise."""
+"""Smallest share of the recorded ratios; noise alone does not go below it."""
 
 
 def single(env_id: str) -> Case:

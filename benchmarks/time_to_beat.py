@@ -42,11 +42,11 @@ ALGORITHMS = {module.ALGORITHM.name: module.ALGORITHM for module in (analytic_gr
 
 
 class Beaten(Exception):
-    """Ends a training that has come far enough."""
+    """The agent beats the rule: ends the training."""
 
 
 class Clock(BaseCallback):
-    """Tests whether the model ``beats`` the rule every so many steps, with the clock stopped, and ends the training then."""
+    """A callback that tests every ``every`` steps, with the clock stopped, whether the model beats the rule, and then stops."""
 
     def __init__(self, every: int, beats: Callable[[Any], bool], total: int, label: str) -> None:
         super().__init__()

@@ -47,7 +47,7 @@ def one(name: str, env: gymnasium.Env[Any, Any]) -> Case:
 
 
 def many(name: str, env: Any, num_envs: int, space: gymnasium.Space[Any], batches: int = BATCHES) -> Case:
-    """Return the case of a vector environment, which starts its next episodes by itself."""
+    """Return the case of a vector environment, which starts its next episodes itself."""
     action = actions_of(space, num_envs, batches=batches)
     return Case(name, num_envs, num_envs, lambda: env.step(action()))
 
@@ -79,7 +79,7 @@ def measure(cases: Sequence[Case], repeats: int, seconds: float) -> list[list[Ti
 def _calls_within(case: Case, seconds: float) -> int:
     case.step()  # compiles, or loads what was compiled
     count = 1
-    # The quickest of three: a single pause would pass for many calls, and turns of a few calls would time cold caches.
+    # The quickest of three: a single pause would look like slow calls, and turns of a few calls would time cold caches.
     while (taken := count * case.steps / max(timed(case, count).rate for _ in range(3))) < 0.2 * seconds:
         count *= 2
     return max(1, round(count * seconds / taken))
@@ -97,7 +97,7 @@ def timed(case: Case, count: int) -> Timing:
 
 
 def judge(verdicts: Sequence[tuple[str, bool]], json: dict[str, Any] | None) -> int:
-    """Print criteria with whether they are met, as JSON behind ``json`` if it is given; return the exit status."""
+    """Print which criteria are met, as JSON together with ``json`` if it is given; return the exit status."""
     if json is not None:
         print_json(json | {"verdicts": [{"text": text, "met": met} for text, met in verdicts]})
     else:

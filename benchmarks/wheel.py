@@ -25,10 +25,10 @@ from turning_env.console import described, exits
 ROOT = Path(__file__).resolve().parents[1]
 SMOKE = Path(__file__).with_name("smoke.py")
 TRY = "import runpy, sys; runpy.run_path(sys.argv[1])['main']()"
-"""Runs a file without having its folder searched for modules."""
+"""Python code that runs a file without adding its folder to the module search path."""
 
 GYMNASIUMS = ("gymnasium==1.1.1", "gymnasium<2")
-"""The oldest and the newest that pyproject.toml allows."""
+"""The oldest and the newest Gymnasium that pyproject.toml allows."""
 BASELINES = """
 import turning_env
 from stable_baselines3 import SAC
@@ -46,7 +46,7 @@ print(turning_env.score(lambda observations: np.zeros((len(observations), 1)), "
 
 
 def installer(constraints: str) -> str:
-    """Return the lines of a constraints file that pin pip: an older one would not look for hashes in constraints."""
+    """Return the lines of a constraints file that pin pip; an older pip ignores hashes in constraints."""
     found = re.search(r"^pip==(.*\\\n)*.*\n", constraints, re.MULTILINE)
     if found is None:
         raise ValueError("the constraints do not pin pip")
@@ -72,7 +72,7 @@ def venv_python(folder: Path, python: str) -> str:
 
 
 def digest_of(python: str, folder: Path) -> str:
-    """Play what is installed there and return the digest."""
+    """Play the installed wheel with a Python in a folder, and return the digest."""
     smoke = [python, "-I", "-W", "error", "-c", TRY, str(SMOKE)]
     said = subprocess.run(smoke, cwd=folder / "empty", check=True, stdout=subprocess.PIPE, text=True).stdout
     print(said, end="")
@@ -80,7 +80,7 @@ def digest_of(python: str, folder: Path) -> str:
 
 
 def digest_in(folder: Path, wheel: Path, constraints: Path, python: str) -> set[str]:
-    """Install and play the wheel in an empty folder with a Python of any version; return the digest of what it played.
+    """Install and play the wheel in an empty folder with any Python; return the digest of its trajectories.
 
     Raises:
         subprocess.CalledProcessError: it cannot be installed, or something fails there.
@@ -118,7 +118,7 @@ def digests_by_gymnasium(folder: Path, wheel: Path, constraints: Path, python: s
         print(f"with {gymnasium}:", flush=True)
         subprocess.run([*install, gymnasium], cwd=folder / "empty", check=True)
         digests.add(digest_of(python, folder))
-    # Backwards, as the newest is installed; what the library warns of is not this project's.
+    # Backwards, because the newest is installed; the library's own warnings are ignored.
     for gymnasium in reversed(GYMNASIUMS):
         subprocess.run([*install, gymnasium, "stable-baselines3"], cwd=folder / "empty", check=True)
         subprocess.run([python, "-I", "-c", BASELINES], cwd=folder / "empty", check=True)

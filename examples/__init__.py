@@ -1,4 +1,4 @@
-"""RoughTurning with other libraries, one script each: what they give is in docs/ecosystem.md."""
+"""Recipes for other libraries, one script per library; docs/ecosystem.md lists their results."""
 
 from turning_env.extras import tell_plainly
 

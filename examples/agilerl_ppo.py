@@ -2,8 +2,8 @@
 
     python -m examples.agilerl_ppo --steps 200000
 
-AgileRL learns from every step that it sees. With Gymnasium's default autoreset mode, NEXT_STEP, the resets are such steps: choose
-SAME_STEP, as here.
+AgileRL learns from every step that it sees. With Gymnasium's default autoreset mode, NEXT_STEP, it would also learn from resets.
+Choose SAME_STEP, as here.
 """
 
 import sys
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     agent.set_training_mode(False)
 
     def act(observations: Any) -> Any:
-        return agent.get_action(observations)[0]  # sampled: AgileRL's PPO has no other
+        return agent.get_action(observations)[0]  # sampled: AgileRL's PPO has no deterministic actions
 
     print(f"PPO after {options.steps} steps: {score(lambda num_envs: FunctionPolicy(act), options.tuning_seeds)}")
     return 0

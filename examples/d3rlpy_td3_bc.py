@@ -3,8 +3,8 @@
     python -m examples.d3rlpy_td3_bc --steps 20000
     python -m examples.d3rlpy_td3_bc --dataset runs/datasets/rough_turning-mixture-v0
 
-Data sets come from ``python -m examples.offline make``; without one, 50 episodes of its
-`load_rule` are recorded. A step is an update.
+Write a data set with ``python -m examples.offline make``. Without ``--dataset``, the script records 50 episodes of `load_rule`.
+``--steps`` counts updates.
 """
 
 import sys
@@ -22,7 +22,7 @@ from examples.shared import FunctionPolicy, parser, run, score
 
 
 def read(folder: Path) -> d3rlpy.dataset.MDPDataset:
-    """Return a data set of Minari as one of d3rlpy."""
+    """Read a Minari data set as a d3rlpy data set."""
     episodes = list(offline.load(folder).iterate_episodes())
     return d3rlpy.dataset.MDPDataset(
         observations=np.concatenate([episode.observations[:-1] for episode in episodes]),

@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     def mean(observations: torch.Tensor) -> torch.Tensor:
         numbers: torch.Tensor = module.forward_inference({"obs": observations})["action_dist_inputs"]
-        return numbers.chunk(2, dim=1)[0]  # the other half are deviations
+        return numbers.chunk(2, dim=1)[0]  # the other half holds standard deviations
 
     print(f"PPO after {options.steps} steps: {score(lambda num_envs: network_policy(mean), options.tuning_seeds)}")
     ray.shutdown()

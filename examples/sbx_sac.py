@@ -1,4 +1,4 @@
-"""SBX, Stable-Baselines3 in JAX: SAC on the batch, by the adapter for Stable-Baselines3.
+"""SBX, Stable-Baselines3 in JAX: SAC on the batch, with the adapter for Stable-Baselines3.
 
 python -m examples.sbx_sac --steps 100000
 """
@@ -17,7 +17,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser("sbx_sac", __doc__, 100_000, 64).parse_args(arguments)
     env = RoughTurningVecEnv("rough_turning", options.num_envs, reward_scale=1 / 3)
     layers = {"net_arch": [64, 64]}
-    # As many updates as steps of a tenth of the environments: more cost time and gain little.
+    # One update per ten environment steps: more updates take time and gain little.
     updates = max(1, options.num_envs // 10)
     settings = {"gamma": 0.8, "learning_rate": 1e-3, "learning_starts": 2000, "gradient_steps": updates}
     model = SAC("MlpPolicy", env, seed=options.seed, policy_kwargs=layers, **settings)

@@ -1,4 +1,4 @@
-"""What the examples share: how an agent is scored, and their command lines."""
+"""Shared parts of the examples: score an agent, and parse the command line."""
 
 import argparse
 import math
@@ -18,17 +18,17 @@ from turning_env.scoring.seeds import tuning_seeds
 
 ENV_ID = "RoughTurning-v0"
 NUM_SEEDS = 32
-"""Tuning seeds that are played for a score: what is tried out is never scored on the held-out ones."""
+"""Number of tuning seeds for a score; experiments are never scored on held-out seeds."""
 
 
 class FunctionPolicy:
-    """A function from observations, shape (num_envs, entries), to actions, as a policy; it has no memory."""
+    """A policy without memory: a function from observations, shape (num_envs, entries), to actions."""
 
     def __init__(self, function: Callable[[Observations], Any]) -> None:
         self._function = function
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Do nothing: nothing is remembered."""
+        """Do nothing: there is no memory."""
 
     def act(self, observations: Observations) -> Actions:
         """Return actions in -1..1, float32 of shape (num_envs, actions)."""
@@ -48,7 +48,7 @@ def score(make: PolicyFactory, num_seeds: int = NUM_SEEDS) -> str:
 
 
 def at_least(least: int) -> Callable[[str], int]:
-    """Return a type of command line argument: a whole number, not below ``least``."""
+    """Return an argparse type for a whole number of at least ``least``."""
 
     def number(text: str) -> int:
         if not text.removeprefix("-").isdecimal() or int(text) < least:
@@ -59,13 +59,13 @@ def at_least(least: int) -> Callable[[str], int]:
 
 
 def parser(name: str, doc: str | None, steps: int, num_envs: int | None = None) -> argparse.ArgumentParser:
-    """Return a command line with the options that the examples have in common."""
+    """Return a parser with the options that all examples share."""
     made = argparse.ArgumentParser(prog=f"python -m examples.{name}", **described(doc))
-    made.add_argument("--steps", type=at_least(1), default=steps, help="steps of all environments (default: %(default)s)")
+    made.add_argument("--steps", type=at_least(1), default=steps, help="total steps of all environments (default: %(default)s)")
     if num_envs is not None:
         made.add_argument("--num-envs", type=at_least(1), default=num_envs, help="environments (default: %(default)s)")
     made.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
-    made.add_argument("--tuning-seeds", type=at_least(1), default=NUM_SEEDS, help="to score on (default: %(default)s)")
+    made.add_argument("--tuning-seeds", type=at_least(1), default=NUM_SEEDS, help="seeds of the score (default: %(default)s)")
     return made
 
 

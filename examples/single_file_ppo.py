@@ -1,9 +1,9 @@
-"""PPO in one file, on the vector environment as Gymnasium makes it, with nothing but PyTorch.
+"""PPO in one file, on Gymnasium's vector environment, with PyTorch only.
 
     python -m examples.single_file_ppo --steps 1000000
 
-All that is learned from stays in arrays of shape (rollout, environments, ...): there is no loop over environments. (Schulman
-et al. 2017, arXiv 1707.06347; advantages: Schulman et al. 2016, arXiv 1506.02438.)
+Rollouts are arrays of shape (rollout, environments, ...), without a loop over environments. (Schulman et al. 2017, arXiv
+1707.06347; advantages: Schulman et al. 2016, arXiv 1506.02438.)
 """
 
 import argparse
@@ -27,7 +27,7 @@ from turning_env.console import described
 
 @dataclass(frozen=True)
 class Settings:
-    """What can be set on the command line: ``--learning-rate 0.0003``."""
+    """Options of the command line, such as ``--learning-rate 0.0003``."""
 
     steps: int = 1_000_000
     """Environment steps of the whole training."""
@@ -39,15 +39,15 @@ class Settings:
     batches: int = 4
     """Per epoch."""
     learning_rate: float = 1e-3
-    """Falls linearly to nothing."""
+    """Learning rate at the start; it falls linearly to 0."""
     discount: float = 0.8
-    """About 5 s of foresight: life is charged as it is used, so that more only adds noise."""
+    """Discount per step: about 5 s of foresight. Life is charged as it is used, so more foresight only adds noise."""
     gae_lambda: float = 0.95
     clip: float = 0.2
     reward_scale: float = 1 / 3
-    """Of rewards in s."""
+    """Factor on rewards [1/s]."""
     tuning_seeds: int = 32
-    """Tuning seeds that the agent is scored on."""
+    """Number of tuning seeds for the score."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -58,7 +58,7 @@ class Settings:
 
 
 class Agent(torch.nn.Module):
-    """A Gaussian policy of fixed deviation per action, and a value function."""
+    """A Gaussian policy with one standard deviation per action, and a value function."""
 
     def __init__(self, entries: int, actions: int) -> None:
         super().__init__()
@@ -66,17 +66,17 @@ class Agent(torch.nn.Module):
         self.log_deviation = torch.nn.Parameter(torch.full((actions,), -1.0))
 
     def policy(self, observations: Tensor) -> Any:
-        """PyTorch's distribution of actions, shape (..., actions)."""
+        """Return PyTorch's distribution of actions, shape (..., actions)."""
         return torch.distributions.Normal(self.mean(observations), self.log_deviation.exp())
 
     def values(self, observations: Tensor) -> Tensor:
-        """Discounted return from here on, shape (...), in scaled rewards."""
+        """Return the expected discounted return of scaled rewards, shape (...)."""
         values: Tensor = self.value(observations)
         return values.squeeze(-1)
 
 
 def layers(entries: int, results: int, gain: float) -> torch.nn.Sequential:
-    """Two hidden layers of 64; ``gain`` scales the first results."""
+    """Return two hidden layers of 64 and an output layer; ``gain`` scales the initial outputs."""
     linears = [torch.nn.Linear(*sizes) for sizes in ((entries, 64), (64, 64), (64, results))]
     for linear, scale in zip(linears, (2**0.5, 2**0.5, gain), strict=True):
         torch.nn.init.orthogonal_(linear.weight, scale)
@@ -86,7 +86,7 @@ def layers(entries: int, results: int, gain: float) -> torch.nn.Sequential:
 
 
 class Rollouts:
-    """Environments that go on from where the last rollout left them."""
+    """Environments that continue from the last rollout."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -97,14 +97,14 @@ class Rollouts:
 
     @torch.no_grad()
     def next(self, agent: Agent) -> dict[str, Tensor]:
-        """Return what the agent sees, does and thereby gains: each of shape (rollout, environments, ...)."""
+        """Return the steps, advantages and returns of a rollout, each of shape (rollout, environments, ...)."""
         steps: dict[str, list[Tensor]] = {name: [] for name in ("observation", "action", "log_probability", "reward", "end")}
         for _ in range(self.settings.rollout):
             policy = agent.policy(self.observations)
             action = policy.sample()
             observations, rewards, terminated, truncated, infos = self.envs.step(action.numpy())
             reward = torch.from_numpy(rewards * self.settings.reward_scale).float()
-            if truncated.any():  # the episode would go on: the value of the last state counts
+            if truncated.any():  # the episode would go on: add the value of the last state
                 last = torch.from_numpy(np.stack(list(infos["final_obs"][truncated])))
                 reward[torch.from_numpy(truncated)] += self.settings.discount * agent.values(last)
             end = torch.from_numpy(terminated | truncated)
@@ -115,7 +115,7 @@ class Rollouts:
         return {name: torch.stack(values) for name, values in steps.items()} | self._advantages(agent, steps)
 
     def _advantages(self, agent: Agent, steps: dict[str, list[Tensor]]) -> dict[str, Tensor]:
-        """Return generalised advantages, and the returns that they make with the values: each (rollout, environments)."""
+        """Return generalised advantages, and returns = advantages + values, each of shape (rollout, environments)."""
         values = agent.values(torch.stack([*steps["observation"], self.observations]))
         advantages = torch.zeros_like(values)
         for step in reversed(range(self.settings.rollout)):
@@ -126,7 +126,7 @@ class Rollouts:
 
 
 def loss(agent: Agent, batch: dict[str, Tensor], clip: float) -> Any:
-    """Return PPO's clipped objective, and half the square error of values."""
+    """Return PPO's loss: the clipped objective plus half the squared error of values."""
     log_probability = agent.policy(batch["observation"]).log_prob(batch["action"]).sum(-1)
     ratio = (log_probability - batch["log_probability"]).exp()
     advantage = (batch["advantage"] - batch["advantage"].mean()) / (batch["advantage"].std() + 1e-8)

@@ -2,7 +2,7 @@
 
     python -m examples.skrl_ppo --steps 200000
 
-skrl takes the observation after an episode's end for the next episode's first one: the autoreset mode must be SAME_STEP.
+skrl expects the next episode's first observation at the end of an episode, so the autoreset mode must be SAME_STEP.
 """
 
 import sys

@@ -3,9 +3,9 @@
     python -m examples.stable_baselines --algorithm ppo --steps 500000
     python -m examples.stable_baselines --algorithm sac --vec-env gymnasium --num-envs 8 --steps 20000
 
-``gymnasium`` are single environments as Stable-Baselines3 makes them (``make_vec_env``), stepped one after the other. ``batch``
-is the adapter of ``turning_env.adapters``: it steps all environments in one call, which is some thirty times as fast. ``python -m
-train.ppo`` and its like do the same with checkpoints and a learning curve.
+With ``--vec-env gymnasium``, Stable-Baselines3 makes single environments (``make_vec_env``) and steps them one after the other.
+With ``batch``, the adapter in ``turning_env.adapters`` steps all environments in one call, about thirty times as fast. ``python
+-m train.ppo`` and the other trainings add checkpoints and a learning curve.
 """
 
 import sys
@@ -30,16 +30,16 @@ ROLLOUT = 4096
 
 
 def make_envs(kind: str, num_envs: int, seed: int) -> VecEnv:
-    """Return ``num_envs`` environments behind Stable-Baselines3's interface; environment i plays the episodes of seed + i."""
+    """Return ``num_envs`` environments behind Stable-Baselines3's interface; environment i plays seed + i."""
     if kind == "gymnasium":
-        return make_vec_env(ENV_ID, n_envs=num_envs, seed=seed, env_kwargs={"render_mode": None})  # else it asks for pictures
+        return make_vec_env(ENV_ID, n_envs=num_envs, seed=seed, env_kwargs={"render_mode": None})  # its default draws frames
     env = RoughTurningVecEnv("rough_turning", num_envs, reward_scale=1 / 3)
     env.seed(seed)
     return env
 
 
 def new_model(algorithm: str, env: VecEnv, seed: int) -> Any:
-    """Return an untrained model; what matters most is the short horizon: life is charged as it is used (docs/choices.md)."""
+    """Return an untrained model. The short horizon matters most, because life is charged as it is used (docs/choices.md)."""
     layers = {"net_arch": [64, 64], "activation_fn": torch.nn.ReLU}
     common: dict[str, Any] = {"learning_rate": 1e-3, "gamma": 0.8, "seed": seed, "device": "cpu"}
     on_policy = common | {"n_steps": ROLLOUT // env.num_envs, "batch_size": 512, "n_epochs": 5}
@@ -57,7 +57,7 @@ def new_model(algorithm: str, env: VecEnv, seed: int) -> Any:
 
 
 class Predicting:
-    """A model of Stable-Baselines3, with a memory or without, as a policy for ``turning_env.scoring.play``."""
+    """A policy for ``turning_env.scoring.play`` made of a Stable-Baselines3 model with or without memory."""
 
     def __init__(self, model: Any, num_envs: int) -> None:
         self._model, self._memory = model, None

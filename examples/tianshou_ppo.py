@@ -2,8 +2,8 @@
 
     python -m examples.tianshou_ppo --steps 200000
 
-Tianshou's own vector environments (`DummyVectorEnv`, `SubprocVectorEnv`) step single environments; they work, too, but copying
-their infos alone takes most of the time.
+Tianshou's own vector environments (`DummyVectorEnv`, `SubprocVectorEnv`) also work. They step single environments and spend most
+of their time on copying infos.
 """
 
 import sys
@@ -31,7 +31,7 @@ ROLLOUT = 4096
 
 
 class BatchVectorEnv(BaseVectorEnv):
-    """The batch behind Tianshou's interface, without infos; all environments step together."""
+    """An adapter from the batch to Tianshou's interface, without infos; all environments step together."""
 
     def __init__(self, num_envs: int, seed: int) -> None:
         self.envs = gymnasium.make_vec(ENV_ID, num_envs, autoreset_mode="Disabled")

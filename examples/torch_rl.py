@@ -1,4 +1,4 @@
-"""TorchRL: its checks, and rollouts of the batch by the project's adapter.
+"""TorchRL: check the ids, and roll out the batch with the project's adapter.
 
 python -m examples.torch_rl --steps 100000
 """
@@ -16,7 +16,7 @@ with needed():
     from torchrl.envs import check_env_specs  # type: ignore[import-untyped]
 
 SEEN = ("thrust_force", "power", "wear")
-"""Entries of ``info`` that are recorded beside observations [N, kW, mm]."""
+"""Entries of ``info`` to record beside observations [N], [kW], [mm]."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""Agents: one readable file per algorithm, and the adapter that gives Stable-Baselines3 the batched environment."""
+"""Training of agents: one readable file per algorithm, with run folders, tuning, learning curves and export."""
 
 from turning_env.extras import tell_plainly
 

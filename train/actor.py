@@ -1,4 +1,4 @@
-"""What a trained agent is when it plays: a PyTorch module from observation and memory to action and memory."""
+"""Actors, the form in which trained agents play: PyTorch modules from (observation, memory) to (action, memory)."""
 
 from typing import Any
 
@@ -10,15 +10,15 @@ from turning_env.scoring.policy import Actions, Observations
 
 
 class Actor(torch.nn.Module):
-    """An agent's most likely action, with all that it needs: scaling, memory, clipping.
+    """A module that returns an agent's most likely action; it includes scaling, memory and clipping.
 
-    ``forward(observation, memory)`` takes float32 tensors of shape (num_envs, entries) and (num_envs, memory_size), and returns
-    the action in -1..1 of shape (num_envs, actions) and the memory for the next call. Before an episode's first observation the
-    memory is 0.
+    ``forward(observation, memory)`` takes float32 tensors of shape (num_envs, entries) and (num_envs, memory_size). It returns
+    the action in -1..1 of shape (num_envs, actions) and the memory for the next call. The memory is 0 before an episode's first
+    observation.
     """
 
     memory_size: int = 0
-    """0: the action is a function of the present observation."""
+    """Size of the memory; 0: the action is a function of the present observation."""
 
     def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the action and the next memory."""
@@ -26,7 +26,7 @@ class Actor(torch.nn.Module):
 
 
 class Feedforward(Actor):
-    """An agent without memory: the output of layers, clipped to -1..1."""
+    """An agent without memory: layers with outputs clipped to -1..1."""
 
     def __init__(self, *layers: torch.nn.Module) -> None:
         super().__init__()
@@ -44,7 +44,7 @@ class ActorPolicy:
         self._memory = torch.zeros(num_envs, actor.memory_size)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the environments of the mask, shape (num_envs,)."""
+        """Clear the memory of the environments in the mask, shape (num_envs,)."""
         self._memory[torch.from_numpy(mask)] = 0.0
 
     def act(self, observations: Observations) -> Actions:

@@ -1,8 +1,8 @@
 """The network of the analytic-gradient agent: a GRU beside an exact tracker of the tool's position along the bar.
 
-The network outputs targets: a position -1..1 in the range of every quantity that it sets, scaled as in
-``turning_env/observation.py`` (cutting speed and feed on a logarithmic scale, an override from 0 to its maximum).
-``TargetCommands`` turns them into actions, and into the commands that follow from these, differentiably.
+The network outputs a target for every quantity that it sets: a position -1..1 in its range. Cutting speed and feed have a
+logarithmic scale, as in ``turning_env/observation.py``; an override goes from 0 to its maximum. ``TargetCommands`` converts
+targets to actions, and to the resulting commands, differentiably.
 """
 
 import math
@@ -17,13 +17,13 @@ Tensor = torch.Tensor
 
 ACTUAL = slice(OBS.cutting_speed, OBS.feed + 1)
 COMMANDED = slice(OBS.commanded_cutting_speed, OBS.commanded_feed + 1)
-"""Entries of an observation: actual and commanded cutting speed and feed; whether the tool is in metal."""
+"""Entries of an observation: actual and commanded cutting speed and feed, and whether the tool is in metal."""
 MAX_TIME = 4.0
 """Time to the end of the bar [s] beyond which the reading is constant."""
 
 
 class TargetCommands(torch.nn.Module):
-    """Actions and commands for targets, in scenarios whose action sets the feed, with or without the cutting speed.
+    """A module that converts targets to actions and commands, if actions set the feed, with or without the cutting speed.
 
     Raises:
         ValueError: the scenario's action is not one of ``ACTIONS``.
@@ -58,14 +58,14 @@ class TargetCommands(torch.nn.Module):
         if self.override:
             action = target[..., :1]
         else:
-            # Positions are close to one another and of order one; a difference of logarithms would be less exact.
+            # Positions are close to one another and of order one, so their difference is more exact than that of logarithms.
             action = ((target[..., :2] - observation[..., COMMANDED]) * (0.5 * self.span / self.step)).clamp(-1.0, 1.0)
         return torch.cat([action, target[..., -1:].clamp(-1.0, 1.0)], dim=-1) if self.changes_edges else action
 
     def commanded(self, target: Tensor, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Return the logarithms of the commanded cutting speed [m/min] and feed [mm/rev], each of shape (...).
 
-        A target out of reach in one step has the gradient that it would have within reach (straight-through).
+        A target out of reach in one step gets the gradient of a target within reach (straight-through estimator).
         """
         if self.override:
             feed = torch.log((0.5 * (target[..., 0] + 1.0) * self.max_feed).clamp(min=self.min_feed))
@@ -86,14 +86,14 @@ class TargetCommands(torch.nn.Module):
 
 
 class DistanceTracker:
-    """Tracks the tool's position along the bar, which observations do not contain but determine.
+    """A tracker of the tool's position along the bar, which observations determine but do not contain.
 
-    The distance travelled is the sum over sub-steps of cutting speed times feed, and both follow their commands with known lags.
-    So two observations and the drawing's geometry give the position exactly, as in ``baselines/models/kalman.py``. Where it
-    disagrees with the control about whether the tool is in metal, the control is right.
+    The travelled distance is a sum of cutting speed times feed over sub-steps, and both follow their commands with known lags.
+    So two observations and the drawing's geometry give the position exactly, as in ``baselines/models/kalman.py``. If the
+    position contradicts the entry ``cutting``, it is corrected.
 
-    Its state, shape (num_envs, 3), is 0 before an episode's first observation. Columns: position from the start of the approach
-    [mm]; cutting speed [m/min] and feed [mm/rev] at the last observation.
+    The state, shape (num_envs, 3), is 0 before an episode's first observation. Its columns are the position from the start of
+    the approach [mm], and cutting speed [m/min] and feed [mm/rev] at the last observation.
     """
 
     STATES = 3
@@ -118,8 +118,8 @@ class DistanceTracker:
     def __call__(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """Return readings of order one, shape (num_envs, READINGS), and the next state.
 
-        Readings: position between the start of the approach, -1, and the end of the bar, 1; time to that end at the present speed
-        and feed, -1 at none, 1 at ``MAX_TIME`` or more.
+        The first is the position, from -1 at the start of the approach to 1 at the end of the bar. The second is the time to that
+        end at the present speed and feed, from -1 for 0 to 1 for ``MAX_TIME`` or more.
         """
         along, last_speed, last_feed = state.unbind(dim=-1)
         speed, feed = self._commands.speed_and_feed(observation, ACTUAL)
@@ -130,7 +130,7 @@ class DistanceTracker:
         along = along + torch.where(last_speed > 0.0, travel * self._per_second, 0.0)
         along = torch.where(along >= self._pitch, along - self._pitch, along)
         cutting = observation[..., OBS.cutting] > 0.5
-        # In metal, it is the nearer of the bar behind and the bar ahead.
+        # In metal, take the nearer of the bars behind and ahead.
         nearest = torch.where(along < 0.5 * self._approach, self._pitch * (1.0 - 1e-6), self._approach)
         along = torch.where(cutting & (along < self._approach), nearest, along)
         along = torch.where(~cutting & (along > self._approach), 0.5 * self._approach, along)
@@ -140,7 +140,7 @@ class DistanceTracker:
 
 
 class GruActor(Actor):
-    """A GRU between two layers, beside a distance tracker. Its memory: the tracker's state, then the GRU's cells."""
+    """A GRU between two layers, beside a distance tracker. Its memory holds the tracker's state, then the GRU's cells."""
 
     def __init__(self, scenario: Scenario, entries: int, cells: int) -> None:
         super().__init__()
@@ -169,7 +169,7 @@ class GruActor(Actor):
     def unroll(self, observations: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
         """Return unbounded targets for a sequence of observations, shape (steps, num_envs, entries).
 
-        Where an episode begins (``begins`` is 1, shape (steps, num_envs, 1)), the memory is cleared first.
+        If an episode begins (``begins`` is 1, shape (steps, num_envs, 1)), the memory is cleared first.
         """
         position, cells = memory[:, : DistanceTracker.STATES], memory[:, DistanceTracker.STATES :]
         keeps = 1.0 - begins

@@ -1,11 +1,12 @@
-"""A recurrent agent trained with gradients of the machining models: train one agent for one training seed.
+"""Train a recurrent agent with gradients of the machining models, for one training seed.
 
     python -m train.analytic_gradient --seed 0
 
-The agent has a memory (a GRU) and sees observations alone. After every few steps a privileged teacher, the machining models
-evaluated at the hidden state (``train/model_gain.py``), gives the gradient of what those steps earned with respect to the agent's
-commands, which is backpropagated through the agent's memory to its observations. There is no value function, and no exploration
-is needed: the gradient is exact, except that the hidden state at other positions along the bar is taken to be the same.
+The agent has a memory (a GRU) and sees observations only. Its teacher is privileged: it evaluates the machining models at the
+hidden state (``train/model_gain.py``). After every few steps, the teacher returns the gradient of those steps' gain with respect
+to the agent's commands. Backpropagation carries the gradient through the agent's memory to its observations. There is no value
+function, and no exploration is needed. The gradient is exact, except that it assumes the same hidden state at neighbouring
+positions along the bar.
 
 The same command resumes an interrupted training, and does nothing if training is finished. Files: see ``train/training.py``.
 (Gradients of a differentiable model: Freeman et al. 2021, arXiv 2106.13281; privileged teacher: Chen et al. 2020,
@@ -39,21 +40,21 @@ Tensor = torch.Tensor
 
 @dataclass(frozen=True)
 class Settings:
-    """Hyperparameters of the algorithm beside the learning rate."""
+    """Hyperparameters of the algorithm, without the learning rate."""
 
     cells: int
     """Size of the memory, and of the layers around it."""
     rollout: int
     """Steps per environment between updates."""
     batch_envs: int
-    """Environments in one step of gradient descent."""
+    """Number of environments in one step of gradient descent."""
     epochs: int
-    """How often each rollout is used."""
+    """Number of passes over each rollout."""
     exploration: float
-    """Standard deviation of the noise added to actions, so that states a little beside the path are seen [-]."""
+    """Standard deviation of the noise added to actions [-]; it shows the agent states beside its path."""
     max_gradient_norm: float
     saturation_price: float = 0.0
-    """Price of the squares of unbounded targets, so that no target is stuck at the end of its range [s]."""
+    """Price of squared unbounded targets [s]; it keeps targets from sticking at the ends of their ranges."""
 
 
 @dataclass
@@ -61,7 +62,7 @@ class Rollout:
     """Observations and hidden states of all steps; fields of shape (steps, num_envs, ...)."""
 
     memory: Tensor
-    """Before the first step, shape (num_envs, memory_size)."""
+    """Memory before the first step, shape (num_envs, memory_size)."""
     begins: Tensor
     """1 where an episode begins."""
     observations: Tensor
@@ -70,7 +71,7 @@ class Rollout:
 
 
 class AnalyticGradient(BaseAlgorithm):
-    """The algorithm, as a subclass of Stable-Baselines3's, which saves, logs and calls back."""
+    """The algorithm as a subclass of Stable-Baselines3's base class, which saves models, logs and runs callbacks."""
 
     policy: Any
     env: Any
@@ -118,7 +119,7 @@ class AnalyticGradient(BaseAlgorithm):
         reset_num_timesteps: bool = True,
         progress_bar: bool = False,
     ) -> Self:
-        """Collect rollouts and learn from them until ``total_timesteps`` environment steps are made."""
+        """Collect rollouts and learn from them for ``total_timesteps`` environment steps."""
         self.gain = ModelGain(self.scenario)
         if reset_num_timesteps:
             self.memory = torch.zeros(self.n_envs, self.policy.memory_size)
@@ -148,7 +149,7 @@ class AnalyticGradient(BaseAlgorithm):
         return actions.numpy(), memory.numpy()
 
     def collect(self, callbacks: BaseCallback) -> Rollout:
-        """Let the agent act for a rollout."""
+        """Play a rollout with the agent."""
         start, steps = self.memory, []
         for _ in range(self.settings.rollout):
             seen, begins = torch.from_numpy(self._last_obs), torch.from_numpy(self._last_episode_starts).float().unsqueeze(-1)
@@ -219,7 +220,7 @@ SEARCH = {
 
 
 def plays(scenario: Scenario) -> bool:
-    """Return whether the teacher knows the scenario's reward: removed metal, at a feed that is set step by step."""
+    """Return whether the teacher has a model of the scenario's reward: removal of metal, with the feed set in every step."""
     return scenario.control.action in TargetCommands.ACTIONS and scenario.control.aim == "removal"
 
 

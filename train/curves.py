@@ -49,10 +49,10 @@ class Curve:
 
 
 def curves(folders: Sequence[Path], against: str) -> tuple[str, dict[str, Curve]]:
-    """Return a title that names the task of the runs, and their curves by algorithm, in the order of the folders.
+    """Return a title with the runs' task, and their curves by algorithm in the order of the folders.
 
     Raises:
-        ValueError: a folder holds no run or no learning curve, or runs cannot be compared; names them.
+        ValueError: a folder holds no run or no learning curve, or runs cannot be compared. The message names them.
     """
     runs = [Run.read(folder) for folder in folders]
     tasks = {(run.env_id, run.scenario.digest()): run for run in runs}
@@ -115,7 +115,7 @@ def draw(found: Mapping[str, Curve], levels: Mapping[str, float], against: str) 
             textcoords="offset points",
             color=style.GREY,
         )
-    # Logarithmic beyond the decade of the final returns, from which first returns are far away, and linear towards 0.
+    # Linear up to the decade of the final returns; logarithmic beyond, because the first returns are far away.
     final = max(max(abs(curve.mean[-1]) for curve in found.values()), 1e-3)
     linear = 10.0 ** math.floor(math.log10(final))
     ticks = [0.0, *(sign * share * linear for share in _TICKS for sign in (-1.0, 1.0))]
@@ -151,13 +151,14 @@ def _level(text: str) -> tuple[str, float]:
 
 @exits(ValueError)
 def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m train.curves", **described(__doc__))
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN_FOLDER", help="folders of trainings on one task")
-    out_help = "PNG, SVG or PDF by its suffix; default: %(default)s"
+    out_help = "picture to write: PNG, SVG or PDF, by its suffix (default: %(default)s)"
     parser.add_argument("--out", type=Path, default=Path("docs/learning_curves.png"), metavar="PICTURE", help=out_help)
-    parser.add_argument("--level", action="append", default=[], metavar="NAME=VALUE", help="a return [s] for comparison")
-    parser.add_argument("--against", choices=list(AXES), default="steps", help="default: %(default)s")
+    level_help = "draw a horizontal line at this return [s]"
+    parser.add_argument("--level", action="append", default=[], metavar="NAME=VALUE", help=level_help)
+    parser.add_argument("--against", choices=list(AXES), default="steps", help="horizontal axis (default: %(default)s)")
     parsed = parser.parse_args(arguments)
     levels = dict(map(_level, parsed.level))
     title, found = curves(parsed.runs, parsed.against)

@@ -5,9 +5,9 @@
     python -m train.export my_network.onnx --scenario my_mill.toml --seed 1 --out my-agents
 
 An agent is the folder of a training run, or any file in it; a model that Stable-Baselines3 has saved; or a network in ONNX.
-A file is only written if it acts as the agent does, on observations sampled from the observation space and on those of episodes.
+A file is written only if it acts as the agent does, on observations sampled from the observation space and on those of episodes.
 
-Run ``python -m train.export --nc --help`` to export what agents and controllers command as part programs for a lathe's control.
+Run ``python -m train.export --nc --help`` to write the commands of agents and controllers as part programs for a lathe's control.
 """
 
 import argparse
@@ -47,7 +47,7 @@ from turning_env.scoring.policy import Policy
 from turning_env.scoring.seeds import tuning_seeds
 
 NUM_ENVS, STEPS = 50, 100
-"""Environments and steps of each of the two comparisons of agent and file."""
+"""Numbers of environments and steps in each of the two comparisons of agent and file."""
 MAX_DIFFERENCE = 1e-5
 """Largest difference between an agent's action and its file's."""
 TIMED_CALLS = 2_000
@@ -56,16 +56,16 @@ _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
 
 @dataclass(frozen=True)
 class _Agent:
-    """An agent that is to be exported."""
+    """An agent to export."""
 
     source: str
     about: Metadata
     actor: Actor | None
-    """None: the file is a network in ONNX, which is compared with itself."""
+    """The actor to compare the file with; None: the source is itself an ONNX file."""
     content: Callable[[], bytes]
 
     def write(self, path: Path) -> dict[str, Any]:
-        """Write its file: see ``export``."""
+        """Write the agent's file; see ``export``."""
         torch.set_num_threads(1)
         try:
             with torch.no_grad():
@@ -93,16 +93,17 @@ class _Agent:
 
 
 def export(folder: Path, out: Path, name: str | None = None) -> dict[str, Any]:
-    """Write the finished agent of one of your own runs into the folder ``out``, named by the agent and its training seed.
+    """Write the finished agent of one of your own runs to the folder ``out``; the file's name states agent and training seed.
 
     Args:
-        folder: of the run.
-        out: of the file.
-        name: what the agent is called on leaderboards; None: see ``Run.name``.
+        folder: folder of the run.
+        out: folder of the file.
+        name: the agent's name on leaderboards; None: see ``Run.name``.
 
     Returns:
         ``path``, ``digest`` (SHA-256) and ``size`` [bytes] of the file; the ``largest_difference`` between actions of the
-        agent and of the file on so many ``observations``; ``latency``, the median time of a call with one observation [s].
+        agent and of the file, and the number of compared ``observations``; ``latency``, the median time of a call with one
+        observation [s].
 
     Raises:
         ValueError: training is not finished, the network cannot be written as ONNX, or the file does not act as the agent.
@@ -122,26 +123,26 @@ def export_torch(
     seed: int | None = None,
     trained_steps: int = 0,
 ) -> dict[str, Any]:
-    """Write an agent's file of any PyTorch module from observations (n, entries) to actions (n, actions) in -1..1.
+    """Write an agent's file for a PyTorch module from observations (n, entries) to actions (n, actions) in -1..1.
 
     Actions beyond -1..1 are clipped. A module with an attribute ``memory_size`` is recurrent: it takes observations and a memory
     (n, memory_size), which is 0 before an episode's first observation, and returns actions and the next memory.
 
     Args:
         module: the trained module.
-        path: of the file.
-        env_id: the environment that it was trained on.
-        scenario: the scenario that it was trained on; None: the id's own.
-        name: what the agent is called on leaderboards; None: as its file.
-        seed: of the training; agents of one name with several seeds are one policy. None: that of a file name such as
+        path: path of the file.
+        env_id: the environment on which it was trained.
+        scenario: the scenario on which it was trained; None: the id's own.
+        name: the agent's name on leaderboards; None: the file's name.
+        seed: training seed; agents of one name with several seeds are one policy. None: the seed in a file name such as
             ``me-seed3.onnx``, else 0.
         trained_steps: environment steps of the training.
 
     Returns:
-        As ``export``.
+        The same as ``export``.
 
     Raises:
-        ValueError: the module does not turn observations into actions, or as for ``export``.
+        ValueError: the module does not map observations to actions, or ``export`` raises it.
         OSError: the file cannot be written.
     """
     actor = module if isinstance(module, Actor) else foreign.ModuleActor(module)
@@ -171,7 +172,7 @@ def _of_file(path: Path, run: Run, name: str | None, seed: int | None, normaliza
 
 
 def _foreign(run: Run, path: Path, name: str | None, seed: int | None) -> Metadata:
-    """Return the metadata of an agent that was trained elsewhere; without a name, it is called as its file is."""
+    """Return the metadata of an agent that was trained elsewhere; without a name, it gets its file's name."""
     plain = unicodedata.normalize("NFKD", path.stem).encode("ascii", "ignore").decode()
     plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).lstrip(".-")
     stem, _, number = plain.rpartition("-seed") if re.search(r"-seed\d{1,9}$", plain) else (plain, "", "0")
@@ -184,7 +185,7 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
     """Return the metadata of the file of a run's agent.
 
     Raises:
-        ValueError: an agent cannot be called so.
+        ValueError: the name is not allowed.
     """
     name = name or run.name
     if not re.fullmatch(NAME, name):
@@ -210,8 +211,8 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
 def largest_difference(original: Policy, policy: Policy, scenario: Scenario) -> float:
     """Return the largest difference between the actions of two policies of ``NUM_ENVS`` environments.
 
-    Both see the same observations and keep their own memories. Half of the observations are sampled from the observation space,
-    half come from episodes on tuning seeds in which the original acts.
+    Both see the same observations and keep their own memories. Half of the observations are sampled from the observation space.
+    The other half come from episodes on tuning seeds in which the original acts.
     """
     generator = np.random.default_rng(0)
     env, box = RoughTurningVectorEnv(NUM_ENVS, scenario, AutoresetMode.SAME_STEP), observation_space(scenario)
@@ -236,7 +237,7 @@ def largest_difference(original: Policy, policy: Policy, scenario: Scenario) -> 
 
 
 def _sources(path: Path) -> list[Path]:
-    """Return the run folders that a path names: a run's, any file in it, or a folder of several; else the path itself."""
+    """Return the run folders that a path names (a run, a file in it, or a folder of several runs), or the path itself."""
     if (path.parent / "run.json").exists() and path.is_file():
         return [path.parent]
     below = sorted(found.parent for found in path.glob("*/run.json"))
@@ -245,7 +246,7 @@ def _sources(path: Path) -> list[Path]:
 
 @exits(ValueError, interrupted="interrupted: the files named above are complete; the same command writes all again")
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command line; return the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if list(arguments[:1]) == ["--nc"]:
         from train.nc.command import main as nc
@@ -253,16 +254,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return nc(arguments[1:])
     parser = argparse.ArgumentParser(prog="python -m train.export", **described(__doc__))
     parser.add_argument("agents", nargs="+", type=Path, metavar="AGENT", help="run folders, or .zip or .onnx files, of your own")
-    parser.add_argument("--out", required=True, type=Path, metavar="FOLDER", help="folder of the files")
-    name_help = "what the agent is called on leaderboards (default: the algorithm, with the scenario unless that is the id's own)"
+    parser.add_argument("--out", required=True, type=Path, metavar="FOLDER", help="folder to write the files to")
+    name_help = "the agent's name on leaderboards (default: the algorithm, with the scenario unless that is the id's own)"
     parser.add_argument("--name", help=name_help)
     parser.add_argument("--json", action="store_true", help="print one line of JSON per file")
-    files = parser.add_argument_group("agents from .zip and .onnx files, which do not tell how they were trained")
+    files = parser.add_argument_group("agents from .zip and .onnx files, which do not state how they were trained")
     files.add_argument("--env", choices=list(IDS), help="environment id (default: RoughTurning-v0)")
     files.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
-    files.add_argument("--seed", type=int, help="training seed (default: that of a name such as me-seed3.zip, else 0)")
+    files.add_argument("--seed", type=int, help="training seed (default: the one in a name such as me-seed3.zip, else 0)")
     files.add_argument(
-        "--normalization", type=Path, metavar="FILE", help="statistics of VecNormalize that the agent was trained with"
+        "--normalization", type=Path, metavar="FILE", help="VecNormalize statistics with which the agent was trained"
     )
     parsed = parser.parse_args(arguments)
     if parsed.seed is not None and parsed.seed < 0:

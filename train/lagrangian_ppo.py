@@ -1,13 +1,13 @@
-"""PPO with an allowance of overload in place of its price: train one agent for one training seed.
+"""Train PPO with an allowance of overload instead of its price, for one training seed.
 
     python -m train.lagrangian_ppo --seed 0
 
-The reward's overload term is left out. Instead, a second of severe overload costs a multiplier. After a rollout the multiplier
-rises if the severely overloaded share of cutting time is above its target, and falls if it is below: dual ascent on the logarithm
-of the multiplier (Ray, Achiam and Amodei 2019, "Benchmarking safe exploration in deep reinforcement learning", section 5.2). The
-target is a share of ``limits.overload_allowance``; the rest is the margin for the confidence limit by which a policy is judged
-feasible. The same command resumes an interrupted training, and does nothing if training is finished. Files: see
-``train/training.py``.
+The reward's overload term is left out. Instead, a second of severe overload costs a multiplier. After each rollout, the
+multiplier rises if the severely overloaded share of cutting time is above its target, and falls if it is below. This is dual
+ascent on the logarithm of the multiplier (Ray, Achiam and Amodei 2019, "Benchmarking safe exploration in deep reinforcement
+learning", section 5.2). The target is a share of ``limits.overload_allowance``. The rest is a margin, because a confidence limit
+decides whether a policy is feasible. The same command resumes an interrupted training, and does nothing if training is finished.
+Files: see ``train/training.py``.
 """
 
 import math
@@ -35,7 +35,7 @@ class AllowanceVecEnv(RoughTurningVecEnv):
     severe_share = 0.0
     """Share of cutting time severely overloaded between the last two adaptations [-]."""
     _severe_time = 0.0  # since the last adaptation [s]
-    _engaged_time = 0.0  # likewise
+    _engaged_time = 0.0  # since the last adaptation [s]
     _has_overloaded = False
 
     def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
@@ -46,9 +46,9 @@ class AllowanceVecEnv(RoughTurningVecEnv):
         return rewards - overload - self.multiplier * severe
 
     def adapt(self, target: float, rate: float) -> None:
-        """Multiply the multiplier by exp(rate * (severe share since the last adaptation - target)).
+        """Scale the multiplier by exp(rate * (severe share since the last adaptation - target)).
 
-        It stays constant until the first severe overload: where overload is impossible, no price needs to be found.
+        It is constant until the first severe overload: if overload is impossible, no price is needed.
         """
         if self._engaged_time > 0.0:
             self.severe_share = self._severe_time / self._engaged_time
@@ -62,7 +62,7 @@ _TERMS = ("reward_overload", "severe_overload_time", "engaged_time")  # all [s]
 
 
 class DualAscent(BaseCallback):
-    """Adapts the multiplier after each rollout."""
+    """A callback that adapts the multiplier after each rollout."""
 
     def __init__(self, run: Run) -> None:
         super().__init__()

@@ -1,16 +1,15 @@
 """The teacher of the analytic-gradient agent: the gain of a step as a differentiable function of its commands.
 
-The tool has to travel the whole way along the bars, and metal is paid by volume, so an agent can only gain by paying less on the
-way. It is trained to travel each stretch at the least
+The tool must travel all bars, and metal is paid by volume. So an agent can only gain by reducing its cost per distance:
 
-    (time + price of overload * excess + p(D) * life used) per distance,
+    (time + price of overload * excess + p(D) * life used) / distance,
 
-where p(D) is the price of the edge's life by dynamic programming (``baselines/models/edge_value.py``) in place of the flat price
-in the reward; over a whole edge the two differ by a constant. After a step, the simulator tells the hidden depth, hardness and
-wear (``HindsightVecEnv``); machinability models and the drives' lags give the gradient of the step's cost with respect to speed
-and feed. The highest force of a step is charged the expected cost of breakage, for an edge of unknown strength. (Analytic
-gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat charge: potential-based shaping, Ng et
-al. 1999. The combination is this project's.)
+where p(D) is the price of the edge's life by dynamic programming (``baselines/models/edge_value.py``). It replaces the flat price
+in the reward; over a whole edge, the two differ by a constant. After a step, the simulator reveals the hidden depth, hardness and
+wear to the teacher (``HindsightVecEnv``). Machinability models and the drives' lags then give the gradient of the step's cost
+with respect to speed and feed. The highest force of a step is charged the expected cost of breaking an edge of unknown strength.
+(Analytic gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat charge: potential-based
+shaping, Ng et al. 1999. The combination is this project's.)
 """
 
 import math
@@ -33,22 +32,22 @@ Array = NDArray[np.float64]
 FIELDS = ("path", "depth_of_cut", "hardness", "used_life")
 """Hidden quantities at the start and the end of every step, in the units of ``info``; depth and hardness are 0 in air."""
 POINTS = 5
-"""Points in time of a step at which its costs are taken."""
+"""Number of points in time at which a step's costs are evaluated."""
 MIN_USED_LIFE = 1e-6
 """Used life of a fresh edge [-]: the laws are not defined at 0."""
 
 
 class HindsightVecEnv(RoughTurningVecEnv):
-    """``RoughTurningVecEnv`` that also keeps the hidden state of the last step. A teacher may use it; an agent never sees it."""
+    """A ``RoughTurningVecEnv`` that keeps the hidden state of the last step for a teacher; the agent never sees it."""
 
     before: Array
     """``FIELDS`` at the start of the step, shape (len(FIELDS), num_envs)."""
     after: Array
-    """``FIELDS`` at its end, likewise; if the edge was changed in the step, those of the fresh edge."""
+    """``FIELDS`` at the step's end, same shape; if the edge was changed in the step, those of the fresh edge."""
     changed: NDArray[np.bool_]
     """Whether the edge was changed in the step, shape (num_envs,)."""
     failed: NDArray[np.bool_]
-    """Whether it was changed because it was found worn out or broken, likewise."""
+    """Whether it was changed because it was worn out or broken, shape (num_envs,)."""
 
     def reset(self) -> NDArray[np.float32]:
         """Return first observations. The tool stands in the air before the first bar."""
@@ -67,7 +66,7 @@ class HindsightVecEnv(RoughTurningVecEnv):
 
 
 class Truth:
-    """Hidden states at ``POINTS`` points of each step, interpolated; fields have shape (steps, num_envs, POINTS)."""
+    """Interpolated hidden states at ``POINTS`` points of each step; fields have shape (steps, num_envs, POINTS)."""
 
     def __init__(
         self, scenario: Scenario, before: Array, after: Array, changed: NDArray[np.bool_], failed: NDArray[np.bool_]
@@ -80,7 +79,7 @@ class Truth:
         start, end = ends["path"]
         path = start + (end - start) * share
         bar = np.floor(path / pitch)
-        # A field is known at an end that lies in the metal of the same bar, and linear between two that do.
+        # A field is known at a step's end in the metal of the same bar; between two such ends it is interpolated.
         weights = [
             np.where((depth > 0.0) & (np.floor(at / pitch) == bar), near + 1e-3, 0.0)
             for depth, at, near in zip(ends["depth_of_cut"], (start, end), (1.0 - share, share), strict=True)
@@ -108,7 +107,7 @@ def _tensor(values: Any) -> Tensor:
 
 
 class ModelGain:
-    """The gain of steps for the cutting speeds and feeds commanded in them, in a scenario whose aim is removal."""
+    """The gain of steps as a function of the commanded cutting speeds and feeds, in a scenario whose aim is removal."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
@@ -125,7 +124,7 @@ class ModelGain:
         self._log_criterion, self._life_exponent = math.log(tool.wear_criterion), material.wear.time
         self._log_strength = math.log(tool.edge_strength / limits.thrust_force)
         worths = worth(scenario, economics.overload_price)
-        # A job that ends long before its edge pays the flat price for life.
+        # If the job ends long before the edge, life has the flat price.
         flat = scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end"
         edge_price = 60.0 * (economics.edge_cost + economics.edge_change_time)
         prices = np.full(len(USED_LIVES), edge_price) if flat else worths.life
@@ -135,9 +134,9 @@ class ModelGain:
         self._edge_price, self._downtime = edge_price, 60.0 * economics.breakage_downtime
 
     def __call__(self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth) -> tuple[Tensor, Tensor]:
-        """Return each step's gain [s], up to a constant, and what going on with the edge earned [s], without a gradient.
+        """Return each step's gain [s], up to a constant, and the earnings of going on with the edge [s], without a gradient.
 
-        Both have shape (steps, num_envs). A changed edge is taken to have met a nominal bar, had it stayed.
+        Both have shape (steps, num_envs). For a changed edge, the earnings assume a nominal bar.
 
         Args:
             log_speed: commanded cutting speed [log m/min], shape (steps, num_envs).
@@ -164,7 +163,7 @@ class ModelGain:
         lost = self._downtime + self._edge_price * (1.0 - truth.used_life)
         gain = gain - (truth.cutting * risk * lost).amax(dim=-1)
         metal = speeds * feeds * truth.log_depth.exp() / scenario.economics.reference_removal_rate
-        # While life has a price, metal earns on average that price beyond the cost of time and overload.
+        # While life has a price, metal earns on average that price plus the cost of time and overload.
         earned = torch.where(price > 0.0, price * life_rate, metal - overload - self._time_price)
         going_on = interval * (torch.maximum(truth.cutting, truth.changed.unsqueeze(-1)) * earned).mean(dim=-1)
         return gain, torch.where(truth.failed > 0.0, -self._stop, going_on).detach()
@@ -172,9 +171,9 @@ class ModelGain:
     def edge_change_gain(self, score: Tensor, going_on: Tensor) -> Tensor:
         """Return an objective whose maximum makes ``score`` positive where the edge should be changed; all (steps, num_envs).
 
-        An edge is best changed as soon as one more step with it is expected to lose (optimal stopping in the monotone case, Chow
-        and Robbins 1961). The earnings ``going_on`` [s] of that step are uncertain beforehand; a logistic loss weighted by them
-        is least where ``score`` has the opposite sign of their expectation.
+        It is best to change an edge as soon as one more step with it has negative expected earnings (optimal stopping in the
+        monotone case, Chow and Robbins 1961). The earnings ``going_on`` [s] of that step are uncertain in advance. A logistic
+        loss weighted by them is least if ``score`` has the opposite sign of their expectation.
         """
         return -(torch.relu(going_on) * softplus(score) + torch.relu(-going_on) * softplus(-score))
 
@@ -189,8 +188,8 @@ class ModelGain:
     def _follow(self, commanded: Tensor, actual: Tensor, drive: int) -> Tensor:
         """Return the actual values at the points of every step, shape (steps, num_envs, POINTS), for one drive's commands.
 
-        ``actual`` is measured at the starts of the steps. The gradient is carried from step to step: a command acts beyond its
-        own step, as far as the drive lags.
+        ``actual`` is measured at the starts of the steps. The gradient passes from step to step, because a lagging drive carries
+        a command beyond its own step.
         """
         at_points, at_end = self._left[drive]
         carried = torch.zeros_like(actual[0])

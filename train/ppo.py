@@ -1,4 +1,4 @@
-"""PPO: train one agent for one training seed.
+"""Train an agent with PPO for one training seed.
 
     python -m train.ppo --seed 0
     python -m train.ppo --env RoughTurning-v0 --scenario forging --seed 1 --steps 8000000
@@ -23,7 +23,7 @@ from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
 def settings(run: Run) -> dict[str, Any]:
-    """Return a run's hyperparameters under the names that Stable-Baselines3 gives them in all kinds of PPO."""
+    """Return a run's hyperparameters under Stable-Baselines3's names, for all variants of PPO."""
     p = run.parameters
     return {
         "learning_rate": LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),

@@ -1,4 +1,4 @@
-"""PPO with an LSTM, which remembers earlier observations: train one agent for one training seed.
+"""Train an agent with recurrent PPO, whose LSTM remembers earlier observations, for one training seed.
 
     python -m train.recurrent_ppo --seed 0
 
@@ -22,7 +22,7 @@ from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
 class RecurrentActor(Actor):
-    """Layers behind an LSTM of one layer; the memory is its hidden state and its cell state side by side."""
+    """An LSTM of one layer followed by layers; the memory holds its hidden state and its cell state side by side."""
 
     def __init__(self, policy: RecurrentActorCriticPolicy) -> None:
         super().__init__()

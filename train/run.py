@@ -1,4 +1,4 @@
-"""One training run: its settings, and where its files lie."""
+"""A training run: its settings and its files."""
 
 import csv
 import json
@@ -21,17 +21,17 @@ episodes, in which the agent explores. An algorithm may add columns of its own."
 
 
 def hyperparameters(algorithm: str, env_id: str) -> dict[str, Any]:
-    """Return an algorithm's hyperparameters for an id: the defaults of its file, updated with the table of the id."""
+    """Return an algorithm's hyperparameters for an id: the defaults of its file, updated with the id's table."""
     tables = tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8"))
     values: dict[str, Any] = tables["default"] | tables.get(env_id, {})
     return values
 
 
 def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
-    """Return the hyperparameters of texts ``KEY=VALUE``, with values as in the algorithm's file.
+    """Parse hyperparameters ``KEY=VALUE``, with values as in the algorithm's file.
 
     Raises:
-        ValueError: the algorithm has no such hyperparameter, or the value is not of its kind; says what is allowed.
+        ValueError: the algorithm has no such hyperparameter, or the value has another type. The message says what is allowed.
     """
     known: dict[str, Any] = {}
     for table in tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8")).values():
@@ -52,7 +52,7 @@ def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
 
 
 def _alike(name: str, value: Any, example: Any) -> Any:
-    """Return a value with the type of an example, and not negative unless that is."""
+    """Return a value with the type of an example; a negative value is allowed only if the example is negative."""
     if isinstance(example, list) and isinstance(value, list):
         return [_alike(name, each, example[0]) for each in value]
     if isinstance(example, float) and type(value) is int:
@@ -97,7 +97,7 @@ class Run:
         """Return the run that a folder holds.
 
         Raises:
-            ValueError: the folder holds no run, or one whose description cannot be read.
+            ValueError: the folder holds no run, or its description cannot be read.
         """
         path = folder / "run.json"
         if not path.is_file():
@@ -111,7 +111,7 @@ class Run:
 
     @property
     def checkpoint(self) -> Path:
-        """The state of an unfinished training."""
+        """Path of the state of an unfinished training."""
         return self.folder / "checkpoint.zip"
 
     @property
@@ -121,7 +121,7 @@ class Run:
 
     @property
     def learning_curve(self) -> Path:
-        """The learning curve, with at least the columns ``CURVE_COLUMNS``."""
+        """Path of the learning curve, which has at least the columns ``CURVE_COLUMNS``."""
         return self.folder / "learning_curve.csv"
 
     @property
@@ -137,7 +137,7 @@ class Run:
         return f"{self.algorithm}, seed {self.seed}"
 
     def read_learning_curve(self) -> list[dict[str, float]]:
-        """Return the rows of the learning curve, in the order of time.
+        """Return the rows of the learning curve in order of time.
 
         Raises:
             ValueError: the folder holds no learning curve, or a damaged one.
@@ -158,7 +158,7 @@ class Run:
         """Make the folder and write ``run.json``.
 
         Raises:
-            ValueError: the folder holds a run with other settings, which it would be wrong to resume or overwrite.
+            ValueError: the folder holds a run with other settings, which must not be resumed or overwritten.
         """
         if (self.folder / "run.json").exists():
             found = Run.read(self.folder)

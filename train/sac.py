@@ -1,4 +1,4 @@
-"""SAC, off-policy with a replay buffer: train one agent for one training seed.
+"""Train an agent with SAC, which learns off-policy from a replay buffer, for one training seed.
 
     python -m train.sac --seed 0
 
@@ -23,7 +23,7 @@ from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
 def settings(run: Run, vec_env: RoughTurningVecEnv) -> dict[str, Any]:
-    """Return a run's hyperparameters under the names that Stable-Baselines3 gives them in SAC and TQC."""
+    """Return a run's hyperparameters under Stable-Baselines3's names, for SAC and TQC."""
     p = run.parameters
     return {
         "learning_rate": LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),

@@ -1,4 +1,4 @@
-"""TQC, SAC with distributional critics whose highest quantiles are dropped: train one agent for one training seed.
+"""Train an agent with TQC (SAC with distributional critics whose highest quantiles are dropped) for one training seed.
 
     python -m train.tqc --seed 0
 

@@ -1,8 +1,8 @@
-"""Training, whichever algorithm learns: environments of its own for every seed, progress, checkpoints, the command line.
+"""Train with any algorithm: environments for each training seed, progress, checkpoints, the command line.
 
-A run's folder holds ``run.json`` (what was asked for), ``checkpoint.zip`` (all that is needed to resume exactly where training
-stopped), ``learning_curve.csv``, ``policy.zip`` (the finished agent) and TensorBoard logs. Load such files from your own
-trainings only: they are pickles, which can run code.
+A run's folder holds ``run.json`` (the settings), ``checkpoint.zip`` (the state from which training resumes exactly),
+``learning_curve.csv``, ``policy.zip`` (the finished agent) and TensorBoard logs. Load such files from your own trainings only:
+they are pickles, which can run code.
 """
 
 import argparse
@@ -31,9 +31,9 @@ from turning_env.files import exclusive_lock, replace_file
 from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START
 
 SEED_STRIDE = 1_000_000
-"""Environment i of training seed s plays the episodes of seed s * SEED_STRIDE + i, so that no two trainings share bars."""
+"""Environment i of training seed s plays seed s * SEED_STRIDE + i, so no two trainings share bars."""
 SEEDS = TUNING_START // SEED_STRIDE
-"""Training seeds are below this."""
+"""Training seeds are below this number."""
 CURVE_ROWS = 200
 """Approximate number of rows of a learning curve."""
 
@@ -42,23 +42,23 @@ ACTIVATIONS: dict[str, type[torch.nn.Module]] = {"relu": torch.nn.ReLU, "tanh": 
 
 @dataclass(frozen=True)
 class Algorithm:
-    """A learning algorithm and all that training, tuning and export need to know of it."""
+    """A learning algorithm as training, tuning and export use it."""
 
     name: str
-    """The name of its Python file and its hyperparameter file, and in ``run.json``."""
+    """Name of its Python file, of its hyperparameter file, and in ``run.json``."""
     title: str
-    """The name in help texts."""
+    """Name in help texts."""
     model: type[BaseAlgorithm]
     new_model: Callable[[Run, RoughTurningVecEnv], BaseAlgorithm]
-    """Returns an untrained model for a run on given environments."""
+    """Function that returns an untrained model for a run on given environments."""
     network: Callable[[Any], Actor]
-    """Returns the agent of a trained policy of Stable-Baselines3."""
+    """Function that returns the agent of a trained policy of Stable-Baselines3."""
     search: Mapping[str, BaseDistribution]
-    """The hyperparameters that are tuned, and their ranges."""
+    """Hyperparameters to tune, with their ranges."""
     vec_env: Callable[..., RoughTurningVecEnv] = RoughTurningVecEnv
-    """Makes the environments to train on from scenario, number of environments and reward scale."""
+    """Function that makes the training environments from scenario, number of environments and reward scale."""
     extra_state: tuple[str, ...] = ()
-    """Attributes that belong into a checkpoint beside those that Stable-Baselines3 saves."""
+    """Attributes that a checkpoint holds besides those that Stable-Baselines3 saves."""
     callbacks: Callable[[Run], list[BaseCallback]] = lambda run: []
     """Further callbacks during training."""
     columns: Callable[[Any], dict[str, float]] = lambda model: {}
@@ -75,7 +75,7 @@ class Algorithm:
 
 
 class Recorder(BaseCallback):
-    """Writes the learning curve and due checkpoints, and shows a progress bar; a resumed run goes on from its checkpoint."""
+    """A callback that writes learning curve and checkpoints, and shows a progress bar; it can resume from a checkpoint."""
 
     def __init__(self, run: Run, algorithm: Algorithm, checkpoint_every: int) -> None:
         super().__init__()
@@ -100,7 +100,7 @@ class Recorder(BaseCallback):
             save_checkpoint(self.model, self.run, self.algorithm)
 
     def _on_step(self) -> bool:
-        # The last rollout is completed, a little beyond the steps asked for.
+        # The last rollout is completed, so training takes a few more steps than requested.
         self.bar.update(min(self.num_timesteps, self.bar.total) - self.bar.n)
         return True
 
@@ -135,14 +135,14 @@ def save_checkpoint(model: Any, run: Run, algorithm: Algorithm) -> None:
         "vec_env": model.get_env(),
         "torch": torch.get_rng_state(),
         "numpy": np.random.get_state(),  # noqa: NPY002 - SB3 shuffles with it
-        # Loading seeds the action space anew, from which off-policy algorithms sample their first actions.
+        # Loading reseeds the action space, from which off-policy algorithms sample their first actions.
         "attributes": {name: getattr(model, name) for name in ("action_space", *algorithm.extra_state)},
     }
     replace_file(run.checkpoint, model.save)
 
 
 def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
-    """Return the model of the last checkpoint, ready to go on as if it had never stopped.
+    """Return the model of the last checkpoint; training continues exactly as without the interruption.
 
     Raises:
         ValueError: the checkpoint is damaged.
@@ -180,15 +180,15 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
     """Train or resume, unless training is finished; return the path of the finished agent.
 
     Args:
-        run: what to train; its folder is made if need be.
-        algorithm: the algorithm that learns.
+        run: run to train; its folder is made if it is missing.
+        algorithm: its algorithm.
         checkpoint_every: environment steps between checkpoints.
-        wait: whether to wait while another process trains in the run's folder; otherwise that is an error.
+        wait: whether to wait while another process trains in the run's folder, instead of raising an error.
 
     Raises:
         ValueError: the folder holds a run with other settings or unreadable files, another process trains in it, the algorithm
             cannot learn on the scenario or with the hyperparameters, or the seed is not for training.
-        OSError: a file cannot be written; what was written before stands.
+        OSError: a file cannot be written; files written before remain.
     """
     if not algorithm.plays(run.scenario):
         raise ValueError(f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}: it lacks its actions or its aim")
@@ -224,7 +224,7 @@ _HELP = """Train an agent with {title} for one training seed.
     {program} --seed 1
     {program} --env RoughTurning-v0 --scenario forging --seed 1 --steps 8000000 --set learning_rate=3e-4
 
-The same command resumes an interrupted training, and does nothing if training is finished. Prints the path of the agent.
+The same command resumes an interrupted training, and does nothing if training is finished. It prints the agent's path.
 """
 
 
@@ -236,8 +236,8 @@ def command_line(algorithm: Algorithm, arguments: list[str] | None = None) -> in
     parser.add_argument("--env", default="RoughTurning-v0", choices=list(IDS), help="environment id (default: %(default)s)")
     parser.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
     parser.add_argument("--seed", type=int, default=0, help="training seed (default: %(default)s)")
-    parser.add_argument("--steps", type=int, help="environment steps: short for --set steps=N")
-    set_help = f"a hyperparameter in place of that of train/hyperparameters/{algorithm.name}.toml; any number of times"
+    parser.add_argument("--steps", type=int, help="environment steps of the training; short for --set steps=N")
+    set_help = f"set a hyperparameter of train/hyperparameters/{algorithm.name}.toml; repeat the option to set several"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=set_help)
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parsed = parser.parse_args(arguments)

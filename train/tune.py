@@ -2,15 +2,16 @@
 
     python -m train.tune --algorithm sac --trials 20 --steps 500000
 
-A trial trains an agent for each of some training seeds, and plays them all on the same tuning seeds. The best mean return wins
-among the feasible trials (at the leaderboard's confidence limit), or among all if none is feasible. The first trial takes the
-values of the hyperparameter file; a tree-structured Parzen estimator chooses the others, within ``SEARCH`` of the algorithm.
+A trial trains one agent per training seed, and plays all of them on the same tuning seeds. The best mean return wins among the
+feasible trials (at the leaderboard's confidence limit), or among all if none is feasible. The first trial takes the values of
+the hyperparameter file. A tree-structured Parzen estimator chooses the others within the ranges that the algorithm's Python file
+declares (``SEARCH``).
 
-The trials are kept in ``RUNS/tuning``: the same command resumes an interrupted study, and one with more trials continues it.
-With ``--storage`` several such commands, on one machine or on many, work on the same study at the same time; with ``--scheduler``
-the workers of a Dask cluster train (docs/scaling.md).
+Trials are kept in ``RUNS/tuning``. The same command resumes an interrupted study; with a larger ``--trials``, it extends the
+study. With ``--storage``, several such commands, on one machine or on many, work on the same study. With ``--scheduler``, the
+workers of a Dask cluster train (docs/scaling.md).
 
-The table is printed and not written, because the hyperparameter files are kept by hand, with a comment on each value.
+The command prints the table; copy it to the hyperparameter file yourself, with a comment on each value.
 """
 
 import argparse
@@ -50,9 +51,9 @@ from turning_env.scoring.workers import cluster, processes
 
 ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
 NUM_EPISODES = 64
-"""Tuning seeds that each agent plays."""
+"""Number of tuning seeds that each agent plays."""
 SQLITE_TIMEOUT = 60.0
-"""How long to wait for another process that writes the SQLite file [s]."""
+"""Time to wait for another process that writes the SQLite file [s]."""
 
 _OVERLOAD = "overload"  # name of the constraint in the journal
 _ENDED = (TrialState.COMPLETE, TrialState.PRUNED)
@@ -61,7 +62,7 @@ _ATTEMPTS = 5  # at creating the tables of a database
 
 @dataclass(frozen=True)
 class Task:
-    """What is tuned, and on which environment."""
+    """A task of tuning: algorithm, environment and budget of a trial."""
 
     algorithm: str
     env_id: str
@@ -79,14 +80,14 @@ class Task:
 
     @property
     def name(self) -> str:
-        """Name of the study: a digest of all that its trials have in common."""
+        """Name of the study: a digest of everything that its trials have in common."""
         searched = algorithm_of(self.algorithm).search
         fixed = {name: value for name, value in self.known.items() if name not in searched}
         return _digest([self.algorithm, self.env_id, self.scenario.digest(), fixed, self.seeds, NUM_EPISODES])
 
     @property
     def folder(self) -> Path:
-        """Where trials are kept."""
+        """Folder of the trials."""
         return self.runs / "tuning" / self.algorithm
 
 
@@ -107,7 +108,7 @@ def algorithm_of(name: str) -> Algorithm:
 
 
 def evaluate(task: Task, setting: dict[str, Any]) -> Evaluation | str:
-    """Train with a setting and play the agents; return the reason instead if training fails, as with numbers that diverge."""
+    """Train with a setting and play the agents; if training fails, for example because it diverges, return the reason."""
     algorithm = algorithm_of(task.algorithm)
     runs = task.folder / _digest([task.name, setting])
     episodes = []
@@ -115,7 +116,7 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Evaluation | str:
         command = f"a trial of python -m train.tune --algorithm {task.algorithm}"
         run = Run.plan(task.algorithm, task.env_id, task.scenario, seed, runs, command, task.known | setting)
         with exclusive_lock(run.folder, wait=True):
-            run.begin()  # outside the try: a folder with other settings is no fault of this setting
+            run.begin()  # outside the try: a folder with other settings is not this setting's fault
         try:
             make = partial(ActorPolicy, algorithm.actor(train(run, algorithm, wait=True)))
             episodes.append(play(make, task.scenario, tuning_seeds(NUM_EPISODES)))
@@ -131,7 +132,7 @@ def open_storage(where: str) -> BaseStorage:
     """Open a database by its URL (``sqlite:///trials.db``, ``postgresql://host/name``), or a journal by its file.
 
     Raises:
-        ValueError: it cannot be reached, read or written; says why, without the password.
+        ValueError: the storage cannot be reached, read or written. The message says why, without the password.
     """
     if "://" not in where:
         try:
@@ -166,11 +167,11 @@ def search(task: Task, trials: int, parallel: int, scheduler: str | None = None,
     """Return the best trial of a study, after resuming or extending it to ``trials`` trials.
 
     Args:
-        task: what is tuned.
-        trials: number of ended trials; processes that share a storage may add a few more, because each completes what it began.
-        parallel: number of trials at a time, each in a process of its own.
+        task: task of tuning.
+        trials: number of ended trials; processes that share a storage may add a few more, because each finishes its trials.
+        parallel: number of trials at a time, each in its own process.
         scheduler: address of a Dask cluster whose workers train; None: processes of this machine.
-        storage: where trials are shared with other processes, see ``open_storage``; None: a journal in the task's folder.
+        storage: storage to share with other processes, see ``open_storage``; None: a journal in the task's folder.
 
     Raises:
         ValueError: all trainings failed, the storage cannot be used, there are no workers, or another process works on this
@@ -233,7 +234,7 @@ def _tell(study: optuna.Study, trial: optuna.Trial, evaluation: Evaluation | str
 
 
 def feasible(trial: FrozenTrial) -> bool:
-    """Return whether a trial's setting keeps the overload allowance."""
+    """Return whether a trial's setting is feasible."""
     return trial.constraints[_OVERLOAD] <= 0.0
 
 
@@ -252,15 +253,15 @@ def _digest(values: list[Any]) -> str:
 
 @exits(ValueError, StorageInternalError, SQLAlchemyError, interrupted="interrupted: run the same command again to go on")
 def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m train.tune", **described(__doc__))
     parser.add_argument("--algorithm", required=True, choices=ALGORITHMS, help="algorithm to tune")
     parser.add_argument("--env", default="RoughTurning-v0", choices=list(IDS), help="environment id (default: %(default)s)")
     parser.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
-    parser.add_argument("--trials", type=int, default=20, help="number of trials in all (default: 20)")
+    parser.add_argument("--trials", type=int, default=20, help="total number of trials (default: 20)")
     parser.add_argument("--seeds", type=int, default=1, help="trainings per trial (default: 1)")
     parser.add_argument("--steps", type=int, help="environment steps per training (default: from the hyperparameter file)")
-    parser.add_argument("--workers", type=int, default=1, help="trials at the same time (default: 1)")
+    parser.add_argument("--workers", type=int, default=1, help="number of trials in parallel (default: 1)")
     parser.add_argument("--scheduler", metavar="URL", help="train on the workers of a Dask cluster, such as tcp://host:8786")
     shared = "journal file or database URL shared by several processes (default: a journal in RUNS/tuning, not shared)"
     parser.add_argument("--storage", metavar="FILE_OR_URL", help=shared)

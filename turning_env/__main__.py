@@ -1,4 +1,4 @@
-"""Show scenarios, calibrate them from measurements, predict cuts with their laws, score policies, and compile beforehand.
+"""Show scenarios, calibrate them from measurements, predict cuts, score policies, and compile in advance.
 
 python -m turning_env presets
 python -m turning_env show forging
@@ -50,7 +50,7 @@ def main(arguments: list[str] | None = None) -> int:
     columns = [f"  {name:<14}{column.meaning} [{column.unit}]" for name, column in COLUMNS.items()]
     columns.append(f"  {EDGE:<14}name of the cutting edge, so that its readings do not count as independent (optional)")
     command(_presets, "print the names of the presets", scenario=False)
-    command(_show, "print every value of a preset or a TOML file")
+    command(_show, "print all values of a preset or a TOML file")
     command(_schema, "print the JSON schema of a scenario file", scenario=False)
 
     calibrate = command(_calibrate, "fit the laws to cuts measured on a machine", scenario=False)
@@ -94,12 +94,12 @@ def main(arguments: list[str] | None = None) -> int:
         "--out", type=picture_path, required=True, metavar="FILE", help="picture to write: PNG, SVG or PDF, by its suffix"
     )
 
-    scored = command(_score, "rank a policy among those that ship", scenario=False)
+    scored = command(_score, "play a policy and rank it among those that ship", scenario=False)
     scored.add_argument("policy", metavar="POLICY", help="ONNX file, or module:object")
     scored.add_argument("--env", choices=IDS, default="RoughTurning-v0", metavar="ID", help="environment (default: %(default)s)")
     scored.add_argument("--seeds", type=int, metavar="N", help="number of held-out seeds (default: those of the leaderboard)")
     scored.add_argument("--json", action="store_true", help="print all results as JSON")
-    command(_warm_up, "compile everything now, as for a container image", scenario=False)
+    command(_warm_up, "compile everything now, for example for a container image", scenario=False)
 
     options = parser.parse_args(arguments)
     return exits(ScenarioError, WorkshopError)(options.run)(options)
@@ -168,7 +168,7 @@ def _schema(_: argparse.Namespace) -> int:
 def _calibrate(options: argparse.Namespace) -> int:
     """Fit the laws of wear, thrust force and power to measured cuts, and write a scenario with them.
 
-    The CSV has one cut per row and the columns below. Cells may be empty. A row counts for every law whose columns it has.
+    The CSV has one cut per row and the columns below. Cells may be empty. A row is used for every law whose columns it fills.
 
     COLUMNS
 
@@ -201,8 +201,8 @@ def _calibrate(options: argparse.Namespace) -> int:
 def _whatif(options: argparse.Namespace) -> int:
     """Print a table of cuts, one row for every combination of the listed values.
 
-    All values are nominal: no bar is harder and no edge wears faster than the scenario states. The table assumes that speed, feed
-    and depth have been constant since the edge was fresh.
+    All values are nominal: they ignore how bars and edges differ. The table assumes that speed, feed and depth have been constant
+    since the edge was fresh.
 
     python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2:0.4:0.1 --wear 0.2
     """
@@ -267,12 +267,12 @@ def _score(options: argparse.Namespace) -> int:
 
 
 def _warm_up(_: argparse.Namespace) -> int:
-    """Compile everything that environments, batches and windows call, and say where the machine code is kept.
+    """Compile everything that environments, batches and windows call, and print where the machine code is kept.
 
-    Run it when you build a container image, or before many processes start on a folder that they cannot write.
+    Run it when you build a container image, or before you start many processes that cannot write to the folder.
 
-    The folder is the package's own, or the user's cache folder if that cannot be written.
-    NUMBA_CACHE_DIR names another, which must also be set when the environments run.
+    The folder is the package's own, or the user's cache folder if the package's is read-only.
+    Set NUMBA_CACHE_DIR to use another folder; set it to the same folder when the environments run.
 
     python -m turning_env warm-up
     """
@@ -293,8 +293,8 @@ def _warm_up(_: argparse.Namespace) -> int:
         size = sum(path.stat().st_size for path in files if path.parent == folder)
         print(f"{size / 1e6:.1f} MB of machine code in {folder}")
     if not files:
-        raise WorkshopError("no machine code could be kept on disk: name a folder that can be written with NUMBA_CACHE_DIR")
-    print("NUMBA_CACHE_DIR names another folder")
+        raise WorkshopError("no machine code could be kept on disk: set NUMBA_CACHE_DIR to a folder that you can write")
+    print("set NUMBA_CACHE_DIR to use another folder")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Actions of controllers that think in set points: they move the commands towards them."""
+"""Actions for controllers that compute set points: they move the commands towards the set points."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +31,8 @@ def towards(
 ) -> Actions:
     """Return actions, shape (environments, 1 to 3), that command a cutting speed [m/min] and a feed [mm/rev].
 
-    Incremental actions come as near as one step allows; with an override, the cutting speed stays as it is. Where edges are
-    changed on command, they are changed in the environments of ``change_edge``, in none if it is not given.
+    Incremental actions come as near as one step allows. An override does not change the cutting speed. If edges are changed on
+    command, they are changed where ``change_edge`` is true; without ``change_edge``, none is changed.
     """
     control, machine = scenario.control, scenario.machine
     if control.action == "incremental":

@@ -1,4 +1,4 @@
-"""Shared parts of all command lines: help with examples, exit statuses, errors of one line, JSON.
+"""Shared parts of all command lines: help with examples, exit statuses, one-line errors, JSON.
 
 Exit statuses: 0 done; 1 the requested check fails; 2 a user's mistake, such as a missing file or an unknown name;
 130 interrupted. Results go to stdout; errors, notices and progress to stderr.
@@ -24,7 +24,7 @@ _P = ParamSpec("_P")
 
 
 def described(text: str | None) -> dict[str, Any]:
-    """Return argparse's keyword arguments for a help that is written as a docstring: its prose, then its examples.
+    """Return argparse's keyword arguments for a docstring: its prose as description, its examples as epilog.
 
     Args:
         text: Paragraphs; one that begins with ``python -m`` holds examples, one command per line.
@@ -78,13 +78,14 @@ def picture_path(text: str) -> Path:
 def exits(
     *mistakes: type[Exception], interrupted: str = "interrupted", checks: bool = False
 ) -> Callable[[Callable[_P, int]], Callable[_P, int]]:
-    """Decorate a command, a function that returns its exit status: turn exceptions into one line and a status.
+    """Decorate a function that returns an exit status: turn its exceptions into one line and a status.
 
     Args:
         mistakes: Exceptions that a user's mistake raises, printed as ``error: ...``. An OSError always is one, and so is the
             ModuleNotFoundError of an optional package.
         interrupted: Printed if the user interrupts the command: what is kept, and how to continue.
-        checks: Whether the status is the result of a check. Then it is 1 if the reader of the output leaves early, else 0.
+        checks: Whether the status is the result of a check. If the reader of the output leaves early, the status is then 1;
+            otherwise it is 0.
     """
     caught: tuple[type[Exception], ...] = (*mistakes, OSError)
 
@@ -121,5 +122,5 @@ def _message(error: Exception) -> str:
 
 
 def print_json(value: object) -> None:
-    """Print mappings, lists, data classes, numbers and texts as JSON; a number that is not finite becomes null."""
+    """Print mappings, lists, data classes, numbers and texts as JSON; write numbers that are not finite as null."""
     print(to_json(value, indent=1, inf_nan_mode="null", fallback=str).decode())

@@ -23,22 +23,22 @@ _ONLY = np.ones(1, np.bool_)
 
 
 def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
-    """Refuse options of ``reset`` that are not allowed; names with a prefix of Minari's are its own.
+    """Refuse options of ``reset`` that are not allowed; options with Minari's prefix pass.
 
     Raises:
-        ValueError: there is such an option.
+        ValueError: an option is not allowed.
     """
     for name in options or ():
         if name not in allowed and not str(name).startswith("minari_"):
-            instead = names_instead(str(name), allowed, "") if allowed else "there are none; gymnasium.make takes the scenario"
+            instead = names_instead(str(name), allowed, "") if allowed else "there are none; pass the scenario to gymnasium.make"
             raise ValueError(f"reset has no option {name!r}; {instead}")
 
 
 def portable(spec: EnvSpec | None, scenario: Scenario) -> EnvSpec | None:
-    """Return a spec that JSON can hold and that makes the same environment anywhere, with the length of an episode.
+    """Return a spec that serialises to JSON, makes the same environment anywhere and states an episode's largest length.
 
-    A scenario's path or object gives way to its values. Where the job's end is what ends an episode, there is no length: it
-    would have ``gymnasium.make(spec)`` call that end a truncation.
+    Values replace a scenario's path or object. If an episode ends with its job, the spec states no length: with one,
+    ``gymnasium.make(spec)`` would report that end as a truncation.
     """
     if spec is None:
         return None
@@ -52,21 +52,21 @@ def portable(spec: EnvSpec | None, scenario: Scenario) -> EnvSpec | None:
 
 
 class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """Rough turning of a run of steel bars with one carbide edge, at a policy's cutting speed and feed.
+    """Rough turning of steel bars with one carbide edge; the policy sets cutting speed and feed.
 
     ## Description
 
-    A lathe roughs an endless row of bars, each after a short approach of air, until its edge is worn out or breaks. Once
-    per control interval the agent sets cutting speed and feed. Flank wear, thrust force and spindle power follow the
-    machinability models of Alaskari and Oraby (2018) for 709M40 steel and GC435 inserts; spindle and feed servo lag behind
-    their commands; hardness and depth of cut vary from bar to bar and along every bar, inserts differ in wear and strength,
-    and power and force are measured with noise. The agent is paid for metal removed, and pays for machine time, for the share of
-    the edge's life that it uses, for overload and for breakage.
+    A lathe roughs an endless row of bars until its edge is worn out or breaks. Each bar begins with a short approach through
+    air. The agent sets cutting speed (vc) and feed (f) once per control interval. Flank wear (VB), thrust force and spindle
+    power follow the machinability models of Alaskari and Oraby (2018) for 709M40 steel and GC435 inserts. Spindle and feed
+    servo lag behind their commands. Hardness and depth of cut (ap) vary from bar to bar and along every bar. Inserts differ in
+    wear and strength. Measured power and force are noisy. The agent earns for metal removed. It pays for machine time, used
+    edge life, overload and breakage.
 
     ## Action space
 
-    `Box(-1, 1, (2,), float32)`; in other scenarios 1 to 10 numbers or more (see `turning_env.tasks`). Actions outside are
-    clipped; NaN and infinity are refused.
+    `Box(-1, 1, (2,), float32)`; other scenarios take 1 to 10 numbers or more (see `turning_env.tasks`). Values outside -1..1
+    are clipped; NaN and infinity raise an error.
 
     | Index | Action        | -1                                    | 1                                    |
     |-------|---------------|---------------------------------------|--------------------------------------|
@@ -78,7 +78,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Observation space
 
-    `Box(float32)` of 11 entries of order one (12 in some scenarios), all that a CNC control knows. True wear, hardness and depth
+    `Box(float32)` with 11 entries of order one (12 in some scenarios): what a CNC control knows. True wear, hardness and depth
     are hidden.
 
     | Index | Entry                   | Meaning                                                    | Range    |
@@ -87,32 +87,32 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | 1     | thrust_force            | measured thrust force: `5 * (force / limit - 1)`           | -5 to 15 |
     | 2     | cutting_speed           | actual cutting speed, log scale, -1 lowest, 1 highest      | -1 to 1  |
     | 3     | feed                    | actual feed, log scale, -1 lowest, 1 highest               | -1 to 1  |
-    | 4     | commanded_cutting_speed | commanded cutting speed, likewise                          | -1 to 1  |
-    | 5     | commanded_feed          | commanded feed, likewise                                   | -1 to 1  |
+    | 4     | commanded_cutting_speed | commanded cutting speed, scaled as entry 2                 | -1 to 1  |
+    | 5     | commanded_feed          | commanded feed, scaled as entry 3                          | -1 to 1  |
     | 6     | cutting_time            | log(1 + cutting time of the edge in min)                   | 0 to 12  |
     | 7     | nominal_wear            | wear predicted by the nominal model over the criterion     | 0 to 4   |
     | 8     | power_ratio             | measured power: `5 * (power / predicted power - 1)`        | -5 to 15 |
     | 9     | force_ratio             | measured thrust force: `5 * (force / predicted force - 1)` | -5 to 15 |
     | 10    | cutting                 | 1 in metal, 0 in air                                       | 0 to 1   |
 
-    Some scenarios have one entry more: `roughness_reference` to hold a roughness, `probed_depth` if blanks are probed.
+    Some scenarios add an entry: `roughness_reference` if a roughness is to be held, `probed_depth` if blanks are probed.
 
     ## Reward
 
-    In seconds of machine time, the sum of these terms, each in `info`:
+    The sum of these terms [s of machine time]; `info` holds each:
 
     | Term            | Value                                                                                               |
     |-----------------|-----------------------------------------------------------------------------------------------------|
-    | reward_metal    | + time in which the reference removal rate (115 cm3/min) removes the step's metal               |
+    | reward_metal    | + metal removed in the step / reference removal rate (115 cm3/min)                              |
     | reward_time     | - the step's time                                                                               |
     | reward_edge     | - price of an edge (3 min) and its change (2 min), times the share of its life used in the step |
     | reward_overload | - overload price (10) times the relative excess over 1500 N and over 7 kW, integrated over time     |
-    | reward_breakage | - on breakage: the price of what was left of the edge, and 10 min downtime                          |
+    | reward_breakage | - on breakage: price of the edge's remaining life, and 10 min downtime                              |
 
     ## Starting state
 
-    A fresh edge before the first bar's approach, spindle and feed at 125 m/min and 0.25 mm/rev. Insert, edge strength and all
-    bars follow from (seed, episode): `reset(seed=s)` starts episode 0 of seed s, `reset()` the next one.
+    A fresh edge stands before the first bar's approach, at vc = 125 m/min and f = 0.25 mm/rev. Seed and episode determine
+    insert, edge strength and all bars: `reset(seed=s)` starts episode 0 of seed s, `reset()` the next episode.
 
     ## Episode end
 
@@ -134,37 +134,38 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Arguments
 
-    `scenario`: the name of a preset (`turning_env.presets()`), the path of a TOML file, a dict of what differs from the
-    defaults or from its `base`, or a `Scenario`. It sets every number named above.
+    `scenario`: the name of a preset (`turning_env.presets()`), the path of a TOML file, a dict of the values that differ from
+    the defaults or from its `base`, or a `Scenario`. It sets every number named above.
 
         gymnasium.make("turning_env:RoughTurning-v0", scenario="forging")
         gymnasium.make("turning_env:RoughTurning-v0", scenario={"base": "forging", "limits": {"power": 9.0}})
 
     `render_mode`: `None`, `"rgb_array"` (`render()` returns a frame, uint8 of shape (640, 960, 3)) or `"human"` (a window shows
-    every step by itself); by `gymnasium.make` also `"rgb_array_list"`. Drawing needs `pip install pillow pygame-ce`. A
-    frame shows the bar with its true hardness and allowance, which the policy does not see, the tool, loads along the
-    bar, power and force against their limits, the edge's wear, and the operating map: speed and feed, contours of the
-    removal rate, what limits leave at the present wear, and the way come. Nothing is recorded before an episode's first frame:
-    if that is not drawn right after `reset`, loads and the way come begin with it, and return, metal and edges used are left
-    out. Rendering changes nothing else.
+    every step without a call of `render`); with `gymnasium.make` also `"rgb_array_list"`. Drawing needs
+    `pip install pillow pygame-ce`. A frame shows the bar, the tool, loads along the bar, power and force against their limits,
+    and the edge's wear. It also shows the bar's true hardness and allowance, which are hidden from the policy. The operating
+    map shows speed and feed, contours of the removal rate, the region within limits at the present wear, and the last steps.
+    Recording begins with an episode's first frame. If you do not draw one right after `reset`, loads and map begin later, and
+    return, metal and edges used are left out. Rendering does not change the episode.
 
         gymnasium.wrappers.RecordVideo(gymnasium.make("RoughTurning-v0", render_mode="rgb_array"), "videos")
 
     ## Spec
 
-    `env.spec` can be stored (`to_json`) and makes the same environment anywhere: it holds a preset's name or the values that
+    Store `env.spec` with `to_json`; it makes the same environment anywhere. It holds a preset's name or the values that
     differ from the defaults, never a path. `spec.max_episode_steps` is the largest number of steps of an episode, 3600. The
-    environment truncates by itself; its ids are registered without `max_episode_steps`, as Gymnasium's `TimeLimit` would cut
-    episodes of scenarios with a longer time limit. `gymnasium.make(env.spec)` adds a `TimeLimit` of that number; only an episode
-    that terminates with its very last step then is also truncated. Add `max_episode_steps=-1` to make it with another scenario.
+    environment truncates episodes itself. Its ids are registered without `max_episode_steps`, because Gymnasium's `TimeLimit`
+    would cut episodes of scenarios with a longer time limit. `gymnasium.make(env.spec)` adds a `TimeLimit` of that number: an
+    episode that terminates with its last possible step is then truncated, too. Pass `max_episode_steps=-1` if you make the
+    spec with another scenario.
 
     ## Registered ids
 
     * `RoughTurning-v0`: preset `rough_turning`, as described above.
     * `RoughTurning-Paper-v0`, `-Override-v0`, `-Surface-v0`, `-Shift-v0`, `-Batch-v0`: see `turning_env.tasks`.
 
-    Presets on which to see how well a policy generalises, with harder bars, skins, worn edges, biased sensors, another diameter
-    and another steel: `turning_env.SPLITS`.
+    `turning_env.SPLITS` names presets that show how well a policy generalises: harder bars, skins, worn edges, biased sensors,
+    another diameter and another steel.
 
     ## Version history
 
@@ -172,11 +173,11 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
-        ValueError: an action is not finite numbers, a seed is not a whole number of 0 to 2**64 - 1, `reset` is given an
-            option, or there is no such render mode.
+        ValueError: an action is not finite, a seed is not a whole number from 0 to 2**64 - 1, `reset` is given an option, or
+            the render mode is unknown.
         gymnasium.error.ResetNeeded: `step` or `render` before the first `reset`, or `step` after the episode has ended.
-        gymnasium.error.DependencyNotInstalled: what rendering needs is not installed.
-        gymnasium.error.Error: there is no display for a window; ClosedEnvironmentError, it was closed by hand.
+        gymnasium.error.DependencyNotInstalled: a package that rendering needs is not installed.
+        gymnasium.error.Error: there is no display for a window; ClosedEnvironmentError: the window was closed by hand.
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 - declared so by Gymnasium
@@ -197,7 +198,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """What `gymnasium.make` made this environment from."""
+        """The specification from which `gymnasium.make` made this environment."""
         return self._spec
 
     @spec.setter
@@ -205,7 +206,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._spec = portable(spec, self.scenario)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
-        """Start episode 0 of ``seed``, or without one the next episode of the present seed. There are no options."""
+        """Start episode 0 of ``seed``; without a seed, start the next episode of the present one. There are no options."""
         check_options(options)
         if seed is not None:
             seed = checked_seed(seed, 0)
@@ -242,9 +243,9 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return batch.observations[0], report[REWARD], terminated, truncated, info_of(report)
 
     def render(self) -> Any:
-        """Return a frame with "rgb_array": uint8, shape (640, 960, 3). With "human" the window shows it: None."""
+        """Return a frame, uint8 of shape (640, 960, 3), in mode "rgb_array"; show it in the window in mode "human"."""
         if self._viewer is None:
-            logger.warn('nothing is rendered without a render mode: make the environment with render_mode="rgb_array"')
+            logger.warn('without a render mode, render() does nothing: make the environment with render_mode="rgb_array"')
             return None
         return self._viewer.render()
 

@@ -17,11 +17,11 @@ EXTRAS = {
     ),
     "distributed": ("dask", "distributed", "psutil"),
 }
-"""Packages that each extra of pyproject.toml installs, by the names under which they are imported."""
+"""Import names of the packages that each extra of pyproject.toml installs."""
 _CLONE_ONLY = ("benchmark", "distributed")
 
 _INSTALLED_AS = {"PIL": "pillow", "pygame": "pygame-ce"}
-"""Names in the package index, where they are not those under which packages are imported."""
+"""Names in the package index that differ from the import names."""
 
 
 def _how(extra: str) -> str:
@@ -44,7 +44,7 @@ def missing(error: BaseException) -> str | None:
 
 @contextmanager
 def needed() -> Iterator[None]:
-    """Wrap imports of optional packages: the error for a missing one says how to install it."""
+    """Wrap imports of optional packages, so that the error for a missing one says how to install it."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -56,8 +56,8 @@ def needed() -> Iterator[None]:
 def tell_plainly() -> None:
     """Make a missing optional package end this program with one line and status 2, like other user's mistakes.
 
-    Packages whose modules are run with ``python -m`` call this before they import what may be missing. It does nothing in a
-    program that only imports them.
+    A package whose modules run with ``python -m`` calls this before it imports optional packages. It does nothing in a program
+    that only imports the package.
     """
     if sys.argv[:1] == ["-m"]:  # set while the interpreter looks for the module to run
         sys.excepthook = _print_missing

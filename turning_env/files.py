@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and folders that several processes write to."""
+"""Write files whole or not at all, and lock files and folders that several processes share."""
 
 import errno
 import hashlib
@@ -16,14 +16,15 @@ _PARTIAL = ".partial-"
 
 
 def replace_file(target: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` fill a hidden file beside ``target``, then rename it to ``target``; the folder is made if need be.
+    """Let ``write`` fill a hidden file beside ``target``, then rename it to ``target``; make the folder if it is missing.
 
-    If anything fails, the target stays as it was and the hidden file is removed. The hidden file keeps the target's suffix, by
-    which some writers choose the format. Its contents are on the disk before it is renamed, so that a loss of power leaves the
-    old file or the new one.
+    If anything fails, the target is unchanged and the hidden file is removed. The hidden file keeps the target's suffix, because
+    some writers choose the format by it. Its contents are on the disk before it is renamed: a power failure leaves the old file
+    or the new one.
 
     Raises:
-        OSError: The folder or the file cannot be written; it names the target. Also whatever ``write`` raises.
+        OSError: The folder or the file cannot be written; the error names the target.
+        Exception: Whatever ``write`` raises.
     """
     # Named by process, so that two processes that write the same target do not fill the same file.
     partial = target.with_name(f"{_PARTIAL}{os.getpid()}-{target.name}")
@@ -43,7 +44,7 @@ def replace_file(target: Path, write: Callable[[Path], object]) -> None:
 
 
 def digest_of_files(folder: Path, paths: Iterable[Path]) -> str:
-    """Return the SHA-256 of the contents, and of the names relative to ``folder``, of all paths that are files, in any order."""
+    """Return the SHA-256 of the files' contents and of their names relative to ``folder``; order and folders do not count."""
     digest = hashlib.sha256()
     for path in sorted(paths):
         if path.is_file():
@@ -57,10 +58,10 @@ class FolderTaken(ValueError):
 
 @contextmanager
 def exclusive_lock(folder: Path, wait: bool = False) -> Iterator[None]:
-    """Lock a folder, which is made if need be, against all other processes, and remove what killed ones left there.
+    """Lock a folder against all other processes, and remove hidden files that killed processes left there.
 
-    The system's lock on the folder itself ends with the process: a kill leaves nothing to clear away. File systems without locks
-    are used without. ``wait`` for other processes instead of raising.
+    A missing folder is made. The operating system releases the lock when the process ends, also if it is killed. On file systems
+    without locks, nothing is locked. ``wait``: wait for other processes instead of raising an error.
 
     Raises:
         FolderTaken: Another process holds a lock.
@@ -75,7 +76,7 @@ def exclusive_lock(folder: Path, wait: bool = False) -> Iterator[None]:
 
 @contextmanager
 def shared_lock(folder: Path) -> Iterator[None]:
-    """Lock a folder against ``exclusive_lock`` only; the first process to come removes what killed ones left there.
+    """Lock a folder against ``exclusive_lock`` only; the first process removes hidden files that killed processes left there.
 
     Raises:
         OSError: The folder cannot be made or opened.
@@ -89,9 +90,9 @@ def shared_lock(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def file_lock(path: Path, wait: bool = False) -> Iterator[None]:
-    """Lock a file, which is made if need be, against other processes; the rest of its folder stays free.
+    """Lock a file against other processes, without locking its folder; make the file if it is missing.
 
-    ``wait`` for other processes instead of raising.
+    ``wait``: wait for other processes instead of raising an error.
 
     Raises:
         FolderTaken: Another process holds the lock.
@@ -114,7 +115,7 @@ def _opened(path: Path, is_file: bool = False) -> Iterator[int]:
 
 
 def _lock(handle: int, shared: bool, wait: bool) -> bool:
-    """Return whether the lock is held, or this file system has none."""
+    """Return whether the lock is held; true if the file system has no locks."""
     if fcntl is None:  # pragma: no cover
         return True
     try:

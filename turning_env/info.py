@@ -15,8 +15,8 @@ _FLAGS = tuple(quantity.name for quantity in INFO if quantity.unit == "bool")
 
 def info_of(values: Iterable[Any]) -> Info:
     """Return the info of a report's values, numbers or arrays in the order of ``quantities.REPORT``; flags become bool."""
-    info: Info = _EMPTY.copy()  # values are replaced more quickly than keys are put in
-    info.update(zip(INFO_KEYS, values))  # noqa: B905 - the report goes on with what is no info
+    info: Info = _EMPTY.copy()  # replacing values is faster than inserting keys
+    info.update(zip(INFO_KEYS, values))  # noqa: B905 - further values of the report are not part of info
     for name in _FLAGS:
         info[name] = info[name] != 0.0
     return info

@@ -1,9 +1,9 @@
-"""What a policy sees: the numbers that a CNC control knows, scaled to order one (``quantities.OBSERVATION``).
+"""Observations: the numbers that a CNC control knows, scaled to order one (``quantities.OBSERVATION``).
 
-Where the servo current is sensed, it takes the place of the thrust force: compared with the current at the force's limit and no
-feed, and with the one predicted. With parts, an observation tells of the last pass: its mean power and force, its speed and feed.
-Predictions take the actual speed and feed, nominal depth and hardness, and the nominal model's wear. In air, measurements are
-near 0 (a servo current: near that of no load), and the four entries that compare them near -5.
+If the servo current is sensed, it replaces the thrust force. It is compared with the current at the force limit without feed,
+and with the predicted current. With parts, an observation describes the last pass: mean power and force, speed and feed.
+Predictions use the actual speed and feed, nominal depth and hardness, and the nominal model's wear. In air, measured power and
+force are near 0 (servo current: near no load), and the four entries that compare them are near -5.
 """
 
 from functools import cache
@@ -23,7 +23,7 @@ from turning_env.scenario import Scenario
 
 
 def bounds(scenario: Scenario) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the lowest and highest values of the entries of ``layout(scenario)``, each of shape (entries,)."""
+    """Return the lowest and highest values of the entries in ``layout(scenario)``, each of shape (entries,)."""
     low, high = zip(*((entry.low, entry.high) for entry in OBSERVATION if entry.present(scenario)), strict=True)
     return np.array(low, np.float32), np.array(high, np.float32)
 
@@ -42,9 +42,9 @@ def deviation(ratio):
 
 @compiled
 def observe(state, work, first, last, parameters):
-    """Put all entries of some environments of a block into ``work.observation``, shape (entries, environments), at ``OBS``.
+    """Write the observations of some environments of a block to ``work.observation``, shape (entries, environments).
 
-    ``work`` must hold the logarithms of speed and feed.
+    Rows are those of ``OBS``. ``work`` must hold the logarithms of speed and feed.
     """
     p = parameters
     entries = work.observation
@@ -101,9 +101,9 @@ class Reading(NamedTuple):
     load: NDArray[np.float64]
     """Measured power over the spindle's rated power [-]."""
     thrust_force: NDArray[np.float64]
-    """Measured thrust force [N]; where the servo current is sensed, the force that it would be steady at."""
+    """Measured thrust force [N]; if the servo current is sensed, the force whose steady current it is."""
     servo_current: NDArray[np.float64]
-    """Measured servo current [A]; NaN where it is not sensed."""
+    """Measured servo current [A]; NaN if it is not sensed."""
     cutting_speed: NDArray[np.float64]
     """Actual cutting speed [m/min]."""
     feed: NDArray[np.float64]
@@ -119,13 +119,13 @@ class Reading(NamedTuple):
     power_ratio: NDArray[np.float64]
     """Measured over predicted power [-]."""
     force_ratio: NDArray[np.float64]
-    """Measured over predicted thrust force [-]; of servo currents where these are sensed."""
+    """Measured over predicted thrust force [-]; if the servo current is sensed, measured over predicted current."""
     cutting: NDArray[np.bool_]
     """Whether the tool is in metal."""
     roughness_reference: NDArray[np.float64]
-    """Reference of Ra [um]; NaN where there is none."""
+    """Reference of Ra [um]; NaN if there is none."""
     probed_depth: NDArray[np.float64]
-    """Mean allowance of the next blank [mm]; NaN where it is not told."""
+    """Mean allowance of the next blank [mm]; NaN if blanks are not probed."""
 
 
 def _in_range(position: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
@@ -137,7 +137,7 @@ def _ratio(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
-    """Turn observations of shape (environments, entries) back into physical units, for controllers that reason in them."""
+    """Convert observations of shape (environments, entries) back to physical units."""
     columns = dict(zip(layout(scenario), np.asarray(observation, np.float64).T, strict=True))
     machine, limits, surface = scenario.machine, scenario.limits, scenario.surface
 

@@ -1,6 +1,6 @@
-"""Specifications of the ids beside ``RoughTurning-v0``, each on a preset of its own. The transition is the same.
+"""Specifications of the ids beside ``RoughTurning-v0``. Each has its own preset; all share one transition.
 
-``RoughTurning-v0`` also has shift splits, presets that show how policies made for it do elsewhere: ``turning_env.SPLITS``.
+``turning_env.SPLITS`` names presets that show how policies trained or tuned for ``RoughTurning-v0`` generalise.
 """
 
 from turning_env.env import RoughTurningEnv
@@ -10,10 +10,10 @@ from turning_env.scenario import Source
 class PaperEnv(RoughTurningEnv):
     """``RoughTurning-Paper-v0``: the published simulation of the grid search (Alaskari and Oraby 2018).
 
-    Differs from ``RoughTurningEnv`` by the preset `paper`: control intervals of one minute, set points (the action maps linearly
-    onto 50-200 m/min and 0.06-0.60 mm/rev), no disturbance, no noise, no lag, no air, an edge that does not break, and wear by
-    the paper's clock-time rule. That rule can be gamed by idling through the first step: an agent's return here says nothing
-    of machining.
+    Differs from ``RoughTurningEnv`` by the preset `paper`: control intervals of one minute; set points (the action maps linearly
+    onto vc = 50-200 m/min and f = 0.06-0.60 mm/rev); no disturbance, noise, lag or air; an edge that does not break; and wear
+    by the paper's clock-time rule. A policy can game that rule by idling through the first step, so an agent's return here
+    says nothing about machining.
 
     ## Version history
 
@@ -31,21 +31,22 @@ class OverrideEnv(RoughTurningEnv):
 
     One pass over a stepped, slightly eccentric bar of steel E295 on a 9 kW lathe, spindle at 710 rev/min, programmed feed
     0.4 mm/rev. The depth of cut steps through 1, 2, 3, 1 and 3 mm in sections of 20 mm, and ripples by 2 % every four
-    turns; depth and hardness vary besides. Every 12 ms, an interpolator's cycle, the policy sets the feed override. The
-    target load is 60 % of 9 kW; what exceeds it is charged as overload, and so is time. The feed servo lags by 0.13 s.
+    turns. Depth and hardness also vary at random. The policy sets the feed override every 12 ms, an interpolator's cycle. The
+    target load is 60 % of 9 kW. Load above it is charged as overload; time is charged, too. The feed servo lags by 0.13 s.
 
     ## Action space
 
-    `Box(-1, 1, (1,), float32)`: feed override, -1 is 0 %, 1 is 200 % of the programmed feed. At 0 %, 1 % is left.
+    `Box(-1, 1, (1,), float32)`: feed override, from 0 % (-1) to 200 % (1) of the programmed feed. Below 1 % it stays at 1 %.
 
     ## Observation space
 
-    That of `RoughTurningEnv`; the power limit is the target load, 5.4 kW. The spindle load is power over 9 kW.
+    As for `RoughTurningEnv`; the power limit is the target load, 5.4 kW. The spindle load is power / 9 kW.
 
     ## Reward and end
 
-    As for `RoughTurningEnv`; the metal is the same for whoever finishes, so that time, overload and the small use of the edge
-    decide. Terminated when the bar is done (`info["finished"]`), worn or broken; truncated after 5 min.
+    As for `RoughTurningEnv`. Every policy that finishes removes the same metal, so time, overload and a little edge life make
+    the difference. Terminated when the bar is done (`info["finished"]`), or the edge is worn out or broken; truncated after
+    5 min.
 
     ## Version history
 
@@ -61,23 +62,23 @@ class SurfaceEnv(RoughTurningEnv):
 
     ## Description
 
-    Ck 45 steel, 610 rev/min, depth of cut 1 mm, programmed feed 0.2 mm/rev. Roughness follows the cutting force, Ra = 0.2401
-    exp(0.0034 F) um; the force changes at random by up to 10 %, as hardness does along the bar. Every 10 ms the controller
-    sets the feed override. The reference of Ra, 1.0 to 3.1 um, changes every 3.75 s. Feed servo 0.13 s; the force follows a
+    Ck 45 steel, 610 rev/min, depth of cut 1 mm, programmed feed 0.2 mm/rev. Roughness follows the cutting force: Ra = 0.2401
+    exp(0.0034 F) um. The force varies at random by up to 10 % with the hardness along the bar. The policy sets the feed override
+    every 10 ms. The reference of Ra, 1.0 to 3.1 um, changes every 3.75 s. The feed servo lags by 0.13 s; the force follows a
     changed chip within a turn. `thrust_force` stands for the paper's resultant cutting force.
 
     ## Action space
 
-    `Box(-1, 1, (1,), float32)`: feed override, -1 is 0 %, 1 is 150 % of the programmed feed. At 0 %, 1 % is left.
+    `Box(-1, 1, (1,), float32)`: feed override, from 0 % (-1) to 150 % (1) of the programmed feed. Below 1 % it stays at 1 %.
 
     ## Observation space
 
-    That of `RoughTurningEnv`, and one entry more: `roughness_reference`, -1 at the lowest, 1 at the highest, on a log scale.
+    As for `RoughTurningEnv`, plus `roughness_reference`: -1 at the lowest, 1 at the highest, on a log scale.
 
     ## Reward and end
 
-    `reward_roughness` is minus 10 times the relative deviation of Ra from its reference, integrated over time; metal is worth
-    next to nothing, and time passes alike for all. Truncated after 15 s.
+    `reward_roughness` is -10 times the relative deviation of Ra from its reference, integrated over time. Metal is worth next
+    to nothing, and all episodes take the same time. Truncated after 15 s.
 
     ## Version history
 
@@ -89,27 +90,27 @@ class SurfaceEnv(RoughTurningEnv):
 
 
 class ShiftEnv(RoughTurningEnv):
-    """``RoughTurning-Shift-v0``: the most profit from two hours over many edges, which the policy changes in time.
+    """``RoughTurning-Shift-v0``: earn the most profit in two hours, over many edges; the policy decides when to change one.
 
     ## Description
 
-    `RoughTurningEnv` without its end: an edge that is worn out or broken is changed, and the time that this takes passes
-    within the step: 2 min, and 3 min more if it was worn out unannounced or 10 min more if it broke. The policy can
-    change an edge before.
+    `RoughTurningEnv`, but the episode goes on when an edge ends. A worn-out or broken edge is changed within the step. A change
+    takes 2 min, plus 3 min if the edge wore out without a command, or plus 10 min if it broke. The policy can change an edge
+    before it ends.
 
     ## Action space
 
-    `Box(-1, 1, (3,), float32)`: cutting speed and feed as in `RoughTurningEnv`; above 0, the third changes the edge before
-    the step's cut.
+    `Box(-1, 1, (3,), float32)`: cutting speed and feed as in `RoughTurningEnv`. If the third number is above 0, the edge is
+    changed before the step's cut.
 
     ## Observation space
 
-    That of `RoughTurningEnv`; cutting time and nominal wear are the present edge's.
+    As for `RoughTurningEnv`; cutting time and nominal wear are the present edge's.
 
     ## Reward and end
 
-    As for `RoughTurningEnv`, but that the edge's price (3 min) holds no time to change it, since that passes, and that a
-    discarded edge is charged whole. The return is the shift's profit. Truncated after 120 min.
+    As for `RoughTurningEnv`, with two differences. An edge costs 3 min only, because the time to change it passes. A discarded
+    edge is charged whole. The return is the shift's profit. Truncated after 120 min.
 
     ## Version history
 
@@ -121,17 +122,17 @@ class ShiftEnv(RoughTurningEnv):
 
 
 class BatchEnv(RoughTurningEnv):
-    """``RoughTurning-Batch-v0``: the cheapest way to rough a batch of blanks in passes (adaptive part programming paper).
+    """``RoughTurning-Batch-v0``: rough a batch of blanks in passes at the least cost (adaptive part programming paper).
 
     ## Description
 
-    The adaptive part programming paper's laws, with handbook exponents: force as S^0.75 t, life as V^-5 S^-1.75 t^-0.75.
-    `thrust_force` stands for the main cutting force, of at most 3000 N. Twenty blanks, cast by default (scenarios
-    `batch_casting`, `batch_forging`, `batch_rolled`, `batch_welded`), whose size and hardness differ from the drawing's.
-    One step turns one part: the action names the number of passes, the allowance that the path is made for, and speed and
-    feed of each pass. Passes have equal depth, counted from the finished contour outwards: what the blank has beyond the
-    path's allowance falls to the first pass, and where it has less, passes cut less, or air. An edge that is worn out or
-    broken is changed, as in `ShiftEnv`. After each pass the tool returns, which takes 0.1 min.
+    The laws are the adaptive part programming paper's, with handbook exponents: force ~ S^0.75 t, life ~ V^-5 S^-1.75 t^-0.75.
+    `thrust_force` stands for the main cutting force, at most 3000 N. An episode has twenty blanks, cast by default (scenarios
+    `batch_casting`, `batch_forging`, `batch_rolled`, `batch_welded`); their size and hardness differ from the drawing's.
+    One step turns one part. The action sets the number of passes, the allowance of the path, and speed and feed of each pass.
+    Passes have equal depth, counted from the finished contour outwards. The first pass also takes what the blank has beyond the
+    path's allowance. If the blank has less, the first passes cut less, or air. An edge that is worn out or broken is changed,
+    as in `ShiftEnv`. After each pass the tool returns, which takes 0.1 min.
 
     ## Action space
 
@@ -144,18 +145,18 @@ class BatchEnv(RoughTurningEnv):
     | 2, 4, 6, 8 | cutting speed of pass 1 to 4 | 60 m/min    | 240 m/min                   |
     | 3, 5, 7, 9 | feed of pass 1 to 4          | 0.06 mm/rev | 0.60 mm/rev                 |
 
-    The four numbers of passes share the first action's range evenly.
+    The first action's range is divided evenly among 1, 2, 3 and 4 passes.
 
     ## Observation space
 
-    That of `RoughTurningEnv`, of the part before: power and force are means over its last pass, speed and feed are that
-    pass's. One entry more, `probed_depth`: `5 * (mean allowance of the next blank / drawing's allowance - 1)`. With
+    As for `RoughTurningEnv`, about the part before: power and force are means over its last pass, speed and feed are that
+    pass's. `probed_depth` is added: `5 * (mean allowance of the next blank / drawing's allowance - 1)`. With
     `sensors.probe = false` blanks are not probed and the entry is missing.
 
     ## Reward and end
 
-    As for `ShiftEnv`. All of a blank's allowance is removed whatever the action, so that time, edges, overload and breakage
-    decide. Terminated after twenty parts.
+    As for `ShiftEnv`. Every action removes a blank's whole allowance, so time, edges, overload and breakage make the
+    difference. Terminated after twenty parts.
 
     ## Version history
 

@@ -1,4 +1,4 @@
-"""Many environments at once."""
+"""The vector environment."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -38,29 +38,29 @@ Step = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArra
 class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Array]):
     """``num_envs`` independent environments, each exactly the ``RoughTurningEnv`` with its seed.
 
-    Specification: see ``RoughTurningEnv``. Environment i of ``reset(seed=s)`` is the single environment of ``reset(seed=s + i)``,
-    bit for bit, across autoresets, for any number of environments. ``infos`` holds an array per key of the single environment's
-    info, and a mask ``_key`` beside it.
+    See ``RoughTurningEnv`` for the specification. After ``reset(seed=s)``, environment i matches the single environment after
+    ``reset(seed=s + i)`` bit for bit, across autoresets, for any number of environments. ``infos`` holds an array and a mask
+    ``_key`` for each key of the single environment's info.
 
     Args:
         num_envs: number of environments, at least 1.
-        scenario: the name of a preset, the path of a TOML file, a dict of what differs, or a ``Scenario``.
+        scenario: the name of a preset, the path of a TOML file, a dict of the values that differ, or a ``Scenario``.
         autoreset_mode: NEXT_STEP (default: the step after an episode's end ignores its action and starts the next episode,
             with reward 0), SAME_STEP (the last step of an episode returns the next one's first observation; the last
             observation and info are ``infos["final_obs"]`` and ``infos["final_info"]``) or DISABLED (reset ended environments
             with ``options={"reset_mask": mask}``).
         render_mode: None, or "rgb_array": ``render()`` then returns a frame of each environment, as ``RoughTurningEnv`` draws it.
-        threads: how many threads share the work, if there are at least 8192 environments; results do not depend on it.
-        rendered_envs: how many environments, from the first on, are drawn, a few milliseconds each; None: all.
-        max_episode_steps: None or the scenario's own, which ``gymnasium.make_vec`` passes on from a spec.
+        threads: number of threads that share the work of 8192 environments or more; results do not depend on it.
+        rendered_envs: number of environments to draw, from the first on; each takes a few milliseconds. None: all.
+        max_episode_steps: None or the scenario's own number, which ``gymnasium.make_vec`` passes on from a spec.
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
-        ValueError: ``num_envs`` or ``threads`` is below 1; ``rendered_envs`` is not 1 to ``num_envs``; there is no such render
-            mode; an action is not finite or not of shape (num_envs, action size); wrong seeds or reset mask, or another
-            option of ``reset``; ``max_episode_steps`` is not the scenario's.
+        ValueError: ``num_envs`` or ``threads`` is below 1; ``rendered_envs`` is not 1 to ``num_envs``; the render mode is
+            unknown; an action is not finite or not of shape (num_envs, action size); seeds or reset mask are invalid; ``reset``
+            is given another option; ``max_episode_steps`` is not the scenario's.
         gymnasium.error.ResetNeeded: ``step`` or ``render`` before ``reset``, or ``step`` with DISABLED after an episode's end.
-        gymnasium.error.DependencyNotInstalled: what rendering needs is not installed.
+        gymnasium.error.DependencyNotInstalled: a package that rendering needs is not installed.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     @property
     def spec(self) -> EnvSpec | None:
-        """What `gymnasium.make_vec` made this environment from."""
+        """The specification from which `gymnasium.make_vec` made this environment."""
         return self._spec
 
     @spec.setter
@@ -116,7 +116,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
     ) -> tuple[NDArray[np.float32], Infos]:
         """Start an episode in every environment, or in those of ``options["reset_mask"]`` (bool, shape (num_envs,)).
 
-        Environment i starts episode 0 of ``seed + i`` or of ``seed[i]``; without a seed, the next episode of its present one.
+        Environment i starts episode 0 of seed ``seed + i`` or ``seed[i]``; without a seed, the next episode of its present seed.
         """
         check_options(options, "reset_mask")
         batch = self._batch
@@ -153,23 +153,23 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a frame of each rendered environment: uint8, shape (640, 960, 3)."""
         if self._viewer is None:
-            logger.warn('nothing is rendered without a render mode: make the environment with render_mode="rgb_array"')
+            logger.warn('without a render mode, render() does nothing: make the environment with render_mode="rgb_array"')
             return None
         return self._viewer.frames()
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Let the threads go."""
+        """Release the threads."""
         self._batch.close()
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
-        """Return (whether an environment is given a new seed, the new seeds)."""
+        """Return which environments get a new seed, and the new seeds; both of shape (num_envs,)."""
         count = self.num_envs
         given, seeds = np.ones(count, np.bool_), np.zeros(count, np.uint64)
         if seed is None:
             given[:] = False
         elif isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim > 0):
             if len(seed) != count:
-                raise ValueError(f"there are {len(seed)} seeds, but must be one for each of {count} environments")
+                raise ValueError(f"{len(seed)} seeds given, but there must be one for each of {count} environments")
             for i, number in enumerate(seed):
                 if number is None:
                     given[i] = False
@@ -201,11 +201,11 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         return mask
 
     def _infos(self, table: Array, mask: NDArray[np.bool_]) -> Infos:
-        """Return an array per key of the info, and beside it the mask of the environments that it holds for."""
+        """Return an array per key of the info, each with the mask of the environments that have a value."""
         return info_of(table) | dict.fromkeys(_MASKS, mask)
 
     def _final_infos(self, ended: NDArray[np.bool_]) -> Infos:
-        """Return the last observations and infos of the episodes that have ended; those of the others are None and 0."""
+        """Return the last observations and infos of ended episodes; entries of other environments are None and 0."""
         final_obs = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ended):
             final_obs[i] = self._batch.observations[i]

@@ -1,7 +1,7 @@
-"""The feed switch of a machine's panel: 16 grades of feed override in place of a continuous one.
+"""The feed switch of a machine's panel: 16 grades of feed override instead of a continuous one.
 
-A unit that is not part of the machine's own control sets the override through the panel's switch, whose position is a code of
-four bits (servo current paper, section 5.2).
+A unit outside the machine's control sets the override through the panel's switch, whose position is a four-bit code (servo
+current paper, section 5.2).
 """
 
 from typing import Any
@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from turning_env.scenario import Scenario
 
 FEED_GRADES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 1.5)
-"""Feed override at each position of the switch [-], as a common control has it: the last two are the same."""
+"""Feed override at each position of the switch [-], as on a common control; the last two are equal."""
 
 Float32s = NDArray[np.float32]
 
 
 class FeedSwitch(gymnasium.ActionWrapper[Float32s, np.int64, Float32s], RecordConstructorArgs):
-    """Sets the feed override by a switch of 16 grades: `Discrete(16)` in place of `Box(-1, 1, (1,))`.
+    """A wrapper that sets the feed override by a switch of 16 grades: `Discrete(16)` replaces `Box(-1, 1, (1,))`.
 
-    Grades 0 to 13 are 0, 10, ..., 130 % of the programmed feed, 14 and 15 both 150 %. Those above the scenario's
-    `control.override_max` are clipped to it.
+    Grades 0 to 13 are 0, 10, ..., 130 % of the programmed feed; 14 and 15 are both 150 %. Overrides are clipped to the
+    scenario's `control.override_max`.
 
         FeedSwitch(gymnasium.make("RoughTurning-Override-v0"))
 
@@ -34,7 +34,7 @@ class FeedSwitch(gymnasium.ActionWrapper[Float32s, np.int64, Float32s], RecordCo
         env: a RoughTurning environment whose only action is a feed override.
 
     Raises:
-        ValueError: it is not; and `step` for what is not a whole number of 0 to 15.
+        ValueError: `env` is another environment; or `step` gets an action that is not a whole number from 0 to 15.
     """
 
     def __init__(self, env: gymnasium.Env[Float32s, Float32s]) -> None:
@@ -57,7 +57,7 @@ class VectorFeedSwitch(VectorActionWrapper):  # not subscripted: it is generic o
         env: a RoughTurning vector environment whose only action is a feed override.
 
     Raises:
-        ValueError: it is not; and `step` for what are not num_envs whole numbers of 0 to 15.
+        ValueError: `env` is another environment; or `step` gets actions that are not num_envs whole numbers from 0 to 15.
     """
 
     def __init__(self, env: VectorEnv[Float32s, Float32s, NDArray[Any]]) -> None:

@@ -1,9 +1,9 @@
-"""Cutting force from the current of the feed's motor (servo current paper).
+"""Estimate the cutting force from the current of the feed motor (servo current paper).
 
-A Butterworth low-pass of 10th order filters the current against ripple and noise. The estimate is the force whose steady current
-is the root mean square of the last filtered samples. The feed velocity, which shifts the no-load current, goes through the
-same filter, so that both belong to the same moment. So does the feed, for a controller that needs the feed at the estimated force
-(assumption; the rest is the paper's).
+A Butterworth low-pass of 10th order removes ripple and noise from the current. The estimate is the force whose steady current
+is the root mean square of the last filtered samples. The feed velocity shifts the no-load current; it passes the same filter, so
+both belong to the same moment. The feed also passes it, for controllers that need the feed at the estimated force (assumption;
+the rest is the paper's).
 """
 
 import math
@@ -28,7 +28,7 @@ class Smoother:
 
     Args:
         num_envs: number of environments.
-        signals: number of signals of each.
+        signals: number of signals per environment.
         cutoff: half-power frequency over the Nyquist frequency [-], between 0 and 1.
         window: samples of the root mean square, 1 or more.
     """
@@ -64,22 +64,22 @@ class Smoother:
 
 
 def delay(cutoff: float) -> float:
-    """Return the delay of slow changes by the filter [samples].
+    """Return the filter's delay of slow changes [samples].
 
-    For the analogue Butterworth filter of order n it is 1 / sin(pi / 2n) over the cut-off frequency in rad/s; the bilinear
-    transform puts that at 2 tan(pi cutoff / 2) per sample.
+    The analogue Butterworth filter of order n has the delay 1 / (w sin(pi / 2n)), with w the cut-off frequency in rad/s. The
+    bilinear transform gives w = 2 tan(pi cutoff / 2) per sample.
     """
     return 1.0 / (math.sin(math.pi / (2.0 * ORDER)) * 2.0 * math.tan(0.5 * math.pi * cutoff))
 
 
 class ForceEstimator:
-    """Thrust force from the servo current, or from the measured force where there is a dynamometer.
+    """An estimator of the thrust force from the servo current or, if the scenario measures it, from the force.
 
     Args:
         scenario: task.
         num_envs: number of environments.
-        cutoff: of the filter, over the Nyquist frequency [-], between 0 and 1.
-        window: samples of the root mean square, 1 or more.
+        cutoff: cut-off frequency of the filter over the Nyquist frequency [-], between 0 and 1.
+        window: number of samples of the root mean square, 1 or more.
     """
 
     def __init__(self, scenario: Scenario, num_envs: int, cutoff: float, window: int) -> None:

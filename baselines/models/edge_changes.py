@@ -1,7 +1,7 @@
-"""Edge changes on command, added to rules that only set speed and feed.
+"""Add edge changes on command to rules that only set speed and feed.
 
-As in tool-life management of CNC controls, the edge is changed when the nominal wear reaches a share of the criterion. The share
-is tuned: inserts wear faster or slower than the nominal one, and an edge that is found worn out costs more time.
+As in the tool-life management of CNC controls, the edge is changed when the nominal wear reaches a share of the criterion. The
+share is tuned, because inserts wear faster or slower than nominal, and an edge that wears out without a command costs more time.
 """
 
 from dataclasses import replace
@@ -18,10 +18,10 @@ CHANGE_AT = "change_at"
 
 
 class TimelyChanges:
-    """Another policy's cutting speed and feed, with the edge changed at a nominal wear.
+    """A policy that adds edge changes at a nominal wear to another policy's cutting speed and feed.
 
     Args:
-        policy: decides cutting speed and feed.
+        policy: policy that sets cutting speed and feed.
         scenario: task.
         change_at: nominal wear over the criterion at which the edge is changed [-].
     """
@@ -42,7 +42,7 @@ class TimelyChanges:
 
 
 def as_played(rule: Rule, scenario: Scenario) -> Rule:
-    """Return the rule for a scenario: with timely edge changes, where these are commanded and the rule does not command them."""
+    """Return the rule for a scenario, with timely edge changes if the scenario takes such commands and the rule gives none."""
     if scenario.control.edge_changes != "commanded" or rule.changes_edges:
         return rule
 

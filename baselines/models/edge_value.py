@@ -1,18 +1,18 @@
 """The price of edge life that maximises the return of a whole edge.
 
-The environment charges used life at a constant price. But a fresh edge removes metal faster than time costs, and a worn one does
-not: life is worth saving at first, and not towards the end. The return of a whole edge is greatest if at every used share D of
-its life the set point maximises
+The environment charges used life at a constant price. But a fresh edge earns more than its time costs, and a worn edge does not.
+So life is worth saving at first, but not towards the end. The return of a whole edge is greatest if, at every used share D of its
+life, the set point maximises
 
     value of metal - time - overload - p(D) dD/dt
 
 where p(D) is the price at which the best set points, averaged over bars, gain nothing. This is dynamic programming over D, with
-one equation per D, as the edge's life only runs down (Bellman 1957). The charged price does not enter, as a whole edge costs the
-same whatever is done with it. A slower or faster insert needs no other price if dD is counted at the nominal rate.
+one equation per D, because the used life only grows (Bellman 1957). The charged price does not enter, because a whole edge costs
+the same under every policy. A slower or faster insert needs no other price if dD is counted at the nominal rate.
 
-Where edges are changed and time is limited, a second costs what could be earned in it elsewhere: that at which a whole edge pays
-for its price, its change and all the time they take. Where edges are changed on command, worthless life need not be used: the
-price is never below 0, and the edge is best changed where it reaches 0.
+If edges are changed and time is limited, a second costs what it could earn elsewhere. At that price of time, a whole edge just
+pays for itself, its change and their time. If edges are changed on command, worthless life need not be used: the price is at
+least 0, and the best time to change the edge is when it reaches 0.
 """
 
 from functools import lru_cache
@@ -30,14 +30,14 @@ Array = NDArray[np.float64]
 USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]
 """Shares of the life [-] at which the price is computed."""
 SPREAD = 0.03
-"""Log standard deviation of force and power about their estimates (assumption: about that of a filter)."""
+"""Log standard deviation of force and power about their estimates (assumption: similar to a filter's)."""
 _SETTINGS = (40, 60)  # cutting speeds and feeds that are tried
 _ITERATIONS = 30  # of Dinkelbach's, which converges faster than linearly
 _MAX_TIME_PRICE = 100.0
 
 
 def expected_excess(log_mean: Array, spread: Array | float) -> Array:
-    """Return the expectation of max(X - 1, 0), where log X is normal with this mean and this standard deviation, above 0."""
+    """Return the expectation of max(X - 1, 0), where log X is normal with this mean and a standard deviation above 0."""
     ratio = log_mean / spread
     return np.asarray(np.exp(log_mean + 0.5 * np.square(spread)) * ndtr(ratio + spread) - ndtr(ratio))
 
@@ -46,7 +46,7 @@ class Worth(NamedTuple):
     """Prices of time and life."""
 
     time: float
-    """Price of a second [s]: 1, or what could be earned in it where time is limited."""
+    """Price of a second [s]: 1, or what a second can earn if time is limited."""
     life: Array
     """Price p(D) of a whole life [s] at each of ``USED_LIVES``."""
 
@@ -55,7 +55,7 @@ class Worth(NamedTuple):
 def worth(scenario: Scenario, overload_price: float) -> Worth:
     """Return the prices of time and life for a price of overload [s per s and relative excess of 1].
 
-    Kept, as they take two seconds where edges are changed: do not write to them.
+    The arrays are cached, because they can take two seconds to compute: do not write to them.
     """
     value, rate, weight = _outcomes(scenario, overload_price)
     if scenario.control.edge_changes == "end":

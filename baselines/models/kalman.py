@@ -4,12 +4,12 @@ Measured thrust force and power are power laws of all three, so their log ratios
 
     log ratio = c log(depth / nominal) + h log(hardness) + e log(wear factor) + noise
 
-Force and power weigh the three differently. Depth and hardness vary along the bar and are new with every bar, while the wear
-factor stays with the insert. Depth and hardness are modelled as stationary processes with a slope (Matern 3/2: correlation
-(1 + a) exp(-a), a = rate times distance). The variance is that of the scenario's spreads together; the rate follows from the mean
-square slope along a bar.
+The three have different weights in force and power. Depth and hardness vary along the bar and from bar to bar; the wear factor
+belongs to the insert. Depth and hardness are modelled as stationary processes with a slope (Matern 3/2: correlation
+(1 + a) exp(-a), a = rate * distance). The variance is the sum of the scenario's variances; the rate follows from the mean square
+slope along a bar.
 
-The filter integrates the travelled distance to know when the next bar begins: the observation does not hold the position.
+Observations do not contain the position, so the filter integrates the travelled distance to know when the next bar begins.
 """
 
 from typing import NamedTuple
@@ -45,15 +45,15 @@ class Outlook(NamedTuple):
     log_force: Array
     """Log ratio of thrust force to the nominal model at nominal wear [-]."""
     log_power: Array
-    """Likewise of power [-]."""
+    """Log ratio of power to the nominal model at nominal wear [-]."""
     force_spread: Array
     """Standard deviation of ``log_force`` [-]."""
     power_spread: Array
-    """Likewise of ``log_power`` [-]."""
+    """Standard deviation of ``log_power`` [-]."""
 
 
 class LoadFilter:
-    """Estimates depth, hardness and wear factor of many environments from their readings.
+    """A filter that estimates depth, hardness and wear factor of many environments from their readings.
 
     Args:
         scenario: task, with its nominal models, spreads, lags and geometry.
@@ -70,7 +70,7 @@ class LoadFilter:
         spread = np.hypot(along, bar)
         slope = SLOPE * along / np.array([work.depth_correlation_length, work.hardness_correlation_length])
         self._rates = np.divide(slope, spread, out=np.zeros(2), where=spread > 0)
-        # The wear of an edge also differs from the nominal by the depth and hardness of the bars that it has cut.
+        # An edge's wear also deviates from nominal because of the depth and hardness of the bars that it has cut.
         self._history = (wear.depth_of_cut * spread[0]) ** 2 + (wear.hardness * spread[1]) ** 2
         insert = scenario.tool.wear_factor_spread**2
         self._prior = np.array([spread[0], slope[0], spread[1], slope[1], 0.0]) ** 2
@@ -93,7 +93,7 @@ class LoadFilter:
         """Whether the present bar has been measured."""
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Return to the start of the first bar and to the prior."""
+        """Reset to the start of the first bar and to the prior."""
         self._mean[mask] = 0.0
         self._covariance[mask] = np.diag(self._prior)
         self._path[mask] = 0.0
@@ -118,7 +118,7 @@ class LoadFilter:
         return np.sqrt(np.maximum(self._covariance[:, WEAR, WEAR], 0.0))
 
     def observe(self, reading: Reading) -> None:
-        """Move on to a reading and correct the estimate by it."""
+        """Predict up to a reading and correct the estimate by it."""
         first = self._speed == 0.0
         fresh_edge = reading.cutting_time < self._cutting_time
         self._change_edges(fresh_edge)
@@ -162,7 +162,7 @@ class LoadFilter:
         return np.asarray(self._sub_step * feed_velocity(self._scenario, speed, feed).sum(axis=1))
 
     def _on_track(self, path: Array, cutting: NDArray[np.bool_]) -> Array:
-        """Return the distance [mm], corrected where the reading contradicts it on whether the tool cuts."""
+        """Return the distance [mm], corrected if it contradicts the reading on whether the tool cuts."""
         approach = self._scenario.workpiece.approach
         start = self._pitch * np.floor(path / self._pitch)
         along = path - start
@@ -173,7 +173,7 @@ class LoadFilter:
         return np.where(cutting & in_air, leaves, np.where(~cutting & ~in_air, enters, path))
 
     def _enter_bars(self, mask: NDArray[np.bool_]) -> None:
-        """Return depth and hardness to the prior; keep the wear factor."""
+        """Reset depth and hardness to the prior; keep the wear factor."""
         doubt = self._covariance[mask, WEAR, WEAR]
         self._covariance[mask] = np.diag(self._prior)
         self._covariance[mask, WEAR, WEAR] = doubt
@@ -181,7 +181,7 @@ class LoadFilter:
         self.measured[mask] = False
 
     def _change_edges(self, mask: NDArray[np.bool_]) -> None:
-        """Return the wear factor to the prior; keep depth and hardness."""
+        """Reset the wear factor to the prior; keep depth and hardness."""
         self._mean[mask, WEAR] = 0.0
         self._covariance[mask, WEAR, :] = 0.0
         self._covariance[mask, :, WEAR] = 0.0
@@ -263,6 +263,6 @@ def feed_velocity(scenario: Scenario, cutting_speed: Array, feed: Array) -> Arra
 
 
 def decay(time: Array, time_constant: float | Array) -> Array:
-    """Return the remaining share of a deviation after a time [s] behind a first-order lag [s], 0 for none; arrays broadcast."""
+    """Return the share of a deviation that remains after a time [s]: exp(-time / time_constant), 0 for a time constant of 0."""
     lag = np.asarray(time_constant, np.float64)
     return np.where(lag > 0, np.exp(-time / np.where(lag > 0, lag, 1.0)), np.where(time > 0, 0.0, 1.0))

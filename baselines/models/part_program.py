@@ -11,7 +11,7 @@ from turning_env.action import sets_speed_and_feed, towards
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 PROGRAM = {"cutting_speed": Range(50.0, 200.0), "feed": Range(0.06, 0.60, logarithmic=True)}
-"""Tuned parameters of a part program where an action sets speed and feed [m/min], [mm/rev], clipped to the machine."""
+"""Tuned parameters of a part program if actions set speed and feed [m/min], [mm/rev], clipped to the machine."""
 SPEED_AND_TARGET = {"cutting_speed": PROGRAM["cutting_speed"], "target": Range(0.5, 1.0)}
 """Tuned parameters of a load controller with its own program: cutting speed, and target load over the load at the power limit."""
 
@@ -89,17 +89,17 @@ def override_rules(
     changes_edges: bool = False,
     worth_tuning: bool = False,
 ) -> dict[str, Rule]:
-    """Return a controller of the feed override as two rules: on the scenario's program, and ``..._with_speed`` on a tuned one.
+    """Return two rules for a controller of the feed override: on the scenario's program, and ``..._with_speed`` on a tuned one.
 
     Args:
-        name: of the first.
-        description: of the first.
+        name: name of the first rule.
+        description: description of the first rule.
         controller: see ``on_program``.
-        parameters: of the first.
-        with_speed: of the second, with those of its program.
-        plays: whether a scenario whose feed can be set, to remove metal, offers what else it needs.
+        parameters: parameters of the first rule.
+        with_speed: parameters of the second rule, including its program's.
+        plays: whether the rules can play a scenario whose actions set the feed and whose aim is metal removal.
         changes_edges: see ``Rule``.
-        worth_tuning: of the first, see ``Rule``.
+        worth_tuning: see ``Rule``; for the first rule.
     """
     build = on_program(controller)
     tuned = "speed and feed" if "feed" in with_speed else "speed"

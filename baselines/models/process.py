@@ -5,12 +5,12 @@ The edge's life and all limited responses are power laws of cutting speed V, fee
     T = C_T / (V^mu S^nu t^rho)                                          life of the edge [min]
     q = 1/(V S t) + gamma/C_T V^(mu-1) S^(nu-1) t^(rho-1)                cost of metal [min/cm3]
 
-with gamma the time to change an edge and the price of one, both in machine time [min]. Along a limit on V^alpha S^beta the cost
+where gamma is the time to change an edge plus its price, both in machine time [min]. Along a limit on V^alpha S^beta, the cost
 is least at the life
 
     T_0 = gamma ((alpha nu - beta mu) / (alpha - beta) - 1)              economic life [min]
 
-The wear law limits a life: T is T_0 where the wear after T_0 minutes is the criterion.
+The wear law turns a life into a limit: T = T_0 where the wear after T_0 minutes equals the criterion.
 """
 
 import math
@@ -40,13 +40,13 @@ class Line:
     room: Array
 
     def highest_feed(self, log_cutting_speed: Array) -> Array:
-        """Return the log feed at which the limit is reached, infinite where more feed never reaches it."""
+        """Return the log feed at which the limit is reached, infinite if more feed never reaches it."""
         if self.feed <= 0:
             return np.full(np.broadcast_shapes(self.room.shape, log_cutting_speed.shape), np.inf)
         return (self.room - self.cutting_speed * log_cutting_speed) / self.feed
 
     def highest_cutting_speed(self, log_feed: Array) -> Array:
-        """Return the log cutting speed at which the limit is reached, likewise."""
+        """Return the log cutting speed at which the limit is reached, infinite if more speed never reaches it."""
         return Line(self.feed, self.cutting_speed, self.room).highest_feed(log_feed)
 
     def crossing(self, other: "Line") -> tuple[Array, Array]:
@@ -63,17 +63,17 @@ class Limit:
 
     law: PowerLaw
     most: ArrayLike
-    """In the unit of the law; one number, or an array."""
+    """Largest allowed response in the unit of the law; a number or an array."""
     time: float = 1.0
     """Cutting time of a fresh edge at which the law is taken [min]."""
 
     def parallel(self, other: "Limit") -> bool:
-        """Return whether the two fix no point: cutting speed and feed enter them in the same proportion, or not at all in one."""
+        """Return whether two limits fix no point: their exponents are proportional, or all 0 in one of them."""
         determinant = self.law.cutting_speed * other.law.feed - self.law.feed * other.law.cutting_speed
         return abs(determinant) <= ALIKE
 
     def line(self, depth_of_cut: ArrayLike, hardness: ArrayLike, wear: ArrayLike) -> Line:
-        """Return its line at a depth of cut [mm], relative hardness [-] and flank wear [mm]: positive, arrays broadcast."""
+        """Return the limit's line at a depth of cut [mm], relative hardness [-] and flank wear [mm], positive; they broadcast."""
         response = self.law(1.0, 1.0, depth_of_cut, self.time, wear, hardness)
         return Line(self.law.cutting_speed, self.law.feed, np.log(self.most) - np.log(response))
 
@@ -165,8 +165,8 @@ class Process:
     def economic_life(self, limit: Limit) -> float:
         """Return T_0 along a limit [min].
 
-        Where the formula gives no life, the optimum lies where another limit ends this one: 0 if cost falls with rising removal
-        rate all along it, infinite if it falls with rising life.
+        If the formula gives no life, the optimum is where another limit ends this one: the life is 0 if the cost falls with
+        rising removal rate all along the limit, infinite if it falls with rising life.
         """
         alpha, beta = limit.law.cutting_speed, limit.law.feed
         mu, nu, _ = self.life_exponents
@@ -182,7 +182,7 @@ class Process:
 
 
 class Scales:
-    """Smoothed ratios of measured to predicted force and power.
+    """Scales of force and power: smoothed ratios of measured to predicted values.
 
     Args:
         num_envs: number of environments.

@@ -1,4 +1,4 @@
-"""A bound on what any policy can earn, and an oracle that is told the hidden state.
+"""A bound on the return of any policy, and an oracle that knows the hidden state.
 
 Neither is a policy. Controllers that act on observations belong in ``baselines``.
 """

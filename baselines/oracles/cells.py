@@ -1,4 +1,4 @@
-"""The dynamic programming of ``clairvoyant.py``, compiled: true fields of a row of bars, and the best return over their cells."""
+"""The compiled dynamic programming of ``clairvoyant.py``: true fields of a row of bars, and the best return over its cells."""
 
 import numpy as np
 
@@ -9,9 +9,9 @@ from turning_env.physics.workpiece import look_up_fields
 
 @compiled
 def between(values, place):
-    """Return the value between nodes, by the cubic through the two on either side (Catmull and Rom 1974).
+    """Return the value between nodes by cubic interpolation through two nodes on either side (Catmull and Rom 1974).
 
-    Values depend on where along the bars the edge's life ends. Over hundreds of cells, straight lines would smear that out.
+    Values depend on where along the bars the edge's life ends. Over hundreds of cells, linear interpolation would blur that.
     """
     last = values.shape[0] - 1
     node = min(int(place), last - 1)
@@ -24,9 +24,9 @@ def between(values, place):
 
 @compiled
 def corners(speeds, ladder, log_feeds, force, power, force_law, power_law):
-    """Put behind the ladder the speeds at which two of the limits of force, power and feed meet, where they lie within it.
+    """Append to the ladder the speeds within it at which two of the limits of force, power and feed meet.
 
-    Between them the best feed is a smooth function of the speed; at them it has a kink, and often the best is there.
+    Between these speeds, the best feed is a smooth function of the speed. At them it has a kink, and the optimum is often there.
     """
     rungs = ladder.shape[0]
     for k in range(rungs, speeds.shape[0]):
@@ -43,14 +43,14 @@ def corners(speeds, ladder, log_feeds, force, power, force_law, power_law):
 
 @compiled_entry
 def start_episode_of(states, scratches):
-    """Start the episode of the first environment of the only block, the only one that is looked at."""
+    """Start an episode of the first environment of the only block; the other environments are not used."""
     scratch = scratches[0]
     start_episode(states[0], scratch.work, scratch.report, 0, scratch.parameters)
 
 
 @compiled_entry
 def survey(states, scratches, fields, cells):
-    """Fill in the logarithms of depth of cut [mm], hardness and wear factor [-] in the middle of so many cells a bar."""
+    """Fill ``fields`` with log depth of cut [mm], log hardness and log wear factor [-] in the middle of each bar's ``cells``."""
     state, work, p = states[0], scratches[0].work, scratches[0].parameters
     work.engaged[0] = 1.0
     for i in range(fields.shape[1]):

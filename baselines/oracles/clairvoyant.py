@@ -1,17 +1,18 @@
-"""The clairvoyant bound: the greatest return of one edge, or one job, if every bar is known beforehand and nothing lags.
+"""The clairvoyant bound: the greatest return of one edge or job if all bars are known in advance and nothing lags.
 
-Dynamic programming over cells of the bars (Bellman 1957). The fields are those of the seed, looked up in the middle of each cell
-by the transition's own functions; commands take effect at once; no force breaks the edge. The volume of a cell is fixed, so the
-used share of the edge's life, D, is the whole state:
+It is computed by dynamic programming over cells of the bars (Bellman 1957). The transition's own functions give the seed's
+fields in the middle of each cell. Commands take effect at once, and no force breaks the edge. The volume of a cell is fixed, so
+the used share D of the edge's life is the whole state:
 
     V(i, D) = max over cutting speed and feed of  gain of cell i at D + V(i + 1, D + life used in the cell)
 
-with V = 0 where the edge is worn out or the job is done. Each cell and D tries a ladder of cutting speeds, each with feeds around
-the one at which force or power reaches its limit: below it time is wasted, beyond it overload is paid. Wear and loads are those
-at the cell's start, where the edge is sharpest, which errs to the safe side. Air is crossed at the highest speed and feed.
+with V = 0 when the edge is worn out or the job is done. For each cell and D, it tries a ladder of cutting speeds, each with feeds
+around the one at which force or power reaches its limit. Lower feeds waste time, higher feeds pay for overload. Wear and loads
+are those at the cell's start, where the edge is sharpest; this can only raise the bound. Air is crossed at the highest speed and
+feed.
 
-Relaxations only help, so no policy earns more, but for the steps of the grids: see ``TOLERANCE``. A time limit is ignored: it
-must be one that only policies with a low return reach.
+All relaxations raise the bound, so no policy earns more, except for the error of the grids (``TOLERANCE``). A time limit is
+ignored, so only policies with a low return may reach it.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +29,7 @@ from turning_env.physics.records import STATE, new_records, scratch_records
 Array = NDArray[np.float64]
 
 TOLERANCE = 0.005
-"""Error of the grids, by which the bound may be too low, over the machine time [-]."""
+"""Error of the grids over the machine time [-]; the bound may be too low by that much."""
 MIN_TIME_LIMIT = 30.0
 """Least time limit [min] of an endless row of bars that is ignored (assumption: at best, an edge lasts a quarter of an hour)."""
 _BARS = 8  # of an endless row at first
@@ -54,7 +55,7 @@ GRID = Grid()
 
 
 def covers(scenario: Scenario) -> bool:
-    """Return whether the bound holds for a scenario: one edge, removal as the aim, actions per step, wear by equivalent time."""
+    """Return whether the bound holds for a scenario: one edge, the aim removal, actions per step, wear by equivalent time."""
     control = scenario.control
     enough_time = scenario.workpiece.bars > 0 or control.time_limit >= MIN_TIME_LIMIT
     return (
@@ -73,10 +74,10 @@ def bounds(
 
     Args:
         scenario: task.
-        seeds: of the episodes.
-        grid: of the dynamic programming.
+        seeds: seeds of the episodes.
+        grid: grid of the dynamic programming.
         on_seed: called after each seed.
-        threads: seeds computed at a time; the values do not depend on it.
+        threads: number of seeds computed at a time; the values do not depend on it.
 
     Raises:
         ValueError: the scenario is not covered.
@@ -99,7 +100,7 @@ def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:
     """Return the bound of one seed."""
     work, control, machine = scenario.workpiece, scenario.control, scenario.machine
     scratch = scratch_records(scenario)
-    # Run-out depends on how often the spindle has turned: no load is lower, and no metal more, than at its best.
+    # Run-out depends on the spindle's turns. The bound takes the lowest load and the most metal.
     ripple = work.depth_ripple
     scratch["parameters"]["depth_ripple"] = 0.0
     states = new_records(STATE, 1)
@@ -117,7 +118,7 @@ def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:
         fields = np.empty((3, bars * cells))
         survey(states, scratch, fields, cells)
         value, end = best_return(states, scratch, fields, cells, log_speeds, np.log(feeds), _FEEDS, ripple, grid.lives)
-        # Twice as far as is cut at best: what the end of the row is worth then hardly matters.
+        # Twice the length that is cut at best, so the value at the end of the row hardly matters.
         if work.bars or end <= 0.5 * fields.shape[1]:
             return float(value)
         bars *= 2

@@ -1,10 +1,10 @@
-"""The causal oracle: the optimiser with foresight, told the true present state.
+"""The causal oracle: the optimiser with foresight, with the true present state.
 
-Its filter gets the true depth of cut, hardness and wear at the tool after every step. It does not know how depth and hardness go
-on from there, nor the next bar. The clairvoyant bound less its return is the cost of not foreseeing. Its return less that of a
-policy is the cost of not knowing, if that policy controls as well.
+Its filter gets the true depth of cut, hardness and wear at the tool after every step. It does not know depth and hardness ahead
+of the tool, nor the next bar. So the clairvoyant bound minus its return is the cost of not knowing the future. Its return minus a
+policy's is the cost of not knowing the present, if that policy controls equally well.
 
-It is not a policy, since no control can measure what it is told, and is never ranked as one.
+It is not ranked as a policy, because no control can measure its inputs.
 """
 
 from collections.abc import Mapping
@@ -18,18 +18,18 @@ from baselines.predictive import Predictive
 from turning_env import Reading, Scenario
 
 DOUBT = 1e-3
-"""Standard deviation of the told state [-]: of relative depth, log hardness and log wear factor."""
+"""Standard deviation assumed of the true relative depth, log hardness and log wear factor [-]."""
 _TOLD = np.eye(5)[[DEPTH, HARDNESS, WEAR]]
 
 
 class ToldFilter(LoadFilter):
-    """A load filter that also learns the true state at the tool. Slopes along the bar follow from successive true states."""
+    """A load filter that also gets the true state at the tool. Slopes along the bar follow from successive true states."""
 
     truth: Mapping[str, Any]
     """``info`` of the vector environment that came with the next observations."""
 
     def observe(self, reading: Reading) -> None:
-        """Move on to a reading and correct the estimate by it and by the truth."""
+        """Predict up to a reading, and correct the estimate by it and by the true state."""
         super().observe(reading)
         scenario, truth = self._scenario, self.truth
         told = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
@@ -45,7 +45,7 @@ class ToldFilter(LoadFilter):
 
 
 class PerfectState(Predictive):
-    """``Predictive`` on true states, which ``tell`` gives it before every action."""
+    """``Predictive`` on true states; call ``tell`` before every action."""
 
     def __init__(self, scenario: Scenario, num_envs: int) -> None:
         super().__init__(scenario, num_envs, severity=1.0, caution=1.0)

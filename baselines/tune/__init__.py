@@ -1,4 +1,4 @@
-"""Tuning of the rules with Optuna: ``python -m baselines.tune``. The tuned values are data in ``baselines/tuned``."""
+"""Tune the rules with Optuna: ``python -m baselines.tune``. The tuned values are data in ``baselines/tuned``."""
 
 from turning_env.extras import tell_plainly
 

@@ -6,8 +6,8 @@
 
 The parameters of ``my_mill.toml`` go to ``my_mill.tuned.json`` beside it, where all commands find them. Every rule gets the same
 number of trials on the same tuning seeds, however many parameters it has. The file states this budget, also in episodes and
-steps; compare ``steps`` in ``train/hyperparameters/ppo.toml`` for an agent's. After an interruption, the same command continues.
-With ``--jobs`` or ``--scheduler`` rules are tuned in parallel, with the same result (docs/scaling.md).
+steps. An agent's budget is ``steps`` in ``train/hyperparameters/ppo.toml``. The same command resumes an interrupted tuning. With
+``--jobs`` or ``--scheduler``, rules are tuned in parallel, with the same result (docs/scaling.md).
 """
 
 import argparse
@@ -36,7 +36,7 @@ QUICK: Budget = {"trials": 12, "seeds": 16}
 
 
 def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario, quick: bool = False) -> dict[str, Rule]:
-    """Return the named rules, or all that can play the scenario and have parameters to tune; if ``quick``, those worth it.
+    """Return the named rules, or all that can play the scenario and have parameters to tune; if ``quick``, the best of them.
 
     Raises:
         KeyError: there is no rule of that name.
@@ -60,8 +60,8 @@ def target_of(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
     """Return the file to write.
 
     Raises:
-        ValueError: it is one of those that ship, without ``shipped``; ``shipped`` is given for a scenario that does not ship; or
-            the file's name has another suffix.
+        ValueError: the file ships and ``shipped`` is false; ``shipped`` is given for a scenario that does not ship; or the file's
+            name has another suffix.
     """
     if shipped and (scenario.file is not None or out is not None):
         raise ValueError(f"--shipped rewrites the parameters of a preset, one of {', '.join(presets())}, without --out")
@@ -78,7 +78,7 @@ def kept_rules(chosen: Collection[str], scenario: Scenario, target: Path, budget
     """Return the entries of a file of the scenario's tuned parameters for the rules that are not tuned now.
 
     Raises:
-        ValueError: they were tuned with another budget, so that the file would mix budgets; or the file is damaged.
+        ValueError: they were tuned with another budget, and a file must not mix budgets; or the file is damaged.
     """
     values = tuned.read(target)
     if values.get("scenario_digest") != scenario.digest():
@@ -98,16 +98,16 @@ def journal(name: str, target: Path) -> Path:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m baselines.tune", **described(__doc__))
-    parser.add_argument("--scenario", required=True, metavar="PRESET_OR_TOML")
-    parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune only these, and keep the others in the file")
+    parser.add_argument("--scenario", required=True, metavar="PRESET_OR_TOML", help="scenario on which to tune")
+    parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune only these rules, and keep the others in the file")
     which = ", ".join(name for name, rule in RULES.items() if rule.worth_tuning)
     quick = " and ".join(f"{number} {what}" for what, number in QUICK.items())
-    parser.add_argument("--quick", action="store_true", help=f"about a minute: {quick}, and only what can play of {which}")
+    parser.add_argument("--quick", action="store_true", help=f"tune for about a minute: {quick}, and only {which}")
     parser.add_argument("--trials", type=int, metavar="N", help="parameter sets to try for each rule (default: 64)")
     parser.add_argument("--seeds", type=int, metavar="N", help="tuning seeds on which each trial plays (default: 32)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="JSON file to write (default: TOML.tuned.json beside the TOML)")
     parser.add_argument("--shipped", action="store_true", help="for maintainers: rewrite the parameters that ship for a preset")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes, one rule each (default: 1)")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="number of processes, one rule each (default: 1)")
     parser.add_argument("--scheduler", metavar="URL", help="play on the workers of this Dask cluster, such as tcp://host:8786")
     parsed = parser.parse_args(arguments)
     asked = {what: getattr(parsed, what) for what in BUDGET if getattr(parsed, what) is not None}

@@ -1,4 +1,4 @@
-"""Repair of a journal of trials after a full disk or a killed process, which leave at most half a line at its end."""
+"""Repair a journal of trials that a full disk or a killed process left with an incomplete last line."""
 
 import sys
 from pathlib import Path
@@ -7,7 +7,7 @@ from optuna.storages.journal import JournalFileOpenLock
 
 
 def cut_off_half_line(path: Path) -> None:
-    """Cut an unfinished line off a journal's end, and print so. Its trial is played again.
+    """Cut an incomplete last line off a journal, and print a notice. Its trial is played again.
 
     Optuna skips such a line when it reads, but appends the next one to it.
 

@@ -1,9 +1,9 @@
-"""Search of the parameters of rules with Optuna, journalled on disk.
+"""Search for the best parameters of rules with Optuna, with a journal on disk.
 
-The first trial is the middle of every range; a tree-structured Parzen estimator chooses the others. All play the same seeds. The
-best mean return wins among the feasible parameters, or among all where none is feasible.
+The first trial is the middle of every range; a tree-structured Parzen estimator chooses the others. All trials play the same
+seeds. The best mean return wins among the feasible trials, or among all if none is feasible.
 
-A trial's parameters follow from its number and the trials before it alone. So a search finds the same, interrupted or not.
+A trial's parameters depend only on its number and the trials before it. So an interrupted search finds the same parameters.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.workers import Workers
 
 _CANDIDATES = 128
-"""Candidates of which the estimator picks one. With Optuna's 24 it comes less near to the limit of feasibility."""
+"""Number of candidates from which the estimator picks. With Optuna's 24, it stays farther from the limit of feasibility."""
 
 _OVERLOAD, _SEVERE_SHARE, _STEPS = "overload", "severe_share", "steps"  # names in the journal
 
@@ -52,7 +52,7 @@ class Played:
 
 @dataclass(frozen=True)
 class Found:
-    """Best parameters of a search, their result, and the budget of all trials: what is written to a file of tuned parameters."""
+    """Best parameters of a search, their result and the budget of all trials, as written to a file of tuned parameters."""
 
     version: int
     """The rule's."""
@@ -84,9 +84,9 @@ class Search:
     ``next`` asks for a trial and ``tell`` takes its result, one after the other. Any process may play it.
 
     Args:
-        name: of the rule.
-        rule: to tune.
-        scenario: what is played.
+        name: name of the rule.
+        rule: rule to tune.
+        scenario: scenario to play.
         trials: number of trials.
         seeds: number of tuning seeds that each trial plays.
         journal: file that keeps the trials until the search is finished.
@@ -163,10 +163,10 @@ def play_trial(name: str, rule: Rule, scenario: Scenario, setting: Parameters, s
 
 
 def run_all(searches: Sequence[Search], over: Workers | None = None) -> None:
-    """Play all trials that the searches have left: one search after the other, or one trial of each at a time over workers.
+    """Play the searches' remaining trials: one search after the other, or with workers one trial of each search at a time.
 
     Raises:
-        WorkersError: there are no workers any more.
+        WorkersError: no workers are left.
         Exception: what a trial raised.
     """
     total = sum(search.trials for search in searches)
@@ -197,7 +197,7 @@ def middle(values: Range) -> float:
 
 
 def _task(rule: Rule, scenario: Scenario, trials: int, seeds: int) -> str:
-    """Return what the trials depend on beside the rule's name. A journal's trials of another task are let be."""
+    """Return a digest of what the trials depend on, except the rule's name; a journal's trials of other tasks are ignored."""
     return hashlib.sha256(json.dumps([MODEL_VERSION, rule.version, scenario.digest(), trials, seeds]).encode()).hexdigest()
 
 
@@ -211,7 +211,7 @@ def _open(path: Path) -> JournalStorage:
             raise ValueError(f"{path} holds an empty line")
         return _storage(path)
     except (ArithmeticError, AssertionError, AttributeError, LookupError, RecursionError, TypeError, ValueError):
-        print(f"{path} is damaged, so the search begins anew", file=sys.stderr)
+        print(f"{path} is damaged: the search starts again", file=sys.stderr)
         path.write_bytes(b"")  # not removed, as a process may hold a lock on it
         return _storage(path)
 

@@ -132,7 +132,7 @@ def test_bad_reset_masks_are_refused(mask, error):
         (1.5, "seed 1.5 of environment 0"),
         ("abc", "seed 'a' of environment 0"),
         (np.array(3), r"seed array\(3\) of environment 0"),
-        ([1, 2], "there are 2 seeds, but must be one for each of 3 environments"),
+        ([1, 2], "2 seeds given, but there must be one for each of 3 environments"),
         ([1, 2, -3], "seed -3 of environment 2"),
         ([1, 2.5, 3], "seed 2.5 of environment 1"),
     ],

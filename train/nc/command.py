@@ -47,7 +47,7 @@ EXAMPLES = f"""\
 
 @exits(KeyError, ValueError, interrupted="interrupted: nothing was written")
 def main(arguments: Sequence[str]) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line; return the exit status."""
     parsed = _parser().parse_args(arguments)
     done: dict[str, Any] = parsed.run(parsed, f"{PROGRAM} {shlex.join(arguments)}")
     print(json.dumps(done) if parsed.json else _lines(done))
@@ -59,7 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=PROGRAM, **described(f"{about}\n\n{EXAMPLES}"))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     written, seeded = argparse.ArgumentParser(add_help=False), argparse.ArgumentParser(add_help=False)
-    written.add_argument("--out", required=True, type=Path, metavar="FILE", help="the program, such as bar.mpf")
+    written.add_argument("--out", required=True, type=Path, metavar="FILE", help="program to write, such as bar.mpf")
     seeds = seeded.add_mutually_exclusive_group()
     tuning_help = "bars and edge of the tuning seed number N (default: 0)"
     seeds.add_argument("--tuning-seed", type=int, default=0, metavar="N", help=tuning_help)
@@ -76,21 +76,21 @@ def _parser() -> argparse.ArgumentParser:
         added.add_argument("--json", action="store_true", help="print the summary as one line of JSON")
         return added
 
-    about = "the speeds and feeds that a policy commanded on given bars, as blocks along Z"
+    about = "write the speeds and feeds that a policy commands on given bars, as blocks along Z"
     added = command(_schedule, None, about, seeded, written)
     policy = added.add_mutually_exclusive_group(required=True)
     policy.add_argument("--agent", type=Path, metavar="FILE", help="an agent's ONNX file")
     policy.add_argument("--rule", metavar="NAME", help=f"a controller: {', '.join(catalogue.RULES)}")
     added.add_argument("--bars", type=int, default=1, metavar="N", help="the first N bars of the seed (default: 1)")
-    tolerance_help = "speeds and feeds that differ by less become one block (default: %(default)s)"
+    tolerance_help = "largest relative difference of speeds and feeds that merge into one block (default: %(default)s)"
     added.add_argument("--tolerance", type=float, default=schedule.TOLERANCE, metavar="SHARE", help=tolerance_help)
 
-    about = "the interval table of the grid search on nominal models, a section per interval"
+    about = "write the interval table of the grid search on nominal models, one section per interval"
     added = command(_table, "rough_turning", about, written)
     interval_help = "cutting time of an interval (default: the scenario's control interval)"
     added.add_argument("--interval", type=float, metavar="MIN", help=interval_help)
 
-    about = "a controller from spindle load to feed override, as synchronized actions"
+    about = "write a controller from spindle load to feed override as synchronized actions"
     added = command(_law, "override", about, seeded, written)
     added.add_argument("--rule", required=True, metavar="NAME", help=f"one of {', '.join(laws.LAWS)}")
 

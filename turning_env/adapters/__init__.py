@@ -1,4 +1,4 @@
-"""The batch behind other libraries' interfaces, one file per library, which imports that library.
+"""Adapters that give other libraries the batch, one file per library; each file imports its library.
 
-Nothing else imports these files, so that ``import turning_env`` stays light.
+No other file imports these, so ``import turning_env`` stays light.
 """

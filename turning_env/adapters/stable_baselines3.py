@@ -23,9 +23,9 @@ class RoughTurningVecEnv(VecEnv):
 
         PPO("MlpPolicy", RoughTurningVecEnv("rough_turning", 64)).learn(500_000)
 
-    ``scenario`` is the name of a preset, the path of a TOML file, or a ``Scenario``. Rewards are multiplied by ``reward_scale``;
-    a subclass that trains on other rewards overrides ``training_rewards``. At an episode's end, an environment's info holds
-    ``terminal_observation``, ``TimeLimit.truncated`` and ``episode`` (return [s of machine time] and length, unscaled); all other
+    ``scenario`` is the name of a preset, the path of a TOML file, or a ``Scenario``. Rewards are multiplied by ``reward_scale``.
+    Override ``training_rewards`` in a subclass to train on other rewards. At an episode's end, an environment's info holds
+    ``terminal_observation``, ``TimeLimit.truncated`` and ``episode`` (return [s of machine time] and length, unscaled). All other
     infos are empty.
     """
 
@@ -40,7 +40,7 @@ class RoughTurningVecEnv(VecEnv):
     def reset(self) -> NDArray[np.float32]:
         """Return first observations, shape (num_envs, entries).
 
-        Environment i plays the seed given to ``seed`` plus i; without one, a random seed.
+        After ``seed(s)``, environment i plays seed s + i; otherwise it plays a random seed.
         """
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
         observations, _ = self.vector_env.reset(seed=seeds)
@@ -70,7 +70,7 @@ class RoughTurningVecEnv(VecEnv):
         return observations, (training_rewards * self.reward_scale).astype(np.float32), ended, env_infos
 
     def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
-        """Return the rewards to train on, shape (num_envs,) [s], for a step's rewards and infos: here the rewards themselves."""
+        """Return the rewards to train on, shape (num_envs,) [s], from a step's rewards and infos; here the rewards unchanged."""
         return rewards
 
     def close(self) -> None:
@@ -90,6 +90,6 @@ class RoughTurningVecEnv(VecEnv):
 
 
 def info_at_end_of_step(infos: dict[str, Any], name: str) -> NDArray[np.float64]:
-    """Return an entry of ``infos`` at the end of the step, also where the next episode has already begun; shape (num_envs,)."""
+    """Return an entry of ``infos`` at the step's end, shape (num_envs,), even if the next episode has already begun."""
     values: NDArray[np.float64] = infos[name]
     return np.where(infos["_final_info"], infos["final_info"][name], values) if "final_info" in infos else values

@@ -20,21 +20,21 @@ with needed():
 
 
 class RoughTurningTorchEnv(EnvBase):  # type: ignore[misc]
-    """``num_envs`` environments as one of TorchRL's, of batch size (num_envs,), on the CPU.
+    """``num_envs`` environments as one TorchRL environment of batch size (num_envs,), on the CPU.
 
-    Specification: see ``RoughTurningEnv``. TorchRL resets environments whose episodes have ended. After ``set_seed(s)``, the next
-    ``reset`` or ``rollout`` starts episode 0 of seed s + i in environment i; other resets start the next episode.
+    See ``RoughTurningEnv`` for the specification. TorchRL resets environments whose episodes have ended. After ``set_seed(s)``,
+    the next ``reset`` or ``rollout`` starts episode 0 of seed s + i in environment i; other resets start the next episode.
 
     Args:
         num_envs: number of environments, at least 1.
         scenario: the name of a preset, the path of a TOML file, or a ``Scenario``.
-        info: entries of the info that are recorded beside the observation: float32, shape (num_envs, 1), in the info's units.
+        info: entries of the info to record beside the observation: float32, shape (num_envs, 1), in the info's units.
         threads: see ``RoughTurningVectorEnv``.
 
     Raises:
         ModuleNotFoundError: TorchRL is not installed.
         ScenarioError: the scenario cannot be loaded.
-        ValueError: ``info`` names an entry that there is not; or as ``RoughTurningVectorEnv`` raises it.
+        ValueError: ``info`` names an unknown entry; or ``RoughTurningVectorEnv`` raises it.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""The one driver of any number of environments, and the threads that share its work.
+"""The driver of any number of environments, and the threads that share its work.
 
-What an environment does in a step belongs in ``physics``; what Gymnasium asks for belongs in ``env.py`` and ``vector_env.py``.
+Equations of a step belong in ``physics``; Gymnasium's interface belongs in ``env.py`` and ``vector_env.py``.
 """

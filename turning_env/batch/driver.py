@@ -1,4 +1,4 @@
-"""The driver of any number of environments: their records, the compiled loops over them, and the threads that share the work."""
+"""The driver of environments: their records, the compiled loops over them, and the threads that share the work."""
 
 import itertools
 from concurrent.futures import ThreadPoolExecutor
@@ -20,20 +20,20 @@ from turning_env.scenario import Scenario
 
 MAX_SEED = 2**64 - 1
 BLOCKS_CLAIMED = 16
-"""Blocks that a thread claims at a time: enough that claiming costs next to nothing, few enough that all end together."""
+"""Number of blocks that a thread claims at a time: enough to make claiming cheap, few enough for threads to end together."""
 MIN_BLOCKS = 256
-"""Blocks below which threads do not share: where others keep the cores busy, waiting for one would cost more than it saves."""
+"""Number of blocks below which threads do not share: on busy cores, waiting for a thread would cost more than it saves."""
 _PADDING, _PAGE = 8, 512  # numbers of a cache line and of a memory page
 
 
 def observation_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
-    """Return the space of one environment's observations: a new one, since a space carries its own sampling state."""
+    """Return a new space of one environment's observations; a space carries its own sampling state."""
     low, high = bounds(scenario)
     return spaces.Box(low, high, dtype=np.float32)
 
 
 def action_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
-    """Return the space of one environment's actions: a new one, since a space carries its own sampling state."""
+    """Return a new space of one environment's actions; a space carries its own sampling state."""
     return spaces.Box(-1.0, 1.0, (action_size(scenario),), np.float32)
 
 
@@ -41,7 +41,7 @@ def checked_seed(seed: Any, env_index: int) -> int:
     """Return the seed as an integer.
 
     Raises:
-        ValueError: it is not a whole number of 0 to 2**64 - 1.
+        ValueError: it is not a whole number from 0 to 2**64 - 1.
     """
     if not isinstance(seed, int | np.integer) or not 0 <= seed <= MAX_SEED:
         raise ValueError(f"seed {seed!r} of environment {env_index} must be a whole number, 0 to {MAX_SEED}")
@@ -108,18 +108,19 @@ def step_blocks(states, scratches, actions, observations, table, first_block, la
 
 
 class Batch:
-    """``num_envs`` environments of one scenario, and what their last step gave. Both Gymnasium environments drive this.
+    """``num_envs`` environments of one scenario with the results of their last step. Both Gymnasium environments use it.
 
     Args:
-        scenario: what is played.
-        num_envs: how many environments.
-        threads: how many threads share the work; results do not depend on it.
-        keeps_table: every step fills the same ``table``, for callers that copy what they need of it.
+        scenario: scenario to play.
+        num_envs: number of environments.
+        threads: number of threads that share the work; results do not depend on it.
+        keeps_table: whether every step fills the same ``table``, for callers that copy what they need.
 
     Attributes:
         seeded: whether episodes have been started.
         observations: float32, shape (num_envs, entries). Every step fills a new array.
-        table: float64, shape (len(quantities.REPORT), num_envs), a row for each quantity. Likewise, but for ``keeps_table``.
+        table: float64, shape (len(quantities.REPORT), num_envs), a row for each quantity. Every step fills a new
+            array, unless ``keeps_table``.
     """
 
     def __init__(self, scenario: Scenario, num_envs: int, threads: int = 1, keeps_table: bool = False) -> None:
@@ -130,13 +131,13 @@ class Batch:
         self._actions = np.zeros((num_envs, action_size(scenario)))
         self.observations = np.zeros((num_envs, len(quantities.layout(scenario))), np.float32)
         self.table = np.zeros((len(quantities.REPORT), num_envs))
-        # Rows a whole number of memory pages apart would fall into the same few places of the processor's first cache.
+        # Rows a whole number of memory pages apart would share a few places of the processor's first cache.
         padding = _PADDING if num_envs % _PAGE < _PADDING <= num_envs else 0
         self._table_shape = None if keeps_table else (len(quantities.REPORT), num_envs + padding)
         self._prepare()
 
     def _prepare(self) -> None:
-        """Make what a copy or a pickle does not hold."""
+        """Make the attributes that a copy or a pickle does not hold."""
         self._scratches = [scratch_records(self._scenario) for _ in range(self._threads)]
         self._helpers = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
 
@@ -174,7 +175,7 @@ class Batch:
         return action
 
     def seed(self, env_indices: Any, seeds: Any) -> None:
-        """Give environments seeds; the next episode to start is the first of its seed. See ``checked_seed``."""
+        """Set environments' seeds; the next episode is the first of its seed. See ``checked_seed``."""
         block, i = np.divmod(env_indices, WIDTH)
         self._states["seed"][block, i] = seeds
         self._states["episode"][block, i] = 0
@@ -196,7 +197,7 @@ class Batch:
         """Run one step in every environment, or start the next episode where one has ended.
 
         Raises:
-            ValueError: the actions are not finite numbers of shape (num_envs, action size); no environment has moved then.
+            ValueError: the actions are not finite numbers of shape (num_envs, action size). Then no environment has moved.
         """
         self._take(actions)
         observations = np.empty(self.observations.shape, np.float32)
@@ -215,7 +216,7 @@ class Batch:
             self.table = table[:, : self.num_envs]
 
     def _share_steps(self, observations: NDArray[np.float32], table: NDArray[np.float64]) -> None:
-        """Let every thread claim the next few blocks until none are left, so that nobody waits for a thread that does not run."""
+        """Let every thread claim the next few blocks until none are left, so no thread waits for one that is not running."""
         blocks = len(self._states)
         claims = itertools.count(0, BLOCKS_CLAIMED)
 
@@ -232,7 +233,7 @@ class Batch:
                 future.result()
 
     def close(self) -> None:
-        """Let the threads go."""
+        """Release the threads."""
         if self._helpers is not None:
             self._helpers.shutdown()
 

@@ -1,4 +1,4 @@
-"""Compilation with Numba, elementary functions and keyed random numbers: what the transition is computed with.
+"""Compilation with Numba, elementary functions and keyed random numbers.
 
-Nothing here knows of a lathe; what has a physical meaning belongs in ``physics``.
+Nothing here refers to a lathe; quantities with a physical meaning belong in ``physics``.
 """

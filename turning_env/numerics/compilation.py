@@ -1,4 +1,4 @@
-"""Compilation with Numba, and its machine code on disk. With ``NUMBA_DISABLE_JIT=1`` the same functions run interpreted."""
+"""Compile with Numba and keep the machine code on disk. With ``NUMBA_DISABLE_JIT=1``, the same functions run interpreted."""
 
 import inspect
 import logging
@@ -26,11 +26,11 @@ _LOG = logging.getLogger("turning_env")
 
 
 class _LastLocator(InTreeCacheLocator):
-    """The package's own folder, where no folder can be written: machine code may have been put there beforehand."""
+    """Locator of the package's own folder if no folder can be written: it may hold machine code compiled in advance."""
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> "_LastLocator":
-        """Return a locator whether the folder can be written or not."""
+        """Return a locator, even if the folder cannot be written."""
         return cls(py_func, py_file)
 
 
@@ -39,10 +39,10 @@ class _Files(CompileResultCacheImpl):
 
 
 class _SharedCache(FunctionCache):
-    """Numba's cache on disk, for several processes, damaged files, a full disk and folders that cannot be written.
+    """Numba's cache on disk, made safe for several processes, damaged files, a full disk and read-only folders.
 
-    A process that compiles holds a lock, which ends with the process. Others that need the same code wait, and load it.
-    The log says when something is compiled, which could be taken for a hang, and how long it took.
+    A process that compiles holds a lock, which ends with the process. Others that need the same code wait and load it.
+    Compiling can look like a hang, so the log says when it starts and how long it took.
     """
 
     _impl_class = _Files
@@ -52,11 +52,11 @@ class _SharedCache(FunctionCache):
         named = config.CACHE_DIR  # type: ignore[attr-defined]
         place: Any = (UserProvidedCacheLocator if named else InTreeCacheLocator)(py_func, inspect.getfile(py_func))
         self.preferred: str = place.get_cache_path()
-        """The folder of machine code, if it can be written; ``cache_path`` otherwise is another."""
+        """Preferred folder of machine code; ``cache_path`` is another folder if this one cannot be written."""
         self._lock, self._started = ExitStack(), 0.0
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the machine code kept for a signature. None if there is none or it cannot be read: the caller compiles it."""
+        """Return the machine code kept for a signature, or None if there is none that can be read; the caller then compiles."""
         found = self._load(sig, target_context)
         if found is None:
             lock, name = Path(self.cache_path) / f".{self._impl.filename_base}.lock", self._py_func.__name__
@@ -80,14 +80,14 @@ class _SharedCache(FunctionCache):
                     found = super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
                 if found is not None:
                     return found
-        except Exception as error:  # whatever comes of reading damaged pickles
+        except Exception as error:  # damaged pickles can raise anything
             _LOG.warning("compiled code kept in %s cannot be read (%s): it is made anew", self.cache_path, type(error).__name__)
             with suppress(OSError):
                 self.flush()  # type: ignore[no-untyped-call]
         return self._load_prepared(sig, target_context)
 
     def _load_prepared(self, sig: Any, target_context: Any) -> Any:
-        """Return what was compiled beforehand into a folder that this process cannot write, as in an image."""
+        """Return machine code that was compiled in advance to a read-only folder, as in a container image."""
         stamp = self._impl.locator.get_source_stamp()
         file = IndexDataCacheFile(self.preferred, self._impl.filename_base, stamp)  # type: ignore[no-untyped-call]
         if self.preferred != self.cache_path:
@@ -112,7 +112,7 @@ class _SharedCache(FunctionCache):
             self._started = 0.0
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        """Add the sources: Numba watches the file of the entry alone, not those of the functions that it calls."""
+        """Return Numba's key with the sources: Numba watches the entry's file, but not those of the functions that it calls."""
         return *super()._index_key(sig, codegen), _compiled_sources()  # type: ignore[no-untyped-call]
 
 
@@ -165,7 +165,7 @@ def _warn_without_cache(folder: str, reason: str) -> None:
 
 @cache
 def _compiled_sources() -> str:
-    """Return the digest of the files in which compiled functions of this package stand."""
+    """Return the digest of the files that contain compiled functions of this package."""
     package = Path(__file__).parents[1]
     files = [package / "observation.py", package / "scenario" / "power_law.py"]
     return digest_of_files(

@@ -1,13 +1,13 @@
-"""Exponential, logarithm, sine and cosine from nothing but additions, products and one division.
+"""Exponential, logarithm, sine and cosine made of additions, products and one division.
 
-The C library's functions are calls, which keep a loop over environments from being compiled to vector instructions, and may
-differ in their last bit between machines. These are inlined and vectorised, and give the same bits in the interpreter and in a
-loop over one environment or thousands. Every power law, noise and observation of the environment goes through them.
+The C library's functions are calls, which prevent vector instructions in a loop over environments, and their last bits may differ
+between machines. These functions are inlined and vectorised. They give the same bits in the interpreter and in a loop over one
+environment or thousands. All power laws, noise and observations use them.
 
 Errors, relative but for sine and cosine: ``exp`` 5e-16 (to 1e-15 where the result is beyond 1e150 or below 1e-150),
 ``log`` 5e-16, ``sine_and_cosine`` 4e-16 absolute. The polynomials interpolate at Chebyshev points; their coefficients were
-computed with 60 digits. They are evaluated in pairs (Estrin's scheme), which shortens the chain of operations that wait for one
-another. There are no checks: what is out of a function's range gives some number, not an error.
+computed with 60 digits. They are evaluated in pairs (Estrin's scheme), which shortens the chain of dependent operations. There
+are no checks: an argument outside a function's range gives a wrong number, not an error.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
-"""Random numbers as a pure function of where they are used.
+"""Random numbers as a pure function of the place where they are used.
 
-Nothing here holds generator state. A number depends on the episode (seed, episode) and on a counter (channel,
-bar, index) alone, so that one environment of thousands, a single environment and a replay all see the same lathe, bit for bit.
+There is no generator state. A number depends only on the episode (seed, episode) and on a counter (channel, bar, index). So one
+environment of thousands, a single environment and a replay have the same lathe, bit for bit.
 The hash is Philox4x32-10 (Salmon, Moraes, Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", 2011).
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import log, sine_and_cosine
 
-# What a number is used for. Two uses of one channel would be correlated, so every use has its own.
+# Uses of random numbers. Two uses of one channel would be correlated, so every use has its own.
 EDGE_CHANNEL = np.uint64(1)
 BAR_CHANNEL = np.uint64(2)
 HARDNESS_CHANNEL = np.uint64(3)
@@ -48,14 +48,14 @@ def philox_4x32(counter_0, counter_1, counter_2, counter_3, key):
 
 @compiled
 def words(state, i, channel, bar, index):
-    """Return two words for one use of one episode: that of environment i of a block, by its ``seed`` and ``episode``."""
+    """Return two words for one use in the episode of environment i of a block, keyed by its ``seed`` and ``episode``."""
     word_0, word_1, _, _ = philox_4x32(np.uint64(index), np.uint64(bar), channel, state.episode[i], state.seed[i])
     return word_0, word_1
 
 
 @compiled
 def uniform(state, i, channel, bar, index):
-    """Return a number drawn evenly from 0..1 for one use of one episode; see ``words``."""
+    """Return a number drawn uniformly from 0..1 for one use in one episode; see ``words``."""
     word, _ = words(state, i, channel, bar, index)
     return (float(word) + 0.5) * _UNIT
 

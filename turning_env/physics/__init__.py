@@ -1,6 +1,6 @@
 """The table of quantities, one file per phenomenon of the process, and ``lathe.py``, the transition that calls them.
 
-Files hold equations of one environment; how many environments are driven, and by whom, belongs in ``batch``.
+Files hold equations of one environment; the driver of many environments belongs in ``batch``.
 """
 
 MODEL_VERSION = 1

@@ -1,7 +1,7 @@
 """Feed servo and spindle: first-order lags behind their commands, and the current of the feed's motor.
 
-The feed servo's time constant, 0.13 s, was measured (roughness control paper); the spindle's is an assumption. The
-exact solution of the lag over a sub-step is used, so a time constant of 0 means no lag.
+The feed servo's time constant, 0.13 s, was measured (roughness control paper); the spindle's is an assumption. The lag is solved
+exactly over a sub-step, so a time constant of 0 means no lag.
 """
 
 import math
@@ -42,7 +42,7 @@ def steady_current(parameters, thrust_force, feed_velocity):
 def force_from_current(parameters, current, feed_velocity):
     """Return the thrust force [N] at which ``steady_current`` is ``current`` [A]. Scalars or arrays.
 
-    The paper's equation (9) mixes torque and force as printed; this solves the equations that it stands on.
+    The paper's equation (9) as printed mixes torque and force; this function solves the equations from which it follows.
     """
     no_load_current = parameters.no_load_current + parameters.no_load_current_rate * feed_velocity
     return (current - no_load_current) / parameters.current_per_newton

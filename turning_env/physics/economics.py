@@ -8,13 +8,13 @@ from turning_env.numerics.compilation import compiled
 
 @compiled
 def metal_value(parameters, removed):
-    """Return the worth [s] of removed metal [cm3]: the time in which the reference removal rate removes it."""
+    """Return the worth [s] of removed metal [cm3]: removed / reference removal rate."""
     return 60.0 * removed / parameters.reference_removal_rate
 
 
 @compiled
 def compute_reward(report, i, parameters, minutes):
-    """Fill in the rest of the reward's terms, and the mean costs over ``minutes`` at work; return the reward [s]."""
+    """Compute the remaining terms of the reward, and the mean costs over ``minutes`` of work; return the reward [s]."""
     report.reward_metal[i] = metal_value(parameters, report.removed[i])
     report.reward_time[i] = -report.time[i]
     report.reward_overload[i] = -60.0 * parameters.overload_price * (report.cost_force[i] + report.cost_power[i])

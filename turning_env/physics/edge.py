@@ -1,11 +1,11 @@
-"""Edges: fitting, using up, breaking and replacing them, and what that costs in life and time.
+"""Edges: fit, use, break and replace them, and charge life and time.
 
-An edge's whole life is charged as its used share grows, so that every step pays for what it consumes. A broken edge
-pays the share that is left, and the downtime. (Life charge: cost of a part, adaptive part programming paper, tau_I and
+An edge is charged as its used share of life grows, so every step pays for the life that it uses. A broken edge costs
+its remaining share, and the downtime. (Life charge: cost of a part, adaptive part programming paper, tau_I and
 Q_I; breakage: assumption, see docs/choices.md.)
 
-Where an episode ends with its edge, the price of an edge holds the time to change it, and breakage its downtime; no time passes.
-Where edges are changed, the time passes. Drawn edges: see ``docs/models.md``.
+If an episode ends with its edge, the price of an edge includes the time to change it, and breakage its downtime; no time passes.
+If edges are changed, the time passes. Random properties of edges: see ``docs/models.md``.
 """
 
 from turning_env.numerics.compilation import compiled
@@ -15,7 +15,7 @@ from turning_env.numerics.keyed_random import EDGE_CHANNEL, standard_normals
 
 @compiled
 def fit_edge(state, i, parameters):
-    """Put the present edge into the holder, fresh as far as is known; the tool is out of the metal."""
+    """Put the present edge into the holder; the nominal model takes it as fresh, and the tool is out of the metal."""
     edge_normal, strength_normal = standard_normals(state, i, EDGE_CHANNEL, 0, state.edge[i])
     state.log_wear_factor[i] = parameters.log_wear_mismatch + parameters.wear_factor_spread * edge_normal
     state.edge_strength[i] = parameters.edge_strength * exp(parameters.edge_strength_spread * strength_normal)
@@ -37,7 +37,7 @@ def charge(report, i, parameters, share):
 
 @compiled
 def break_edge(state, report, i, parameters):
-    """Charge what a broken edge had left, and the downtime."""
+    """Charge a broken edge's remaining life, and the downtime."""
     lost = max(0.0, 1.0 - state.used_life[i])
     report.edges_used[i] += lost
     report.edges_broken[i] += 1.0
@@ -46,21 +46,21 @@ def break_edge(state, report, i, parameters):
 
 @compiled
 def replace_edge(state, report, i, parameters, broken):
-    """Change an edge that has just been found broken or worn out."""
+    """Change an edge that is broken or worn out."""
     found = parameters.breakage_downtime if broken else parameters.unplanned_stop
     change_edge(state, report, i, parameters, found + parameters.edge_change_time)
 
 
 @compiled
 def discard_edge(state, report, i, parameters):
-    """Change an edge on command, and charge what it had left."""
+    """Change an edge on command, and charge its remaining life."""
     charge(report, i, parameters, max(0.0, 1.0 - state.used_life[i]))
     change_edge(state, report, i, parameters, parameters.edge_change_time)
 
 
 @compiled
 def change_edge(state, report, i, parameters, minutes):
-    """Put the next edge in, which takes so much machine time [min], though not beyond the end of the episode."""
+    """Put in the next edge, which takes ``minutes`` of machine time, but not beyond the end of the episode."""
     minutes = max(min(minutes, parameters.time_limit - state.clock[i]), 0.0)
     state.clock[i] += minutes
     report.time[i] += 60.0 * minutes

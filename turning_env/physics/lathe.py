@@ -1,12 +1,12 @@
 """The transition: one step of the environments of a block.
 
 It is written once, as scalar Python for one environment ``i`` of the records of ``records.py``, in short loops over some
-environments of a block. Loops branch on the scenario alone: compiled, they run several environments at once, one or many give the
-same bits, and an environment that has stopped takes sub-steps of no length. What seldom happens, such as a bar's beginning or an
-edge's end, is left to loops that look for the environments in which it did.
+environments of a block. Loops branch only on the scenario. So the compiler can vectorise them, and one environment or many give
+the same bits. A stopped environment takes sub-steps of length 0. Separate loops handle rare events, such as the start of a bar or
+the end of an edge, in the environments where they occur.
 
-Every sub-step takes the state at its end (so the result converges in the first order of the sub-step), and the fields at the
-middle of the metal it cut.
+Every sub-step uses the state at its end (so the result converges in the first order of the sub-step), and the fields in the
+middle of the metal that it cuts.
 """
 
 import math
@@ -118,7 +118,7 @@ def finish_step(state, work, report, i, parameters, timeless, by_step):
 
 @compiled
 def prepare(state, work, actions, first, last, parameters):
-    """Apply the actions; return how often the tool has to travel: once, but with parts the most passes of any environment."""
+    """Apply the actions; return the number of travels: 1, or with parts the largest number of passes of any environment."""
     p = parameters
     if p.action != PART:
         command(state, work, actions, first, last, p)
@@ -135,7 +135,7 @@ def prepare(state, work, actions, first, last, parameters):
 
 @compiled
 def command(state, work, actions, first, last, parameters):
-    """Set the commanded cutting speed and feed from actions in -1..1 (what lies outside is clipped)."""
+    """Set the commanded cutting speed and feed from actions, which are clipped to -1..1."""
     p = parameters
     for i in range(first, last):
         work.action[0, i] = clipped(actions[i, 0])
@@ -161,10 +161,10 @@ def command(state, work, actions, first, last, parameters):
 
 @compiled_separately
 def travel(state, work, report, count, parameters):
-    """Run the sub-steps that every environment has left, but no further than to the end of its edge or of the job.
+    """Run every environment's remaining sub-steps, but not beyond the end of its edge or of the job.
 
-    With parts, failed edges are replaced on the way. Adds to the report's sums, where ``cost_force``, ``cost_power`` and the
-    means still are integrals: [min], [min], [N s] and [kJ].
+    With parts, failed edges are replaced in between. The function adds to the report's sums. In them, ``cost_force``,
+    ``cost_power`` and the means are still integrals: [min], [min], [N s] and [kJ].
     """
     p = parameters
     by_equivalent_time = p.wear_rule == EQUIVALENT_TIME
@@ -195,7 +195,7 @@ def travel(state, work, report, count, parameters):
 
 @compiled_separately
 def run_sub_step(state, work, report, count, parameters):
-    """Run one sub-step; return in how many environments the edge is worn out or broken."""
+    """Run one sub-step; return the number of environments in which the edge is worn out or broken."""
     p = parameters
     for i in range(count):
         move(state, work, i, p)
@@ -244,7 +244,7 @@ def run_sub_step(state, work, report, count, parameters):
 
 @compiled
 def move(state, work, i, parameters):
-    """Let the drives follow their commands, and move the tool along."""
+    """Let the drives follow their commands, and move the tool."""
     p = parameters
     runs = work.sub_steps_left[i] > 0
     running = 1 if runs else 0
@@ -273,7 +273,7 @@ def move(state, work, i, parameters):
 
 @compiled
 def log_coefficient(state, work, i, parameters):
-    """Logarithm of the wear [mm] that a fresh edge would have after a minute of what is being cut."""
+    """Return the logarithm of the wear [mm] that a fresh edge would have after a minute of the present cut."""
     nominal = log_wear_coefficient(
         parameters, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], state.log_hardness[i]
     )
@@ -282,7 +282,7 @@ def log_coefficient(state, work, i, parameters):
 
 @compiled
 def load_edge(state, work, i, parameters):
-    """Set thrust force [N] and power [kW] where metal was cut."""
+    """Set thrust force [N] and power [kW] if metal was cut."""
     force, power = force_and_power(
         parameters, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], work.log_wear[i], state.log_hardness[i]
     )
@@ -295,7 +295,7 @@ def load_edge(state, work, i, parameters):
 
 @compiled
 def add_to_sums(state, work, report, i, force_scale, power_scale, tolerance):
-    """Add what was cut, and by how much force and power exceeded their limits, to the report's sums."""
+    """Add the removed metal, and the excess of force and power over their limits, to the report's sums."""
     engaged = work.engaged[i]  # [min]
     seconds = 60.0 * engaged
     force, power = state.thrust_force[i], state.power[i]
@@ -330,7 +330,7 @@ def watch_edge(state, work, i, parameters, stops):
 
 @compiled
 def leave_metal(state, work, i):
-    """Let thrust force and power vanish in air."""
+    """Set thrust force and power to 0 in air."""
     in_metal = min(float(state.cutting[i]), state.depth_of_cut[i]) > 0.0
     remains = 1.0 if in_metal else work.chip_remains[i]
     state.thrust_force[i] *= remains
@@ -339,7 +339,7 @@ def leave_metal(state, work, i):
 
 @compiled
 def begin_charging(state, work, i):
-    """Note the edge's used life and cutting time, from which they are charged."""
+    """Store the edge's used life and cutting time at the start of charging."""
     work.time[i] = 0.0
     work.used_life_before[i] = min(state.used_life[i], 1.0)
     work.cutting_time_before[i] = state.cutting_time[i]
@@ -347,7 +347,7 @@ def begin_charging(state, work, i):
 
 @compiled
 def charge_time_and_life(state, work, report, i, parameters, by_equivalent_time):
-    """Bring clock, charged life and nominal wear up to date. The nominal model takes the speed and feed at the end."""
+    """Update clock, charged life and nominal wear. The nominal model uses the speed and feed at the end."""
     p = parameters
     time = work.time[i]
     state.clock[i] += time
@@ -365,7 +365,7 @@ def charge_time_and_life(state, work, report, i, parameters, by_equivalent_time)
 
 @compiled
 def replace_failed_edges(state, work, report, first, last, parameters):
-    """Charge broken edges, and replace edges that are worn out or broken unless the episode ends with them."""
+    """Charge broken edges, and replace worn-out and broken edges unless the episode ends with them."""
     p = parameters
     failed = 0
     for i in range(first, last):
@@ -380,7 +380,7 @@ def replace_failed_edges(state, work, report, first, last, parameters):
 
 @compiled
 def look_ahead(state, first, last, parameters):
-    """Draw what the control is told about the next step."""
+    """Draw the quantities that the control knows about the next step."""
     if parameters.holds_roughness:
         for i in range(first, last):
             draw_reference(state, i, parameters)

@@ -1,7 +1,7 @@
-"""Whole parts: the passes that an action names, and what each cuts.
+"""Whole parts: the passes of an action, and the metal that each pass cuts.
 
-A path is made for an allowance A in z passes of equal depth A/z, counted from the finished contour outwards. Its first pass takes
-whatever the blank has beyond that; where the blank has less, passes cut less, or air.
+A path divides an allowance A into z passes of equal depth A/z, counted from the finished contour outwards. Its first pass also
+takes what the blank has beyond that. If the blank has less, passes cut less, or air.
 """
 
 import math
@@ -13,12 +13,12 @@ from turning_env.numerics.functions import log
 from turning_env.physics.drives import clipped, set_point
 
 MIN_DEPTH = 0.01
-"""Depth of a pass [mm] below which the control's models are not asked."""
+"""Depth of a pass [mm] below which the control's models are not evaluated."""
 
 
 @compiled
 def start_part(state, work, i, parameters, action):
-    """Note where the next part begins, and the number and depth [mm] of its passes from an action in -1..1."""
+    """Store where the next part begins, and the number and depth [mm] of its passes, from an action in -1..1."""
     p = parameters
     work.part_start[i] = np.rint(state.path[i] * p.bars_per_path) * p.bar_pitch
     work.passes[i] = min(1 + int(0.5 * (clipped(action[0]) + 1.0) * p.passes_max), p.passes_max)
@@ -67,7 +67,7 @@ def end_passes(state, work, report, first, last, parameters, number):
 
 @compiled
 def end_pass(state, work, report, i, parameters):
-    """Return the tool; what has been sensed in the pass is its mean force and power."""
+    """Return the tool; the pass's mean force and power become the sensed values."""
     engaged = report.engaged_time[i] - work.engaged_before[i]
     if engaged > 0.0:
         report.mean_thrust_force[i] /= engaged

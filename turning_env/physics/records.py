@@ -1,4 +1,4 @@
-"""The typed records that the compiled transition works on, made of the table of quantities."""
+"""The typed records of the compiled transition, derived from the table of quantities."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -50,10 +50,10 @@ WORK = _record_type((*quantities.WORK, Quantity("observation", "-", "entries", n
 REPORT = _report_type()
 PARAMETERS = _record_type(quantities.PARAMETERS)
 SCRATCH = np.dtype((np.record, np.dtype([("parameters", PARAMETERS), ("work", WORK), ("report", REPORT)], align=True)))
-"""What a thread needs beside the states of the environments."""
+"""Record of a thread's working memory, without the environments' states."""
 
 FIRST_SUM = len(AT_END)
-"""Row of the report's table from which on a step starts with 0."""
+"""First row of the report's table that a step starts with 0."""
 
 
 def new_records(dtype: np.dtype[Any], count: int) -> Any:

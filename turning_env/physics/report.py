@@ -1,4 +1,4 @@
-"""The report of a step: sums over it, and the true state at its end."""
+"""The report of a step: sums over the step, and the true state at its end."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from turning_env.physics.wear import log_wear
 
 @compiled
 def clear_sums(report, first, last):
-    """Zero what the report sums over a step: ``quantities.OVER_STEP`` and ``OUTCOME``."""
+    """Set the report's sums over a step to 0: ``quantities.OVER_STEP`` and ``OUTCOME``."""
     table = report.table
     for k in range(FIRST_SUM, table.shape[0]):
         for i in range(first, last):

@@ -10,7 +10,7 @@ from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
 from turning_env.numerics.keyed_random import REFERENCE_CHANNEL, uniform
 
-_MAX_EXPONENT = 300.0  # keeps the roughness of a force beyond all sense finite
+_MAX_EXPONENT = 300.0  # keeps the roughness finite at absurdly high forces
 
 
 @compiled
@@ -22,7 +22,7 @@ def roughness(parameters, thrust_force):
 @compiled
 def draw_reference(state, i, parameters):
     """Set the reference of Ra [um] to that of the present period."""
-    # Half a sub-step on, as the clock is a sum of sub-steps and may fall short of the period's end by rounding.
+    # Half a sub-step is added because the clock, a sum of sub-steps, may miss the period's end by rounding.
     period = np.floor((state.clock[i] + 0.5 * parameters.sub_step) / parameters.reference_time)
     share = uniform(state, i, REFERENCE_CHANNEL, 0, period)
     state.roughness_reference[i] = exp(parameters.log_reference_min + share * parameters.log_reference_span)

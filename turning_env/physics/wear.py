@@ -1,11 +1,11 @@
-"""Life and wear of the edge.
+"""Used life and wear of the edge.
 
 A fresh edge at constant parameters wears as W = K t^n, where K comes from the wear law and n is its exponent of time.
 The state is the used share of the edge's life, D = (W / W_max)^(1/n), from which the wear follows: W = W_max D^n.
 
 Equivalent time (default, consistent with Taylor): changing parameters continue the wear curve of the new parameters
-from the present wear. Then dD/dt = (K / W_max)^(1/n) = 1/T exactly, T being the Taylor life; how a cut is split into
-steps does not matter.
+from the present wear. Then dD/dt = (K / W_max)^(1/n) = 1/T exactly, where T is the Taylor life. The length of steps does
+not matter.
 
 Clock time (Alaskari and Oraby 2018, equation (4), as recovered): each step adds K (t_i^n - t_{i-1}^n), t being the
 edge's total cutting time. It reproduces the publication; a controller can game it by idling through the first seconds.
@@ -20,20 +20,20 @@ CLOCK_TIME = 1
 
 @compiled
 def life_share(parameters, log_wear_coefficient, time):
-    """Return the share of an edge's life [-] that it loses in a cutting time [min] with log K constant, by equivalent time."""
+    """Return the share of life [-] that an edge uses in a cutting time [min] at constant log K, by equivalent time."""
     return time * exp((log_wear_coefficient - parameters.log_wear_criterion) * parameters.life_exponent)
 
 
 @compiled
 def wear_by_clock(parameters, used_life, log_wear_coefficient, time_power_before, time_power):
-    """Return wear over the criterion [-] after cutting on with log K constant, by clock time; powers of cutting time are t^n."""
+    """Return wear / criterion [-] after further cutting at constant log K, by clock time; powers of cutting time are t^n."""
     growth = exp(log_wear_coefficient - parameters.log_wear_criterion) * (time_power - time_power_before)
     return real_power(used_life, parameters.wear_law.time) + growth
 
 
 @compiled
 def life_by_clock(parameters, used_life, log_wear_coefficient, start, end):
-    """Return the used life [-] after cutting from ``start`` to ``end`` [min] with log K constant, by clock time."""
+    """Return the used life [-] after cutting from ``start`` to ``end`` [min] at constant log K, by clock time."""
     exponent = parameters.wear_law.time
     wear = wear_by_clock(parameters, used_life, log_wear_coefficient, real_power(start, exponent), real_power(end, exponent))
     return real_power(wear, parameters.life_exponent)
@@ -41,7 +41,7 @@ def life_by_clock(parameters, used_life, log_wear_coefficient, start, end):
 
 @compiled
 def advance_used_life(parameters, used_life, log_wear_coefficient, start, end):
-    """Return the used life [-] after cutting from ``start`` to ``end`` (the edge's cutting time [min]) with log K constant."""
+    """Return the used life [-] after cutting from ``start`` to ``end`` (the edge's cutting time [min]) at constant log K."""
     if parameters.wear_rule == EQUIVALENT_TIME:
         return used_life + life_share(parameters, log_wear_coefficient, end - start)
     return life_by_clock(parameters, used_life, log_wear_coefficient, start, end)

@@ -31,7 +31,7 @@ def position_in_row(parameters, path):
 
 @compiled
 def enter_bar(state, i, bar):
-    """Draw the offsets of a bar, and forget the nodes of the bar before."""
+    """Draw the offsets of a bar, and discard the nodes of the bar before."""
     state.bar[i] = bar
     state.bar_hardness_normal[i], state.bar_depth_normal[i] = standard_normals(state, i, BAR_CHANNEL, bar, 0)
     state.hardness_cell[i] = -1.0
@@ -50,10 +50,10 @@ def between_nodes(left, right, share):
 
 @compiled
 def look_up_fields(state, work, first, last, parameters):
-    """Set log hardness [-] and depth of cut [mm, 0 or less in air] to those in the middle of what is being cut.
+    """Set log hardness [-] and depth of cut [mm, 0 or less in air] to the values in the middle of the present cut.
 
-    This holds for environments of a block that are ``engaged``. The nodes on either side are kept until the tool has passed them:
-    they cost more than all the rest.
+    This holds for the block's ``engaged`` environments. The nodes on either side are kept until the tool has passed them, because
+    drawing them costs more than everything else.
     """
     p = parameters
     passing = 0
@@ -83,7 +83,7 @@ def look_up_fields(state, work, first, last, parameters):
 
 @compiled
 def locate(state, work, i, parameters):
-    """Find the place along the bar, and whether the nodes that are kept are behind it."""
+    """Find the place along the bar, and whether the kept nodes are behind it."""
     p = parameters
     cut = work.middle[i]
     bar = np.floor(cut * p.bars_per_cut)
@@ -97,10 +97,9 @@ def locate(state, work, i, parameters):
 
 @compiled
 def pass_nodes(state, work, first, last, parameters):
-    """Enter bars, and draw the nodes on either side, in the environments that have passed those that they keep.
+    """Enter bars, and draw the nodes on either side, in the environments that have passed their kept nodes.
 
-    The nodes ahead are listed, and drawn together. Where there is no noise along the bar, the nodes stay what they are: they are
-    multiplied by 0.
+    The nodes ahead are listed and drawn together. Without noise along the bar, the nodes do not change: they are multiplied by 0.
     """
     p = parameters
     listed = 0
@@ -131,7 +130,7 @@ def pass_nodes(state, work, first, last, parameters):
 def pass_node(state, work, i, k, channel, nodes, nodes_per_length, spread):
     """Keep the nodes of a field on either side: (cell, left, right) of the block's environments.
 
-    The one ahead, if it is another, is put on the list of those to be drawn, at place k. Return how many have been put there.
+    If the node ahead is new, it is put at place k of the list of nodes to draw. Return the number of nodes put there.
     """
     cells, left, right = nodes
     cell, kept = np.floor(work.along[i] * nodes_per_length), cells[i]
@@ -150,7 +149,7 @@ def pass_node(state, work, i, k, channel, nodes, nodes_per_length, spread):
 
 @compiled
 def blend_nodes(state, work, i, parameters):
-    """Log hardness [-] without skin, and the blank's depth [mm] without ripple, from the bar's offsets and the nodes."""
+    """Set log hardness [-] without skin, and the blank's depth [mm] without ripple, from the bar's offsets and the nodes."""
     p = parameters
     noise = noise_along(work, i, state.hardness_cell, state.hardness_left, state.hardness_right, p.hardness_nodes_per_length)
     hardness = p.log_hardness_mismatch + p.hardness_bar_spread * state.bar_hardness_normal[i] + p.hardness_along_spread * noise
@@ -168,7 +167,7 @@ def noise_along(work, i, cells, left, right, nodes_per_length):
 
 @compiled
 def limit_depth(state, work, i):
-    """Limit the depth of cut [mm] to what stands between the pass's floor and ceiling, of a blank that is never quite gone."""
+    """Limit the depth of cut [mm] to the metal between the pass's floor and ceiling; a blank keeps a little depth."""
     blank = max(work.blank_depth[i], MIN_DEPTH_SHARE * work.nominal_depth[i])
     work.blank_depth[i] = blank
     depth = min(blank, state.pass_ceiling[i]) - state.pass_floor[i]
@@ -177,7 +176,7 @@ def limit_depth(state, work, i):
 
 @compiled
 def cut_skin(state, work, i, parameters):
-    """Let what the cut holds of the skin, the outermost of a blank's depth [mm], harden the cut and wear the edge."""
+    """Add the effect of the skin, the outermost depth [mm] of a blank, to the cut's hardness and the edge's wear."""
     p = parameters
     lowest = max(work.blank_depth[i] - p.skin_thickness, state.pass_floor[i])
     skin = max(min(work.blank_depth[i], state.pass_ceiling[i]) - lowest, 0.0)
@@ -189,7 +188,7 @@ def cut_skin(state, work, i, parameters):
 
 @compiled
 def probe_next_bar(state, i, parameters):
-    """Measure the mean depth [mm] of what is to be cut of the bar before which the tool stands."""
+    """Measure the mean allowance [mm] of the bar before which the tool stands."""
     p = parameters
     bar = np.rint(state.path[i] * p.bars_per_path)
     depth = p.depth_of_cut + p.depth_bar_spread * standard_normals(state, i, BAR_CHANNEL, bar, 0)[1]

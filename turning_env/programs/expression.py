@@ -1,4 +1,4 @@
-"""Numbers and arithmetic in programs: plain decimals, variables, + - * / and parentheses."""
+"""Numbers and expressions in programs: plain decimals, variables, + - * / and parentheses."""
 
 import operator
 import re
@@ -6,9 +6,9 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 DECIMALS = 12
-"""Of coefficients: the third power of a load of 200 % times half of the last decimal is 4e-6."""
+"""Decimals of coefficients: at a load of 200 %, the error of a cubic term is at most 4e-6."""
 NUMBER = rf"\d{{1,12}}(?:\.\d{{0,{DECIMALS}}})?|\.\d{{1,{DECIMALS}}}"
-"""Regular expression of a number without sign; exponents are not read alike by all controls."""
+"""Regular expression of a number without sign; without exponent, because controls read exponents differently."""
 MAX_DEPTH = 20
 """Deepest nesting of parentheses that is read."""
 _TOKEN = re.compile(rf"\s*(?:({NUMBER})|(\$[A-Z_]+(?:\[[A-Z0-9]+\])?)|([-+*/()]))")
@@ -19,7 +19,7 @@ _OPERATIONS: dict[str, Callable[[float, float], float]] = {
     "/": operator.truediv,
 }
 _RANK = {"+": 0, "-": 0, "*": 1, "/": 1}
-"""Precedence; of equals the left one comes first."""
+"""Precedence; operators of equal rank associate to the left."""
 
 
 def number_text(value: float) -> str:
@@ -96,7 +96,7 @@ def parse(text: str, readable: Collection[str]) -> Expression:
     """Return the expression of a text, which may contain the variables ``readable``.
 
     Raises:
-        ValueError: it is no expression; says why.
+        ValueError: the text is not an expression; the message says why.
     """
     parser = _Parser(_tokens(text), readable)
     expression = parser.sum(0)

@@ -1,6 +1,6 @@
-"""A program: blocks of one cutting speed and feed along Z, bar by bar, and possibly an override law.
+"""A part program: blocks of one cutting speed and feed along Z, bar by bar, and optionally an override law.
 
-Positions are those of turning programs: X is a diameter, Z is 0 at the bar's face and falls towards the chuck.
+X is a diameter. Z is 0 at the bar's face and decreases towards the chuck.
 """
 
 import math
@@ -34,12 +34,12 @@ class Block:
 
 @dataclass(frozen=True)
 class Program:
-    """A turning program: the same cut on one bar after another, each with its own blocks."""
+    """A turning program: the same cut on successive bars, each with its own blocks."""
 
     diameter: float
     """Diameter of the cut [mm]."""
     start: float
-    """Start of every bar's first block, in the air before the face [mm]."""
+    """Z at which every bar's first block starts, in the air before the face [mm]."""
     max_spindle_speed: float  # [rev/min]
     bars: tuple[tuple[Block, ...], ...]
     law: Law | None = None
@@ -65,10 +65,10 @@ class Program:
         return program
 
     def check(self, scenario: Scenario) -> None:
-        """Check that a scenario's machine can run the program and that the bars are the program's.
+        """Check that a scenario's machine can run the program and that its bars are the program's.
 
         Raises:
-            NcError: a speed or feed is outside the machine's range, or a position is not the scenario's; names bar and block.
+            NcError: a speed or feed is outside the machine's range, or a position is not the scenario's. Names bar and block.
         """
         workpiece, machine = scenario.workpiece, scenario.machine
         for what, mine, its in (

@@ -1,4 +1,4 @@
-"""Read the subset that ``write.py`` writes, whoever wrote it; refuse all else with block number and reason."""
+"""Read programs in the subset that ``write.py`` writes; refuse others with the block's number and the reason."""
 
 import re
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ def read(text: str) -> Program:
     """Return the program of a text.
 
     Raises:
-        NcError: it is not of the subset; names the block (or, where it has none, the line) and the reason.
+        NcError: the text is not in the subset; names the block (without a number, the line) and the reason.
     """
     if len(text) > MAX_BYTES:
         raise NcError(f"the program has {len(text)} characters, but {MAX_BYTES} at most are read")
@@ -64,7 +64,7 @@ def read_file(path: Path) -> Program:
 
     Raises:
         NcError: see ``read``; names the file.
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     try:
         with path.open(encoding="ascii") as stream:
@@ -210,7 +210,7 @@ class _Reader:
 
 
 def _words(body: str, needed: str, allowed: str = "") -> dict[str, float]:
-    """Return the words of a block by address; those of ``needed`` must and of ``allowed`` may be there, each once."""
+    """Return the words of a block by address. Each of ``needed`` must occur once, each of ``allowed`` at most once."""
     words: dict[str, float] = {}
     for text in body.split():
         match = _WORD.fullmatch(text)

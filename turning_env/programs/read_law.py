@@ -25,7 +25,7 @@ _CONDITION = re.compile(r"([^<>=]+)(<=|>=|<|>)([^<>=]+)", re.ASCII)
 
 
 class LawReader:
-    """Takes the blocks of a law, in the order of the subset: first values, polynomials, actions."""
+    """A reader that takes a law's blocks in the subset's order: first values, polynomials, actions."""
 
     def __init__(self) -> None:
         self._stopped = False
@@ -37,7 +37,7 @@ class LawReader:
         """Take a block; return whether it is part of a law.
 
         Raises:
-            ValueError: it is part of a law, but not of the subset, or not at this place.
+            ValueError: the block is part of a law, but not in the subset or not allowed here.
         """
         if body == "STOPRE":
             if self._stopped or self._polynomials or self._actions:
@@ -54,7 +54,7 @@ class LawReader:
         return True
 
     def check(self) -> None:
-        """Check that actions use what is defined.
+        """Check that actions use the first values and polynomials.
 
         Raises:
             ValueError: there are polynomials or first values, but no actions.

@@ -18,7 +18,7 @@ from turning_env.programs.program import (
 from turning_env.scoring.policy import PolicyFactory
 
 TOLERANCE = 0.01
-"""Relative difference up to which speeds and feeds become one block."""
+"""Relative difference up to which successive speeds and feeds merge into one block [-]."""
 _MIN_LENGTH = 10.0**-LENGTH_DECIMALS
 
 
@@ -74,14 +74,14 @@ def play_schedule(
     tolerance: float = TOLERANCE,
     on_path: Callable[[float], object] = lambda path: None,
 ) -> tuple[Program, Totals]:
-    """Let a policy turn the first bars of a seed; return the program of its commands, and the totals of the episode.
+    """Play a policy on the first bars of a seed; return the program of its commands, and the episode's totals.
 
-    If the edge or the time ends before the bars do, the program ends there.
+    If the episode ends before the last bar, the program ends there.
 
     Args:
-        make_policy: makes the policy, for one environment.
-        scenario: what it plays.
-        seed: of the episode.
+        make_policy: makes the policy for one environment.
+        scenario: scenario to play.
+        seed: seed of the episode.
         bars: number of bars.
         tolerance: see ``bars_of``.
         on_path: called after each step with the tool's position along the row [mm].
@@ -114,9 +114,9 @@ def play_schedule(
 def bars_of(scenario: Scenario, segments: Iterable[Segment], tolerance: float) -> tuple[tuple[Block, ...], ...]:
     """Return the blocks of every bar that successive segments cut.
 
-    Successive segments become one block while neither their cutting speeds nor their feeds differ by more than ``tolerance``
-    (relative). The block has their mean speed by time, and the feed that then takes as long. The ends of blocks are as exact as
-    the control's resolution, whatever the tolerance. Speeds and feeds are rounded within the machine's range.
+    Successive segments merge into one block while neither their cutting speeds nor their feeds differ by more than ``tolerance``
+    (relative). The block has their time-averaged speed, and the feed with which it takes the same time. Its end is exact to the
+    control's resolution at any tolerance. Speeds and feeds are rounded within the machine's range.
     """
     workpiece = scenario.workpiece
     bars: list[tuple[Block, ...]] = []
@@ -179,7 +179,7 @@ def _groups(segments: list[Segment], tolerance: float) -> Iterator[list[Segment]
 def _block(scenario: Scenario, group: list[Segment], z: float) -> Block:
     machine = scenario.machine
     time = sum(segment.time for segment in group)
-    distance = sum(segment.time * segment.cutting_speed for segment in group)  # of the cutting edge
+    distance = sum(segment.time * segment.cutting_speed for segment in group)  # that the cutting edge travels
     feed = sum(segment.time * segment.cutting_speed * segment.feed for segment in group) / distance
     return Block(
         z,

@@ -1,4 +1,4 @@
-"""Play a program on the bars of a seed: its set points, switched where its blocks end."""
+"""Play a program on the bars of a seed: its set points change at the ends of its blocks."""
 
 import bisect
 import math
@@ -15,10 +15,10 @@ MIN_INTERVAL = 0.001
 
 
 def simulate(program: Program, scenario: Scenario, seed: int) -> Totals:
-    """Play a program's blocks on the first bars of a seed, to the end of the program or of the edge; return the totals.
+    """Play a program's blocks on the first bars of a seed until the program or the edge ends; return the totals.
 
-    The control reads the tool's position in every sub-step of the scenario's integration, and commands the speed and feed of the
-    block there; the drives follow as in any episode. No time passes between bars.
+    In every sub-step of the integration, the control reads the tool's position and commands the speed and feed of the block
+    there. The drives follow as in any episode. No time passes between bars.
 
     Raises:
         NcError: the program has an override law, or is not one for this scenario.

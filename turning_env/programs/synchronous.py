@@ -1,9 +1,9 @@
-"""Synchronized actions, which the control runs in every interpolation cycle, from measured load to feed override.
+"""Synchronized actions: laws from measured load to feed override, which the control runs in every interpolation cycle.
 
-The subset of SINUMERIK's synchronized actions that is written and read here (Programming Guide Advanced, edition 04.00, chapter
-10): ``FCTDEF`` defines a polynomial of third degree with limits, ``SYNFCT`` evaluates it on a variable into another, assignments
-compute with the four basic operations, and ``WHENEVER`` makes an action depend on comparisons. Modal actions run in the order of
-their ``ID``, once per cycle. Override and load are in per cent.
+They are a subset of SINUMERIK's (Programming Guide Advanced, edition 04.00, chapter 10). ``FCTDEF`` defines a polynomial of
+third degree with limits. ``SYNFCT`` assigns its value at one variable to another. Assignments compute with the four basic
+operations. ``WHENEVER`` makes an action depend on comparisons. Modal actions run once per cycle, in the order of their ``ID``.
+Override and load are in per cent.
 """
 
 import operator
@@ -88,7 +88,7 @@ class Action:
 
 @dataclass(frozen=True)
 class Law:
-    """Polynomials, variables' first values and actions, in the order of their numbers."""
+    """A law: polynomials, first values of variables, and actions, in the order of their numbers."""
 
     polynomials: tuple[Polynomial, ...]
     initial: tuple[tuple[str, float], ...]
@@ -99,7 +99,7 @@ class Law:
         return dict.fromkeys(READABLE, 0.0) | {OVERRIDE: 100.0} | dict(self.initial)
 
     def cycle(self, variables: MutableMapping[str, float]) -> float:
-        """Run one interpolation cycle on the variables; return the override [%], 100 unless it is written.
+        """Run one interpolation cycle on the variables; return the override [%], 100 if no action writes it.
 
         Raises:
             ZeroDivisionError: an expression divides by 0, which stops a control.

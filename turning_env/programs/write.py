@@ -29,7 +29,7 @@ COMMENT_WIDTH = 100
 
 
 def write(program: Program, comments: Iterable[str] = ()) -> str:
-    """Return the text of a program: the warning, comments, units, and then numbered blocks."""
+    """Return the text of a program: warning, comments, units, and numbered blocks."""
     lines = [f"; {line}" for text in (WARNING, *comments, UNITS) for line in textwrap.wrap(_plain(text), COMMENT_WIDTH) or [""]]
     for index, block in enumerate(_blocks(program), 1):
         lines.append(f"N{NUMBER_STEP * index} {block}")
@@ -78,7 +78,7 @@ def _note(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return a comment's text as one line of ASCII, which any control shows."""
+    """Return a comment's text as one line of ASCII, which every control can show."""
     return " ".join(text.encode("ascii", "replace").decode().split())
 
 

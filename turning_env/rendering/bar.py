@@ -23,13 +23,13 @@ _SOFT, _HARD = 0.75, 1.25
 _CHIP_LENGTH = 13.0
 """Path on which a chip grows before it breaks off [mm] (assumption)."""
 _PLACES = 212
-"""Places along the bar at which hardness and allowance are computed."""
+"""Number of places along the bar at which hardness and allowance are computed."""
 _PATCH = (-70, 46, 8)
 """Extent of the tool and the chip around the tool's tip: left, right and below the surface [pixels]."""
 _NODES_IN_VIEW = 80
-"""Correlation lengths of hardness shown at a time: more could not be told apart."""
+"""Number of correlation lengths of hardness shown at a time: more could not be distinguished."""
 _ALONG = {"place": "place along the bar [mm]", "time": "machine time [min]", "part": "number of the part"}
-"""What the loads are drawn over."""
+"""Labels of the horizontal axis of loads."""
 
 
 def stretch_in_view(scenario: Scenario, along: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""One frame: its cards, what stands still on them, and what moves."""
+"""Frames: their cards with a fixed background and moving parts."""
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -17,11 +17,11 @@ _HEADER = (16, 8)
 
 
 class Frame:
-    """The picture of one environment, drawn anew only where something moves.
+    """The picture of one environment; only moving parts are redrawn.
 
     Args:
-        scenario: of the environment.
-        title: stands at the top.
+        scenario: scenario of the environment.
+        title: title at the top.
     """
 
     def __init__(self, scenario: Scenario, title: str) -> None:

@@ -1,4 +1,4 @@
-"""Dials of what is limited or held, the edge with its wear land, and readings in numbers."""
+"""Dials of limited and controlled quantities, the edge with its wear land, and readings in numbers."""
 
 import math
 from typing import NamedTuple
@@ -45,7 +45,7 @@ def _dials(scenario: Scenario) -> tuple[_Dial, _Dial]:
 
 
 def _face(dial: _Dial) -> Image.Image:
-    """Return what stands still: the arc, enlarged."""
+    """Return the fixed background: the arc, enlarged."""
     face = ui.enlarged(Image.new("RGB", (_WIDTH, _HEIGHT), ui.CARD))
     draw = ImageDraw.Draw(face)
     draw.arc(_ARC, 180, 360, fill=ui.RULE, width=ui.SCALE * _BAND)

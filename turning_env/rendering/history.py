@@ -1,4 +1,4 @@
-"""What is seen of one environment: its present state, and what of its past is drawn."""
+"""The present state and the recorded past of one environment, as frames show them."""
 
 import math
 from collections import deque
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from turning_env.batch.driver import Batch
 
 TRAIL = 90
-"""Steps whose operating points the operating map shows."""
+"""Number of past steps that the operating map shows."""
 LONG_STEP = 10.0
 """Length of a step [s] from which on few steps lie in one bar."""
-_MIN_WEAR = 1e-4  # [mm]: a fresh edge has none, of which there is no logarithm
+_MIN_WEAR = 1e-4  # [mm]: the logarithm of a fresh edge's wear, 0, does not exist
 
 
 def along(scenario: Scenario) -> Literal["place", "time", "part"]:
-    """Return what samples are ordered by: the place along a bar, machine time where steps are long, or the part's number."""
+    """Return the order of samples: place along a bar, machine time if steps are long, or the part's number."""
     control = scenario.control
     if control.action == "part":
         return "part"
@@ -38,22 +38,22 @@ class Sample(NamedTuple):
 
 
 class History:
-    """One environment as an onlooker sees it, from an episode's first frame to its end.
+    """A recorder of one environment from an episode's first frame to its end.
 
     Attributes:
-        whole: whether the onlooker has been there since the episode's start.
+        whole: whether recording began at the episode's start.
         key: (seed, episode), which determine the bars.
         now: the last step's report, by the names of ``quantities.INFO``.
         time: machine time since the episode's start [s].
-        total, removed, edges, broken: since the onlooker came: return [s], metal [cm3], edges used up and broken [-].
+        total, removed, edges, broken: since recording began: return [s], metal [cm3], edges used up and broken [-].
         reward: of the last step [s], 0 before the first.
         bar, along: number of the bar that is shown, and the tool's place from where its metal begins [mm], negative in air.
         depth, hardness: of the metal cut last [mm], [-].
         trail: (cutting speed [m/min], feed [mm/rev]) of the last steps.
         along_bar: a sample of each step along the present bar, or of the episode where samples are not ordered by place.
-        bars_seen: how often ``along_bar`` has begun anew.
+        bars_seen: number of times that ``along_bar`` has been restarted.
         passes: with parts, (cutting speed, feed, depth [mm]) of each pass of the last.
-        ended: what has ended the episode, or an empty text.
+        ended: cause of the episode's end, or an empty text.
     """
 
     def __init__(self, scenario: Scenario, batch: "Batch", index: int, fields: Fields) -> None:
@@ -67,7 +67,7 @@ class History:
         self._watched = False
 
     def begin(self) -> None:
-        """Watch the present episode from now on, if it is not watched already."""
+        """Start to record the present episode, unless it is being recorded."""
         if self._watched:
             return
         self._watched = True
@@ -82,7 +82,7 @@ class History:
         self._note()
 
     def goes_on(self) -> bool:
-        """Record what the last step gave, if there was one; return whether the episode that is watched goes on."""
+        """Record the last step, if there was one; return whether the recorded episode goes on."""
         steps = self._step_count()
         self._watched = steps >= self._steps and self._key() == self.key
         if self._watched and steps > self._steps:

@@ -1,4 +1,4 @@
-"""What can be configured: one frozen, validated value, nested by subject (``sections.py``), and its files."""
+"""The scenario: one frozen, validated value with a section per subject (``sections.py``), and its TOML files."""
 
 import hashlib
 import json
@@ -38,18 +38,18 @@ _PRESETS = resources.files("turning_env.scenario") / "presets"
 _ALL_PRESETS = "python -m turning_env presets"
 
 SPLITS = ("harder_lot", "forging_skin", "worn_lot", "sensor_bias", "small_diameter", "ck45")
-"""Presets with bars, tools, sensors and steels for which policies of ``RoughTurning-v0`` were not tuned or trained, as reported.
+"""Presets that test generalisation, with other bars, tools, sensors and steels; no policy was tuned or trained on them.
 
-The first four have its nominal model and a model mismatch. The last two have a nominal model with another diameter or another
+The first four have its nominal model and a model mismatch. The nominal models of the last two have another diameter and another
 steel. Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/choices.md``.
 """
 
 
 class Scenario(Section):
-    """Everything that defines an episode but its seed and the actions."""
+    """Everything that defines an episode, except its seed and the actions."""
 
     name: str = "rough_turning"
-    """Names the folders in which trainings and results are kept, so only characters that are safe there."""
+    """Also the name of folders of trainings and results, so only characters that are safe in paths are allowed."""
     material: Material = Material()
     tool: Tool = Tool()
     machine: Machine = Machine()
@@ -110,23 +110,23 @@ class Scenario(Section):
 
     @property
     def file(self) -> Path | None:
-        """Return the TOML file from which it was loaded, or None. Copies keep it; it is no part of the identity."""
+        """Return the TOML file from which the scenario was loaded, or None. Copies keep it; it is not part of the identity."""
         file: Path | None = vars(self).get(_SOURCE)
         return file
 
     @classmethod
     def load(cls, source: "Source") -> "Scenario":
-        """Return the scenario of a preset's name, of a TOML file's path, of a dict, or the scenario itself.
+        """Return the scenario of a preset's name, a TOML file's path or a dict; return a ``Scenario`` unchanged.
 
-        A TOML file or a dict states only what differs from the defaults or, with ``base``, from that preset or TOML file; a file
-        names its base from the folder in which it lies. Without a ``name``, a file's scenario is called as the file is, with
-        "_" for characters that are not allowed in a name, and a dict's "custom".
+        A TOML file or a dict states only the values that differ from the defaults or, with ``base``, from that preset or TOML
+        file. The path of a base is relative to the file's folder. Without a ``name``, a file's scenario gets the file's name,
+        with "_" for characters that are not allowed; a dict's scenario is called "custom".
 
             Scenario.load({"base": "forging", "tool": {"wear_criterion": 0.2}})
 
         Raises:
-            ScenarioError: no such preset or file, not TOML, an unknown key, a value out of range, or scenarios based on one
-                another in a circle; names the file, the field, the value and what is allowed.
+            ScenarioError: the preset or file does not exist, the file is not TOML, a key is unknown, a value is out of range, or
+                scenarios are based on one another in a circle. The message names file, field, value and what is allowed.
             TypeError: ``source`` is none of the four.
         """
         if isinstance(source, Scenario):
@@ -145,7 +145,7 @@ class Scenario(Section):
 
     @classmethod
     def _file(cls, path: Path, below: tuple[str, ...]) -> "Scenario":
-        """Return the scenario of a file, on which the scenarios ``below`` are based, each on the next."""
+        """Return the scenario of a file. The scenarios ``below`` are based on it, each on the next."""
         try:
             if not path.is_file():
                 instead = names_instead(str(path), presets(), _ALL_PRESETS)
@@ -184,7 +184,7 @@ class Scenario(Section):
     def _from_values(
         cls, values: dict[str, Any], source: str, name: str, folder: Path | None, below: tuple[str, ...]
     ) -> "Scenario":
-        """Return the scenario of a table. Paths of a base start from the folder; a table without one has a preset as its base."""
+        """Return the scenario of a table. A base's path is relative to ``folder``; without a folder, the base is a preset."""
         base = values.pop("base", None)
         if base is not None:
             if isinstance(base, str) and base in presets():
@@ -204,33 +204,33 @@ class Scenario(Section):
             raise ScenarioError(f"{source}: " + "; ".join(_complaints(error))) from error
 
     def to_toml(self) -> str:
-        """Return the whole scenario as TOML; ``Scenario.load`` reads it back equal."""
+        """Return the whole scenario as TOML; ``Scenario.load`` reads back an equal scenario."""
         return tomli_w.dumps(self.model_dump())
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the whole scenario as a TOML file: all of it or nothing; its folder is made."""
+        """Write the whole scenario as a TOML file, whole or not at all; make its folder if it is missing."""
         replace_file(Path(path), lambda partial: partial.write_text(self.to_toml(), "utf-8"))
 
     def differences(self) -> dict[str, Any]:
         """Return the values that differ from the defaults, nested by section, without the name.
 
-        They identify a scenario: a new field with a neutral default, a reordering or a comment changes nothing here.
+        They identify a scenario. A new field with a neutral default, another order or a comment does not change them.
         """
         return _differences(self.model_dump(exclude={"name"}), _DEFAULTS.model_dump(exclude={"name"}))
 
     def digest(self) -> str:
-        """Return the SHA-256 of ``differences()``: equal digests mean equal physics, whatever the scenarios are called."""
+        """Return the SHA-256 of ``differences()``. Equal digests mean equal physics, even under different names."""
         return hashlib.sha256(json.dumps(self.differences(), sort_keys=True).encode()).hexdigest()
 
     def portable(self) -> str | dict[str, Any]:
-        """Return what ``load`` reads back equal anywhere and JSON can hold: a preset's name, or a dict of what differs."""
+        """Return a source for ``load`` that JSON can hold and that works anywhere: a preset's name, or a dict of differences."""
         if self.name in presets() and self == self._preset(self.name, ()):
             return self.name
         return {"base": _DEFAULTS.name, "name": self.name} | self.differences()
 
     @property
     def max_episode_steps(self) -> int | None:
-        """The largest number of steps of an episode; None: changes of edges may take less than the rest of a step."""
+        """The largest number of steps of an episode; None if edge changes can add steps."""
         control = self.control
         if control.action == "part":
             return self.workpiece.bars
@@ -242,7 +242,7 @@ class Scenario(Section):
         return math.ceil(steps - 0.5 / control.sub_steps)  # half a sub-step, as the clock is a sum and rounded
 
     def nominal(self) -> "Scenario":
-        """Return the scenario of the nominal model, with which controllers are built: the same name, no model mismatch."""
+        """Return the nominal model, with which controllers are built: the same scenario and name without model mismatch."""
         return self.model_copy(update={"mismatch": Mismatch()})
 
 
@@ -261,7 +261,7 @@ PortableScenario = Annotated[
     BeforeValidator(_from_differences),
     PlainSerializer(lambda scenario: {"name": scenario.name} | scenario.differences()),
 ]
-"""A field of a file's model that keeps a scenario's name and what differs from the defaults."""
+"""A field of a file's model that keeps a scenario's name and its differences from the defaults."""
 
 
 class ScenarioError(ValueError):
@@ -274,7 +274,7 @@ def presets() -> tuple[str, ...]:
 
 
 def name_of_file(path: Path) -> str:
-    """Return the name of the scenario of a file without one: the file's, "_" for what a name may not hold, no accents."""
+    """Return the name for a file that states none: the file's, without accents, "_" for characters that are not allowed."""
     letters = [letter for letter in unicodedata.normalize("NFKD", path.stem) if not unicodedata.combining(letter)]
     return re.sub(r"^\.|[^A-Za-z0-9_.-]", "_", "".join(letters))[:64]
 
@@ -285,7 +285,7 @@ def _differences(values: dict[str, Any], defaults: dict[str, Any]) -> dict[str, 
 
 
 def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
-    """Return the base's values, overwritten entry by entry in tables, and in tables within tables."""
+    """Return the base's values, overwritten entry by entry, also in nested tables."""
     both = {
         key: _merged(base[key], value)
         for key, value in values.items()

@@ -1,4 +1,4 @@
-"""Declaration of configured quantities: every number has a default, an allowed range and a unit, which are checked."""
+"""Declare configured quantities: every number has a default, a unit and an allowed range, which is checked."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -21,7 +21,7 @@ _ALL_KEYS = "python -m turning_env schema"
 
 
 def names_instead(name: str, allowed: Iterable[str], lists_all: str) -> str:
-    """Return what to write instead of an unknown name: the names like it, or all if they are few, or what lists them all."""
+    """Return advice on an unknown name: similar names, or all names if they are few, or the command that lists them."""
     names = list(allowed)
     if close := get_close_matches(name[:100], names, 3, 0.7):
         return f"did you mean {' or '.join(close)}?"
@@ -29,9 +29,9 @@ def names_instead(name: str, allowed: Iterable[str], lists_all: str) -> str:
 
 
 class Section(BaseModel):
-    """A frozen group of fields, which refuses unknown keys, wrong types, NaN and infinity. Docstrings of fields describe them."""
+    """A frozen group of fields that refuses unknown keys, wrong types, NaN and infinity. Field docstrings are descriptions."""
 
-    # Defaults are validated so that a default of 3 becomes 3.0, as if read from a file.
+    # Defaults are validated so that 3 becomes 3.0, as it would from a file.
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, strict=True, validate_default=True, use_attribute_docstrings=True
     )

@@ -1,8 +1,8 @@
 """The sections of a scenario: every field with its default, range, unit and source.
 
 Defaults are those of ``RoughTurning-v0``: 709M40 (En 19) steel cut by a GC435 insert on a Colchester Mascot lathe
-(Alaskari and Oraby 2018). Where the papers state no value, the description says "assumption". A field's default must be neutral
-if the field is added later: a scenario is identified by the values that differ from the defaults.
+(Alaskari and Oraby 2018). If the papers state no value, the description says "assumption". A field that is added later must have
+a neutral default, because the values that differ from the defaults identify a scenario.
 """
 
 from typing import Any, Literal, Self
@@ -99,7 +99,7 @@ class FeedDrive(Section):
 
 
 class Workpiece(Section):
-    """The bars, and how they differ from the drawing."""
+    """The bars and their deviations from the drawing."""
 
     bars: int = quantity(0, 0, 1000000, "bars", "number of bars after which the episode ends; 0: unlimited")
 
@@ -137,7 +137,7 @@ class Workpiece(Section):
 
 
 class Control(Section):
-    """The actions of the policy, and the length of an episode."""
+    """The policy's actions and the length of an episode."""
 
     interval: float = quantity(
         1.0, 0.001, 3600, "s", "control interval, the time of one step; with parts, a step lasts as long as its part"

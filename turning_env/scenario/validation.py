@@ -1,7 +1,7 @@
-"""Range of the machinability laws over a whole scenario.
+"""Check the range of the machinability laws over a whole scenario.
 
-Laws with extreme exponents give numbers whose sums and quotients cannot be represented. The scenario refuses them, so that the
-simulation need not check.
+Laws with extreme exponents give numbers that overflow in sums and quotients. The scenario refuses such laws, so the simulation
+need not check.
 """
 
 import math
@@ -27,7 +27,7 @@ Span = tuple[float, float]
 
 
 def complaints(scenario: "Scenario") -> Iterator[str]:
-    """Yield what is wrong with each law that gives too large or too small numbers within the scenario's ranges."""
+    """Yield a complaint for each law that gives too large or too small numbers within the scenario's ranges."""
     material, tool, machine = scenario.material, scenario.tool, scenario.machine
     workpiece, control, mismatch = scenario.workpiece, scenario.control, scenario.mismatch
     hardness_spread = _SPREADS * (workpiece.hardness_bar_spread + workpiece.hardness_along_spread)

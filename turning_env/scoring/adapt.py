@@ -1,4 +1,4 @@
-"""Whatever a user has that maps observations to actions, as a policy."""
+"""Convert functions, models, modules and ONNX files to policies."""
 
 import importlib
 import re
@@ -16,10 +16,10 @@ from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFact
 
 
 def as_factory(policy: Any) -> PolicyFactory:
-    """Return what makes the policy for a number of environments: see ``turning_env.score`` for what a policy may be.
+    """Return a function that makes the policy for a number of environments; ``turning_env.score`` lists what is accepted.
 
     Raises:
-        TypeError: it is nothing that can play.
+        TypeError: the object is none of these.
         ValueError: an ONNX file has other inputs or outputs.
         OSError: the file cannot be read.
         ModuleNotFoundError: onnxruntime is not installed.
@@ -46,7 +46,7 @@ def as_factory(policy: Any) -> PolicyFactory:
 
 
 def _imported(name: str) -> Any:
-    """Return what ``module:object`` names."""
+    """Return the object that ``module:object`` names."""
     module, _, path = name.partition(":")
     try:
         found = importlib.import_module(module)
@@ -81,7 +81,7 @@ class _Function:
 
 @dataclass
 class _Predicts:
-    """A model of Stable-Baselines3 or sb3-contrib, with or without a memory."""
+    """A model of Stable-Baselines3 or sb3-contrib, with or without memory."""
 
     model: Any
     _memory: Any = None
@@ -109,7 +109,7 @@ def _module(torch: Any, module: Any) -> Callable[[Observations], Any]:
 
 @dataclass
 class _Session:
-    """An ONNX file's network. It runs on one thread, so that it gives the same bytes again."""
+    """An ONNX file's network. It runs on one thread, so its results are reproducible to the last bit."""
 
     session: Any
     memory: NDArray[np.float32] | None
@@ -136,8 +136,8 @@ def _onnx(path: Path) -> PolicyFactory:
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     try:
         session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # ONNX Runtime's have no common type
-        raise ValueError(f"{path} is no ONNX file that can run: {str(error).splitlines()[0]}") from error
+    except Exception as error:  # ONNX Runtime's errors have no common type
+        raise ValueError(f"{path} is not an ONNX file that can run: {str(error).splitlines()[0]}") from error
     inputs = {each.name: each.shape for each in session.get_inputs()}
     outputs = {each.name for each in session.get_outputs()}
     if (set(inputs), outputs) not in (({"observation"}, {"action"}), ({"observation", "memory"}, {"action", "next_memory"})):

@@ -1,4 +1,4 @@
-"""Play one episode of a policy per seed, and sum up every episode."""
+"""Play one episode per seed with a policy, and sum up every episode."""
 
 from collections.abc import Callable, Sequence
 
@@ -41,7 +41,7 @@ def play_spec(
     """Play a policy's episodes, or compute those of a bound: see ``play``.
 
     Raises:
-        ValueError: the spec was read from a file and cannot play; or as for ``play``.
+        ValueError: the spec was read from a file and cannot play; or ``play`` raises it.
     """
     if spec.compute is not None:
         computed: Episodes = spec.compute(scenario, seeds, on_step)
@@ -57,14 +57,14 @@ def play(
     *,
     tell: bool = False,
 ) -> Episodes:
-    """Play one episode per seed, all side by side.
+    """Play one episode per seed, all in one batch.
 
     Args:
         make_policy: makes the policy for ``len(seeds)`` environments.
-        scenario: what to play.
-        seeds: one episode of each.
+        scenario: scenario to play.
+        seeds: seeds of the episodes.
         on_step: called after each step with the number of episodes that have ended.
-        tell: only for oracles, which are no policies: whether to call ``tell(infos)`` before every ``act``.
+        tell: whether to call ``tell(infos)`` before every ``act``; for oracles only.
 
     Returns:
         An array of shape (len(seeds),) for each of ``EPISODE_FIELDS``.

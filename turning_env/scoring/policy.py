@@ -1,4 +1,4 @@
-"""Policies, and what identifies one: the same for controllers, agents and oracles."""
+"""Policies and their identity, for controllers, agents and oracles alike."""
 
 import re
 from collections.abc import Callable
@@ -18,16 +18,16 @@ class Policy(Protocol):
     """Chooses the actions of a fixed number of environments. It sees their observations and nothing else."""
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the environments of the mask, shape (num_envs,): their next observation is the first of an episode.
+        """Clear the memory of the environments in the mask, shape (num_envs,): their next observation begins an episode.
 
-        A subclass without state needs no method of its own.
+        A subclass without state need not define this method.
         """
         return
 
     def act(self, observations: Observations) -> Actions:
         """Return actions in -1..1, float32 of shape (num_envs, actions), for float32 observations of shape (num_envs, entries).
 
-        The scenario decides how many there are: 11 or 12 entries, 1 to 10 actions (``turning_env.observation.layout``,
+        The scenario sets their numbers: 11 or 12 entries, 1 to 10 actions (``turning_env.observation.layout``,
         ``RoughTurningEnv.action_space``).
         """
 
@@ -62,38 +62,38 @@ class ScenarioId(BaseModel):
 
 
 class PolicySpec(BaseModel):
-    """A policy that can play: who it is, and how to make it.
+    """A policy that can play: its identity and how to make it.
 
-    Two specs are the same policy if their ``identity`` is equal. Descriptions and commands may change freely; a rule that acts
-    otherwise than before needs another ``version``.
+    Two specs are the same policy if their ``identity`` is equal. You may change descriptions and commands freely. Raise a rule's
+    ``version`` if its actions change.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
     name: str
     version: int = Field(default=1, ge=1)
-    """Of a rule or an oracle: raised when its actions change (``tests/golden/actions.json``)."""
+    """Version of a rule or an oracle: raised when its actions change (``tests/golden/actions.json``)."""
     kind: Literal["rule", "agent", "oracle"] = "rule"
-    """An oracle knows what no policy sees, or is a bound that nobody can play."""
+    """Whether it is an oracle: it sees hidden quantities, or is a bound that nobody can play."""
     description: str = ""
     parameters: dict[str, JsonValue] = Field(default_factory=dict)
-    """Of a rule, its settings; of an agent, the hyperparameters of its training."""
+    """A rule's settings, or the hyperparameters of an agent's training."""
     training_seed: int | None = None
-    """Of an agent. Agents of one name with several training seeds are one policy on a leaderboard."""
+    """An agent's training seed. Agents of one name with several training seeds are one policy on a leaderboard."""
     sha256: str | None = None
     """Of an agent's file."""
     command: str | None = None
-    """What trained an agent."""
+    """Software that trained an agent."""
     tuned_for: ScenarioId | None = None
-    """The scenario that it was tuned or trained on; None: the one that it plays."""
+    """The scenario on which it was tuned or trained; None: the one that it plays."""
     tolerance: float = Field(default=0.0, exclude=True)
-    """By how much any number of an episode may differ on another processor; 0: every number is the same to the last bit."""
+    """Largest difference of any number of an episode on another processor; 0: the same to the last bit."""
     trained_on: Scenario | None = Field(default=None, exclude=True, repr=False)
-    """Of an agent that was just loaded: the scenario of its training."""
+    """The scenario of a loaded agent's training."""
     make: PolicyFactory = Field(default=_known_by_name, exclude=True, repr=False)
     """Makes the policy for a number of environments."""
     compute: Callable[..., Any] | None = Field(default=None, exclude=True, repr=False)
-    """Of a bound, in place of ``make``: its episodes for a scenario, seeds and a callback."""
+    """A bound's function in place of ``make``: returns its episodes for a scenario, seeds and a callback."""
 
     @field_validator("name")
     @classmethod
@@ -115,5 +115,5 @@ class PolicySpec(BaseModel):
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Return the fields that tell this policy from others."""
+        """Return the fields that distinguish this policy from others."""
         return self.model_dump(exclude={"description", "command"})

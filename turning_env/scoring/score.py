@@ -1,4 +1,4 @@
-"""Score a policy in one line: it plays the held-out seeds and is ranked among the results that ship."""
+"""Score a policy in one line: play it on the held-out seeds and rank it among the results that ship."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ from turning_env.scoring.statistics import Bootstrap, Estimate
 
 @dataclass(frozen=True)
 class Comparison:
-    """Another policy on the same seeds."""
+    """Comparison with another policy on the same seeds."""
 
     name: str
     kind: str
@@ -28,32 +28,32 @@ class Comparison:
     mean_return: Estimate
     """[s of machine time]"""
     ahead: Estimate
-    """How much more the scored policy returns [s], paired by seed."""
+    """Return of the scored policy less the other's [s], paired by seed."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """What a policy reached on the held-out seeds. Intervals are of 95 % confidence, by bootstrap over seeds."""
+    """A policy's score on the held-out seeds. Intervals are 95 % confidence intervals by bootstrap over seeds."""
 
     env_id: str
     seeds: int
     rank: int
-    """Among the policies that ship and this one: feasible ones first, then by mean return. Oracles have no rank."""
+    """Rank among this policy and those that ship: feasible ones first, then by mean return. Oracles have no rank."""
     ranked: int
-    """Number of policies that are ranked, this one included."""
+    """Number of ranked policies, including this one."""
     mean_return: Estimate
     """[s of machine time]"""
     feasible: bool
     """Whether the upper confidence limit of ``severe_share`` is within the scenario's allowance."""
     severe_share: float
-    """Share of cutting time more than the tolerance over a limit."""
+    """Share of cutting time with an excess above the tolerance [-]."""
     comparisons: tuple[Comparison, ...]
-    """With every policy that ships, best first; oracles last."""
+    """Comparisons with every policy that ships, best first; oracles last."""
     episodes: Episodes = dataclasses.field(repr=False)
-    """Of every episode, the fields of ``turning_env.scoring.play.EPISODE_FIELDS``."""
+    """The fields ``turning_env.scoring.play.EPISODE_FIELDS`` of every episode, shape (seeds,)."""
 
     def against(self, name: str) -> Comparison:
-        """Return the comparison with a policy.
+        """Return the comparison with the policy of a name.
 
         Raises:
             KeyError: no policy of that name ships.
@@ -64,7 +64,7 @@ class Score:
         raise KeyError(f"{name!r}; known: {', '.join(each.name for each in self.comparisons)}")
 
     def table(self) -> str:
-        """Return a line per policy that ships: rank, name, return [s], and how much more the scored policy returns [s]."""
+        """Return a table with a line per policy that ships: rank, name, return [s], and this policy's return less that [s]."""
         rows = []
         for each in self.comparisons:
             note = "oracle" if each.kind == "oracle" else "" if each.feasible else "not feasible"
@@ -80,7 +80,7 @@ class Score:
         return "\n".join(line.rstrip() for line in lines)
 
     def __str__(self) -> str:
-        """Return rank, return, difference from the policy ranked next, and whether it is feasible."""
+        """Return rank, return, difference from the next-ranked policy, and feasibility, for people."""
         ranked = [each for each in self.comparisons if each.kind != "oracle"]
         parts = [f"rank {self.rank} of {self.ranked}", f"return {_interval(self.mean_return)}"]
         for each in ranked[self.rank - 1 : self.rank] or ranked[-1:]:
@@ -97,7 +97,7 @@ def score(
         print(turning_env.score(lambda observations: my_network(observations)))
 
     Args:
-        policy: one of the following. It sees observations and nothing else.
+        policy: one of the following; it sees observations and nothing else:
 
             * a function from observations, float32 of shape (num_envs, entries), to actions in -1..1, (num_envs, actions);
             * an object with ``reset(mask)`` and ``act(observations)``, see ``turning_env.scoring.policy.Policy``;
@@ -105,8 +105,8 @@ def score(
             * a module of PyTorch, from observations to actions;
             * the path of an ONNX file with the input ``observation`` and the output ``action``; with a memory also ``memory`` and
               ``next_memory``. This needs onnxruntime.
-        env_id: whose leaderboard.
-        seeds: how many held-out seeds; None: all that the leaderboard has, 256 for RoughTurning-v0.
+        env_id: id of the environment and of its leaderboard.
+        seeds: number of held-out seeds; None: all that the leaderboard has, 256 for RoughTurning-v0.
         on_step: called after each step with the number of episodes that have ended.
 
     Raises:
@@ -124,7 +124,7 @@ def score(
 
 
 def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequence[Played]) -> Score:
-    """Rank episodes of one policy, fields of shape (seeds,), among those that others played on the same seeds."""
+    """Rank one policy's episodes, fields of shape (seeds,), among other policies' episodes on the same seeds."""
     mine = Played("", "agent", *(episodes[name][None] for name in ("return", "severe_overload_time", "engaged_time")))
     bootstrap = Bootstrap(mine.returns.shape[1])
     my_means = bootstrap.means(mine.returns, mine.name)

@@ -1,7 +1,7 @@
-"""The seeds for training, tuning and scoring, so that no policy is scored on bars that it was tuned or trained on.
+"""The seeds for training, tuning and scoring: no policy is scored on bars on which it was tuned or trained.
 
-A seed and an episode's number determine its bars and edge. Agents train on seeds below ``TUNING_START``, any number of episodes
-each. Rules are tuned on ``tuning_seeds``. All policies are scored on ``held_out_seeds``, one episode per seed.
+Seed and episode number determine an episode's bars and edge. Agents train on seeds below ``TUNING_START``, with any number of
+episodes per seed. Rules are tuned on ``tuning_seeds``. All policies are scored on ``held_out_seeds``, one episode per seed.
 """
 
 TUNING_START = 1_000_000_000

@@ -29,7 +29,7 @@ class Played:
     returns: Floats
     """[s of machine time]"""
     severe: Floats
-    """Time with more than the tolerance over a limit [s]."""
+    """Time with an excess above the tolerance [s]."""
     engaged: Floats
     """Cutting time [s]."""
 
@@ -40,7 +40,7 @@ class Played:
 
 @cache
 def shipped(env_id: str) -> tuple[Played, ...]:
-    """Return what every policy of an id's leaderboard reached on its held-out seeds, which are the first ones.
+    """Return the results of every policy on an id's leaderboard, on the first held-out seeds.
 
     Raises:
         ValueError: the id has no leaderboard.
@@ -48,7 +48,7 @@ def shipped(env_id: str) -> tuple[Played, ...]:
     path = FOLDER / f"{env_id}.json.xz"
     if not path.is_file():
         known = sorted(each.name.removesuffix(".json.xz") for each in FOLDER.glob("*.json.xz"))
-        raise ValueError(f"{env_id!r} has no results to compare with; ids that have: {', '.join(known)}")
+        raise ValueError(f"{env_id!r} has no results to compare with; ids with results: {', '.join(known)}")
     content = json.loads(unpacked(path))
     return tuple(
         Played(each["name"], each["kind"], *(np.array(each[name]) for name in ("returns", "severe", "engaged")))

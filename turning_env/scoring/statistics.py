@@ -1,8 +1,8 @@
 """Estimates with bootstrap intervals over held-out seeds and training seeds.
 
-A policy's values are an array of shape (training seeds, seeds); a rule has one row. A resample takes as many seeds, and of each
-policy as many training seeds, as there are, with replacement. All policies share the resampled seeds, so what the bars have in
-common cancels in a difference between two policies.
+A policy's values are an array of shape (training seeds, seeds); a rule has one row. A resample draws the same
+number of seeds, and the same number of each policy's training seeds, with replacement. All policies share the resampled seeds,
+so the bars' common effect cancels in a difference between two policies.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class Bootstrap:
         self._seed_weights = _weights(self._seeds, seeds)
 
     def _training_seeds(self, policy: str, count: int) -> NDArray[np.int64]:
-        # Keyed by name, as two policies' training seeds have nothing in common even if they are the same numbers.
+        # Keyed by name: two policies' training seeds are unrelated even if they are the same numbers.
         return np.random.default_rng([KEY, crc32(policy.encode())]).integers(count, size=(self.resamples, count))
 
     def means(self, values: Floats, policy: str) -> Floats:
@@ -73,11 +73,11 @@ def interquartile_mean(values: Floats) -> Floats:
 
 
 def improvement(returns: Floats, others: Floats) -> Floats:
-    """Return whether each return is above another policy's on the same seed: 1 above, 0.5 equal, 0 below.
+    """Compare each return with another policy's on the same seed: 1 above, 0.5 equal, 0 below.
 
     Args:
         returns: a policy's returns [s], shape (training seeds, seeds).
-        others: the other policy's [s], shape (its training seeds, seeds); averaged over its training seeds.
+        others: the other policy's returns [s], shape (its training seeds, seeds); averaged over its training seeds.
 
     Returns:
         An array of shape (training seeds, seeds), whose mean is the probability of improvement P(X > Y) + P(X = Y) / 2.

@@ -1,10 +1,10 @@
-"""Run independent pieces of work at the same time: in processes of this machine, or on a Dask cluster.
+"""Run independent pieces of work in parallel: in processes of this machine, or on a Dask cluster.
 
-The program that starts pieces takes each result as it comes, and it alone writes files. So a worker that is killed loses nothing:
-others do its pieces again. Pieces travel by cloudpickle, with everything that they refer to.
+The program that starts pieces takes each result as it comes, and only that program writes files. If a worker is killed, nothing
+is lost: others repeat its pieces. Pieces travel by cloudpickle, with everything that they refer to.
 
-Processes are those of joblib's loky. A cluster is used through ``distributed`` and not through joblib's backend ``"dask"``, which
-returns results only when all are there, does not notice pieces that failed for good, and loses larger arguments with a worker.
+Processes are those of joblib's loky. A cluster is used through ``distributed``. Joblib's backend ``"dask"`` returns results only
+when all are there, does not notice pieces that failed for good, and loses larger arguments with a worker.
 """
 
 import math
@@ -26,9 +26,9 @@ from turning_env.physics import MODEL_VERSION
 CONNECTING = 10.0
 """Time to wait for a scheduler, and then for its first worker [s]."""
 PATIENCE = 60.0
-"""Time that a cluster may be without workers before its work is given up [s]."""
+"""Time that a cluster may have no workers before its work is abandoned [s]."""
 ATTEMPTS = 3
-"""Number of times in a row that processes may end without any piece being done."""
+"""Number of times in a row that processes may end before a piece is done."""
 
 _POLL = 2.0  # [s]
 _AGAIN = "what is finished is kept: run the same command again to go on"
@@ -42,7 +42,7 @@ _Started = tuple[Any, Callable[..., Any], tuple[Any, ...]]
 
 
 class WorkersError(ValueError):
-    """Workers are not available, or not any more."""
+    """Workers are not available, or no longer available."""
 
 
 class Workers:
@@ -56,7 +56,7 @@ class Workers:
         self._queue: deque[_Started] = deque()
 
     def start(self, tag: Any, work: Callable[..., Any], *arguments: Any) -> None:
-        """Have ``work(*arguments)`` done by a worker; ``finished`` returns its result with ``tag``."""
+        """Hand ``work(*arguments)`` to a worker; ``finished`` returns its result with ``tag``."""
         self._queue.append((tag, work, arguments))
         self._submit()
 
@@ -64,7 +64,7 @@ class Workers:
         """Wait until a started piece ends, and return its tag and its result.
 
         Raises:
-            WorkersError: There are no workers any more, or their versions differ from this process's.
+            WorkersError: No workers are left, or their versions differ from this process's.
             Exception: Whatever the work raised.
         """
         while True:
@@ -90,10 +90,10 @@ class Workers:
             self._pending[self._executor.submit(_do, _versions(), piece[1], *piece[2])] = piece
 
     def _check(self) -> None:
-        """Raise a ``WorkersError`` if nothing will ever end; called every few seconds in which nothing ends."""
+        """Raise a ``WorkersError`` if no piece can ever end; called every few seconds while no piece ends."""
 
     def _lost(self, future: "Future[Any]") -> bool:
-        """Return whether a piece ended because of its process and not of its work."""
+        """Return whether a piece failed because of its process, not its work."""
         return False
 
 
@@ -124,7 +124,7 @@ class _Processes(Workers):
         return True
 
     def close(self) -> None:
-        """End the processes, whatever they are doing."""
+        """End the processes, even if they are working."""
         start = time.monotonic()
         # Loky cannot kill its processes before each piece is on its way to one, which takes milliseconds for so few pieces.
         while not all(each.running() or each.done() for each in self._pending) and time.monotonic() - start < _POLL:
@@ -159,14 +159,14 @@ def _begin(parent: int) -> None:
 
 
 def _end_with(parent: int) -> None:
-    """End this process soon after its parent; if the parent is killed, this process would else wait for work forever."""
+    """End this process soon after its parent; otherwise it would wait for work forever if the parent is killed."""
     while os.getppid() == parent:
         time.sleep(0.5)
     os._exit(1)
 
 
 def processes(count: int) -> AbstractContextManager[Workers]:
-    """Start processes of this machine; they end with the context, whatever they are doing."""
+    """Start processes of this machine; they end with the context, even if they are working."""
     return closing(_Processes(count))
 
 
@@ -219,7 +219,7 @@ def _check_scheduler(address: str) -> None:
 
 
 def workers(jobs: int, scheduler: str | None) -> AbstractContextManager[Workers | None]:
-    """Use a cluster if there is a scheduler's address, else ``jobs`` processes; None if this process does all work.
+    """Use a cluster if a scheduler's address is given, else ``jobs`` processes; None if this process does all work.
 
     Raises:
         WorkersError: See ``cluster``.
@@ -232,7 +232,7 @@ def workers(jobs: int, scheduler: str | None) -> AbstractContextManager[Workers 
 def spread(
     over: Workers | None, work: Callable[[Piece], Outcome], pieces: Iterable[tuple[Tag, Piece]]
 ) -> Iterator[tuple[Tag, Outcome]]:
-    """Yield the tag and the result of each piece, as they end; without workers one after another, in this process.
+    """Yield the tag and the result of each piece as it ends; without workers, run pieces one by one in this process.
 
     Raises:
         WorkersError: See ``Workers.finished``.
@@ -262,7 +262,7 @@ def _do(wanted: dict[str, str], work: Callable[..., Any], *arguments: Any) -> An
 
 
 def _versions() -> dict[str, str]:
-    """Return the versions of the model and of the packages on which results depend."""
+    """Return the versions of the model and of all packages on which results depend."""
     versions = {"model": str(MODEL_VERSION)} | dict.fromkeys(_PACKAGES, "none")
     for name in _PACKAGES:
         with suppress(PackageNotFoundError):

@@ -1,8 +1,8 @@
-"""Tools for a process engineer: calibrate a scenario from measured cuts, ask what its laws predict, and map them.
+"""Tools for a process engineer: calibrate a scenario from measured cuts, predict cuts with its laws, and map them.
 
-Nothing here plays an episode; policies and their scores belong in ``score``. The commands are in ``turning_env.__main__``.
+Nothing here plays an episode; that belongs in ``scoring``. The commands are in ``turning_env.__main__``.
 """
 
 
 class WorkshopError(ValueError):
-    """Input that a workshop tool cannot use. The message says what is wrong and what is allowed."""
+    """Invalid input of a workshop tool. The message says what is wrong and what is allowed."""

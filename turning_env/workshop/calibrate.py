@@ -1,6 +1,6 @@
-"""Calibrate a material: fit its laws to measured cuts, report how well they are known, and write them as a scenario.
+"""Calibrate a material: fit its laws to measured cuts, report the uncertainty, and write a scenario with them.
 
-``python -m turning_env calibrate`` is the command, docs/your_own_machine.md the tutorial.
+The command is ``python -m turning_env calibrate``; docs/your_own_machine.md is the tutorial.
 """
 
 import difflib
@@ -24,19 +24,19 @@ from turning_env.workshop.fit import FACTORS, Fit, complete_rows, fit, rows_corr
 from turning_env.workshop.measurements import COLUMNS, Measurements
 
 BEYOND = 0.01
-"""Relative distance beyond the measured range from which a law counts as extrapolated [-]."""
+"""Relative distance beyond the measured range above which a law counts as extrapolated [-]."""
 WIDE = 0.5
-"""Half-width of an exponent's interval above which a warning says that it is hardly known [-]."""
+"""Half-width of an exponent's interval above which a warning calls the exponent hardly known [-]."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A material with the laws that were fitted to measurements."""
+    """A material with laws fitted to measurements."""
 
     fits: dict[str, Fit]
     """Fitted laws, by what they predict."""
     kept: dict[str, str]
-    """Laws that stay those of the base, and why."""
+    """Laws kept from the base, with the reason."""
     material: Material
     warnings: tuple[str, ...]
     confidence: float
@@ -44,19 +44,19 @@ class Calibration:
 
     @property
     def wear_factor_spread(self) -> float | None:
-        """Log standard deviation of wear from edge to edge [-]; None if it is not known or beyond the scenario's range."""
+        """Log standard deviation of wear from edge to edge [-]; None if it is unknown or outside the scenario's range."""
         edges = self.fits["wear"].edges if "wear" in self.fits else None
         return round(edges.spread, 4) if edges and edges.spread <= 1.0 else None
 
 
 def calibrate(measurements: Measurements, base: Scenario, confidence: float = 0.95, strict: bool = False) -> Calibration:
-    """Fit every law that has rows; keep the base's other laws, and its exponents that cannot be estimated.
+    """Fit every law that has rows; take the other laws, and exponents that cannot be estimated, from the base.
 
     Args:
-        measurements: From ``read_measurements``.
-        base: Scenario whose laws are the start, and whose ranges the warnings of extrapolation refer to.
+        measurements: Returned by ``read_measurements``.
+        base: Scenario with the laws to start from and the ranges for which extrapolation is warned of.
         confidence: Confidence level of the intervals [-], above 0 and below 1.
-        strict: Whether a column from which nothing can be estimated is an error.
+        strict: Raise an error if the exponent of a column cannot be estimated.
 
     Raises:
         WorkshopError: No law has rows, one has too few, or the fitted laws are out of range.
@@ -116,7 +116,7 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) 
 
 
 def _extrapolations(fits: dict[str, Fit], base: Scenario) -> Iterator[str]:
-    """Say where the base scenario uses laws outside the range to which they were fitted."""
+    """Yield a warning for each quantity at which the base scenario uses laws outside the fitted range."""
     machine, depths = base.machine, base.workpiece.depth_profile or (base.workpiece.depth_of_cut,)
     used = {
         "cutting_speed": (machine.cutting_speed_min, machine.cutting_speed_max),
@@ -138,7 +138,7 @@ def _extrapolations(fits: dict[str, Fit], base: Scenario) -> Iterator[str]:
 
 
 def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
-    """Return all results as JSON accepts them, with the names of the measurements' file and of the base."""
+    """Return all results in a form for JSON, with the names of the measurements' file and of the base."""
     return {
         "measurements": source,
         "base": base,
@@ -179,19 +179,19 @@ def summary(calibration: Calibration) -> Iterator[str]:
 
 
 def quality(fitted: Fit) -> str:
-    """Return how many rows a law was fitted to and how well it explains them."""
+    """Return a fit's number of rows, explained variance and scatter, for people."""
     explained = "" if fitted.r_squared is None else f"R2 {fitted.r_squared:.5f}, "
     return f"{len(fitted.lines)} rows, {explained}scatter {100 * fitted.scatter:.2g} %"
 
 
 def write_scenario(calibration: Calibration, base: str, source: str, out: Path) -> Scenario:
-    """Write and return a scenario that states what the base states, with the fitted laws in place of the base's.
+    """Write and return a scenario with the values that the base states, but the fitted laws.
 
     Args:
         calibration: The fitted laws.
-        base: A preset, or a scenario file whose values are copied (but not its name and comments).
+        base: A preset, or a scenario file whose values are copied, without name and comments.
         source: Name of the measurements' file, for the comment.
-        out: The file, written whole or not at all; its name without the suffix is the scenario's name.
+        out: File to write, whole or not at all; its name without the suffix becomes the scenario's name.
 
     Raises:
         WorkshopError: The fitted laws do not suit the base.

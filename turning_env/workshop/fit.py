@@ -1,10 +1,12 @@
 """Fit one power law to measurements, by least squares in logarithms.
 
 The logarithm of a power law is linear in the logarithms of its factors, so its exponents are slopes. If a factor never varies, or
-varies only together with others, its exponent cannot be estimated: it stays the base law's, and the rest is fitted given it.
+varies only together with others, its exponent cannot be estimated. The base law's exponent is then kept, and the others are
+fitted given it.
 
-Confidence intervals assume the same relative scatter in all rows. Rows are independent or, if the file names edges, share the
-deviation of their edge: a random effect, whose variance is estimated by Swamy and Arora's method (Econometrica 40, 1972).
+Confidence intervals assume the same relative scatter in all rows. If the file does not name edges, rows count as independent.
+If it does, the rows of one edge share a deviation: a random effect, whose variance is estimated by Swamy and Arora's method
+(Econometrica 40, 1972).
 """
 
 from collections.abc import Mapping
@@ -29,17 +31,17 @@ FACTORS = {
 }
 """Factors of each law, named as in ``turning_env.PowerLaw``; a law is named after the column that it predicts."""
 SETTINGS = ("cutting_speed", "feed", "depth_of_cut", "hardness")
-"""Factors that are the same for all readings of one edge in one bar."""
+"""Factors that are equal in all readings of one edge in one bar."""
 MIN_VARIATION = 1e-3
 """Relative variation [-] of a factor, beyond what other factors explain, that is needed to fit its exponent."""
 MIN_SHARE = 0.1
 """Share of a factor's variance that must lie within edges for its exponent to be estimated from readings of the same edge [-]."""
 MIN_KEPT = 1e-3
-"""Lowest share of its edge's mean that a row keeps [-]; at 0, settings could not be told apart."""
+"""Lowest share of its edge's mean that a row keeps [-]; at 0, settings could not be distinguished."""
 SIGNIFICANCE = 0.01
 """Probability of the F test below which rows at the same settings count as correlated [-]."""
 MAX_LOG = 700.0
-"""Largest logarithm of an end of the coefficient's interval, so that it is a finite number."""
+"""Largest logarithm of an end of the coefficient's interval; it keeps the end finite."""
 
 
 class Estimate(NamedTuple):
@@ -76,13 +78,13 @@ class Fit:
     estimates: dict[str, Estimate]
     """The coefficient and the fitted exponents, by their names in ``PowerLaw``."""
     assumed: dict[str, str]
-    """Factors whose exponents are the base law's, and why."""
+    """Factors whose exponents are the base law's, with the reason."""
     r_squared: float | None
     """Share of the variance of the response's logarithm that the law explains [-]; None if the response never varies."""
     scatter: float
     """Standard deviation of the residuals' logarithms, adjusted for the degrees of freedom [-]."""
     degrees: int
-    """Degrees of freedom of the residuals: rows less fitted numbers."""
+    """Degrees of freedom of the residuals: number of rows - number of fitted parameters."""
     factors: dict[str, Values]
     """Values of all factors in the units of ``COLUMNS``, each of shape (rows,)."""
     measured: Values
@@ -92,28 +94,28 @@ class Fit:
     lines: NDArray[np.int64]
     """Line of each row in the file, shape (rows,)."""
     edges: EdgeEffect | None
-    """How edges differ; None if that is not known."""
+    """The deviations of edges; None if they are unknown."""
 
     @property
     def residuals(self) -> Values:
-        """Measured over predicted, less 1 [-], shape (rows,)."""
+        """Residuals, measured / predicted - 1 [-], shape (rows,)."""
         return np.asarray(self.measured / self.predicted - 1.0)
 
     def largest_residual(self) -> tuple[int, float]:
-        """Return the line of the row that lies farthest from the law, and its residual [-]."""
+        """Return the line number and the residual [-] of the row that is farthest from the law."""
         index = int(np.abs(np.log(self.measured / self.predicted)).argmax())
         return int(self.lines[index]), float(self.residuals[index])
 
 
 def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: float = 0.95) -> Fit:
-    """Fit the law of one response to all rows that have it and its factors.
+    """Fit the law of one response to all rows with that response and all its factors.
 
-    Hardness is nominal where the file has no such column or its cell is empty.
+    Without a hardness column or value, hardness is nominal.
 
     Args:
         response: A key of ``FACTORS``.
-        measurements: From ``read_measurements``.
-        base: The law whose exponents are assumed where they cannot be estimated.
+        measurements: Returned by ``read_measurements``.
+        base: The law whose exponents replace those that cannot be estimated.
         confidence: Confidence level of the intervals [-], above 0 and below 1.
 
     Raises:
@@ -181,10 +183,10 @@ def complete_rows(response: str, measurements: Measurements) -> NDArray[np.bool_
 
 
 def rows_correlate(fitted: Fit) -> bool:
-    """Return whether rows at the same settings deviate from the law together, more than by chance.
+    """Return whether rows at the same settings deviate from the law together more than by chance.
 
-    Most often these are readings of one edge, and edges differ; otherwise no power law fits. An F test compares the variance of
-    the residuals between settings with that within them.
+    Usually they are readings of one edge, and edges differ; otherwise no power law fits. An F test compares the variance of the
+    residuals between settings with the variance within them.
     """
     residuals = np.log(fitted.measured / fitted.predicted)
     settings = np.stack([fitted.factors[name] for name in SETTINGS], axis=1)
@@ -199,9 +201,9 @@ def rows_correlate(fitted: Fit) -> bool:
 
 
 def _identifiable(factors: Mapping[str, Values], logs: Mapping[str, Values]) -> tuple[list[str], dict[str, str]]:
-    """Return the factors whose exponents can be estimated, and for the others the reason why not.
+    """Return the factors whose exponents can be estimated, and the reasons why the others cannot.
 
-    Of factors that vary together, the first is fitted.
+    If factors vary only together, the first is fitted.
     """
     kept: list[str] = []
     assumed: dict[str, str] = {}
@@ -227,9 +229,9 @@ def _variation(log: Values) -> float:
 
 
 def _edge_effect(target: Values, design: Values, edge: NDArray[np.int64]) -> EdgeEffect | None:
-    """Estimate how edges differ, from log responses (rows,), log factors (rows, factors) and the edge of every row.
+    """Estimate the deviations of edges from log responses (rows,), log factors (rows, factors) and every row's edge.
 
-    None if there are too few edges, or too few readings of each.
+    Return None if there are too few edges, or too few readings of each.
     """
     _, group, members = np.unique(edge, return_inverse=True, return_counts=True)
     rows, edges = len(group), len(members)

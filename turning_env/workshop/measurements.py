@@ -15,7 +15,7 @@ from turning_env.workshop import WorkshopError
 
 
 class Column(NamedTuple):
-    """A quantity with the range [unit] of plausible values, ends included; a value outside is most likely in another unit."""
+    """A quantity and its range of plausible values [unit], ends included; a value outside is probably in another unit."""
 
     unit: str
     low: float
@@ -33,7 +33,7 @@ COLUMNS = {
     "power": Column("kW", 1e-4, 1e4, "spindle power"),
     "hardness": Column("-", 0.1, 10, "hardness of the bar over nominal hardness: 1 is nominal"),
 }
-"""Every column of numbers that is understood."""
+"""All known columns of numbers."""
 
 EDGE = "edge"
 """A further, optional column: the name of the cutting edge. A row with an empty cell has an edge of its own."""
@@ -42,7 +42,7 @@ REQUIRED = ("cutting_speed", "feed", "depth_of_cut")
 """Columns that every file must have."""
 
 MAX_COMPLAINTS = 5
-"""Number of wrong cells that an error names; it only counts the rest."""
+"""Number of wrong cells that an error lists; it only counts the others."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _WITH_COMMA = re.compile(r"[+-]?[\d.]*,[\d.,]*", re.ASCII)
 
@@ -56,7 +56,7 @@ class Measurements:
     lines: NDArray[np.int64]
     """Line of each row in the file, counted from 1, shape (rows,)."""
     ignored: tuple[str, ...] = ()
-    """Columns that are not understood."""
+    """Unknown columns, which are ignored."""
     edges: NDArray[np.int64] | None = None
     """Number of each row's edge, shape (rows,); None if the file has no column ``edge``."""
 
@@ -65,11 +65,11 @@ def read_measurements(path: str | os.PathLike[str]) -> Measurements:
     """Read a CSV file: commas between cells, points in decimals, UTF-8 with or without a byte order mark.
 
     Raises:
-        WorkshopError: The file cannot be read or is no table; a column is missing or occurs twice; a cell is not a number or
-            lies outside its column's range.
+        WorkshopError: The file cannot be read or is not a table; a column is missing or occurs twice; a cell is not a number or
+            is outside its column's range.
     """
     try:
-        # Without newline="", files of old spreadsheets, whose lines end in "\r" alone, would be one line.
+        # newline="" is needed for files of old spreadsheets, whose lines end in "\r" alone.
         with Path(path).open(encoding="utf-8-sig", newline="") as file:
             return _parse(csv.reader(file, strict=True), str(path))
     except OSError as error:

@@ -1,7 +1,7 @@
-"""The style of all figures, and how they are written.
+"""Style and write all figures.
 
 One column is 89 mm wide, two are 183 mm, and no letter is smaller than 8 pt. The colours are Okabe and Ito's, which colour-blind
-readers can distinguish; line styles and markers make the same distinctions in grey.
+readers can distinguish. Line styles and markers distinguish the same lines in grey.
 """
 
 from collections.abc import Iterable, Iterator

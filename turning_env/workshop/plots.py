@@ -29,7 +29,7 @@ _ALLOWED = "#DCEFE6"
 
 
 def draw_residuals(calibration: Calibration) -> Figure:
-    """Draw one row of panels per law: its residuals [%] over its prediction and over every factor with a fitted exponent."""
+    """Draw a row of panels per law: residuals [%] over the prediction and over every factor with a fitted exponent."""
     fits = list(calibration.fits.values())
     columns = 1 + max(len(fitted.estimates) - 1 for fitted in fits)
     figure = Figure(figsize=(max(2.6 * columns + 0.6, 4.6), 2.6 * len(fits) + 0.4), layout="constrained")
@@ -110,7 +110,7 @@ def draw_map(scenario: Scenario, wear: float, depth_of_cut: float | None = None,
 
 
 def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
-    """Draw lines of round removal rates; the right axis names each where it ends."""
+    """Draw lines of round removal rates; the right axis labels their ends."""
     rates = cuts.removal_rate
     step = _round_down((rates.max() - rates.min()) / 7)
     levels = step * np.arange(np.floor(rates[0, -1] / step) + 1, np.ceil(rates.max() / step))  # those that end at the right axis
@@ -123,7 +123,7 @@ def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
 
 
 def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
-    """Draw lines of round tool lives, with labels low in the plane, where no other text is."""
+    """Draw lines of round tool lives, with labels at low feeds, away from other text."""
     placed = {level: place for level in _log_levels(cuts.tool_life) if (place := _label_position(cuts, level))}
     if not placed:
         return

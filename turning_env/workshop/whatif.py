@@ -1,6 +1,6 @@
 """Predict cuts at constant speed, feed and depth from a scenario's laws, and print them as a table.
 
-Everything is nominal: model mismatch, and how edges and bars differ, are left out.
+All values are nominal: they ignore model mismatch and the spread of edges and bars.
 """
 
 import csv
@@ -47,7 +47,7 @@ class Cuts(NamedTuple):
 
     @property
     def within_limits(self) -> NDArray[np.bool_]:
-        """Whether wear, force and power are all within their limits."""
+        """Whether wear, force and power are within their limits."""
         return np.asarray((self.wear_share <= 1) & (self.thrust_force_share <= 1) & (self.power_share <= 1))
 
 
@@ -61,12 +61,12 @@ def what_if(
     time: ArrayLike | None = None,
     wear: ArrayLike | None = None,
 ) -> Cuts:
-    """Predict cuts by an edge that has cut for a ``time`` or until it has a ``wear``: give exactly one of them.
+    """Predict cuts by an edge of a cutting ``time`` or a ``wear``; give exactly one of them.
 
-    All values are positive scalars or arrays that broadcast to one shape. A tool life too long to be a number is infinite.
+    All values are positive scalars or arrays that broadcast to one shape. A tool life that overflows is infinite.
 
     Args:
-        scenario: Its material, limits, wear criterion and diameter are used.
+        scenario: Source of material, limits, wear criterion and diameter.
         cutting_speed: [m/min]
         feed: [mm/rev]
         depth_of_cut: [mm]; the scenario's nominal depth if None.
@@ -75,7 +75,7 @@ def what_if(
         wear: Flank wear of the edge [mm].
 
     Raises:
-        TypeError: Both or none of time and wear are given.
+        TypeError: Both or neither of time and wear are given.
     """
     if (time is None) == (wear is None):
         raise TypeError("either time or wear must be given, and not both")
@@ -147,7 +147,7 @@ _TABLE = {
     "removal_rate": ("MRR", "cm3/min", ".1f", 1),
     "spindle_speed": ("spindle", "rev/min", ".0f", 1),
 }
-"""Heading, unit, format and factor of each column of the text."""
+"""Heading, unit, format and factor of each column of the text table."""
 
 
 def as_text(cuts: Cuts) -> str:
