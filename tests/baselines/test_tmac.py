@@ -88,10 +88,3 @@ def test_a_fresh_edge_is_learned_anew() -> None:
     for second in range(4):
         policy.act(observe(SHIFT, load=REFERENCE * 1.8, cutting_time=second / 60.0))
     assert not changes(policy, REFERENCE * 1.8, 5.0)
-
-
-def test_a_step_longer_than_learning_learns_from_the_first_that_it_sees() -> None:
-    scenario = Scenario.load("paper")
-    policy = LearnedPower(PartProgram(scenario, {}), 1, 1.0, 1.0, 2.0, 1.4)
-    actions = [policy.act(observe(scenario, load=0.3, cutting_time=minute))[0, 1] for minute in (0.0, 1.0, 2.0)]
-    assert actions[0] < actions[1] == pytest.approx(actions[2])

@@ -79,7 +79,6 @@ def test_a_scenario_of_ones_own_leaves_what_ships_alone_whatever_it_is_called(fo
         ([], r"forging\.json ships with the project: give .* a TOML file of your own"),
         (["--out", "{shipped}/forging.json"], "ships with the project"),
         (["--shipped", "--scenario", "{own}"], "--shipped rewrites the parameters of a preset, one of .*forging"),
-        (["--shipped", "--out", "forging.json"], "without --out"),
         (["--out", "forging.toml"], r"--out forging\.toml must end in \.json"),
     ],
 )
@@ -92,7 +91,8 @@ def test_what_ships_is_written_on_demand_alone(
     assert not tuned.FOLDER.exists()
 
 
-def test_a_maintainer_writes_what_ships(folder: Path) -> None:
+def test_a_maintainer_writes_what_ships(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(study, "play_setting", lambda *task: Played(1.0, 0.0, 0.0, 1))
     arguments = ["--scenario", "override", "--trials", "1", "--seeds", "1", "--rules", "other"]
     assert tune.main([*arguments, "--shipped"]) == 0
     assert [path.name for path in tuned.FOLDER.iterdir()] == ["override.json"]
@@ -165,20 +165,10 @@ def test_some_rules_are_tuned_and_the_others_kept(folder: Path, capsys: pytest.C
     assert json.loads(path.read_text())["budget"] == {"trials": 4, "seeds": 2}
 
 
-def test_what_was_tuned_for_other_values_is_not_kept(folder: Path) -> None:
-    assert run(folder) == 0
-    Scenario.model_validate({"name": "short", "control": {"time_limit": 0.2}}).save(folder / "short.toml")
-    with pytest.raises(tuned.NotTuned, match="tuned for other values"):
-        spec("other", Scenario.load(folder / "short.toml"))
-    assert run(folder, "--rules", "other", "--trials", "4") == 0
-    assert tuned.contents(Scenario.load(folder / "short.toml"))["rules"].keys() == {"other"}
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--jobs", "0"], "0 jobs asked for"),
-        (["--scheduler", "nowhere"], "must be an address like tcp://host:8786"),
         (["--scenario", "harder_lot"], "scenario 'harder_lot' has a model mismatch"),
         (["--rules", "nonsense"], "no controller is called 'nonsense'; there are fixed_handbook, fixed_tuned, other"),
         (["--rules", "other", "fixed_handbook"], "fixed_handbook has nothing to tune"),
@@ -201,9 +191,7 @@ def test_bad_input_is_an_error(
     assert [path.name for path in folder.iterdir()] == ["short.toml"]
 
 
-@pytest.mark.parametrize(
-    "content", ["", "[]", "{}", '{"rules": []}', '{"rules": {"fixed_tuned": 1}}', "[" * 100_000], ids=range(6)
-)
+@pytest.mark.parametrize("content", ["[]", '{"rules": {"fixed_tuned": 1}}', "[" * 100_000], ids=range(3))
 def test_a_damaged_file_of_tuned_parameters_is_named_and_kept(folder: Path, content: str) -> None:
     path = folder / "short.tuned.json"
     path.write_text(content)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baselines.models.kalman import LoadFilter, decay
+from baselines.models.kalman import LoadFilter
 from tests.turning_env.playing import changed
 from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
 
@@ -36,7 +36,7 @@ def followed(played: Scenario, known: Scenario, steps: int, num_envs: int = 4) -
     return estimate, readings, forces
 
 
-@pytest.mark.parametrize("factor", [0.85, 1.0, 1.15])
+@pytest.mark.parametrize("factor", [0.85, 1.15])
 def test_it_finds_by_how_much_the_loads_differ(factor: float) -> None:
     estimate, readings, _ = followed(heavier(factor), NOMINAL, 60)
     assert readings[-1].cutting.all()
@@ -93,8 +93,3 @@ def test_a_fresh_edge_forgets_the_wear_and_a_reset_everything_in_its_environment
     assert estimate.log_wear_factor[1] == 0.0
     assert estimate.along[1] == 0.0
     assert estimate.along[2] > 0.0
-
-
-def test_no_lag_leaves_nothing() -> None:
-    assert decay(np.array([0.0, 1.0]), 0.0).tolist() == [1.0, 0.0]
-    assert decay(np.array([1.0]), 0.5) == pytest.approx(np.exp(-2.0))

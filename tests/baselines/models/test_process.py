@@ -26,14 +26,6 @@ def test_the_cost_is_time_and_edges_per_metal() -> None:
     assert math.exp(log_cost(STEEL, 150.0, 0.4, 3.0, 1.1)) == pytest.approx((1.0 + 5.0 / life) / (150.0 * 0.4 * 3.0))
 
 
-def test_torque_is_power_over_angular_speed() -> None:
-    power = float(STEEL.power.law(120.0, 0.3, 2.0, wear=0.2))
-    spindle_speed = 1000.0 * 120.0 / (math.pi * Scenario().workpiece.diameter)
-    torque = float(STEEL.torque.law(120.0, 0.3, 2.0, wear=0.2))
-    assert torque == pytest.approx(30000.0 * power / (math.pi * spindle_speed))
-    assert STEEL.torque.most == pytest.approx(210.0)
-
-
 @pytest.mark.parametrize(
     ("process", "limit"),
     [(STEEL, STEEL.thrust_force), (STEEL, STEEL.torque), (HANDBOOK, HANDBOOK.thrust_force)],
