@@ -80,15 +80,6 @@ def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
         spec(tunable, Scenario.model_validate({"limits": {"power": 6.5}}))
 
 
-def test_a_rule_plays_one_scenario_with_what_was_found_on_another(tunable: str) -> None:
-    keep({tunable: {"feed": 0.3}}, Scenario())
-    other = Scenario.load("small_diameter")
-    with pytest.raises(tuned.NotTuned, match="scenario 'small_diameter' have not been tuned"):
-        spec(tunable, other)
-    for home in (Scenario(), Scenario.load("harder_lot")):
-        assert spec(tunable, other, tuned_on=home).parameters == {"cutting_speed": 100.0, "feed": 0.3}
-
-
 def test_a_rule_is_built_with_the_nominal_scenario(tunable: str, monkeypatch: pytest.MonkeyPatch) -> None:
     built: list[Scenario] = []
 

@@ -4,7 +4,6 @@ import pytest
 from baselines.models.part_program import PartProgram
 from baselines.omative import ENTRY_TIME, AirGapControl
 from tests.baselines.observing import observe, override_of
-from tests.turning_env.playing import changed
 from turning_env import Scenario
 
 OVERRIDE = Scenario.load("override")
@@ -38,14 +37,6 @@ def test_air_is_crossed_fast_and_metal_entered_gently() -> None:
     assert later > 0.6
     assert asked(policy, cutting=False) == pytest.approx(2.0)
     assert asked(policy, load=0.1, override=2.0) == pytest.approx(0.6)
-
-
-def test_entry_takes_one_step_where_that_is_longer() -> None:
-    scenario = changed(OVERRIDE, control={"interval": 1.0})
-    policy = control(scenario)
-    policy.act(observe(scenario, cutting=False))
-    overrides = [override_of(policy.act(observe(scenario, load=0.6, override=1.0)), scenario)[0] for _ in range(2)]
-    assert overrides == pytest.approx([0.6, 1.0], rel=1e-3)
 
 
 def test_the_feed_falls_at_once_to_what_the_metal_allows() -> None:

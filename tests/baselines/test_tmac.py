@@ -49,13 +49,6 @@ def test_the_feed_is_held_back_at_the_extreme_limit_and_stops_beyond_it() -> Non
     assert asked(learned(extreme=9.0), load=extreme * STOP * 1.001, override=1.5) > 0.5
 
 
-def test_after_a_stop_the_feed_comes_back() -> None:
-    policy, override = learned(extreme=1.5), 0.01
-    for _ in range(40):
-        override = asked(policy, load=0.3 * override**0.74, override=override)
-    assert override > 0.9
-
-
 def test_where_metal_is_missing_the_feed_is_the_programmed_one() -> None:
     assert asked(learned(), load=0.999 * UNDERCUT * REFERENCE, override=1.0) == pytest.approx(1.0)
     assert asked(learned(), load=1.001 * UNDERCUT * REFERENCE, override=1.0) > 1.0

@@ -120,35 +120,6 @@ def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(
 
 
 @pytest.mark.slow
-def test_interrupted_or_side_by_side_it_comes_to_the_same_file(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(folder) == 0
-    path = folder / "short.tuned.json"
-    text = path.read_text()
-    path.unlink()
-    assert run(folder, "--jobs", "2") == 0
-    assert path.read_text() == text
-    path.unlink()
-    played = 0
-
-    def interrupted(*arguments: object) -> Played:
-        nonlocal played
-        played += 1
-        if played == 5:
-            raise KeyboardInterrupt
-        return play_setting(*arguments)
-
-    monkeypatch.setattr(study, "play_setting", interrupted)
-    assert run(folder) == 130
-    assert "again to go on" in capsys.readouterr().err
-    assert not path.exists()
-    assert run(folder) == 0
-    assert played == 2 * 3 + 1
-    assert path.read_text() == text
-    assert sorted(folder.iterdir()) == [folder / "short.toml", path]
-
-
 def test_some_rules_are_tuned_and_the_others_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(folder, "--rules", "other") == 0
     with pytest.raises(tuned.NotTuned, match=r"fixed_tuned has not been tuned.*--scenario \S*short.toml --rules fixed_tuned"):
@@ -156,8 +127,8 @@ def test_some_rules_are_tuned_and_the_others_kept(folder: Path, capsys: pytest.C
     assert run(folder, "--rules", "fixed_tuned") == 0
     path = folder / "short.tuned.json"
     text = path.read_text()
-    assert run(folder) == 0
-    assert path.read_text() == text  # rule by rule or all at once
+    assert run(folder, "--jobs", "2") == 0
+    assert path.read_text() == text  # rule by rule or all at once, side by side
     assert run(folder, "--rules", "other", "--trials", "4") == 2
     assert "keeps fixed_tuned, tuned with another budget" in capsys.readouterr().err
     assert path.read_text() == text

@@ -1,10 +1,9 @@
-import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from baselines.models.process import MIN_SCALE, Limit, Process
+from baselines.models.process import Limit, Process
 from baselines.two_limits import (
     ECONOMIC_OPTIMUM,
     RULES,
@@ -17,8 +16,7 @@ from baselines.two_limits import (
 )
 from papers.reproduce.part_programming import handbook_process
 from tests.baselines.observing import seen
-from turning_env import PowerLaw, RoughTurningVectorEnv, Scenario, presets, read
-from turning_env.action import sets_speed_and_feed
+from turning_env import PowerLaw, RoughTurningVectorEnv, Scenario, read
 from turning_env.physics.quantities import OBS
 
 SCENARIO = Scenario()
@@ -80,11 +78,6 @@ def test_limits_that_run_parallel_fix_no_point(rule: str, name: str, exponents: 
     assert np.all(np.isfinite(speed) & np.isfinite(feed))
 
 
-def test_there_is_no_rule_of_another_name() -> None:
-    with pytest.raises(ValueError, match=r"no rule is called 'XY'; there are PV, .*, MT and economic_optimum"):
-        set_point("XY", STEEL, 2.5)
-
-
 @pytest.mark.parametrize("rule", TWO_LIMITS)
 def test_depth_enters_with_the_stated_exponents(rule: str) -> None:
     process = handbook_process(rule)
@@ -107,23 +100,6 @@ def test_the_economic_optimum_is_the_cheapest_feasible_point(price: float, wear:
         assert float(process.power.law(speed, feed, depth, wear=wear)) <= 7.0 * (1 + 1e-6)
         cheapest = float(np.min(costs[feasible]))
         assert cheapest - 0.02 < float(process.log_cost(np.log(speed), np.log(feed), depth, 1.0)) < cheapest + 1e-6
-
-
-@pytest.mark.parametrize("preset", [name for name in presets() if sets_speed_and_feed(Scenario.load(name))])
-def test_rules_that_are_not_declared_play_as_one_that_is(preset: str) -> None:
-    scenario = Scenario.load(preset)
-    scales = np.array([0.7, 0.85, 1.0, 1.15, 1.3])
-    wears = scenario.tool.wear_criterion * np.array([0.1, 0.4, 0.6, 0.8, 0.9, 1.0])
-    wear, force, power = (axis.ravel() for axis in np.meshgrid(wears, scales, scales))
-    process = Process.of(scenario).rescaled(force, power)
-    found = {rule: set_point(rule, process, scenario.workpiece.depth_of_cut, wear=wear) for rule in TWO_LIMITS}
-    for rule in ("SV", "PT", "ST", "MV", "MT"):
-        np.testing.assert_allclose(found[rule], found["PV"], err_msg=rule)
-    np.testing.assert_allclose(set_point(ECONOMIC_OPTIMUM, process, scenario.workpiece.depth_of_cut, wear=wear), found["PN"])
-    spared = found["SN"][0] >= 100.0  # below, torque binds
-    np.testing.assert_allclose(np.array(found["MN"])[:, spared], np.array(found["SN"])[:, spared])
-    for one, other in itertools.combinations(("PV", "SN", "PN"), 2):
-        assert not np.allclose(found[one], found[other])
 
 
 def test_a_fixed_rule_commands_its_set_point_for_the_mean_wear() -> None:
@@ -177,10 +153,3 @@ def test_as_predicted_the_adaptive_rule_commands_the_rules_set_point(wear: float
     for _ in range(3):
         found = commands(policy, observed(nominal_wear=wear))
     assert found == pytest.approx([float(value) for value in set_point("PN", STEEL, 2.5, wear=wear * 0.3)], rel=1e-4)
-
-
-def test_no_measured_force_and_power_are_not_believed() -> None:
-    policy = AdaptiveRule(SET_POINTS, 1, "PN", margin=1.0, smoothing=1.0)
-    found = commands(policy, observed(nominal_wear=4.0, power=-4.999, thrust_force=-5.0))
-    believed = STEEL.rescaled(MIN_SCALE, MIN_SCALE)
-    assert found == pytest.approx([float(value) for value in set_point("PN", believed, 2.5, wear=1.2)], rel=1e-4)

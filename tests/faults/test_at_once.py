@@ -17,11 +17,10 @@ from leaderboard import run
 from leaderboard.result import Task, read_part, result_folder
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
-from train import tune
 from train.run import Run
 from train.training import train
 from turning_env import Scenario
-from turning_env.files import FolderTaken, exclusive_lock, file_lock, shared_lock
+from turning_env.files import FolderTaken, exclusive_lock, shared_lock
 from turning_env.scoring.policy import Actions, Observations, PolicyFactory, PolicySpec
 
 ROOT = Path(__file__).parents[2]
@@ -136,15 +135,6 @@ def test_a_search_of_rules_is_not_made_twice_at_once(tmp_path: Path, capsys: pyt
         assert rule_tuning.main([*arguments, "rescaled_grid_search"]) == 0  # another rule, into the same file
     assert rule_tuning.main([*arguments, "fixed_tuned"]) == 0
     assert tuned.contents(Scenario.load(tmp_path / "short.toml"))["rules"].keys() == {"fixed_tuned", "rescaled_grid_search"}
-
-
-@pytest.mark.slow
-def test_a_search_of_hyperparameters_is_not_made_twice_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    task = tune.Task("ppo", "RoughTurning-v0", Scenario.load("rough_turning"), 1, 1, tmp_path)
-    with file_lock(task.folder / f".{task.name}.lock"):
-        assert tune.main(["--algorithm", "ppo", "--steps", "1", "--trials", "1", "--runs", str(tmp_path)]) == 2
-    assert "error: another process works with" in capsys.readouterr().err
-    assert not list(tmp_path.rglob("run.json"))
 
 
 @pytest.mark.slow

@@ -121,14 +121,6 @@ def test_a_file_that_is_no_program_is_refused_by_name(tmp_path: Path, capsys: py
     assert "No such file" in capsys.readouterr().err
 
 
-def test_help_says_what_it_is_not_for(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments in ((), ("schedule",), ("table",), ("law",), ("check",)):
-        with pytest.raises(SystemExit) as left:
-            run(*arguments, "--help")
-        assert left.value.code == 0
-        assert "not for a machine without review" in " ".join(capsys.readouterr().out.split())
-
-
 LONG = re.compile(r"(\d\.\d{5})\d+")
 """The first digits of a fitted coefficient; its last ones depend on the processor's BLAS."""
 

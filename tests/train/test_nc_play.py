@@ -92,12 +92,6 @@ def test_a_program_of_another_machine_or_bar_is_refused() -> None:
     assert simulate.simulate(fitting, SCENARIO, 1).removed > 100.0
 
 
-def test_a_lower_clamp_of_the_spindle_slows_the_program() -> None:
-    bars = ((Block(-300.0, 200.0, 0.3),),)
-    free, clamped = (simulate.simulate(Program(100.0, 3.0, limit, bars), SCENARIO, 1) for limit in (636.6, 318.3))
-    assert clamped.time == pytest.approx(2.0 * free.time, rel=0.03)
-
-
 @pytest.mark.parametrize(("preset", "interval"), [("rough_turning", None), ("rough_turning", 1.0), ("paper", 0.5)])
 def test_the_interval_table_does_on_nominal_bars_what_the_models_say(preset: str, interval: float | None) -> None:
     scenario = Scenario.load(preset)

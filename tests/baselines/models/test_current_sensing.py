@@ -93,16 +93,6 @@ def test_the_feed_goes_through_the_grades_alone() -> None:
     assert len(np.unique(distances.argmin(axis=-1))) > 4
 
 
-@pytest.mark.slow
-def test_hysteresis_keeps_the_switch_from_chattering() -> None:
-    changes = {}
-    for hysteresis in (0.0, 0.15):
-        overrides, _ = overrides_played(STEADY, limit(STEADY, 4, 0.33, hysteresis), 1200)
-        changes[hysteresis] = int((np.abs(np.diff(overrides[300:], axis=0)) > 1e-6).sum())
-    assert changes[0.0] > 20
-    assert changes[0.15] < 0.2 * changes[0.0]
-
-
 def test_in_air_and_until_the_estimate_has_settled_the_programmed_feed_is_commanded() -> None:
     policy, env = limit(CURRENT, 2), RoughTurningVectorEnv(2, CURRENT)
     seen, _ = env.reset(seed=0)

@@ -60,15 +60,6 @@ def test_in_air_it_learns_nothing() -> None:
     assert not estimate.measured.any()
 
 
-def test_zero_force_in_metal_is_not_believed() -> None:
-    estimate, readings, _ = followed(heavier(1.0), NOMINAL, 30)
-    before = estimate.ahead(np.zeros((4, 1))).log_force
-    none = np.zeros(4)
-    estimate.observe(readings[-1]._replace(thrust_force=none, power=none))
-    assert np.isfinite(estimate.ahead(np.zeros((4, 1))).log_force).all()
-    assert estimate.ahead(np.zeros((4, 1))).log_force == pytest.approx(before, abs=0.1)
-
-
 def test_its_travelled_distance_follows_the_row_of_bars() -> None:
     played = changed(heavier(1.0), workpiece={"bar_length": 60.0})
     estimate, _, _ = followed(played, changed(NOMINAL, workpiece={"bar_length": 60.0}), 150)

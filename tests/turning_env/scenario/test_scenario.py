@@ -34,15 +34,6 @@ def test_file_states_only_what_differs_from_its_base(toml):
     assert Scenario.load(scenario) is scenario
 
 
-def test_circular_bases_are_refused(toml, tmp_path, monkeypatch):
-    monkeypatch.setattr("turning_env.scenario.scenario._PRESETS", tmp_path)
-    for name, base in (("one", "two"), ("two", "three"), ("three", "one")):
-        (tmp_path / f"{name}.toml").write_text(f"base = '{base}'\n")
-    for load in (lambda: Scenario.load("one"), lambda: toml("base = 'one'\n")):
-        with pytest.raises(ScenarioError, match="in a circle: one on two on three on one"):
-            load()
-
-
 @pytest.mark.parametrize("preset", presets())
 def test_round_trip_through_toml(preset, tmp_path):
     scenario = Scenario.load(preset)

@@ -129,11 +129,3 @@ def test_poor_rows_give_a_scenario_or_an_error(table: list[str], strict: bool, c
         assert status == 2
         assert printed.err.startswith("error: ")
         assert not Path("my_tool.toml").exists()
-
-
-def test_odd_file_name_cannot_break_the_scenario(capsys: pytest.CaptureFixture[str]) -> None:
-    odd = Path("cuts\n[limits]\npower = 1 é\udcff.csv")
-    odd.write_text(Path(EXAMPLE).read_text())
-    assert calibrate("--json", "--confidence", "0.9", measurements=str(odd)) == 0
-    assert json.loads(capsys.readouterr().out)["confidence"] == 0.9
-    assert Scenario.load("my_tool.toml").limits == Scenario().limits

@@ -75,18 +75,6 @@ def test_any_law_is_recovered(values: dict[str, float], log_coefficient: float, 
         assert estimate.value == pytest.approx(getattr(law, name), rel=1e-6, abs=1e-6)
 
 
-@settings(max_examples=15)
-@given(values=all_exponents, held=st.sampled_from(FACTORS["power"]))
-def test_factor_that_never_varies_keeps_its_exponent(values: dict[str, float], held: str) -> None:
-    base = PowerLaw(coefficient=1.0, **{held: 0.7})
-    measurements = cuts(PowerLaw(coefficient=2.0, **values), 20, **{held: 1.1 if held == "hardness" else 0.3})
-    found = fit("power", measurements, base)
-    assert list(found.assumed) == [held]
-    assert "never varies" in found.assumed[held]
-    assert getattr(found.law, held) == 0.7
-    assert found.predicted == pytest.approx(found.measured, rel=1e-6)
-
-
 @settings(max_examples=10)
 @given(first=st.sampled_from(("cutting_speed", "feed")), slope=st.sampled_from((-1.5, 0.5, 2.0)), assumed=exponents)
 def test_of_factors_that_vary_together_one_is_assumed(first: str, slope: float, assumed: float) -> None:

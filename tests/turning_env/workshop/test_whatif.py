@@ -68,16 +68,6 @@ def test_text_names_the_limits_that_are_exceeded(capsys: pytest.CaptureFixture[s
     assert fast.endswith("wear, force, power")
 
 
-@pytest.mark.slow
-def test_a_life_too_long_for_a_number_is_null(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "lasting.toml"
-    path.write_text("[material.wear]\ncoefficient = 1e-12\ntime = 0.01\n")
-    assert main(["whatif", str(path), "--cutting-speed", "100", "--feed", "0.3", "--time", "1", "--json"]) == 0
-    (row,) = json.loads(capsys.readouterr().out)
-    assert row["tool_life"] is None
-    assert main(["map", str(path), "--wear", "0.2", "--out", str(tmp_path / "map.png")]) == 0
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
