@@ -10,13 +10,12 @@ from baselines.two_limits import (
     TWO_LIMITS,
     AdaptiveRule,
     depth_exponents,
-    fixed_rule,
     limits,
     set_point,
 )
 from papers.reproduce.part_programming import handbook_process
 from tests.baselines.observing import seen
-from turning_env import PowerLaw, RoughTurningVectorEnv, Scenario, read
+from turning_env import PowerLaw, Scenario, read
 from turning_env.physics.quantities import OBS
 
 SCENARIO = Scenario()
@@ -100,17 +99,6 @@ def test_the_economic_optimum_is_the_cheapest_feasible_point(price: float, wear:
         assert float(process.power.law(speed, feed, depth, wear=wear)) <= 7.0 * (1 + 1e-6)
         cheapest = float(np.min(costs[feasible]))
         assert cheapest - 0.02 < float(process.log_cost(np.log(speed), np.log(feed), depth, 1.0)) < cheapest + 1e-6
-
-
-def test_a_fixed_rule_commands_its_set_point_for_the_mean_wear() -> None:
-    env = RoughTurningVectorEnv(2, SCENARIO)
-    observations, _ = env.reset(seed=0)
-    policy = fixed_rule(SCENARIO, "PN")
-    for _ in range(8):
-        observations, _, _, _, infos = env.step(policy.act(observations))
-    speed, feed = set_point("PN", STEEL, 2.5, wear=STEEL.mean_wear)
-    np.testing.assert_allclose(infos["commanded_cutting_speed"], speed, rtol=1e-5)
-    np.testing.assert_allclose(infos["commanded_feed"], feed, rtol=1e-5)
 
 
 SET_POINTS = Scenario.load("paper")

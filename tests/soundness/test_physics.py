@@ -121,24 +121,6 @@ def test_force_and_power_rise_with_wear_and_hardness(speed: float, feed: float, 
         assert 0.0 < less[name] <= more[name] * (1 + 1e-12), name
 
 
-@tried(short=40, soak=10_000)
-@given(st.lists(st.tuples(FACTORS, FACTORS), min_size=1, max_size=5), st.integers(2, 12), st.integers(1, 20))
-def test_used_life_does_not_depend_on_how_time_is_split(
-    set_points: list[tuple[float, float]], pieces: int, sub_steps: int
-) -> None:
-    """Equivalent time: a minute at one set point wears as much in one interval as in a dozen."""
-    lives = []
-    for parts in (1, pieces):
-        control = {"interval": 12.0 / parts, "sub_steps": sub_steps}
-        env = RoughTurningEnv(changed(UNDISTURBED, control=control, tool={"wear_criterion": 5.0}))
-        env.reset(seed=0)
-        for chosen in set_points:
-            for _ in range(parts):
-                info = env.step(np.array(chosen))[4]
-        lives.append(info["used_life"])
-    assert lives[0] == pytest.approx(lives[1], rel=1e-9)
-
-
 VARIED = changed(
     Scenario(),
     control={"action": "set_point"},
@@ -149,10 +131,10 @@ VARIED = changed(
 
 @tried(short=40, soak=5_000)
 @given(SEEDS, st.lists(st.tuples(FACTORS, FACTORS), min_size=1, max_size=5), st.integers(2, 12), st.integers(1, 10))
-def test_energy_and_impulse_do_not_depend_on_how_time_is_split(
+def test_energy_impulse_and_used_life_do_not_depend_on_how_time_is_split(
     seed: int, set_points: list[tuple[float, float]], pieces: int, sub_steps: int
 ) -> None:
-    """Mean power over the time in metal is the work done, and adds up: over one interval as over its pieces."""
+    """Mean power over the time in metal is the work done, and adds up over one interval as over its pieces; so does wear."""
     done = []
     for parts in (1, pieces):
         control = {"interval": 6.0 / parts, "sub_steps": sub_steps * pieces // parts}
@@ -161,5 +143,6 @@ def test_energy_and_impulse_do_not_depend_on_how_time_is_split(
         told = [env.step(np.array(chosen))[4] for chosen in set_points for _ in range(parts)]
         work = sum(info["mean_power"] * info["engaged_time"] for info in told)
         impulse = sum(info["mean_thrust_force"] * info["engaged_time"] for info in told)
-        done.append((work, impulse, sum(info["engaged_time"] for info in told), sum(info["removed"] for info in told)))
+        sums = [sum(info[name] for info in told) for name in ("engaged_time", "removed")]
+        done.append((work, impulse, *sums, told[-1]["used_life"]))
     assert done[0] == pytest.approx(done[1], rel=1e-9, abs=1e-9)

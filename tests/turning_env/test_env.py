@@ -4,7 +4,6 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_for_agents
 
@@ -30,21 +29,6 @@ def test_ids_can_be_made_by_module_and_name(env_id, preset):
     specification = type(env.unwrapped).__doc__
     assert f"`{env_id}`" in specification
     assert "## Version history" in specification
-
-
-def test_step_needs_an_episode_under_way():
-    env = RoughTurningEnv(SHORT_LIVED)
-    with pytest.raises(ResetNeeded):
-        env.step((0.0, 0.0))
-    env.reset(seed=0)
-    for _ in range(1000):
-        *_, terminated, truncated, _ = env.step((0.0, 0.0))
-        if terminated or truncated:
-            break
-    with pytest.raises(ResetNeeded):
-        env.step((0.0, 0.0))
-    env.reset()
-    env.step((0.0, 0.0))
 
 
 @pytest.mark.parametrize("make", [gymnasium.make, lambda spec, **kwargs: gymnasium.make_vec(spec, num_envs=2, **kwargs)])

@@ -177,12 +177,3 @@ def test_the_current_is_linear_in_the_force_and_not_zero_without():
     assert air["measured_servo_current"] == pytest.approx(
         torque * friction / motor + drive.no_load_current_rate * air["feed_velocity"]
     )
-
-
-def test_the_force_is_read_back_from_the_current():
-    record = play(RoughTurningEnv(SENSED), 0, np.zeros((100, 2), np.float32))
-    reading = read(record["observation"][1:], SENSED)
-    assert reading.servo_current == pytest.approx(record["measured_servo_current"][1:], rel=1e-6)
-    assert reading.thrust_force == pytest.approx(record["thrust_force"][1:], rel=1e-5)
-    assert reading.force_ratio == pytest.approx(1.0, rel=1e-6)
-    assert np.isnan(read(record["observation"], UNDISTURBED).servo_current).all()
