@@ -3,13 +3,11 @@
 import itertools
 from functools import cache
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from baselines import catalogue
-from baselines.fuzzy_override import new_override
 from train.nc import interval_table, laws, simulate_law
 from turning_env import Scenario
 from turning_env.programs import schedule, simulate
@@ -126,24 +124,6 @@ def law_of(rule: str) -> Law:
     law = written_and_read(laws.law_program(rule, OVERRIDES)).law
     assert law is not None
     return law
-
-
-def next_override(law: Law, override: float, load: float) -> float:
-    variables = law.variables() | {laws.STATE: override, LOAD: load}
-    return law.cycle(variables)
-
-
-GRID = [(override, load) for override in (1.0, 30.0, 100.0, 199.0) for load in np.linspace(0.0, 250.0, 101)]
-
-
-@pytest.mark.parametrize(
-    ("rule", "k", "p", "d"), [("fuzzy_override", 1.0, 1.0, 0.0), ("modified_fuzzy_override", 0.1, 0.1, 0.25)]
-)
-def test_a_fuzzy_law_is_the_papers_over_all_loads(rule: str, k: float, p: float, d: float) -> None:
-    law = law_of(rule)
-    for override, load in GRID:
-        expected = new_override(np.array([0.01 * override]), np.array([0.01 * load]), 0.6, 2.0, k, p, d)[0]
-        assert next_override(law, override, load) == pytest.approx(max(100.0 * expected, 1.0), abs=0.5)
 
 
 def test_the_one_line_law_is_the_manuals_example() -> None:

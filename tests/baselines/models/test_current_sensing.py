@@ -91,15 +91,3 @@ def test_the_feed_goes_through_the_grades_alone() -> None:
     distances = np.abs(overrides[..., np.newaxis] - reached)
     assert distances.min(axis=-1).max() < 1e-6
     assert len(np.unique(distances.argmin(axis=-1))) > 4
-
-
-def test_in_air_and_until_the_estimate_has_settled_the_programmed_feed_is_commanded() -> None:
-    policy, env = limit(CURRENT, 2), RoughTurningVectorEnv(2, CURRENT)
-    seen, _ = env.reset(seed=0)
-    in_metal = 0
-    while in_metal <= policy.settling_steps:
-        action = policy.act(seen)
-        assert action[:, 0] == pytest.approx([0.0, 0.0])  # half of 200 %
-        seen, _, _, _, infos = env.step(action)
-        in_metal += int(infos["cutting"][0])
-    assert policy.settling_steps > 3
