@@ -35,13 +35,6 @@ def keep(rules: dict[str, dict[str, float]], scenario: Scenario) -> None:
     tuned.path(scenario).write_text(json.dumps(about | {"rules": values}))
 
 
-@pytest.mark.parametrize("name", RULES)
-def test_ranges_are_open_and_logarithms_exist(name: str) -> None:
-    for values in RULES[name].ranges.values():
-        assert values.low < values.high
-        assert values.low > 0 or not values.logarithmic
-
-
 def test_an_unknown_rule_names_those_there_are() -> None:
     with pytest.raises(KeyError, match=r"'nonsense'.*fixed_handbook"):
         spec("nonsense", Scenario())
@@ -85,22 +78,6 @@ def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
         spec(tunable, Scenario())
     with pytest.raises(tuned.NotTuned, match=f"tuned for other values: {command}`"):
         spec(tunable, Scenario.model_validate({"limits": {"power": 6.5}}))
-
-
-def test_a_scenario_that_differs_from_a_tuned_one_by_its_name_alone_is_tuned(tunable: str) -> None:
-    keep({tunable: {"feed": 0.3}}, Scenario(name="tuned"))
-    assert spec(tunable, Scenario(name="other")).parameters["feed"] == 0.3
-    keep({tunable: {"feed": 0.2}}, Scenario.model_validate({"name": "other", "limits": {"power": 6.5}}))
-    assert spec(tunable, Scenario(name="other")).parameters["feed"] == 0.3
-
-
-def test_a_rule_plays_one_scenario_with_what_was_found_on_another(tunable: str) -> None:
-    keep({tunable: {"feed": 0.3}}, Scenario())
-    other = Scenario.load("small_diameter")
-    with pytest.raises(tuned.NotTuned, match="scenario 'small_diameter' have not been tuned"):
-        spec(tunable, other)
-    for home in (Scenario(), Scenario.load("harder_lot")):
-        assert spec(tunable, other, tuned_on=home).parameters == {"cutting_speed": 100.0, "feed": 0.3}
 
 
 def test_a_rule_is_built_with_the_nominal_scenario(tunable: str, monkeypatch: pytest.MonkeyPatch) -> None:

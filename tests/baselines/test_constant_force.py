@@ -16,12 +16,10 @@ HELD = changed(SURFACE, surface={"reference_min": 1.6, "reference_max": 1.6})
 NEEDED = round(ENGAGED_TIME / HELD.control.interval)
 
 
-def observations(
-    scenario: Scenario, force: float, num_envs: int = 1, feed: float = 0.2, commanded: float = 0.2
-) -> NDArray[np.float32]:
+def observations(scenario: Scenario, force: float, feed: float = 0.2, commanded: float = 0.2) -> NDArray[np.float32]:
     """Observations in metal at a measured force [N], an actual and a commanded feed [mm/rev]."""
     machine = scenario.machine
-    seen = np.zeros((num_envs, len(bounds(scenario)[0])), np.float32)
+    seen = np.zeros((1, len(bounds(scenario)[0])), np.float32)
     seen[:, OBS.thrust_force] = 5.0 * (force / scenario.limits.thrust_force - 1.0)
     span = np.log(machine.feed_max / machine.feed_min)
     for place, value in ((OBS.feed, feed), (OBS.commanded_feed, commanded)):
@@ -41,7 +39,7 @@ def law(scenario: Scenario = HELD, num_envs: int = 1, **arguments: bool | float)
     return ConstantForce(PartProgram(scenario, {}), num_envs, **arguments)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("roughness", [0.5, 1.0, 1.6, 3.1])
+@pytest.mark.parametrize("roughness", [0.5, 3.1])
 def test_the_force_of_a_roughness_inverts_the_papers_equation(roughness: float) -> None:
     force, least = force_of_roughness(SURFACE.surface, np.array([roughness, 0.1]))
     assert least == 1.0  # no force leaves 0.1 um
@@ -65,33 +63,17 @@ def test_the_law_acts_once_the_force_has_been_above_the_threshold_for_long_enoug
     assert override(policy, seen) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("force", "feed", "expected"), [(101.0, 0.3, 1.5), (5000.0, 0.002, 0.01)])
-def test_the_feed_keeps_within_the_ranges_of_override_and_machine(force: float, feed: float, expected: float) -> None:
-    assert override(law(), observations(HELD, force, feed=feed), NEEDED) == pytest.approx(expected, abs=1e-6)
-
-
-def test_a_reset_forgets_the_engagement_of_its_environment_alone() -> None:
-    policy = law(num_envs=2)
-    seen = observations(HELD, 300.0, num_envs=2)
-    override(policy, seen, NEEDED)
-    policy.reset(np.array([True, False]))
-    first, second = override(policy, seen)
-    assert first == pytest.approx(1.0)
-    assert second > 1.4
-
-
-@pytest.mark.parametrize("share", [0.3, 0.5])
-def test_elsewhere_a_share_of_the_force_limit_is_held(share: float) -> None:
+def test_elsewhere_a_share_of_the_force_limit_is_held() -> None:
     scenario = changed(
         Scenario.load("override"),
         workpiece={"depth_profile": [], "depth_ripple": 0.0, "depth_bar_spread": 0.0, "depth_along_spread": 0.0},
         sensors={"force_noise": 0.0},
     )
-    policy, env = law(scenario, 4, force_share=share), RoughTurningVectorEnv(4, scenario)
+    policy, env = law(scenario, 4, force_share=0.4), RoughTurningVectorEnv(4, scenario)
     seen, _ = env.reset(seed=0)
     for _ in range(400):
         seen, _, _, _, infos = env.step(policy.act(seen))
-    assert infos["thrust_force"] == pytest.approx(np.full(4, share * scenario.limits.thrust_force), rel=0.02)
+    assert infos["thrust_force"] == pytest.approx(np.full(4, 0.4 * scenario.limits.thrust_force), rel=0.02)
 
 
 def test_a_roughness_that_no_force_changes_is_refused() -> None:

@@ -9,6 +9,7 @@ from baselines.tune.study import middle
 from tests.turning_env.playing import changed
 from turning_env import IDS, RoughTurningVectorEnv, Scenario, presets
 from turning_env.observation import bounds
+from turning_env.scoring.policy import Policy
 
 SCENARIOS = {name: Scenario.load(name).nominal() for name in presets()}
 SHOWN = ("rough_turning", "shift", "paper", "override", "surface", "batch_casting")
@@ -47,18 +48,24 @@ def test_actions_are_finite_for_any_observation(name: str, preset: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "preset"), PLAYED)
-def test_environments_do_not_influence_one_another(name: str, preset: str) -> None:
+def test_environments_do_not_influence_one_another_and_a_reset_forgets_everything(name: str, preset: str) -> None:
     scenario = changed(SCENARIOS[preset], limits={"power": 5.0})
     rule, env = playable(name, scenario), RoughTurningVectorEnv(3, scenario)
-    batch, single = (rule.build(scenario, num_envs, parameters(rule)) for num_envs in (3, 1))
-    for policy, num_envs in ((batch, 3), (single, 1)):
+
+    def fresh(num_envs: int) -> Policy:
+        policy = rule.build(scenario, num_envs, parameters(rule))
         policy.reset(np.ones(num_envs, np.bool_))
+        return policy
+
+    batch, single, anew = fresh(3), fresh(1), fresh(1)
     observations, _ = env.reset(seed=5)
     for step in range(12):
         if step == 8:
             batch.reset(np.array([False, True, False]))
         actions = batch.act(observations)
         np.testing.assert_array_equal(single.act(observations[2:]), actions[2:])
+        if step >= 8:
+            np.testing.assert_array_equal(anew.act(observations[1:2]), actions[1:2])
         observations, *_ = env.step(actions)
 
 

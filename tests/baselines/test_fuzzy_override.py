@@ -36,17 +36,6 @@ def test_equations(form: dict[str, float], override: float, load: float, expecte
     assert percent(override, load, 60.0, form) == pytest.approx(expected, rel=1e-5)
 
 
-def test_overload_stops_the_first_form_and_leaves_the_modified_a_quarter() -> None:
-    override = np.array([2.0])
-    floors = []
-    for form in FORMS:
-        reached = override
-        for _ in range(200):
-            reached = new_override(reached, np.array([2.0]), 0.6, 2.0, **form)
-        floors.append(float(reached[0]))
-    assert floors == pytest.approx([0.0, 0.25], abs=1e-6)
-
-
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("target", [0.05, 0.6, 0.99, 1.0, 1.5])
 def test_it_stays_within_its_range_and_heeds_the_load_at_any_target(target: float, form: dict[str, float]) -> None:

@@ -15,16 +15,8 @@ def test_the_integrating_law() -> None:
     np.testing.assert_allclose(towards_load(overrides, loads, 0.6, 0.2), [1.0, 1.1, 0.45, 2.4, LOWEST_OVERRIDE])
 
 
-def test_a_higher_gain_moves_faster_and_a_huge_one_by_the_whole_distance() -> None:
-    seen = observe(OVERRIDE, load=0.3, override=0.5)
-    policies = [constant_load(PartProgram(OVERRIDE, {}), 1, 1.0, gain) for gain in (1.0, 10.0, 1e6)]
-    asked = [override_of(policy.act(seen), OVERRIDE)[0] for policy in policies]
-    assert 0.5 < asked[0] < asked[1] < asked[2] == pytest.approx(0.75, rel=1e-4)
-
-
-@pytest.mark.parametrize("target", [1.0, 0.8])
-def test_the_load_is_held_at_the_target_at_2_and_at_3_mm(target: float) -> None:
-    scenario = stepped_bar()
+def test_the_load_is_held_at_the_target_at_2_and_at_3_mm() -> None:
+    scenario, target = stepped_bar(), 0.8
     run = play_bar(lambda num_envs: constant_load(PartProgram(scenario, {}), num_envs, target, 5.0), scenario)
     for depth in (2.0, 3.0):
         np.testing.assert_allclose(run.at_depth(depth, 2.0).load, 0.6 * target, rtol=0.01)

@@ -1,11 +1,9 @@
 import numpy as np
 import pytest
 
-from baselines.load_override import LOWEST_OVERRIDE
 from baselines.models.part_program import PartProgram
 from baselines.omative import ENTRY_TIME, AirGapControl
 from tests.baselines.observing import observe, override_of
-from tests.turning_env.playing import changed
 from turning_env import Scenario
 
 OVERRIDE = Scenario.load("override")
@@ -41,14 +39,6 @@ def test_air_is_crossed_fast_and_metal_entered_gently() -> None:
     assert asked(policy, load=0.1, override=2.0) == pytest.approx(0.6)
 
 
-def test_entry_takes_one_step_where_that_is_longer() -> None:
-    scenario = changed(OVERRIDE, control={"interval": 1.0})
-    policy = control(scenario)
-    policy.act(observe(scenario, cutting=False))
-    overrides = [override_of(policy.act(observe(scenario, load=0.6, override=1.0)), scenario)[0] for _ in range(2)]
-    assert overrides == pytest.approx([0.6, 1.0], rel=1e-3)
-
-
 def test_the_feed_falls_at_once_to_what_the_metal_allows() -> None:
     # Twice the load at the actual feed: the law's exponent 0.74 tells by how much the feed must fall.
     assert asked(in_metal(), load=1.2, override=1.5, actual_override=1.0) == pytest.approx(0.5 ** (1 / 0.74), rel=1e-3)
@@ -58,8 +48,3 @@ def test_and_rises_gradually() -> None:
     slow, fast = (asked(in_metal(rise), load=0.3, override=0.5) for rise in (1.0, 10.0))
     assert 0.5 < slow < fast < 0.5 * 2 ** (1 / 0.74)
     assert slow - 0.5 == pytest.approx((0.5 * 2 ** (1 / 0.74) - 0.5) * (1 - np.exp(-INTERVAL)), rel=0.01)
-
-
-def test_extreme_loads_leave_it_within_its_limits() -> None:
-    assert asked(in_metal(), load=2.4, override=1.0, actual_override=0.01) == pytest.approx(LOWEST_OVERRIDE, rel=1e-3)
-    assert asked(in_metal(rise=1e6), load=0.0, override=1.0) == pytest.approx(2.0, rel=1e-3)

@@ -32,17 +32,6 @@ def test_on_a_known_bar_it_works_at_a_limit() -> None:
     assert 0.9 < np.median(loads.max(axis=1)) <= 1.0
 
 
-@pytest.mark.slow
-def test_dear_overload_leaves_a_wider_margin() -> None:
-    known = changed(Scenario(), limits={"power": 4.5})
-
-    def highest_load(severity: float) -> float:
-        infos = driven(TIGHT, Optimiser(known, 2, severity, 1.5), 60)[20:]
-        return float(np.mean([max(i["thrust_force"][0] / 1500.0, i["power"][0] / 4.5) for i in infos if i["cutting"].all()]))
-
-    assert highest_load(4.0) < highest_load(0.5) - 0.01
-
-
 @pytest.mark.parametrize("load", [2.5, 15.0])
 def test_a_load_above_the_limit_lowers_the_feed(load: float) -> None:
     policy = Optimiser(Scenario(), 1, 2.0, 1.0)

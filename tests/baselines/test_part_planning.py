@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baselines.part_planning import FixedParts, RuledParts, pass_depths, plan
+from baselines.part_planning import RuledParts, pass_depths, plan
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningEnv, Scenario
 
@@ -49,13 +49,6 @@ def test_a_plan_is_turned_as_it_says():
 def test_depths_of_passes(allowance, path, passes, expected):
     depths = pass_depths(np.array([allowance]), np.array([path]), np.array([float(passes)]), 4)
     assert depths[0].tolist() == pytest.approx(expected)
-
-
-def test_fixed_parts_are_all_alike():
-    found = infos(FixedParts(BATCH, 2.4, 150.0, 0.3), BATCH)[1:]
-    assert {info["passes"] for info in found} == {2.0}
-    assert {round(info["feed"], 4) for info in found} == {0.3}
-    assert infos(FixedParts(BATCH, 99.0, 150.0, 0.3), BATCH)[1]["passes"] == BATCH.control.passes_max
 
 
 def test_the_force_rule_holds_the_force_at_what_is_cut_corrected_or_not():

@@ -49,13 +49,6 @@ def test_the_feed_is_held_back_at_the_extreme_limit_and_stops_beyond_it() -> Non
     assert asked(learned(extreme=9.0), load=extreme * STOP * 1.001, override=1.5) > 0.5
 
 
-def test_after_a_stop_the_feed_comes_back() -> None:
-    policy, override = learned(extreme=1.5), 0.01
-    for _ in range(40):
-        override = asked(policy, load=0.3 * override**0.74, override=override)
-    assert override > 0.9
-
-
 def test_where_metal_is_missing_the_feed_is_the_programmed_one() -> None:
     assert asked(learned(), load=0.999 * UNDERCUT * REFERENCE, override=1.0) == pytest.approx(1.0)
     assert asked(learned(), load=1.001 * UNDERCUT * REFERENCE, override=1.0) > 1.0
@@ -88,10 +81,3 @@ def test_a_fresh_edge_is_learned_anew() -> None:
     for second in range(4):
         policy.act(observe(SHIFT, load=REFERENCE * 1.8, cutting_time=second / 60.0))
     assert not changes(policy, REFERENCE * 1.8, 5.0)
-
-
-def test_a_step_longer_than_learning_learns_from_the_first_that_it_sees() -> None:
-    scenario = Scenario.load("paper")
-    policy = LearnedPower(PartProgram(scenario, {}), 1, 1.0, 1.0, 2.0, 1.4)
-    actions = [policy.act(observe(scenario, load=0.3, cutting_time=minute))[0, 1] for minute in (0.0, 1.0, 2.0)]
-    assert actions[0] < actions[1] == pytest.approx(actions[2])

@@ -1,24 +1,21 @@
-import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from baselines.models.process import MIN_SCALE, Limit, Process
+from baselines.models.process import Limit, Process
 from baselines.two_limits import (
     ECONOMIC_OPTIMUM,
     RULES,
     TWO_LIMITS,
     AdaptiveRule,
     depth_exponents,
-    fixed_rule,
     limits,
     set_point,
 )
 from papers.reproduce.part_programming import handbook_process
 from tests.baselines.observing import seen
-from turning_env import PowerLaw, RoughTurningVectorEnv, Scenario, presets, read
-from turning_env.action import sets_speed_and_feed
+from turning_env import PowerLaw, Scenario, read
 from turning_env.physics.quantities import OBS
 
 SCENARIO = Scenario()
@@ -48,8 +45,7 @@ def test_a_rule_reaches_both_its_limits_at_any_hardness_and_wear(rule: str) -> N
 
 
 @pytest.mark.parametrize("rule", [*TWO_LIMITS, ECONOMIC_OPTIMUM])
-@pytest.mark.parametrize("wear", [1e-6, 0.05, 0.2, 1.2])
-@pytest.mark.parametrize("hardness", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize(("wear", "hardness"), [(1e-6, 0.3), (0.2, 1.0), (1.2, 3.0)])
 def test_set_points_lie_within_the_ranges_and_keep_power(rule: str, wear: float, hardness: float) -> None:
     speed, feed = set_point(rule, STEEL, DEPTHS, hardness, wear)
     assert np.all((speed >= 50.0) & (speed <= 200.0) & (feed >= 0.06) & (feed <= 0.6))
@@ -59,23 +55,10 @@ def test_set_points_lie_within_the_ranges_and_keep_power(rule: str, wear: float,
     assert np.all((force <= 1500.0 * (1 + 1e-9)) | (feed == 0.06))
 
 
-def test_beyond_the_lowest_feed_the_cutting_speed_is_lowered_to_keep_power() -> None:
-    speed, feed = set_point("PV", STEEL, 20.0)
-    assert (float(feed), 50.0 < float(speed) < 200.0) == (0.06, True)
-    assert float(STEEL.power.law(speed, feed, 20.0, wear=STEEL.mean_wear)) == pytest.approx(7.0)
-
-
-def test_a_feed_beyond_the_range_leaves_the_other_limit_to_the_cutting_speed() -> None:
-    speed, feed = set_point("PN", STEEL, 2.5, wear=0.1)  # the limits cross at a feed that the lathe does not have
-    assert float(feed) == 0.6
-    assert float(STEEL.power.law(speed, feed, 2.5, wear=0.1)) == pytest.approx(7.0)
-
-
 @pytest.mark.parametrize(
     ("rule", "name", "exponents"),
     [
         ("PV", "thrust_force", {"cutting_speed": 0.3, "feed": 0.0}),
-        ("PV", "thrust_force", {"cutting_speed": 0.0, "feed": 0.0}),
         ("SN", "power", {"cutting_speed": 0.0, "feed": 0.7}),
         ("PN", "power", {"cutting_speed": -0.968, "feed": 0.472}),  # twice those of the thrust force
         ("PT", "wear", {"cutting_speed": -0.242, "feed": 0.118}),
@@ -94,11 +77,6 @@ def test_limits_that_run_parallel_fix_no_point(rule: str, name: str, exponents: 
     assert np.all(np.isfinite(speed) & np.isfinite(feed))
 
 
-def test_there_is_no_rule_of_another_name() -> None:
-    with pytest.raises(ValueError, match=r"no rule is called 'XY'; there are PV, .*, MT and economic_optimum"):
-        set_point("XY", STEEL, 2.5)
-
-
 @pytest.mark.parametrize("rule", TWO_LIMITS)
 def test_depth_enters_with_the_stated_exponents(rule: str) -> None:
     process = handbook_process(rule)
@@ -108,8 +86,7 @@ def test_depth_enters_with_the_stated_exponents(rule: str) -> None:
     assert (np.log(faster / slower) / ratio, np.log(more / less) / ratio) == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize("price", [0.0, 5.0, 40.0, 1000.0])
-@pytest.mark.parametrize("wear", [0.05, 0.15, 0.29])
+@pytest.mark.parametrize(("price", "wear"), [(0.0, 0.15), (5.0, 0.05), (5.0, 0.29), (1000.0, 0.15)])
 def test_the_economic_optimum_is_the_cheapest_feasible_point(price: float, wear: float) -> None:
     process = replace(STEEL, edge_price=price)
     speeds, feeds = np.meshgrid(np.geomspace(50.0, 200.0, 400), np.geomspace(0.06, 0.6, 400))
@@ -122,34 +99,6 @@ def test_the_economic_optimum_is_the_cheapest_feasible_point(price: float, wear:
         assert float(process.power.law(speed, feed, depth, wear=wear)) <= 7.0 * (1 + 1e-6)
         cheapest = float(np.min(costs[feasible]))
         assert cheapest - 0.02 < float(process.log_cost(np.log(speed), np.log(feed), depth, 1.0)) < cheapest + 1e-6
-
-
-@pytest.mark.parametrize("preset", [name for name in presets() if sets_speed_and_feed(Scenario.load(name))])
-def test_rules_that_are_not_declared_play_as_one_that_is(preset: str) -> None:
-    scenario = Scenario.load(preset)
-    scales = np.array([0.7, 0.85, 1.0, 1.15, 1.3])
-    wears = scenario.tool.wear_criterion * np.array([0.1, 0.4, 0.6, 0.8, 0.9, 1.0])
-    wear, force, power = (axis.ravel() for axis in np.meshgrid(wears, scales, scales))
-    process = Process.of(scenario).rescaled(force, power)
-    found = {rule: set_point(rule, process, scenario.workpiece.depth_of_cut, wear=wear) for rule in TWO_LIMITS}
-    for rule in ("SV", "PT", "ST", "MV", "MT"):
-        np.testing.assert_allclose(found[rule], found["PV"], err_msg=rule)
-    np.testing.assert_allclose(set_point(ECONOMIC_OPTIMUM, process, scenario.workpiece.depth_of_cut, wear=wear), found["PN"])
-    spared = found["SN"][0] >= 100.0  # below, torque binds
-    np.testing.assert_allclose(np.array(found["MN"])[:, spared], np.array(found["SN"])[:, spared])
-    for one, other in itertools.combinations(("PV", "SN", "PN"), 2):
-        assert not np.allclose(found[one], found[other])
-
-
-def test_a_fixed_rule_commands_its_set_point_for_the_mean_wear() -> None:
-    env = RoughTurningVectorEnv(2, SCENARIO)
-    observations, _ = env.reset(seed=0)
-    policy = fixed_rule(SCENARIO, "PN")
-    for _ in range(8):
-        observations, _, _, _, infos = env.step(policy.act(observations))
-    speed, feed = set_point("PN", STEEL, 2.5, wear=STEEL.mean_wear)
-    np.testing.assert_allclose(infos["commanded_cutting_speed"], speed, rtol=1e-5)
-    np.testing.assert_allclose(infos["commanded_feed"], feed, rtol=1e-5)
 
 
 SET_POINTS = Scenario.load("paper")
@@ -178,15 +127,12 @@ def removal_rate(policy: AdaptiveRule, seen: np.ndarray) -> float:
     return speed * feed
 
 
-@pytest.mark.parametrize("rule", ["PV", "PN"])
-def test_what_is_measured_is_heeded_and_forgotten_on_reset(rule: str) -> None:
-    policy = AdaptiveRule(SET_POINTS, 1, rule, margin=0.9, smoothing=0.5)
+def test_what_is_measured_is_heeded() -> None:
+    policy = AdaptiveRule(SET_POINTS, 1, "PN", margin=0.9, smoothing=0.5)
     nominal = removal_rate(policy, observed())
     harder = [removal_rate(policy, observed(power=1.0, thrust_force=1.0)) for _ in range(4)]
     assert nominal > harder[0] > harder[1] > harder[3]
     assert removal_rate(policy, observed(power=-5.0, thrust_force=-5.0, cutting=0.0)) == harder[3]
-    policy.reset(np.ones(1, np.bool_))
-    assert removal_rate(policy, observed()) == nominal
 
 
 @pytest.mark.parametrize("wear", [0.2, 0.7, 1.2])
@@ -195,10 +141,3 @@ def test_as_predicted_the_adaptive_rule_commands_the_rules_set_point(wear: float
     for _ in range(3):
         found = commands(policy, observed(nominal_wear=wear))
     assert found == pytest.approx([float(value) for value in set_point("PN", STEEL, 2.5, wear=wear * 0.3)], rel=1e-4)
-
-
-def test_no_measured_force_and_power_are_not_believed() -> None:
-    policy = AdaptiveRule(SET_POINTS, 1, "PN", margin=1.0, smoothing=1.0)
-    found = commands(policy, observed(nominal_wear=4.0, power=-4.999, thrust_force=-5.0))
-    believed = STEEL.rescaled(MIN_SCALE, MIN_SCALE)
-    assert found == pytest.approx([float(value) for value in set_point("PN", believed, 2.5, wear=1.2)], rel=1e-4)

@@ -7,22 +7,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from baselines import tuned
+from baselines.fixed import FixedParameters
 from baselines.tune import __main__ as rule_tuning
 from leaderboard import run
 from leaderboard.result import Task, read_part, result_folder
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
-from train import tune
 from train.run import Run
 from train.training import train
 from turning_env import Scenario
-from turning_env.files import FolderTaken, exclusive_lock, file_lock, shared_lock
-from turning_env.scoring.policy import Actions, Observations, PolicyFactory, PolicySpec
+from turning_env.files import FolderTaken, exclusive_lock, shared_lock
+from turning_env.scoring.policy import PolicyFactory, PolicySpec
 
 ROOT = Path(__file__).parents[2]
 HOLD = """
@@ -34,20 +32,6 @@ with getattr(files, sys.argv[1])(Path(sys.argv[2])):
     sys.stdin.readline()
 """
 ENV_ID = "RoughTurning-v0"
-
-
-class Steady:
-    """A policy that always takes the same action."""
-
-    def __init__(self, num_envs: int, feed: float) -> None:
-        self._actions = np.tile(np.array([0.0, feed], np.float32), (num_envs, 1))
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget nothing."""
-
-    def act(self, observations: Observations) -> Actions:
-        """Return the same action for every environment."""
-        return self._actions
 
 
 @contextmanager
@@ -139,21 +123,14 @@ def test_a_search_of_rules_is_not_made_twice_at_once(tmp_path: Path, capsys: pyt
 
 
 @pytest.mark.slow
-def test_a_search_of_hyperparameters_is_not_made_twice_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    task = tune.Task("ppo", "RoughTurning-v0", Scenario.load("rough_turning"), 1, 1, tmp_path)
-    with file_lock(task.folder / f".{task.name}.lock"):
-        assert tune.main(["--algorithm", "ppo", "--steps", "1", "--trials", "1", "--runs", str(tmp_path)]) == 2
-    assert "error: another process works with" in capsys.readouterr().err
-    assert not list(tmp_path.rglob("run.json"))
-
-
-@pytest.mark.slow
 def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path) -> None:
     scenario = Scenario.model_validate({"control": {"time_limit": 0.2}})
     task = Task(env_id=ENV_ID, scenario=scenario, seeds=[7, 8, 9, 10])
 
     def policy(name: str, feed: float, make: PolicyFactory | None = None) -> PolicySpec:
-        return PolicySpec(name=name, parameters={"feed": feed}, make=make or (lambda num_envs: Steady(num_envs, feed)))
+        return PolicySpec(
+            name=name, parameters={"feed": feed}, make=make or (lambda num_envs: FixedParameters(scenario, 150.0, feed))
+        )
 
     def play(folder: Path, *policies: PolicySpec) -> None:
         run.play_all([run.TaskRun(task, policies, folder)], fresh=False)
@@ -162,16 +139,16 @@ def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path
     second, third = policy("second", 0.2), policy("third", 0.3)
     recording = 0
 
-    def make(num_envs: int) -> Steady:
+    def make(num_envs: int) -> FixedParameters:
         nonlocal recording
         recording += num_envs == 1
         if recording == 1:  # while the first run records what its policy does
             recording += 1
             play(here, second, third)
-        return Steady(num_envs, 0.0)
+        return FixedParameters(scenario, 150.0, 0.1)
 
-    play(here, policy("first", 0.0, make), third)
-    play(expected, policy("first", 0.0), second, third)
+    play(here, policy("first", 0.1, make), third)
+    play(expected, policy("first", 0.1), second, third)
     assert recording > 1
     names = [path.name for path in sorted(expected.iterdir())]
     assert names == ["first.json.xz", "manifest.json", "second.json.xz", "third.json.xz", "trajectories.json.xz"]

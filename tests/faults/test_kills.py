@@ -11,7 +11,7 @@ from random import Random
 import pytest
 
 from benchmarks import soak
-from benchmarks.soak import PROGRAMS, Toll, contents, unreadable
+from benchmarks.soak import PROGRAMS, contents, unreadable
 
 ROOT = Path(__file__).parents[2]
 
@@ -40,27 +40,6 @@ def test_a_careless_program_is_found_out(tmp_path: Path) -> None:
     assert toll.torn
     assert toll.differing
     assert not toll.survived
-
-
-def failing(folder: Path) -> int:
-    """Fail by itself."""
-    print("I cannot")
-    return 3
-
-
-@pytest.mark.slow
-def test_one_that_fails_by_itself_is_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(soak, "PROGRAMS", {"failing": failing})
-    assert soak.main(["--only", "kills", "--kills", "1"]) == 2
-    assert capsys.readouterr().err == "error: it ended with status 3: I cannot\n"
-
-
-@pytest.mark.parametrize("toll", [Toll(1, 1, torn=1), Toll(1, 1, differing=1), Toll(1, 1, orphans=1), Toll(1)])
-def test_any_loss_counts(toll: Toll) -> None:
-    assert not toll.survived
-    assert Toll(1, 1).survived
 
 
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:

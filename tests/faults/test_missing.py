@@ -38,10 +38,8 @@ def without(tmp_path: Path) -> Path:
         ("torch", "train.ppo --steps 1"),
         ("optuna", "baselines.tune --trials 1"),
         ("matplotlib", "leaderboard figure --results leaderboard/results --env RoughTurning-Batch-v0"),
-        ("matplotlib", "papers.figures"),
         ("onnxruntime", "leaderboard gallery --seeds 1 --out FILE --agents agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx"),
         ("PIL", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --out FILE.gif"),
-        ("moviepy", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --out FILE.mp4"),
         ("pygame", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --human"),
     ],
 )

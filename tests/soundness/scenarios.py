@@ -1,6 +1,7 @@
 """Scenarios drawn from the ranges that ``Scenario.model_json_schema()`` states."""
 
 import math
+from copy import deepcopy
 from typing import Any
 
 from hypothesis import strategies as st
@@ -53,7 +54,7 @@ def value_of(path: Path) -> st.SearchStrategy[Any]:
 def values(draw: st.DrawFn, laws: bool = False) -> dict[str, Any]:
     """The values of a preset of which some are replaced; they need not go together. ``laws``: the material's, too."""
     base = BASES[draw(st.sampled_from(sorted(BASES)))]
-    changed = {name: _copied(entry) for name, entry in base.items()} | {"name": "drawn"}
+    changed = deepcopy(base) | {"name": "drawn"}
     allowed = sorted(path for path in FIELDS if laws or path not in LAWS)
     most = draw(st.sampled_from((3, 12, len(allowed))))
     for path in draw(st.lists(st.sampled_from(allowed), unique=True, max_size=min(most, _MAX_CHANGES))):
@@ -68,7 +69,7 @@ def scenarios() -> st.SearchStrategy[Scenario]:
 
 def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
     """The values, changed where they do not go together with others."""
-    changed = {name: _copied(entry) for name, entry in drawn.items()}
+    changed = deepcopy(drawn)
     machine, control, surface, sensors = (changed[name] for name in ("machine", "control", "surface", "sensors"))
     for name in ("cutting_speed", "feed"):
         low, high = sorted((machine[f"{name}_min"], machine[f"{name}_max"]))
@@ -100,10 +101,6 @@ def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
     laws["wear"]["wear"] = laws["thrust_force"]["time"] = laws["power"]["time"] = 0.0
     laws["wear"]["time"] = abs(laws["wear"]["time"]) or 0.245
     return changed
-
-
-def _copied(entry: Any) -> Any:
-    return {name: _copied(value) for name, value in entry.items()} if isinstance(entry, dict) else entry
 
 
 def _put(tree: dict[str, Any], path: Path, value: Any) -> None:

@@ -74,15 +74,10 @@ def test_an_agents_file_plays_its_own_scenario_or_another_that_fits(tmp_path: Pa
         (("schedule", "--rule", "grid_search", "--scenario", "shift"), "control.edge_changes is 'commanded'"),
         (("schedule", "--rule", "parts_pv", "--scenario", "batch_casting"), 'control.action is "part"'),
         (("schedule", "--rule", "grid_search", "--tuning-seed", "-1"), "--tuning-seed is -1"),
-        (("schedule", "--rule", "grid_search", "--seed", "-1"), "seed -1 "),
         (("schedule", "--rule", "grid_search", "--bars", "0"), "0 bars asked for, but there must be 1 to 1000"),
-        (("schedule", "--rule", "grid_search", "--tolerance", "nan"), "--tolerance is nan"),
-        (("schedule", "--agent", "nowhere.onnx"), "nowhere.onnx"),
         (("table", "--scenario", "override"), "the grid search cannot play scenario 'override'"),
-        (("table", "--interval", "0"), "the interval is 0.0 min"),
         (("table", "--interval", "1e-9"), "is too short"),
         (("law", "--rule", "tmac"), "tmac cannot be written as synchronized actions; those that can are one_line_law"),
-        (("law", "--rule", "omative", "--scenario", "rough_turning"), "omative cannot play scenario 'rough_turning'"),
     ],
 )
 def test_a_users_mistakes_are_named_and_nothing_is_written(
@@ -126,24 +121,8 @@ def test_a_file_that_is_no_program_is_refused_by_name(tmp_path: Path, capsys: py
     assert "No such file" in capsys.readouterr().err
 
 
-def test_help_says_what_it_is_not_for(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments in ((), ("schedule",), ("table",), ("law",), ("check",)):
-        with pytest.raises(SystemExit) as left:
-            run(*arguments, "--help")
-        assert left.value.code == 0
-        assert "not for a machine without review" in " ".join(capsys.readouterr().out.split())
-
-
-NUMBER = re.compile(r"-?\d+\.\d+")
-
-
-def same_program_line(line: str, other: str) -> bool:
-    """Whether lines differ by no more than two units of the last decimal: fitted coefficients depend on the processor's BLAS."""
-    numbers, others = NUMBER.findall(line), NUMBER.findall(other)
-    return NUMBER.sub("#", line) == NUMBER.sub("#", other) and all(
-        abs(float(a) - float(b)) <= 2.5 * 10.0 ** -len(a.partition(".")[2]) if len(a) > 10 else a == b
-        for a, b in zip(numbers, others, strict=True)
-    )
+LONG = re.compile(r"(\d\.\d{5})\d+")
+"""The first digits of a fitted coefficient; its last ones depend on the processor's BLAS."""
 
 
 @pytest.mark.slow
@@ -154,9 +133,9 @@ def test_excerpts_in_the_documentation_are_what_its_commands_write(tmp_path: Pat
     for line, name in [*commands, ("--nc law --rule one_line_law --out one_line.mpf", "one_line.mpf")]:
         arguments = shlex.split(line.replace(f"--out {name}", "").replace("agents/", f"{ROOT}/agents/"))
         assert export.main([*arguments, "--out", str(tmp_path / name)]) == 0
-        written.append((tmp_path / name).read_text("ascii").splitlines())
+        written.append(LONG.sub(r"\1", (tmp_path / name).read_text("ascii")).splitlines())
     excerpts = re.findall(r"```nc\n(.*?)```", text, re.DOTALL)
     assert len(written) == len(excerpts) == 4
     for excerpt in excerpts:
-        lines = [line for line in excerpt.splitlines() if line != "..."]
-        assert any(all(any(same_program_line(line, each) for each in program) for line in lines) for program in written), excerpt
+        lines = {LONG.sub(r"\1", line) for line in excerpt.splitlines() if line != "..."}
+        assert any(lines <= set(program) for program in written), excerpt

@@ -3,17 +3,13 @@
 import itertools
 from functools import cache
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from baselines import catalogue
-from baselines.fuzzy_override import new_override
-from baselines.load_override import towards_load
 from train.nc import interval_table, laws, simulate_law
 from turning_env import Scenario
-from turning_env.physics.drives import lag_share
 from turning_env.programs import schedule, simulate
 from turning_env.programs.program import Block, NcError, Program
 from turning_env.programs.read import read
@@ -34,7 +30,6 @@ def written_and_read(program: Program) -> Program:
     ("preset", "rule", "bars", "tolerance"),
     [
         ("rough_turning", "rescaled_grid_search", 1, 0.0),
-        pytest.param("rough_turning", "rescaled_grid_search", 3, 0.05, marks=pytest.mark.slow),
         pytest.param("rough_turning", "fixed_handbook", 30, 0.01, marks=pytest.mark.slow),  # to the end of the edge
         ("paper", "grid_search", 2, 0.01),
         pytest.param("override", "omative", 1, 0.01, marks=pytest.mark.slow),
@@ -95,12 +90,6 @@ def test_a_program_of_another_machine_or_bar_is_refused() -> None:
     assert simulate.simulate(fitting, SCENARIO, 1).removed > 100.0
 
 
-def test_a_lower_clamp_of_the_spindle_slows_the_program() -> None:
-    bars = ((Block(-300.0, 200.0, 0.3),),)
-    free, clamped = (simulate.simulate(Program(100.0, 3.0, limit, bars), SCENARIO, 1) for limit in (636.6, 318.3))
-    assert clamped.time == pytest.approx(2.0 * free.time, rel=0.03)
-
-
 @pytest.mark.parametrize(("preset", "interval"), [("rough_turning", None), ("rough_turning", 1.0), ("paper", 0.5)])
 def test_the_interval_table_does_on_nominal_bars_what_the_models_say(preset: str, interval: float | None) -> None:
     scenario = Scenario.load(preset)
@@ -135,34 +124,6 @@ def law_of(rule: str) -> Law:
     law = written_and_read(laws.law_program(rule, OVERRIDES)).law
     assert law is not None
     return law
-
-
-def next_override(law: Law, override: float, load: float) -> float:
-    variables = law.variables() | {laws.STATE: override, LOAD: load}
-    return law.cycle(variables)
-
-
-GRID = [(override, load) for override in (1.0, 30.0, 100.0, 199.0) for load in np.linspace(0.0, 250.0, 101)]
-
-
-@pytest.mark.parametrize(
-    ("rule", "k", "p", "d"), [("fuzzy_override", 1.0, 1.0, 0.0), ("modified_fuzzy_override", 0.1, 0.1, 0.25)]
-)
-def test_a_fuzzy_law_is_the_papers_over_all_loads(rule: str, k: float, p: float, d: float) -> None:
-    law = law_of(rule)
-    for override, load in GRID:
-        expected = new_override(np.array([0.01 * override]), np.array([0.01 * load]), 0.6, 2.0, k, p, d)[0]
-        assert next_override(law, override, load) == pytest.approx(max(100.0 * expected, 1.0), abs=0.5)
-
-
-def test_a_constant_load_law_is_the_rules_up_to_the_tabulated_load() -> None:
-    parameters = catalogue.spec("iadapts", OVERRIDES).parameters
-    share, law = lag_share(0.012, 1.0 / parameters["gain"]), law_of("iadapts")
-    for override, load in GRID:
-        if load <= laws.MAX_LOAD:
-            of_load = np.array([0.01 * load])
-            expected = 100.0 * towards_load(np.array([0.01 * override]), of_load, 0.6 * parameters["target"], share)[0]
-            assert next_override(law, override, load) == pytest.approx(min(expected, 200.0), abs=1e-5)
 
 
 def test_the_one_line_law_is_the_manuals_example() -> None:

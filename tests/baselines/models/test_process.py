@@ -16,22 +16,9 @@ def log_cost(process: Process, cutting_speed: float, feed: float, depth: float, 
     return float(process.log_cost(np.log(cutting_speed), np.log(feed), depth, hardness))
 
 
-def test_at_the_life_the_wear_is_the_criterion() -> None:
-    life = float(np.exp(STEEL.log_life(np.log(150.0), np.log(0.4), 3.0, 1.1)))
-    assert float(STEEL.wear(150.0, 0.4, 3.0, time=life, hardness=1.1)) == pytest.approx(STEEL.wear_criterion)
-
-
 def test_the_cost_is_time_and_edges_per_metal() -> None:
     life = float(np.exp(STEEL.log_life(np.log(150.0), np.log(0.4), 3.0, 1.1)))
     assert math.exp(log_cost(STEEL, 150.0, 0.4, 3.0, 1.1)) == pytest.approx((1.0 + 5.0 / life) / (150.0 * 0.4 * 3.0))
-
-
-def test_torque_is_power_over_angular_speed() -> None:
-    power = float(STEEL.power.law(120.0, 0.3, 2.0, wear=0.2))
-    spindle_speed = 1000.0 * 120.0 / (math.pi * Scenario().workpiece.diameter)
-    torque = float(STEEL.torque.law(120.0, 0.3, 2.0, wear=0.2))
-    assert torque == pytest.approx(30000.0 * power / (math.pi * spindle_speed))
-    assert STEEL.torque.most == pytest.approx(210.0)
 
 
 @pytest.mark.parametrize(
@@ -67,15 +54,3 @@ def test_without_an_economic_life_the_cost_falls_all_along_a_limit() -> None:
     assert STEEL.economic_life(Limit(PowerLaw(coefficient=1.0, cutting_speed=1.0), 200.0)) == 0.0  # nu below 1
     for limit in (STEEL.power, same_rate):
         assert np.all(np.isfinite(STEEL.life_limit(limit).line(2.5, 1.0, 0.2).room))
-
-
-def test_a_rescaled_limit_is_reached_where_the_response_is_so_many_times_the_laws() -> None:
-    scales = np.array([0.5, 1.0, 2.0])
-    rescaled = STEEL.rescaled(2.0 * scales, scales)
-    for limit, nominal, scale in (
-        (rescaled.thrust_force, STEEL.thrust_force, 2.0 * scales),
-        (rescaled.power, STEEL.power, scales),
-        (rescaled.torque, STEEL.torque, scales),
-    ):
-        feeds = np.exp(limit.line(2.5, 1.0, 0.2).highest_feed(np.log(150.0)))
-        np.testing.assert_allclose(scale * nominal.law(150.0, feeds, 2.5, wear=0.2), np.full(3, nominal.most))

@@ -1,12 +1,9 @@
 import numpy as np
-import pytest
 
-from baselines import catalogue
 from baselines.models.kalman import DEPTH, HARDNESS, WEAR
 from baselines.oracles.perfect_state import PerfectState, covers
 from turning_env import IDS, RoughTurningVectorEnv, Scenario
 from turning_env.physics.quantities import OBS
-from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
 
 BASE = Scenario.load("rough_turning")
@@ -27,15 +24,6 @@ def test_it_knows_depth_hardness_and_wear() -> None:
             np.testing.assert_allclose(mean[:, WEAR], np.log(infos["wear"] / nominal), atol=0.01)
         observations, _, _, _, infos = env.step(actions)
     assert infos["cutting"].any()
-
-
-@pytest.mark.slow
-def test_who_knows_more_earns_more() -> None:
-    seeds = tuning_seeds(6)
-    told = play(lambda num_envs: PerfectState(BASE, num_envs), BASE, seeds, tell=True)
-    rule = play(catalogue.spec("predictive", BASE).make, BASE, seeds)
-    assert (told["return"] > rule["return"]).mean() > 0.8
-    assert told["return"].mean() > rule["return"].mean() + 15.0
 
 
 def test_it_plays_where_speed_and_feed_are_set() -> None:

@@ -15,13 +15,12 @@ REPOSITORY = Path(__file__).parents[3]
 
 
 def every_play() -> dict[str, Record]:
-    """A few hundred steps of the default scenario, fewer of every other, and a few parts."""
-    counts = {preset: 4 if preset.startswith("batch") else 40 for preset in presets()}
+    """A few steps of every scenario, and more that cross ends of episodes."""
+    counts = {preset: 2 if preset.startswith("batch") else 20 for preset in presets()}
     records = {
         preset: play(RoughTurningEnv(preset), 21, fixed_actions(count, 1, preset)[:, 0]) for preset, count in counts.items()
     }
     records["short_lived"] = play(RoughTurningEnv(SHORT_LIVED), 21, fixed_actions(100, 1)[:, 0])
-    records["default"] = play(RoughTurningEnv(), 21, fixed_actions(300, 1)[:, 0])
     return records
 
 
@@ -45,8 +44,7 @@ def test_the_interpreter_gives_what_the_compiler_gives():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("hash_seed", ["0", "1"])
-def test_results_do_not_depend_on_the_process_or_its_hash_seed(hash_seed):
-    elsewhere = every_play_elsewhere(PYTHONHASHSEED=hash_seed)
+def test_results_do_not_depend_on_the_process_or_its_hash_seed():
+    elsewhere = every_play_elsewhere(PYTHONHASHSEED="1")
     for name, record in every_play().items():
         assert_same_bytes(elsewhere[name], record)

@@ -52,8 +52,3 @@ def test_every_part_of_the_key_makes_a_number_of_its_own():
     ]
     for one, other in itertools.combinations(variants, 2):
         assert abs(np.corrcoef(one[:, 0], other[:, 0])[0, 1]) < 0.05
-
-
-def test_every_use_has_a_channel_of_its_own():
-    channels = [int(value) for name, value in vars(keyed_random).items() if name.endswith("_CHANNEL")]
-    assert len(channels) == len(set(channels)) == 6

@@ -1,54 +1,23 @@
-"""The transition: what holds in every interval, how episodes end, and convergence."""
+"""The transition: what edges cost, and how episodes end."""
 
 import numpy as np
 import pytest
 
 from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions, play
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
-
-REWARD_TERMS = ("metal", "time", "edge", "overload", "breakage", "roughness")
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 
 
-@pytest.mark.parametrize("scenario", [SHORT_LIVED, *presets()])
-def test_what_holds_in_every_interval(scenario):
+@pytest.mark.parametrize("scenario", [SHORT_LIVED, "shift", "batch_casting"])
+def test_every_edge_is_paid_for_whole(scenario):
     scenario = Scenario.load(scenario)
-    economics, control = scenario.economics, scenario.control
-    timeless = control.edge_changes == "end"
+    economics, timeless = scenario.economics, scenario.control.edge_changes == "end"
     edge_price = 60 * (economics.edge_cost + (economics.edge_change_time if timeless else 0))
-    for seed in range(2):
-        env = RoughTurningEnv(scenario)
-        record = play(env, seed, fixed_actions(600, 1, scenario)[:, 0])
-        assert all(env.observation_space.contains(row) for row in record["observation"])
-        assert record["reward"] == pytest.approx(sum(record[f"reward_{term}"] for term in REWARD_TERMS), rel=1e-12)
-        assert record["reward_time"] == pytest.approx(-record["time"], rel=1e-12)
-        assert record["cost"] == pytest.approx(record["cost_force"] + record["cost_power"], rel=1e-12)
-        assert (record["cost"] >= 0).all()
-        assert (record["severe_overload_time"] <= record["overload_time"]).all()
-        assert (record["overload_time"] <= record["engaged_time"] + 1e-9).all()
-        assert (record["engaged_time"] + record["stopped_time"] <= record["time"] + 1e-9).all()
-        assert (record["overload_time"] > 0).tolist() == (record["cost"] > 0).tolist()
-        assert ((record["mean_power"] > 0) <= (record["engaged_time"] > 0)).all()
-        assert record["broken"].tolist() == (record["edges_broken"] > 0).tolist()
-        lost = record["edges_broken"] * (edge_price + 60 * economics.breakage_downtime * timeless)
-        assert (-record["reward_breakage"] <= lost + 1e-9).all()
-        if timeless:
-            assert not record["stopped_time"].any()
-            paid = record["reward_edge"] + record["reward_breakage"] + 60 * economics.breakage_downtime * record["edges_broken"]
-        else:
-            paid = record["reward_edge"] + record["reward_breakage"]
-        assert -paid == pytest.approx(edge_price * record["edges_used"], rel=1e-9, abs=1e-9)
-        stepped = record["time"] > 0
-        if scenario.machine.chip_lag == 0 and timeless and not record["finished"].any():
-            for name in ("thrust_force", "power", "torque", "depth_of_cut", "hardness"):
-                assert ((record[name] > 0) == record["cutting"])[stepped].all(), name
-        if timeless:
-            assert ((record["time"] < control.interval - 1e-9) <= record["terminated"])[stepped].all()
-
-        ends = np.flatnonzero(record["terminated"] | record["truncated"])
-        for episode in np.split(np.arange(len(record["reward"])), ends + 1):
-            never_falling = ("used_life", "wear", "path", "cutting_time", "bar") if timeless else ("path", "bar")
-            for name in never_falling:
-                assert (np.diff(record[name][episode]) >= 0).all(), name
+    record = play(RoughTurningEnv(scenario), 1, fixed_actions(600, 1, scenario)[:, 0])
+    lost = 60 * economics.breakage_downtime * timeless * record["edges_broken"]
+    paid = record["reward_edge"] + record["reward_breakage"] + lost
+    assert -paid == pytest.approx(edge_price * record["edges_used"], rel=1e-9, abs=1e-9)
+    assert record["edges_used"].sum() > 0.5
+    assert record["broken"].tolist() == (record["edges_broken"] > 0).tolist()
 
 
 def test_episodes_end_worn_broken_or_out_of_time():

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from tests.turning_env.playing import fixed_actions, slightly_different, variants
-from turning_env import RoughTurningEnv, Scenario, presets
+from tests.turning_env.playing import slightly_different, variants
+from turning_env import IDS, RoughTurningEnv, Scenario
 from turning_env.info import INFO_KEYS
-from turning_env.physics import quantities
 from turning_env.physics.quantities import OBS, OBSERVATION, layout, observation_table
-from turning_env.physics.records import PARAMETERS, parameter_records
+from turning_env.physics.records import parameter_records
 
 # Read by what scores policies, and by what reads observations, not by the transition.
 ELSEWHERE = {"limits.overload_allowance", "machine.rated_power"}
@@ -22,38 +21,7 @@ def test_no_configured_value_is_dead():
     assert dead == ELSEWHERE
 
 
-@pytest.mark.parametrize("preset", presets())
-def test_a_parameter_that_is_a_field_of_the_scenario_is_taken_over(preset):
-    scenario = Scenario.load(preset)
-    record = parameter_records(scenario)[0]
-    taken_over = {parameter.name for parameter in quantities.PARAMETERS if parameter.value is None}
-    fields = [(name, value) for key, section in scenario if key not in ("name", "material") for name, value in section]
-    assert {name: value for name, value in fields if name in taken_over} == {name: record[name] for name in taken_over}
-    assert len([name for name, _ in fields if name in taken_over]) == len(taken_over)
-
-
-@pytest.mark.parametrize("group", ["STATE", "WORK", "REPORT", "PARAMETERS", "OBSERVATION"])
-def test_every_quantity_is_declared_once(group):
-    names = [quantity.name for quantity in getattr(quantities, group)]
-    assert len(names) == len(set(names))
-    assert set(PARAMETERS.names) == {parameter.name for parameter in quantities.PARAMETERS}
-
-
-@pytest.mark.parametrize("preset", presets())
-def test_nothing_reported_is_left_of_the_step_before(preset):
-    """Sums start with 0 at every step, and values at the end are written anew."""
-    actions = fixed_actions(4, 1, preset)[:, 0]
-    env, spoilt = RoughTurningEnv(preset), RoughTurningEnv(preset)
-    for one in (env, spoilt):
-        one.reset(seed=3)
-    for action in actions:
-        for name in ("report", "work"):
-            for field in spoilt._batch._scratches[0].dtype[name].names:
-                spoilt._batch._scratches[0][name][field] = 7.0
-        assert spoilt.step(action)[1:] == env.step(action)[1:]
-
-
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize("preset", IDS.values())
 def test_layout_bounds_and_observations_agree(preset):
     env = RoughTurningEnv(preset)
     names = layout(env.scenario)

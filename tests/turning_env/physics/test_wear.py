@@ -1,7 +1,7 @@
 """Used life and wear, as functions and in the environment."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.turning_env.playing import UNDISTURBED, changed
@@ -14,6 +14,7 @@ WEAR_CRITERION = UNDISTURBED.tool.wear_criterion
 
 
 @pytest.mark.parametrize("rule", RULES)
+@settings(max_examples=25)
 @given(
     set_points=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
     interval=st.floats(0.5, 20),

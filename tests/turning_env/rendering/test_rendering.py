@@ -1,21 +1,16 @@
 """Frames and the window: Gymnasium's conventions, rendering changes nothing, and what is drawn is true."""
 
 import itertools
-import math
-import subprocess
-import sys
 from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ClosedEnvironmentError, Error, ResetNeeded
-from gymnasium.wrappers import RecordVideo
 
-from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, changed, fixed_actions, play
+from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, fixed_actions, play
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.rendering.fields import Fields
-from turning_env.rendering.limits import Cut, HalfPlane, border, bound, region
 from turning_env.rendering.theme import HEIGHT, WIDTH
 
 SHAPE = (HEIGHT, WIDTH, 3)
@@ -61,26 +56,6 @@ def test_rendering_every_step_changes_neither_the_episode_nor_later_frames(scena
     assert np.array_equal(frame, kept)
 
 
-@pytest.mark.parametrize("scenario", ["rough_turning", "shift", "batch_casting"])
-def test_frames_may_begin_in_the_middle_of_an_episode(scenario):
-    actions = fixed_actions(20, 1, scenario)[:, 0]
-    late = rendered(scenario, 5, actions[:10])
-    whole = RoughTurningEnv(scenario, render_mode="rgb_array")
-    whole.reset(seed=5)
-    whole.render()
-    for action in actions[:10]:
-        whole.step(action)
-    frames = [env.render() for env in (late, whole)]
-    assert frames[0].shape == SHAPE
-    assert not np.array_equal(*frames)  # the way to the first frame is not known
-    for env in (late, whole):  # as the first of them are drawn, whole episodes are alike
-        env.reset(seed=6)
-        env.render()
-        for action in actions[10:]:
-            env.step(action)
-    assert np.array_equal(late.render(), whole.render())
-
-
 def test_render_modes_are_gymnasium_s():
     assert RoughTurningEnv.metadata["render_modes"] == ["human", "rgb_array"]
     with pytest.raises(ValueError, match="render_mode is 'ansi', but must be None or one of 'human', 'rgb_array'"):
@@ -97,20 +72,6 @@ def test_render_modes_are_gymnasium_s():
             assert without.render() is None
     slow = gymnasium.make("RoughTurning-Batch-v0", render_mode="rgb_array")
     assert slow.metadata["render_fps"] < RoughTurningEnv.metadata["render_fps"]
-
-
-@pytest.mark.slow
-def test_videos_are_recorded(tmp_path):
-    scenario = changed(Scenario(), control={"time_limit": 0.1})
-    env = RecordVideo(
-        gymnasium.make("RoughTurning-v0", scenario=scenario, render_mode="rgb_array"), tmp_path / "new", disable_logger=True
-    )
-    env.reset(seed=0)
-    for _ in range(6):
-        env.step(env.action_space.sample())
-    env.close()
-    (video,) = (tmp_path / "new").glob("*.mp4")
-    assert video.stat().st_size > 10_000
 
 
 def test_a_batch_is_drawn_as_single_environments():
@@ -171,36 +132,9 @@ def test_without_a_display_the_error_says_what_to_do(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "nonsense")
     with pytest.raises(Error, match=r"no window can be opened .*rgb_array"):
         RoughTurningEnv(render_mode="human").reset(seed=0)
-    monkeypatch.delenv("SDL_VIDEODRIVER")
-    monkeypatch.setattr("pygame.display.get_driver", lambda: "offscreen")
-    with pytest.raises(Error, match=r"no window can be opened \(there is no display\).*rgb_array"):
-        RoughTurningEnv(render_mode="human").reset(seed=0)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("mode", "missing"), [("rgb_array", "PIL"), ("human", "pygame")])
-def test_what_is_missing_is_named_when_something_is_drawn(mode, missing):
-    code = f"""
-import sys
-sys.modules[{missing!r}] = None
-from turning_env import RoughTurningEnv
-from gymnasium.error import DependencyNotInstalled
-env = RoughTurningEnv(render_mode={mode!r})
-try:
-    env.reset()
-    env.step((0.0, 0.0))
-    print("played")
-    env.render()
-except DependencyNotInstalled as error:
-    print(error)
-"""
-    finished = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert "pip install pillow pygame-ce" in finished.stdout, finished.stderr
-    assert missing in finished.stdout
-    assert finished.stdout.startswith("played") == (mode == "rgb_array")
-
-
-@pytest.mark.parametrize("preset", ["rough_turning", "forging_skin", "small_diameter"])
+@pytest.mark.parametrize("preset", ["forging_skin", "small_diameter"])
 def test_the_bar_that_is_drawn_is_the_one_that_is_cut(preset):
     scenario = Scenario.load(preset)
     fields, env = Fields(scenario), RoughTurningEnv(scenario)
@@ -220,17 +154,3 @@ def test_the_bar_that_is_drawn_is_the_one_that_is_cut(preset):
         if terminated or truncated:
             break
     assert checked > 20
-
-
-def test_the_region_is_where_no_limit_is_exceeded():
-    scenario, cut = Scenario(), Cut(2.9, 1.1, 0.21)
-    corners = [(math.log(speed), math.log(feed)) for speed, feed in ((50, 0.06), (200, 0.06), (200, 0.6), (50, 0.6))]
-    force, power = scenario.material.thrust_force, scenario.material.power
-    limits = [bound(force, 1500.0, cut), bound(power, 7.0, cut)]
-    allowed = region(corners, limits)
-    assert 3 <= len(allowed) <= 6
-    for law, most in ((force, 1500.0), (power, 7.0)):
-        loads = [float(law(math.exp(speed), math.exp(feed), 2.9, 1.0, 0.21, 1.1)) for speed, feed in allowed]
-        assert max(loads) == pytest.approx(most, rel=1e-9)
-    assert region(corners, [bound(force, 1.0, cut)]) == []
-    assert border(corners, HalfPlane(1.0, 1.0, 1e3)) is None

@@ -29,7 +29,7 @@ def test_published_table_in_one_broadcast_call():
 
 
 @pytest.mark.parametrize("factor", ["cutting_speed", "feed", "depth_of_cut", "time", "wear", "hardness"])
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(exponent=st.floats(-3, 3), value=st.floats(0.01, 100))
 def test_each_factor_has_its_exponent(factor, exponent, value):
     law = PowerLaw(coefficient=3.0, reference_depth_of_cut=2.0, **{factor: exponent})

@@ -18,11 +18,11 @@ from turning_env.scoring.shipped import FOLDER, shipped, unpacked
 
 ROOT = Path(__file__).parents[3]
 AGENTS = ROOT / "agents" / "RoughTurning-v0" / "rough_turning"
-OVERRIDE = "RoughTurning-Override-v0"
+OVERRIDE, PAPER = "RoughTurning-Override-v0", "RoughTurning-Paper-v0"  # an episode of the latter has few steps
 
 
 def full_feed(observations: Any) -> Any:
-    return np.full((len(observations), 1), 0.1, np.float32)
+    return np.full((len(observations), 2), 0.1, np.float32)
 
 
 class Counting:
@@ -36,17 +36,17 @@ class Counting:
 
     def act(self, observations: Any) -> Any:
         self.steps += 1
-        return np.where(self.steps > 3, 0.1, 0.1)[:, None].astype(np.float32)
+        return full_feed(observations)
 
 
 class Full(torch.nn.Module):
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        return 0.1 + 0.0 * observations[:, :1]
+        return 0.1 + 0.0 * observations[:, :2]
 
 
 @pytest.fixture(scope="module")
 def expected() -> Score:
-    return score(full_feed, OVERRIDE, seeds=4)
+    return score(full_feed, PAPER, seeds=4)
 
 
 def test_the_files_in_the_package_hold_the_results_that_ship() -> None:
@@ -59,27 +59,19 @@ def test_the_files_in_the_package_hold_the_results_that_ship() -> None:
     "policy", [Counting, Counting(), Full(), f"{__name__}:full_feed"], ids=["class", "object", "torch", "name"]
 )
 def test_every_kind_of_policy_plays_alike(policy: Any, expected: Score) -> None:
-    assert score(policy, OVERRIDE, seeds=4).episodes["return"].tolist() == expected.episodes["return"].tolist()
+    assert score(policy, PAPER, seeds=4).episodes["return"].tolist() == expected.episodes["return"].tolist()
 
 
 def test_a_model_of_stable_baselines_plays() -> None:
-    model = PPO("MlpPolicy", gymnasium.make(OVERRIDE), n_steps=8, batch_size=8, seed=0, device="cpu")
-    by_hand = score(lambda observations: model.predict(observations, deterministic=True)[0], OVERRIDE, seeds=2)
-    assert score(model, OVERRIDE, seeds=2).episodes["return"].tolist() == by_hand.episodes["return"].tolist()
+    model = PPO("MlpPolicy", gymnasium.make(PAPER), n_steps=8, batch_size=8, seed=0, device="cpu")
+    by_hand = score(lambda observations: model.predict(observations, deterministic=True)[0], PAPER, seeds=2)
+    assert score(model, PAPER, seeds=2).episodes["return"].tolist() == by_hand.episodes["return"].tolist()
 
 
 def test_a_file_that_ships_reaches_the_return_that_ships() -> None:
     found = score(AGENTS.parents[1] / OVERRIDE / "override" / "ppo-seed0.onnx", OVERRIDE, seeds=8)
     ppo = next(each for each in shipped(OVERRIDE) if each.name == "ppo")
     assert found.episodes["return"] == pytest.approx(ppo.returns[0, :8], abs=0.02)
-
-
-@pytest.mark.slow
-def test_an_agent_with_a_memory_is_ranked_where_the_leaderboard_has_it() -> None:
-    found = score(AGENTS / "analytic_gradient-seed0.onnx", seeds=64)
-    assert found.rank == 1
-    assert found.against("predictive").ahead.low > 0
-    assert found.against("analytic_gradient").ahead.low == pytest.approx(0.0, abs=2.0)
 
 
 def test_the_same_episodes_are_no_better_and_no_worse() -> None:
@@ -108,13 +100,11 @@ def test_overload_makes_a_policy_rank_below_every_feasible_one() -> None:
     [
         (full_feed, "RoughTurning-v1", None, ValueError, "RoughTurning-v0"),
         (full_feed, OVERRIDE, 1, ValueError, "2 to 64"),
-        (full_feed, OVERRIDE, 65, ValueError, "2 to 64"),
         (3, OVERRIDE, 2, TypeError, "int"),
         ("missing.onnx", OVERRIDE, 2, FileNotFoundError, "missing.onnx"),
         (str(ROOT / "README.md"), OVERRIDE, 2, ValueError, "README.md"),
-        ("no_module:policy", OVERRIDE, 2, ValueError, "no_module"),
         (f"{__name__}:absent", OVERRIDE, 2, ValueError, "absent"),
-        (full_feed, "RoughTurning-v0", 2, ValueError, "shape"),
+        (full_feed, OVERRIDE, 2, ValueError, "shape"),
     ],
 )
 def test_what_cannot_be_scored_is_said(policy: Any, env_id: str, seeds: int | None, error: type[Exception], told: str) -> None:
@@ -123,9 +113,9 @@ def test_what_cannot_be_scored_is_said(policy: Any, env_id: str, seeds: int | No
 
 
 def test_the_command_prints_the_rank(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["score", f"{__name__}:full_feed", "--env", OVERRIDE, "--seeds", "4", "--json"]) == 0
+    assert main(["score", f"{__name__}:full_feed", "--env", PAPER, "--seeds", "4", "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert main(["score", f"{__name__}:full_feed", "--env", OVERRIDE, "--seeds", "4"]) == 0
+    assert main(["score", f"{__name__}:full_feed", "--env", PAPER, "--seeds", "4"]) == 0
     assert f"rank {printed['rank']} of {printed['ranked']}" in capsys.readouterr().out
     assert main(["score", f"{__name__}:full_feed", "--seeds", "1"]) == 2
-    assert set(IDS) >= {OVERRIDE}
+    assert set(IDS) >= {PAPER}

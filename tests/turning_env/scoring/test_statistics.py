@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from turning_env.scoring import statistics
 from turning_env.scoring.overload import CONFIDENCE, KEY, RESAMPLES
 from turning_env.scoring.statistics import Bootstrap, Estimate, improvement, interquartile_mean
 
@@ -41,19 +40,6 @@ def test_interquartile_means_by_hand(chosen: list[object]) -> None:
     # Of {1, 1, 6, 3, 3, 100}, one value goes at either end.
     means = Bootstrap(3, resamples=2).interquartile_means(VALUES, "ppo")
     np.testing.assert_allclose(means, [(1 + 3 + 3 + 6) / 4, 5.0], rtol=1e-15)
-
-
-def test_interquartile_means_do_not_depend_on_how_many_are_held_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    bootstrap, values = Bootstrap(5, resamples=7), np.arange(10.0).reshape(2, 5) ** 2
-    whole = bootstrap.interquartile_means(values, "policy")
-    monkeypatch.setattr(statistics, "_CHUNK", 3)
-    np.testing.assert_array_equal(bootstrap.interquartile_means(values, "policy"), whole)
-    assert whole.shape == (7,)
-
-
-def test_weights_by_hand() -> None:
-    weights = statistics._weights(np.array([[0, 0, 2, 0], [3, 1, 1, 2]]), 4)
-    np.testing.assert_array_equal(weights, [[0.75, 0, 0.25, 0], [0, 0.5, 0.25, 0.25]])
 
 
 def test_an_estimate_leaves_the_same_share_out_at_either_end() -> None:

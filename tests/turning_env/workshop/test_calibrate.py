@@ -1,14 +1,13 @@
 """``python -m turning_env calibrate``: what it writes, prints and refuses."""
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from turning_env import Scenario, workshop
+from turning_env import Scenario
 from turning_env.__main__ import main
 
 EXAMPLE = str(Path(__file__).parents[3] / "docs" / "examples" / "cuts.csv")
@@ -73,7 +72,6 @@ def test_existing_file_is_kept_without_overwrite(capsys: pytest.CaptureFixture[s
     [
         (["none.csv", "--out", "a.toml"], "none.csv cannot be read: No such file"),
         ([EXAMPLE, "--out", "a.toml", "--strict"], "as --strict demands: wear: depth_of_cut never varies"),
-        ([EXAMPLE, "--out", "a.toml", "--base", "none"], "no preset and no file is called 'none'"),
         ([EXAMPLE, "--out", "folder/a.toml"], "folder"),
     ],
 )
@@ -98,20 +96,6 @@ def test_residuals_are_drawn() -> None:
     assert calibrate("--plot", "residuals.png", "--overwrite", measurements="one.csv") == 0  # a coefficient alone
 
 
-@pytest.mark.parametrize("package", ["matplotlib", "scipy"])
-def test_missing_package_is_named_before_anything_is_written(
-    package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for name in [name for name in sys.modules if name.startswith("turning_env.workshop.")]:
-        monkeypatch.delitem(sys.modules, name)
-        monkeypatch.delattr(workshop, name.rpartition(".")[2])
-    monkeypatch.setitem(sys.modules, package, None)
-    assert calibrate("--plot", "residuals.png") == 2
-    assert capsys.readouterr().err == f"error: {package} is not installed: pip install matplotlib scipy\n"
-    assert not Path("my_tool.toml").exists()
-    assert main(["presets"]) == 0
-
-
 def test_spread_of_edges_is_written() -> None:
     lines = ["cutting_speed,feed,depth_of_cut,time,wear,edge"]
     for edge, factor in enumerate((0.9, 1.0, 1.1, 1.05, 0.95)):
@@ -130,7 +114,7 @@ rows = st.tuples(*[st.sampled_from(["", "0.999", "1", "1.0001", "2", "4"])] * 9)
 
 
 @pytest.mark.slow
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(table=st.lists(rows, max_size=12), strict=st.booleans())
 def test_poor_rows_give_a_scenario_or_an_error(table: list[str], strict: bool, capsys: pytest.CaptureFixture[str]) -> None:
     Path("cuts.csv").write_text("\n".join([NAMES, *table]))
@@ -145,11 +129,3 @@ def test_poor_rows_give_a_scenario_or_an_error(table: list[str], strict: bool, c
         assert status == 2
         assert printed.err.startswith("error: ")
         assert not Path("my_tool.toml").exists()
-
-
-def test_odd_file_name_cannot_break_the_scenario(capsys: pytest.CaptureFixture[str]) -> None:
-    odd = Path("cuts\n[limits]\npower = 1 é\udcff.csv")
-    odd.write_text(Path(EXAMPLE).read_text())
-    assert calibrate("--json", "--confidence", "0.9", measurements=str(odd)) == 0
-    assert json.loads(capsys.readouterr().out)["confidence"] == 0.9
-    assert Scenario.load("my_tool.toml").limits == Scenario().limits

@@ -65,7 +65,7 @@ exponents = st.floats(-2, 2)
 all_exponents = st.fixed_dictionaries({name: exponents for name in FACTORS["power"]})
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(values=all_exponents, log_coefficient=st.floats(-3, 3), reference=st.floats(0.5, 5), seed=st.integers(0, 1000))
 def test_any_law_is_recovered(values: dict[str, float], log_coefficient: float, reference: float, seed: int) -> None:
     law = PowerLaw(coefficient=float(np.exp(log_coefficient)), reference_depth_of_cut=reference, **values)
@@ -75,19 +75,7 @@ def test_any_law_is_recovered(values: dict[str, float], log_coefficient: float, 
         assert estimate.value == pytest.approx(getattr(law, name), rel=1e-6, abs=1e-6)
 
 
-@settings(max_examples=30)
-@given(values=all_exponents, held=st.sampled_from(FACTORS["power"]))
-def test_factor_that_never_varies_keeps_its_exponent(values: dict[str, float], held: str) -> None:
-    base = PowerLaw(coefficient=1.0, **{held: 0.7})
-    measurements = cuts(PowerLaw(coefficient=2.0, **values), 20, **{held: 1.1 if held == "hardness" else 0.3})
-    found = fit("power", measurements, base)
-    assert list(found.assumed) == [held]
-    assert "never varies" in found.assumed[held]
-    assert getattr(found.law, held) == 0.7
-    assert found.predicted == pytest.approx(found.measured, rel=1e-6)
-
-
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(first=st.sampled_from(("cutting_speed", "feed")), slope=st.sampled_from((-1.5, 0.5, 2.0)), assumed=exponents)
 def test_of_factors_that_vary_together_one_is_assumed(first: str, slope: float, assumed: float) -> None:
     measured = cuts(LAW, 30)
@@ -98,16 +86,6 @@ def test_of_factors_that_vary_together_one_is_assumed(first: str, slope: float, 
     # An error of the assumption goes to the exponent of the other factor; the law still reproduces the rows.
     assert getattr(found.law, first) == pytest.approx(getattr(LAW, first) + slope * (0.9 - assumed), abs=1e-6)
     assert found.predicted == pytest.approx(found.measured, rel=1e-6)
-
-
-@pytest.mark.slow
-def test_intervals_cover_the_truth_as_often_as_stated() -> None:
-    trials, covered = 400, dict.fromkeys(("coefficient", *FACTORS["power"]), 0)
-    for seed in range(trials):
-        for name, estimate in fit("power", cuts(LAW, 12, 0.05, seed), LAW, confidence=0.9).estimates.items():
-            covered[name] += estimate.low <= getattr(LAW, name) <= estimate.high
-    for name, times in covered.items():
-        assert times / trials == pytest.approx(0.9, abs=0.045), name  # three standard errors
 
 
 def test_numbers_are_those_of_textbook_least_squares() -> None:
@@ -143,7 +121,7 @@ def with_edges(spread: float, seed: int) -> Measurements:
     return replace(measured, edges=np.repeat(random.permutation(12), 4))
 
 
-TRIALS = 200
+TRIALS = 100
 
 
 @pytest.mark.slow
@@ -169,35 +147,8 @@ def test_intervals_cover_the_truth_with_named_edges(spread: float) -> None:
             covered[name] += estimate.low <= getattr(BASE.material.wear, name) <= estimate.high
     for name, times in covered.items():
         # If edges do not differ, intervals allow for the possibility that they do, and are wider than need be.
-        assert 0.83 < times / TRIALS < (0.97 if spread else 1.01), name
+        assert 0.8 < times / TRIALS < (0.97 if spread else 1.01), name
     assert np.sqrt(np.mean(np.square(spreads))) == pytest.approx(spread, abs=0.01)
-
-
-def test_edges_with_one_reading_each_change_nothing() -> None:
-    measured = cuts(BASE.material.power, 20, 0.05)
-    named = replace(measured, edges=np.arange(20))
-    assert fit("power", named, BASE.material.power).edges is None
-    assert fit("power", named, BASE.material.power).estimates == fit("power", measured, BASE.material.power).estimates
-    assert any("power: too few edges or readings" in warning for warning in calibrate(named, BASE).warnings)
-
-
-def test_readings_that_agree_exactly_within_edges_are_fitted() -> None:
-    measured = with_edges(0.1, 0)
-    assert measured.edges is not None
-    factors = {name: measured.columns[name] for name in FACTORS["wear"]}
-    measured.columns["wear"][:] = BASE.material.wear(**factors) * (1 + 0.01 * measured.edges)
-    found = fit("wear", measured, BASE.material.wear)
-    assert found.law.time == pytest.approx(0.245)
-    assert found.edges is not None
-    assert 0.01 < found.edges.spread < 0.1
-
-
-def test_one_condition_repeated_scales_the_base_law() -> None:
-    measured = table(cutting_speed=150, feed=0.3, depth_of_cut=2.5, wear=0.2, power=[5.4, 5.5, 5.6])
-    found = calibrate(measured, BASE)
-    assert list(found.fits["power"].estimates) == ["coefficient"]
-    assert found.material.power(150, 0.3, 2.5, wear=0.2) == pytest.approx((5.4 * 5.5 * 5.6) ** (1 / 3))
-    assert found.material.power.feed == BASE.material.power.feed
 
 
 def test_law_without_rows_stays_the_bases() -> None:

@@ -22,26 +22,20 @@ def reading(folder: Path, content: str | bytes) -> Path:
     ("content", "message"),
     [
         ("", "is empty: a header and rows"),
-        ("\n \n", "is empty: a header and rows"),
         (HEADER, "has a header but no rows"),
         ("feed,power\n1,2\n", "no column cutting_speed, depth_of_cut; it has 'feed', 'power', and the columns understood are"),
         ("speed,feed,depth_of_cut\n1,1,1\n", r"no column cutting_speed;.*cutting_speed \[m/min\], feed \[mm/rev\]"),
         (GOOD.replace(",", ";"), "cells are separated by semicolons: save it with commas between cells, and points"),
-        ("cutting_speed;feed;depth_of_cut\n100;0,3;2,5\n", "separated by semicolons"),
         (GOOD.replace(",", "\t"), "separated by tabs"),
         (GOOD.replace("wear", "feed"), "more than one column feed"),
         (GOOD + "fast,0.3,2.5,0.2,4.5\n", "line 3, column cutting_speed: 'fast' is not a number; allowed is 0.1 to 5000 m/min"),
         (GOOD + '100,"0,3",2.5,0.2,4.5\n', "line 3, column feed: '0,3' has a comma: write decimals with a point"),
         (GOOD + "100,-0.3,2.5,0.2,4.5\n", "line 3, column feed: -0.3 is outside the allowed range 0.001 to 10 mm/rev"),
-        (GOOD + "100,0.3,0,0.2,4.5\n", "line 3, column depth_of_cut: 0 is outside the allowed range 0.01 to 50 mm"),
         (GOOD + "100,0.3,2.5,nan,4.5\n", "line 3, column wear: 'nan' is not a number"),
-        (GOOD + "100,0.3,2.5,0.2,inf\n", "line 3, column power: 'inf' is not a number"),
-        (GOOD + "1e999,0.3,2.5,0.2,4.5\n", "line 3, column cutting_speed: 1e999 is outside"),
         (GOOD + "1_00,0.3,2.5,0.2,4.5\n", "'1_00' is not a number"),
         (GOOD + "\n\n100,0.3,2.5,0.2\n", "line 5 has 4 cells, but the header has 5"),
         ("cutting_speed,feed,depth_of_cut,hardness\n100,0.3,2.5,260\n", "hardness: 260 is outside .*: 1 is nominal"),
         (GOOD.encode("utf-16"), "is not text in UTF-8: save the sheet as CSV, in UTF-8"),
-        (b"PK\x03\x04\xff\xfe", "is not text in UTF-8"),
         (HEADER + '"100', "is not CSV"),
     ],
 )
@@ -49,12 +43,6 @@ def test_mistake_is_named(tmp_path: Path, content: str | bytes, message: str) ->
     with pytest.raises(WorkshopError, match=message) as error:
         read_measurements(reading(tmp_path, content))
     assert "cuts.csv" in str(error.value)
-
-
-def test_missing_file_and_folder_are_named(tmp_path: Path) -> None:
-    for path in (tmp_path / "none.csv", tmp_path):
-        with pytest.raises(WorkshopError, match=rf"{path} cannot be read: "):
-            read_measurements(path)
 
 
 def test_many_mistakes_are_counted(tmp_path: Path) -> None:
