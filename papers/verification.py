@@ -11,8 +11,8 @@ many times the grid search's metal per edge is a test's. From these:
   minute of the grid search: its edge lasts 14.
 * The paper says only the cutting speed of T6 and T7, 145 m/min. They are left out.
 
-The paper gives the grid search nominal wear and the tests their measured wear. The preset `measured_wear` gives both the wear that
-was measured: nominal wear times the factors of the four tests with a known life.
+The paper gives the grid search nominal wear and the tests their measured wear. The preset `measured_wear` gives both the
+measured wear: nominal wear times the mean factor of the four tests with a known life.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """Checks of a paper's numbers and claims against the project's, and tables of text."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 
@@ -83,13 +83,31 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
 
 
 @dataclass(frozen=True)
+class Item:
+    """An equation, table, figure or claim of a paper."""
+
+    name: str
+    where: str = ""
+    """Files of the project that hold it, separated by commas; empty if none does."""
+    pattern: str = ""
+    """Regular expression that the descriptions of its checks begin with; empty if it has none."""
+    remark: str = ""
+    """What the checks do not say, as a sentence; the whole verdict if it has no checks."""
+    figure: str = ""
+    """Name of the figure in ``papers.figures`` that draws it anew."""
+
+
+@dataclass(frozen=True)
 class Paper:
-    """The checks and tables of one paper."""
+    """The checks, items and tables of one paper."""
 
     title: str
     checks: Callable[[], Iterator[Check]]
     tables: Callable[[], Iterator[str]] = lambda: iter(())
     """Lines printed before the checks."""
+    page: str = ""
+    """Name of its page in ``docs/papers``, without suffix."""
+    items: Sequence[Item] = field(default=(), repr=False)
 
 
 def print_checks(title: str, checks: Sequence[Check]) -> None:
