@@ -17,7 +17,7 @@ import numpy as np
 from baselines.fixed import FixedParameters
 from baselines.grid_search import GridSearch, RescaledGridSearch, best_pair, grid, highest_feed, predict
 from papers import verification
-from papers.reproduce.checks import Check, Item, at_least, at_most, table
+from papers.reproduce.checks import Check, at_least, at_most, table
 from papers.verification import COLLAPSE_FORCE, COLLAPSE_TIME, STATED_LIFE, TESTS, Outcome, VerificationTest
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.physics.records import parameter_records
@@ -318,43 +318,3 @@ def checks() -> Iterator[Check]:
     yield from life_checks()
     yield from rival_checks()
     yield from equal_wear_checks()
-
-
-_LAWS = "turning_env/scenario/sections.py"
-_SEARCH = "baselines/grid_search.py"
-_WEAR = "turning_env/physics/wear.py"
-_RECOVERED = "The copy used lacks the formula: it is recovered from Tables 1 and 2."
-ITEMS = (
-    Item("Equations (1) to (3)", remark="Not in the text."),
-    Item("Equation (4): wear under changing parameters", _WEAR, r"Table 2, .*(wear_increase|total_wear)", _RECOVERED),
-    Item("Equation (5): wear", _LAWS, r"Table \d, .*, (wear_mm|wear_at)", _RECOVERED),
-    Item("Equation (6): power", _LAWS, r"Table \d, .*, power", _RECOVERED),
-    Item("Equation (7): thrust force", _LAWS, r"Table \d, .*, thrust", _RECOVERED),
-    Item("Equation (8): removal rate", "turning_env/physics/lathe.py", r"Table \d, .*, mrr", _RECOVERED),
-    Item("Table 1: first minute", _SEARCH, r"Table 1"),
-    Item("Table 2: second minute", _SEARCH, r"Table 2", "One misprint is corrected."),
-    Item("Figure 1: flowchart", _SEARCH, remark="Not in the text. The search follows the description."),
-    *(Item(f"Figure {number}", "papers/figures/minutes.py", figure=f"grid_search_{number:02d}") for number in range(2, 11)),
-    Item("Figure 11", "papers/figures/life.py", figure="grid_search_11"),
-    Item("Figure 12", "papers/figures/life.py", figure="grid_search_12"),
-    Item("Figures 13 to 15", "papers/figures/life.py", figure="grid_search_13", remark="The measured curves are lost."),
-    Item("Claim: grid of 1744 pairs", _SEARCH, r"pairs of the grid"),
-    Item("Claim: fourteen minutes, their pairs and the mean rate", _SEARCH, r"minutes? (\d+:|until)|wear after|mean removal"),
-    Item(
-        "Claim: metal per minute over T1 to T9",
-        "papers/verification.py",
-        r"grid search / T\d, metal per minute",
-        "T6 and T7 are left out: their feeds are not in the text.",
-    ),
-    Item("Claim: tool lives of T4, T5, T8 and T9", "papers/verification.py", r"T\d: life"),
-    Item("Claim: metal per edge over T4, T8 and T9", "papers/verification.py", r"grid search / T\d, metal per edge"),
-    Item("Claim: the tests do not use the available power", "papers/verification.py", r"T\d: power"),
-    Item("Claim: T9 collapses at 2690 N", "turning_env/physics/edge.py", r"T9: thrust force"),
-    Item("Claim: more metal and no overload, with equal wear", "turning_env/scenario/presets/measured_wear.toml", r"equal wear"),
-    Item("Wear of nose, flank and notch", remark="Not in the text: it names the zones and uses their average."),
-    Item(
-        "iAdaptS, TMAC, OMATIVE",
-        "baselines/load_override.py, baselines/tmac.py, baselines/omative.py",
-        remark="Imitated after patents and manuals. Their claims of time saved cannot be checked: no job is described.",
-    ),
-)

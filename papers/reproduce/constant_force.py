@@ -19,7 +19,7 @@ from baselines.constant_force import ConstantForce, force_of_roughness
 from baselines.fixed import FixedParameters
 from baselines.models.part_program import PartProgram
 from papers import changed
-from papers.reproduce.checks import Check, Item, at_least, at_most, claim, table
+from papers.reproduce.checks import Check, at_least, at_most, claim, table
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.scoring.policy import Policy
 from turning_env.scoring.seeds import tuning_seeds
@@ -179,37 +179,3 @@ def tables() -> Iterator[str]:
 def checks() -> Iterator[Check]:
     """Yield all checks of the paper."""
     return chain(simulation_checks(), text_checks())
-
-
-_CONTROL = "baselines/constant_force.py"
-_DRIVES = "turning_env/physics/drives.py"
-_LOST = "Not in the text: only the caption is."
-ITEMS = (
-    Item(
-        "Equations (1) to (3): cutting process and servo",
-        f"{_DRIVES}, turning_env/physics/machinability.py",
-        remark="Not in the text. Force and servo are first-order lags, as it says; the lag of the chip is one turn.",
-    ),
-    Item("Equation (4): force for a roughness", _CONTROL, r"force for Ra", "Not in the text: it is the inverse of (5)."),
-    Item("Equation (5): roughness", "turning_env/physics/surface.py", r".*Ra of the printed force"),
-    Item(
-        "Equation (6): control law",
-        _CONTROL,
-        r".*on the command before",
-        "Not in the text. The law f F_ref / F follows from the description, with f the actual feed.",
-    ),
-    Item(
-        "Table 1: Ra, force and feed under control",
-        _CONTROL,
-        r"simulation \d.*(Ra reached|deviation|force|feed|control brings)",
-        figure="roughness_table",
-    ),
-    Item("Figures 1 to 3: structure, flow chart, block diagram", _CONTROL, remark=_LOST),
-    Item("Figure 4: step response of the servo, 0.13 s", _DRIVES, remark="The time constant is the paper's. The curve is lost."),
-    Item("Figure 5: control with a changing reference", "papers/figures/roughness.py", figure="roughness_control"),
-    Item("Claim: without noise the result is ideal", _CONTROL, r"without noise"),
-    Item("Claim: feed falls at once with the reference", _CONTROL, r"when the reference falls"),
-    Item("Claim: no action below 100 N", _CONTROL, r"without force"),
-    Item("Neural networks for cutting conditions and roughness", remark="Not in the text beyond their names."),
-    Item("Experiments on the lathe", remark="Not in the text."),
-)

@@ -13,7 +13,7 @@ import numpy as np
 from baselines.fuzzy_override import FIRST_FORM, MODIFIED_FORM, fuzzy_override
 from baselines.load_override import RULES as LOAD_RULES
 from baselines.models.part_program import PartProgram
-from papers.reproduce.checks import Check, Item, at_least, at_most, claim, table
+from papers.reproduce.checks import Check, at_least, at_most, claim, table
 from papers.stepped_bar import RIPPLE, STEPS, Trajectory, play_bar, stepped_bar
 from turning_env import Scenario
 from turning_env.scoring.policy import Policy
@@ -132,26 +132,3 @@ def tables() -> Iterator[str]:
         rows.append([name, f"{run.time[-1]:.1f}", f"{saved(name):.1f}", overrides, loads, f"{peak(name):.0f}"])
     yield from table(heads, rows)
     yield f"An override of 145 % would hold 60 % at a depth of {depth_held_at(1.45):.1f} mm."
-
-
-_LAW = "baselines/fuzzy_override.py"
-_CURVES = "Not in the text: only the caption is. The formulas that it shows are in the code."
-ITEMS = (
-    Item("Equations (1) to (4): first form", _LAW, r"first form: (load|swing|faster)"),
-    Item("Equations (5) to (7): modified form", _LAW, r"modified form: (load|swing|faster)"),
-    Item("Figure 1: correction over load", _LAW, remark=_CURVES),
-    Item("Figure 2: disjunction and conjunction", _LAW, remark=_CURVES),
-    Item("Figure 3: override over load and override", _LAW, remark=_CURVES),
-    Item("Figure 4: specimen", "papers/stepped_bar.py", remark="Not in the text. Depths of 1 to 3 mm are; lengths are not."),
-    Item("Figures 5 and 7: both trials", "papers/figures/override.py", figure="override_steps", remark="The curves are lost."),
-    Item("Figure 6: effect of d", _LAW, remark=_CURVES),
-    Item("Claim: load of 25 % at 1 mm", "turning_env/scenario/presets/override.toml", r"load at 1 mm"),
-    Item("Claim: the first form swings by 10 %, the modified does not", _LAW, r"\w+ form: swing"),
-    Item("Claim: override of 145 % at 1 mm", _LAW, r"first form: override"),
-    Item("Claim: 20 % shorter", _LAW, r"first form: time saved|\w+ form: faster"),
-    Item(
-        "Synchronous actions",
-        "turning_env/programs/synchronous.py",
-        remark="The variables are the paper's. It does not print its program.",
-    ),
-)

@@ -29,7 +29,7 @@ from baselines.fixed import HANDBOOK_CUTTING_SPEED, HANDBOOK_FEED
 from baselines.models.process import Array, Limit, Process
 from baselines.two_limits import MIN_DEPTH, TWO_LIMITS, depth_exponents, set_point
 from papers.reproduce.alaskari_oraby import PAPER
-from papers.reproduce.checks import Check, Item, at_least, at_most, table
+from papers.reproduce.checks import Check, at_least, at_most, table
 from turning_env import PowerLaw, Scenario
 
 IMPROVED = ("PV", "SN", "PN", "MV", "MN")
@@ -180,47 +180,3 @@ def tables() -> Iterator[str]:
         gains = (f"{psi:.1f} ({passes})" for passes, psi in (gain(rule, blank) for rule in TWO_LIMITS))
         rows.append([f"{blank.name} ({blank.source})", f"{blank.least:.2f}-{blank.largest:.2f}", *gains])
     yield from table(["", "mm", *(f"[{rule}]" for rule in TWO_LIMITS)], rows)
-
-
-_PROCESS, _RULES = "baselines/models/process.py", "baselines/two_limits.py"
-_NO_NUMBERS = "Formula in the code. The slides give no numbers to compare."
-ITEMS = (
-    Item("Tool life T, cost Q and q of a part", _PROCESS, remark=_NO_NUMBERS),
-    Item("Cheapest speed V* and feed S*", f"{_PROCESS}, {_RULES}", remark=_NO_NUMBERS),
-    Item(
-        "Limits H and Phi, exponents of depth",
-        _RULES,
-        remark="Solved as two linear equations in logarithms, not by the printed exponents.",
-    ),
-    Item("Force P, power N, torque M", f"{_PROCESS}, turning_env/physics/drives.py", remark=_NO_NUMBERS),
-    Item("Roughness R_z", remark="Not used: no rule names it, and its constants are not in the text."),
-    Item("Economic life T_0", _PROCESS, remark=_NO_NUMBERS),
-    Item(
-        "Table: dispersion of dimensions",
-        "papers/data/allowance_dispersion.csv",
-        remark="Used in the presets `casting`, `forging`, `rolled` and `welded`.",
-    ),
-    Item(
-        "Dispersion of hardness, 46 and 48 %",
-        "turning_env/scenario/presets/casting.toml",
-        remark="46 % is used in the presets of blanks. The project has no aluminium.",
-    ),
-    Item(
-        "Five typical cases",
-        "turning_env/scenario/sections.py",
-        remark="tau_I = 2 min is used. The exponents and coefficients of the five materials are not in the text.",
-    ),
-    Item(
-        "Claim 1: correction gains with [PV], [SN], [PN], [MV], [MN]",
-        "papers/reproduce/part_programming.py",
-        r"\[(PV|SN|PN|MV|MN)\]",
-        figure="part_programming_psi",
-    ),
-    Item("Claim 2: no correction needed with [PT], [MT]", "papers/reproduce/part_programming.py", r"\[(PT|MT)\]"),
-    Item(
-        "Claim 3: realised by the cycles of a control",
-        "turning_env/programs/write.py, baselines/part_planning.py",
-        remark="Programs are written for each measured blank. The paper's own cycles L71 to L75 are not in the text.",
-    ),
-    Item("Diagrams of STHO and STCL, correction algorithms", remark="Not in the text."),
-)

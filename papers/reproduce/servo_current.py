@@ -18,7 +18,7 @@ from baselines.fixed import FixedParameters
 from baselines.models.current_sensing import ForceEstimator
 from baselines.models.part_program import PartProgram
 from papers import changed
-from papers.reproduce.checks import Check, Item, at_least, at_most, claim, table
+from papers.reproduce.checks import Check, at_least, at_most, claim, table
 from turning_env import RoughTurningVectorEnv, Scenario, read
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.records import parameter_records
@@ -292,41 +292,3 @@ def checks() -> Iterator[Check]:
     yield from characteristic_checks()
     yield from estimation_checks()
     yield from control_checks()
-
-
-_DRIVE = "turning_env/physics/drives.py"
-_SENSING = "baselines/models/current_sensing.py"
-_LOST = "Not in the text: only the caption is."
-ITEMS = (
-    Item("Equations (1) to (3): torques of the screw", _DRIVE, r"force at the current .*solved"),
-    Item(
-        "Equations (4) to (6): phase currents",
-        "papers/reproduce/servo_current.py",
-        remark="The simulated current is the amplitude I. (4) gives the phase.",
-    ),
-    Item(
-        "Equations (7) and (8): torque of the motor", _DRIVE, r"force at the current .*solved", "With i_d = 0, as in the paper."
-    ),
-    Item("Equation (9): force from current", _DRIVE, r"force at the current"),
-    Item("Figures 1 to 4, 6 and 13 to 15: set-up, control", remark="Sketches, not in the text."),
-    Item("Figure 5: hysteresis of the brake", "turning_env/workshop/current.py", r"brake", "The command `current` measures it."),
-    Item("Figures 7 and 10: current before and after the filter", "papers/figures/servo.py", figure="servo_estimate"),
-    Item(
-        "Figures 8 and 9: the spectrum's peak grows with the load",
-        "turning_env/workshop/current.py",
-        r"phase current: ",
-        "The paper's peak is at 4 Hz, at a feed velocity that is not in the text. The curves are lost.",
-    ),
-    Item("Claim: the quantities are linear in the load", "turning_env/workshop/current.py", r"phase current, "),
-    Item("Figures 11 and 12: current over load, idle current", "papers/figures/servo.py", figure="servo_current"),
-    Item(
-        "Claim: linear in the load, not 0 without load, changes little with speed",
-        _DRIVE,
-        r"the current is|the idle current|idle current's",
-    ),
-    Item("Claim: the current lags", "turning_env/physics/sensors.py", r"the current lags"),
-    Item("Claim: filter and root mean square give the force", _SENSING, r"stepped bar|12 ms"),
-    Item(
-        "Claim: adaptive feed by a switch of 16 grades", "turning_env/wrappers.py, baselines/current_limit.py", r"adaptive feed"
-    ),
-)
