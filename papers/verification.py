@@ -10,6 +10,9 @@ many times the grid search's metal per edge is a test's. From these:
   search was given 15 min, and T4, T8 and T9 lasted 11 (as the text says), 7 and 5 min. Yet no pair is feasible in the fifteenth
   minute of the grid search: its edge lasts 14.
 * The paper says only the cutting speed of T6 and T7, 145 m/min. They are left out.
+
+The paper gives the grid search nominal wear and the tests their measured wear. The preset `measured_wear` gives both the
+measured wear: nominal wear times the mean factor of the four tests with a known life.
 """
 
 from collections.abc import Sequence
@@ -106,6 +109,13 @@ def wear(test: VerificationTest, minutes: float) -> float:
 def implied_wear_factor(test: VerificationTest, life: float) -> float:
     """Return the factor on the nominal wear with which an edge lasts ``life`` minutes [-]."""
     return undisturbed().tool.wear_criterion / wear(test, life)
+
+
+def with_measured_wear(interval: float) -> Scenario:
+    """Return the preset `measured_wear` with a control interval [s], for tests and controllers alike: see ``undisturbed``."""
+    speed = max(test.cutting_speed for test in TESTS)
+    control = {"interval": interval, "time_limit": 1000.0}
+    return changed("measured_wear", machine={"cutting_speed_max": speed}, tool={"edge_strength": 1e6}, control=control)
 
 
 def force_and_power(test: VerificationTest, flank_wear: float) -> tuple[float, float]:

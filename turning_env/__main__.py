@@ -6,6 +6,7 @@ python -m turning_env schema
 python -m turning_env calibrate cuts.csv --out my_tool.toml
 python -m turning_env whatif my_tool.toml --cutting-speed 150 --feed 0.3 --wear 0.2
 python -m turning_env map my_tool.toml --wear 0.2 --out map.png
+python -m turning_env current current.csv
 python -m turning_env score my_agent.onnx
 python -m turning_env warm-up
 """
@@ -65,6 +66,14 @@ def main(arguments: list[str] | None = None) -> int:
     calibrate.add_argument("--plot", type=picture_path, metavar="FILE", help="file for a plot of the residuals: PNG, SVG or PDF")
     calibrate.add_argument("--report", type=Path, metavar="JSON", help="file for all results")
     calibrate.add_argument("--json", action="store_true", help="print all results as JSON")
+
+    motor = command(_current, "relate a feed motor's current to its load", scenario=False)
+    motor.add_argument("measurements", metavar="CSV", help="one sample per row")
+    motor.add_argument("--cutoff", type=number_within(1e-6, 1e6, "Hz"), metavar="F",
+                       help="cut-off frequency of the low-pass [Hz] (default: twice that of the peak)")  # fmt: skip
+    motor.add_argument("--confidence", type=number_within(0.5, 0.9999, ""), default=0.95, metavar="P",
+                       help="confidence level of the intervals (default: %(default)s)")  # fmt: skip
+    motor.add_argument("--json", action="store_true", help="print all results as JSON")
 
     table = command(_whatif, "predict force, power, wear and tool life")
     several: dict[str, Any] = {"nargs": "+", "metavar": "X"}
@@ -195,6 +204,25 @@ def _calibrate(options: argparse.Namespace) -> int:
     else:
         print(*summary(found), sep="\n")
         print(*(path for path in (options.out, options.plot, options.report) if path), sep="\n")
+    return 0
+
+
+def _current(options: argparse.Namespace) -> int:
+    """Relate the current of a feed motor to its load, so that the current can stand for a force sensor.
+
+    The CSV has one sample per row: time [s], current [A] of one phase or its amplitude, and torque [N m] or thrust_force [N].
+    Sample at a constant rate and feed velocity. Hold each load for a second or more, and write the value that was set.
+
+    python -m turning_env current docs/examples/current.csv
+    """
+    from turning_env.workshop.current import CURRENT_COLUMNS, CURRENT_REQUIRED, analyse_sheet
+
+    sheet = read_measurements(options.measurements, CURRENT_COLUMNS, CURRENT_REQUIRED)
+    found = analyse_sheet(sheet, options.cutoff, options.confidence)
+    if options.json:
+        print_json(asdict(found))
+    else:
+        print(*found.summary(), sep="\n")
     return 0
 
 

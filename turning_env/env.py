@@ -87,8 +87,8 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | 1     | thrust_force            | measured thrust force: `5 * (force / limit - 1)`           | -5 to 15 |
     | 2     | cutting_speed           | actual cutting speed, log scale, -1 lowest, 1 highest      | -1 to 1  |
     | 3     | feed                    | actual feed, log scale, -1 lowest, 1 highest               | -1 to 1  |
-    | 4     | commanded_cutting_speed | commanded cutting speed, scaled as entry 2                 | -1 to 1  |
-    | 5     | commanded_feed          | commanded feed, scaled as entry 3                          | -1 to 1  |
+    | 4     | commanded_cutting_speed | commanded cutting speed, likewise                          | -1 to 1  |
+    | 5     | commanded_feed          | commanded feed, likewise                                   | -1 to 1  |
     | 6     | cutting_time            | log(1 + cutting time of the edge in min)                   | 0 to 12  |
     | 7     | nominal_wear            | wear predicted by the nominal model over the criterion     | 0 to 4   |
     | 8     | power_ratio             | measured power: `5 * (power / predicted power - 1)`        | -5 to 15 |

@@ -2,23 +2,28 @@
 
 Table 1 (first minute) and Table 2 (second minute): the feed that the grid search chooses for each of 16 cutting speeds, and wear,
 force, power and removal rate there. Then the edge's whole life, played by the grid search on RoughTurning-Paper-v0, and compared
-with the tests at fixed speed and feed. The paper calls a minute a time interval.
+with the tests at fixed speed and feed: first with the paper's wear, then with the same wear for all. The paper calls a minute a
+time interval.
 """
 
 import csv
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from baselines.grid_search import GridSearch, best_pair, grid, highest_feed, predict
+from baselines.fixed import FixedParameters
+from baselines.grid_search import GridSearch, RescaledGridSearch, best_pair, grid, highest_feed, predict
 from papers import verification
-from papers.reproduce.checks import Check, at_most, table
+from papers.reproduce.checks import Check, at_least, at_most, table
 from papers.verification import COLLAPSE_FORCE, COLLAPSE_TIME, STATED_LIFE, TESTS, Outcome, VerificationTest
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.physics.records import parameter_records
+from turning_env.scoring.play import play
+from turning_env.scoring.policy import PolicyFactory
+from turning_env.scoring.seeds import tuning_seeds
 
 PAPER = Path(__file__).parents[1] / "data"
 WEAR_BEFORE = {1: 0.0, 2: 0.157219}
@@ -31,6 +36,9 @@ MISPRINTS = {("50", "wear_increase_mm"): "0.01250"}
 
 ROUNDED = 0.015
 """Relative tolerance for the tests: their feeds are rounded, and so are the paper's ratios."""
+
+NUM_EDGES = 32
+"""Edges of the comparison with equal wear."""
 
 
 def rows(table: str) -> list[dict[str, str]]:
@@ -213,8 +221,59 @@ def rival_checks() -> Iterator[Check]:
     yield Check(what, COLLAPSE_FORCE, force, ROUNDED * COLLAPSE_FORCE, not_reproduced=reason)
 
 
+class EqualWear(NamedTuple):
+    """Means over edges that wear as those of the tests did, on the preset `measured_wear`."""
+
+    outcome: Outcome
+    severe: float
+    """Share of cutting time over a limit by more than 5 % [-]."""
+    excess: float
+    """Mean relative excess over the limits [-]."""
+
+
+@cache
+def equal_wear() -> dict[str, EqualWear]:
+    """Return the grid searches, planning with nominal wear, and the tests with a known life, on the same edges."""
+    by_minute, by_tenth = verification.with_measured_wear(60.0), verification.with_measured_wear(6.0)
+    nominal = by_minute.nominal()
+    players: dict[str, tuple[Scenario, PolicyFactory]] = {
+        "grid search": (by_minute, lambda num_envs: GridSearch(nominal, num_envs)),
+        "rescaled grid search": (by_minute, lambda num_envs: RescaledGridSearch(nominal, num_envs, 1.0, 1.0)),
+    }
+    for test in (test for test in TESTS if test.life is not None):
+        fixed = FixedParameters(by_tenth, test.cutting_speed, test.feed)
+        players[test.name] = by_tenth, partial(lambda policy, num_envs: policy, fixed)
+    results = {}
+    for name, (scenario, make) in players.items():
+        episodes = play(make, scenario, tuning_seeds(NUM_EDGES))
+        seconds = episodes["engaged_time"].sum()
+        outcome = Outcome(60.0 * float(episodes["removed"].sum() / seconds), float(seconds) / 60.0 / NUM_EDGES)
+        severe, excess = (float(episodes[key].sum() / seconds) for key in ("severe_overload_time", "excess"))
+        results[name] = EqualWear(outcome, severe, excess)
+    return results
+
+
+def equal_wear_checks() -> Iterator[Check]:
+    """Yield the checks of the paper's comparison with the same wear for the grid search and the tests."""
+    results = equal_wear()
+    (control, severe, _), rescaled = results["grid search"], results["rescaled grid search"]
+    for test in TESTS:
+        if test.name not in results:
+            continue
+        rival = results[test.name].outcome
+        yield at_least(f"equal wear, grid search / {test.name}: metal per minute", test.rate_ratio, control.rate / rival.rate)
+        if test.total_ratio is None:
+            continue
+        reason = f"with the same wear for both its edge lasts {control.life:.1f} min, not 15"
+        ratio = control.total / rival.total
+        yield at_least(f"equal wear, grid search / {test.name}: metal per edge", test.total_ratio, ratio, not_reproduced=reason)
+    reason = "it plans with nominal wear, so the worn edge needs more force and power than it expects"
+    yield at_most("equal wear, grid search: share of time over a limit by > 5 %", 0.0, severe, not_reproduced=reason)
+    yield at_most("equal wear, grid search rescaled by measured force and power: the same share", 0.1, rescaled.severe)
+
+
 def tables() -> Iterator[str]:
-    """Yield the tables of the edge's life and of the comparison with the tests."""
+    """Yield the tables of the edge's life and of the comparisons with the tests."""
     for number, ((speed, feed), _, removed, wear, force, power, _) in enumerate(whole_life(), 1):
         pair = f"minute {number:2d}: {speed:.0f} m/min, {feed:.3f} mm/rev"
         yield f"{pair}, {removed:6.2f} cm3, {wear:.4f} mm, {force:.0f} N, {power:.2f} kW"
@@ -238,12 +297,24 @@ def tables() -> Iterator[str]:
         rows.append([*row, f"{force:.0f}", f"{power:.2f}"])
     rows.append(["AC", "", "", f"{control.rate:.1f}", "", "", f"{control.life:.1f}", *[""] * 8])
     yield from table(heads, rows)
+    yield ""
+    yield f"The same with equal wear for all (preset measured_wear), means over {NUM_EDGES} edges."
+    heads = ("", "cm3/min", "min", "cm3", "over a limit by > 5 %", "mean excess")
+    yield from table(
+        heads,
+        [
+            [name, f"{edge.rate:.1f}", f"{edge.life:.1f}", f"{edge.total:.0f}", f"{severe:.0%}", f"{excess:.1%}"]
+            for name, (edge, severe, excess) in equal_wear().items()
+        ],
+    )
 
 
 def checks() -> Iterator[Check]:
     """Yield all checks of the paper."""
     run = PaperRun()
+    yield Check("pairs of the grid", 1744, len(run.speeds) * len(run.feeds))
     yield from table_checks(run, 1)
     yield from table_checks(run, 2)
     yield from life_checks()
     yield from rival_checks()
+    yield from equal_wear_checks()

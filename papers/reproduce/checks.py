@@ -1,7 +1,9 @@
 """Checks of a paper's numbers and claims against the project's, and tables of text."""
 
+import csv
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 
@@ -54,6 +56,8 @@ class Check:
         return f"{line}: {self.not_reproduced}" if self.not_reproduced else line
 
 
+ITEMS = Path(__file__).parents[1] / "data" / "items.csv"
+"""Equations, tables, figures and claims of all papers, in the order of the page: columns ``page`` and those of ``Item``."""
 WIDTH = 72
 """Columns of the description."""
 
@@ -83,13 +87,37 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
 
 
 @dataclass(frozen=True)
+class Item:
+    """An equation, table, figure or claim of a paper."""
+
+    name: str
+    where: str = ""
+    """Files of the project that hold it, separated by commas; empty if none does."""
+    pattern: str = ""
+    """Regular expression that the descriptions of its checks begin with; empty if it has none."""
+    remark: str = ""
+    """What the checks do not say, as a sentence; the whole verdict if it has no checks."""
+    figure: str = ""
+    """Name of the figure in ``papers.figures`` that draws it anew."""
+
+
+@dataclass(frozen=True)
 class Paper:
-    """The checks and tables of one paper."""
+    """The checks, items and tables of one paper."""
 
     title: str
     checks: Callable[[], Iterator[Check]]
     tables: Callable[[], Iterator[str]] = lambda: iter(())
     """Lines printed before the checks."""
+    page: str = ""
+    """Name of its page in ``docs/papers``, without suffix."""
+
+    @property
+    def items(self) -> list[Item]:
+        """Its items, from ``papers/data/items.csv``."""
+        with ITEMS.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        return [Item(**{name: row[name] for name in row if name != "page"}) for row in rows if row["page"] == self.page]
 
 
 def print_checks(title: str, checks: Sequence[Check]) -> None:

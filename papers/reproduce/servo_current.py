@@ -25,6 +25,7 @@ from turning_env.physics.records import parameter_records
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import PolicyFactory
 from turning_env.scoring.seeds import tuning_seeds
+from turning_env.workshop.current import CurrentReport, analyse
 
 NUM_SEEDS = 8
 SETTLED = 3.0
@@ -125,6 +126,7 @@ def sensor_lag(most: int = 40) -> int:
     return int(np.argmin(differences))
 
 
+@cache
 def no_load_currents() -> NDArray[np.float64]:
     """Return the mean measured current in air at the paper's feed velocities [A]."""
     scenario = changed("override_current", workpiece={"approach": 1000.0}, machine={"feed_min": 0.01})
@@ -132,6 +134,7 @@ def no_load_currents() -> NDArray[np.float64]:
     return np.array([record(scenario, 1.2, velocity / revolutions).current[-20:].mean() for velocity in FEED_VELOCITIES])
 
 
+@cache
 def currents_of_depths() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the mean true force [N] and measured current [A] at five depths of cut."""
     rows = []
@@ -140,6 +143,56 @@ def currents_of_depths() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         rows.append((kept.force[-50:].mean(), kept.current[-50:].mean()))
     forces, currents = np.array(rows).T
     return forces, currents
+
+
+HOLD, SETTLING = 4.0, 0.5
+"""Time at each depth of cut, and its first part that is not analysed [s]."""
+
+
+@cache
+def loaded_and_unloaded() -> tuple[float, CurrentReport]:
+    """Return (electrical frequency [Hz], report of the current of phase u) while the depth rises to 3 mm and falls again.
+
+    The phase current is the measured amplitude times the cosine of the electrical angle, equation (4).
+    """
+    depths = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 2.5, 2.0, 1.5, 1.0, 0.5)
+    base = Scenario.load("override_current")
+    control, drive = base.control, base.feed_drive
+    speed = 1000.0 * control.initial_cutting_speed / (math.pi * base.workpiece.diameter) * control.initial_feed / 60.0  # [mm/s]
+    length = len(depths) * HOLD * speed
+    scenario = changed("override_current", workpiece=UNDISTURBED | {"depth_profile": depths, "bar_length": length})
+    env = RoughTurningVectorEnv(1, scenario)
+    policy = FixedParameters(scenario, control.initial_cutting_speed, control.initial_feed)
+    observations, _ = env.reset(seed=tuning_seeds(1))
+    kept = []
+    for _ in range(round(len(depths) * HOLD / control.interval)):
+        observations, _, _, _, infos = env.step(policy.act(observations))
+        amplitude = float(read(observations, scenario).servo_current[0])
+        kept.append((infos["path"][0], infos["depth_of_cut"][0], infos["thrust_force"][0], amplitude))
+    path, depth, force, amplitude = np.array(kept).T
+    phase = amplitude * np.cos(2.0 * math.pi * drive.pole_pairs * path / drive.screw_lead)
+    # Every hold without its start and end, at its mean force. The gaps close up, which no analysis of single holds sees.
+    changes = np.flatnonzero(np.diff(depth)) + 1
+    samples = round((HOLD - 2.0 * SETTLING) / control.interval)
+    starts = [int(change) + round(SETTLING / control.interval) for change in changes[: len(depths)]]
+    holds = [slice(start, start + samples) for start in starts]
+    current = np.array([phase[hold] for hold in holds]).ravel()
+    load = np.repeat([float(force[hold].mean()) for hold in holds], samples)
+    time = control.interval * np.arange(len(current), dtype=np.float64)
+    return drive.pole_pairs * speed / drive.screw_lead, analyse(time, current, load, "thrust_force")
+
+
+def characteristic_checks() -> Iterator[Check]:
+    """Yield the checks of the quantities that tell the load from a phase current: spectrum, low-pass, root mean square."""
+    frequency, report = loaded_and_unloaded()
+    yield Check("phase current: peak of the spectrum, at the electrical frequency [Hz]", frequency, report.frequency, 0.35)
+    rising = np.diff(report.quantities["peak"][: int(np.argmax(report.load)) + 1])
+    yield claim("phase current: the peak grows with the load, from depth to depth", bool(np.all(rising > 0.0)))
+    for name, line in report.lines.items():
+        yield at_least(f"phase current, {name}: linear in the load, R2", 0.99, line.r_squared)
+    hysteresis = report.lines["rms"].hysteresis
+    reason = "the simulated load is a cut's, not a brake's: the difference is noise"
+    yield at_least("brake: hysteresis, over the range of current", 0.03, hysteresis or 0.0, not_reproduced=reason)
 
 
 def printed_equation(scenario: Scenario, current: float) -> float:
@@ -224,6 +277,9 @@ def tables() -> Iterator[str]:
     rows = [[name, *(f"{error:.1%}" for error in found)] for name, found in all_errors().items()]
     yield from table(heads, [*rows, ["lag of the estimate [samples]", "", *(f"{delay:.1f}" for delay in DELAYS)]])
     yield ""
+    yield "Phase current while the depth of cut rises to 3 mm and falls again."
+    yield from loaded_and_unloaded()[1].summary()
+    yield ""
     results = [
         [name, f"{mean_return:.1f}", f"{time:.1f}", f"{severe:.1%}"] for name, (mean_return, time, severe) in controlled().items()
     ]
@@ -233,5 +289,6 @@ def tables() -> Iterator[str]:
 def checks() -> Iterator[Check]:
     """Yield all checks of the paper."""
     yield from motor_checks()
+    yield from characteristic_checks()
     yield from estimation_checks()
     yield from control_checks()

@@ -101,13 +101,13 @@ def test_pictures(name: str, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_pictures_of_a_batch(tmp_path: Path) -> None:
     envs = vector.RecordVideo(
-        RoughTurningVectorEnv(2, render_mode="rgb_array"), str(tmp_path), step_trigger=lambda step: step == 0
+        RoughTurningVectorEnv(2, render_mode="rgb_array"), str(tmp_path / "films"), step_trigger=lambda step: step == 0
     )
     envs.reset(seed=0)
     for _ in range(3):
         envs.step(envs.action_space.sample())
     envs.close()
-    (film,) = tmp_path.glob("*.mp4")
+    (film,) = tmp_path.glob("films/*.mp4")
     assert film.stat().st_size > 0
 
 

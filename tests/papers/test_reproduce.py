@@ -1,21 +1,27 @@
 import json
 import math
+import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from baselines.two_limits import TWO_LIMITS
+from papers.figures.__main__ import FIGURES
 from papers.reproduce import alaskari_oraby, part_programming
-from papers.reproduce.__main__ import PAPERS, main, reproduce
-from papers.reproduce.checks import Check, Paper, at_least, at_most, claim, summary
+from papers.reproduce.__main__ import PAPERS, agreement, main, reproduce
+from papers.reproduce.checks import Check, Item, Paper, at_least, at_most, claim, summary
 from papers.reproduce.part_programming import Blank, divided_cost, gain, pass_cost, uncorrected_cost
 
+ROOT = Path(__file__).parents[2]
 GRID_SEARCH = (PAPERS[0],)
 
 
 @pytest.mark.slow
-def test_every_figure_of_every_paper_agrees(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_figure_of_every_paper_agrees_and_the_page_tells_it(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--markdown"]) == 0
+    assert capsys.readouterr().out in (ROOT / "docs" / "papers" / "index.md").read_text("utf-8")
     assert main([]) == 0
     printed = capsys.readouterr().out
     assert "MISMATCH" not in printed
@@ -23,6 +29,24 @@ def test_every_figure_of_every_paper_agrees(capsys: pytest.CaptureFixture[str]) 
     assert sum(line.startswith("Table 2") for line in printed.splitlines()) == 16 * 8
     for paper in PAPERS:
         assert f"\n{paper.title}: " in printed
+        patterns = [item.pattern for item in paper.items if item.pattern]
+        for check in paper.checks():
+            assert any(re.match(pattern, check.what) for pattern in patterns), f"{check.what} belongs to no item of {paper.title}"
+
+
+def test_items_name_files_and_figures_that_exist_and_miss_no_figure() -> None:
+    items = [item for paper in PAPERS for item in paper.items]
+    for item in items:
+        assert all((ROOT / path).is_file() for path in item.where.split(", ") if path), item
+        assert item.where or item.remark, item
+    assert {item.figure for item in items if item.figure} == FIGURES.keys()
+
+
+def test_an_item_counts_its_checks_once_and_gives_reasons() -> None:
+    checks = [claim("a: 1", True), claim("a: 2", False, "reason"), claim("b", True)]
+    assert agreement(Item("item", pattern="a", remark="Remark."), checks) == "1 of 2 agree. Not: reason. Remark."
+    assert agreement(Item("item", pattern="b"), checks) == "Agrees (1)."
+    assert agreement(Item("item", remark="Not in the text."), checks) == "Not in the text."
 
 
 @pytest.mark.slow
@@ -78,7 +102,7 @@ def test_a_summary_counts_what_holds_and_what_is_known_not_to() -> None:
 
 def test_json_holds_the_checks_and_verdicts_alone(capsys: pytest.CaptureFixture[str]) -> None:
     papers = (Paper("a paper", lambda: iter([claim("the claim", False)]), lambda: iter(["the table"])),)
-    assert reproduce(papers, as_json=True) == 1
+    assert reproduce(papers, "json") == 1
     (paper,) = json.loads(capsys.readouterr().out)
     assert (paper["title"], [check["verdict"] for check in paper["checks"]]) == ("a paper", ["MISMATCH"])
 

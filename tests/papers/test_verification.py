@@ -1,7 +1,9 @@
+import numpy as np
 import pytest
 
 from papers import verification
 from papers.verification import TESTS, implied_wear_factor, played, undisturbed, wear
+from turning_env import Scenario
 
 
 def test_a_fixed_set_point_removes_speed_times_feed_times_depth_for_its_nominal_life() -> None:
@@ -22,6 +24,14 @@ def test_an_edge_that_wears_as_implied_lasts_as_measured(test: verification.Veri
     factor = implied_wear_factor(test, test.life)
     assert 1.15 < factor < 1.34
     assert played([test], factor)[0].life == pytest.approx(test.life, abs=0.02)
+
+
+def test_the_preset_of_measured_wear_has_the_mean_and_the_scatter_of_the_tests() -> None:
+    factors = np.log([implied_wear_factor(test, test.life) for test in TESTS if test.life is not None])
+    preset = Scenario.load("measured_wear")
+    assert preset.mismatch.wear_factor == pytest.approx(np.exp(factors.mean()), abs=0.005)
+    assert preset.tool.wear_factor_spread == pytest.approx(factors.std(ddof=1), abs=0.005)
+    assert preset.nominal().mismatch.wear_factor == 1.0
 
 
 def test_no_edge_breaks_before_it_is_worn() -> None:

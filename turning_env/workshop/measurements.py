@@ -1,9 +1,9 @@
-"""Read a sheet of measured cuts: a CSV file with a header, one cut per row and one quantity per column."""
+"""Read a sheet of measurements: a CSV file with a header, one cut or sample per row and one quantity per column."""
 
 import csv
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,13 +33,13 @@ COLUMNS = {
     "power": Column("kW", 1e-4, 1e4, "spindle power"),
     "hardness": Column("-", 0.1, 10, "hardness of the bar over nominal hardness: 1 is nominal"),
 }
-"""All known columns of numbers."""
+"""Every column of numbers of a sheet of cuts."""
 
 EDGE = "edge"
 """A further, optional column: the name of the cutting edge. A row with an empty cell has an edge of its own."""
 
 REQUIRED = ("cutting_speed", "feed", "depth_of_cut")
-"""Columns that every file must have."""
+"""Columns that every sheet of cuts must have."""
 
 MAX_COMPLAINTS = 5
 """Number of wrong cells that an error lists; it only counts the others."""
@@ -49,7 +49,7 @@ _WITH_COMMA = re.compile(r"[+-]?[\d.]*,[\d.,]*", re.ASCII)
 
 @dataclass(frozen=True)
 class Measurements:
-    """A sheet of measured cuts."""
+    """A sheet of measurements."""
 
     columns: dict[str, NDArray[np.float64]]
     """Values of the columns that the file has, in the units of ``COLUMNS``, shape (rows,); NaN for an empty cell."""
@@ -61,8 +61,15 @@ class Measurements:
     """Number of each row's edge, shape (rows,); None if the file has no column ``edge``."""
 
 
-def read_measurements(path: str | os.PathLike[str]) -> Measurements:
+def read_measurements(
+    path: str | os.PathLike[str], columns: Mapping[str, Column] = COLUMNS, required: Sequence[str] = REQUIRED
+) -> Measurements:
     """Read a CSV file: commas between cells, points in decimals, UTF-8 with or without a byte order mark.
+
+    Args:
+        path: The file.
+        columns: Columns that are understood, by default those of cuts.
+        required: Columns that the file must have.
 
     Raises:
         WorkshopError: The file cannot be read or is not a table; a column is missing or occurs twice; a cell is not a number or
@@ -71,7 +78,7 @@ def read_measurements(path: str | os.PathLike[str]) -> Measurements:
     try:
         # newline="" is needed for files of old spreadsheets, whose lines end in "\r" alone.
         with Path(path).open(encoding="utf-8-sig", newline="") as file:
-            return _parse(csv.reader(file, strict=True), str(path))
+            return _parse(csv.reader(file, strict=True), str(path), columns, required)
     except OSError as error:
         raise WorkshopError(f"{path} cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -84,13 +91,13 @@ def read_measurements(path: str | os.PathLike[str]) -> Measurements:
         raise WorkshopError(f"{str(path)!r} cannot be read: {error}") from error  # a zero byte in the path
 
 
-def _parse(reader: Any, source: str) -> Measurements:
+def _parse(reader: Any, source: str, columns: Mapping[str, Column], required: Sequence[str]) -> Measurements:
     header = next((row for row in reader if any(cell.strip() for cell in row)), None)
     if header is None:
         raise WorkshopError(f"{source} is empty: a header and rows of measurements are needed")
     names = [cell.strip() for cell in header]
-    _check_header(names, source)
-    known = [(index, name) for index, name in enumerate(names) if name in COLUMNS]
+    _check_header(names, source, columns, required)
+    known = [(index, name) for index, name in enumerate(names) if name in columns]
     values: dict[str, list[float]] = {name: [] for _, name in known}
     lines: list[int] = []
     edges: list[str] = []
@@ -106,7 +113,7 @@ def _parse(reader: Any, source: str) -> Measurements:
         edges.append((row[names.index(EDGE)].strip() if EDGE in names else "") or f"\n{len(lines)}")
         for index, name in known:
             try:
-                values[name].append(_number(row[index].strip(), COLUMNS[name]))
+                values[name].append(_number(row[index].strip(), columns[name]))
             except ValueError as error:
                 complaints.append(f"line {reader.line_num}, column {name}: {error}")
     if complaints:
@@ -115,24 +122,25 @@ def _parse(reader: Any, source: str) -> Measurements:
         raise WorkshopError(f"{source}: {shown}")
     if not lines:
         raise WorkshopError(f"{source} has a header but no rows of measurements")
-    ignored = tuple(name for name in names if name not in COLUMNS and name != EDGE)
+    ignored = tuple(name for name in names if name not in columns and name != EDGE)
     numbers = np.unique(edges, return_inverse=True)[1] if EDGE in names else None
     return Measurements({name: np.array(column) for name, column in values.items()}, np.array(lines), ignored, numbers)
 
 
-def _check_header(names: Sequence[str], source: str) -> None:
-    if missing := [name for name in REQUIRED if name not in names]:
+def _check_header(names: Sequence[str], source: str, columns: Mapping[str, Column], required: Sequence[str]) -> None:
+    if missing := [name for name in required if name not in names]:
         for separator, called in ((";", "semicolons"), ("\t", "tabs"), ("|", "bars")):
             if separator in ",".join(names):
                 raise WorkshopError(
                     f"{source}: cells are separated by {called}: save it with commas between cells, and points in decimals"
                 )
         present = ", ".join(repr(name[:40]) for name in names[:20]) + (", ..." if len(names) > 20 else "")
-        understood = ", ".join(f"{name} [{column.unit}]" for name, column in COLUMNS.items())
+        understood = ", ".join(f"{name} [{column.unit}]" for name, column in columns.items())
         raise WorkshopError(
-            f"{source}: no column {', '.join(missing)}; it has {present}, and the columns understood are {understood}, {EDGE}"
+            f"{source}: no column {', '.join(missing)}; it has {present}, and the columns understood are {understood}"
+            + (f", {EDGE}" if columns is COLUMNS else "")
         )
-    if twice := [name for name in (*COLUMNS, EDGE) if names.count(name) > 1]:
+    if twice := [name for name in (*columns, EDGE) if names.count(name) > 1]:
         raise WorkshopError(f"{source}: there is more than one column {', '.join(twice)}")
 
 

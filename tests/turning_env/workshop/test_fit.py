@@ -131,7 +131,7 @@ def test_unnamed_edges_that_differ_are_noticed_and_chance_is_not() -> None:
         return sum(any("wear: rows at the same settings deviate together" in text for text in each) for each in warnings)
 
     assert noticed(0.1) > 0.95 * TRIALS
-    assert noticed(0.0) < 0.05 * TRIALS
+    assert noticed(0.0) <= 0.05 * TRIALS
 
 
 @pytest.mark.slow
