@@ -23,6 +23,7 @@ MISTAKES: dict[str, list[str]] = {
     "turning_env show": ["nothing", "."],
     "turning_env schema": ["more"],
     "turning_env warm-up": ["more"],
+    "turning_env current": ["nothing.csv", "."],
     "turning_env score": ["nothing.onnx", "nothing:policy", "math:pi", "nothing.onnx --env nothing", "math:cos --seeds 0"],
     "leaderboard.pack": ["--results nothing"],
     "turning_env calibrate": ["nothing.csv --out made.toml", ". --out made.toml", "nothing.csv --out made.toml --confidence 2"],
