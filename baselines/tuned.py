@@ -14,7 +14,7 @@ from baselines.rule import Parameters, Rule
 from turning_env import Scenario, presets
 
 FOLDER = Path(__file__).parent / "tuned"
-"""Of the values that ship."""
+"""The folder of the tuned values that ship."""
 
 
 class NotTuned(ValueError):

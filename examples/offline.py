@@ -45,7 +45,7 @@ NUM_ENVS = 64
 
 @dataclass(frozen=True)
 class Behaviour:
-    """What acts in a data set: policies by turns, and Gaussian noise on their actions."""
+    """The policies that act in turn in a data set, and the Gaussian noise on their actions."""
 
     policies: tuple[str, ...]
     noise: float = 0.0

@@ -24,7 +24,7 @@ PLAIN_NAMES = {
     "grid_search": "published controller",
     "fixed_tuned": "best fixed speed and feed",
 }
-"""What the picture shows of RoughTurning-v0's policies, and how a stranger would call them."""
+"""The policies of RoughTurning-v0 in the picture, with names that a stranger understands."""
 MAX_POLICIES = 8
 
 

@@ -154,7 +154,7 @@ def _examine(results: Path, agents: Path, selection: Selection) -> tuple[dict[Pa
 
 
 Plays = tuple[PolicySpec | Path, list[tuple[Scenario, Sequence[int]]]]
-"""Who plays, and the scenarios and seeds."""
+"""A policy with the scenarios and seeds that it plays."""
 
 
 def _pieces(wanted: Mapping[Path, _Found], seeds: int | None) -> list[tuple[list[Path], Plays]]:

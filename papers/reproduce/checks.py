@@ -96,7 +96,7 @@ class Item:
     pattern: str = ""
     """Regular expression that the descriptions of its checks begin with; empty if it has none."""
     remark: str = ""
-    """What the checks do not say, as a sentence; the whole verdict if it has no checks."""
+    """The part of the verdict that the checks do not say, as a sentence; all of it if there are no checks."""
     figure: str = ""
     """Name of the figure in ``papers.figures`` that draws it anew."""
 

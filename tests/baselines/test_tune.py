@@ -18,7 +18,7 @@ OTHER = Rule("made up", RULES["fixed_tuned"].build, lambda scenario: True, {"cut
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where a user keeps a scenario; two rules can be tuned, and a third has nothing to tune."""
+    """Return the path of a user's scenario; two rules can be tuned, and a third has nothing to tune."""
     monkeypatch.setattr(tuned, "FOLDER", tmp_path / "shipped")
     for name in RULES.keys() - {"fixed_handbook", "fixed_tuned"}:
         monkeypatch.delitem(RULES, name)

@@ -41,7 +41,7 @@ ARGUMENTS: dict[str, Callable[[Any], tuple[Any, ...]]] = {
     "VectorizeTransformObservation": lambda env: (single.FlattenObservation,),
     "VectorizeTransformReward": lambda env: (partial(single.TransformReward, func=lambda reward: reward / 3),),
 }
-"""Of wrappers that take more than an environment."""
+"""The arguments of wrappers that take more than an environment."""
 PICTURES: dict[str, Callable[[Any, Path], Any]] = {
     "AddRenderObservation": lambda env, folder: single.AddRenderObservation(env),
     "AddWhiteNoise": lambda env, folder: single.AddWhiteNoise(single.AddRenderObservation(env), 0.1),

@@ -107,7 +107,7 @@ def row(shown: Page, name: str) -> Locator:
 
 
 def box_of(found: Locator) -> FloatRect:
-    """Where an element lies on the screen."""
+    """Return the position of an element on the screen."""
     box = found.bounding_box()
     assert box is not None
     return box

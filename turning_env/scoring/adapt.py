@@ -67,13 +67,10 @@ def _clipped(actions: Any) -> Actions:
 
 
 @dataclass
-class _Function:
+class _Function(Policy):
     """A policy without memory."""
 
     function: Callable[[Observations], Any]
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        pass
 
     def act(self, observations: Observations) -> Actions:
         return _clipped(self.function(observations))

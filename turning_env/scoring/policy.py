@@ -81,9 +81,9 @@ class PolicySpec(BaseModel):
     training_seed: int | None = None
     """An agent's training seed. Agents of one name with several training seeds are one policy on a leaderboard."""
     sha256: str | None = None
-    """Of an agent's file."""
+    """The SHA-256 of an agent's file."""
     command: str | None = None
-    """Software that trained an agent."""
+    """The command that trained an agent or tuned a rule."""
     tuned_for: ScenarioId | None = None
     """The scenario on which it was tuned or trained; None: the one that it plays."""
     tolerance: float = Field(default=0.0, exclude=True)
