@@ -23,14 +23,14 @@ PYTEST = .venv/bin/pytest -n 2 --dist worksteal
 RUN_EXTRAS = benchmark
 TEST_EXTRAS = distributed render ecosystem docs test
 PIP = .venv/bin/python -m pip --disable-pip-version-check
-# Python compiles what it imports; compiled beforehand, the rest would be a tenth of the disk space.
-INSTALL = $(PIP) install --no-compile --only-binary :all: -c constraints.txt
-# Install an extra's requirements, compared with the hashes of constraints.txt: pip takes hashes for named packages, not for a folder.
+UV = .venv/bin/uv pip install --quiet --python .venv/bin/python
+# Wheels only, compared with the hashes of constraints.txt. Torch comes from a folder of wheels if pip's settings name one with a build without
+# CUDA, a tenth of the download.
+INSTALL = UV_FIND_LINKS=$$($(PIP) config get global.find-links 2> /dev/null) $(UV) --only-binary :all: -c constraints.txt
+# The requirements of extras. Given the folder itself instead, uv would build it.
 NEEDS = import sys, tomllib; project = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
 	print(*project["dependencies"], *(need for extra in sys.argv[1:] for need in project["optional-dependencies"][extra]), sep="\n")
-install = .venv/bin/python -c '$(NEEDS)' $(1) > .venv/needs.txt && $(INSTALL) -r .venv/needs.txt
-# A package's lines of constraints.txt: its version and the hashes of all files of that version.
-pinned = sed -n '/^$(1)==/,/[^\]$$/p' constraints.txt
+install = .venv/bin/python -c '$(NEEDS)' $(1) | $(INSTALL) -r -
 
 # Agents that ship: environment id and algorithm.
 AGENTS ?= $(addprefix RoughTurning-v0/,analytic_gradient ppo recurrent_ppo lagrangian_ppo sac tqc) \
@@ -149,15 +149,13 @@ format: .venv/test
 clean:
 	rm -rf .venv $(RUNS) $(RESULTS)
 
-# pip first: older ones do not look for hashes in constraints. Then torch from a folder of wheels, if pip's settings name one: such a
-# build without CUDA is a tenth of the download. Every file is compared with its hashes; only the clone itself has none.
+# pip installs uv, which installs the rest in seconds.
 .venv/run: pyproject.toml constraints.txt
 	test -x .venv/bin/python || $(PYTHON) -m venv .venv
-	$(call pinned,pip) | $(PIP) install --no-compile -r /dev/stdin
-	$(call pinned,torch) | $(PIP) install --no-compile --no-index --no-deps -r /dev/stdin || echo "No folder of wheels has torch: it comes from the index."
+	sed -n '/^uv==/,/[^\]$$/p' constraints.txt | $(PIP) install --quiet --no-compile -r /dev/stdin
 	$(INSTALL) --group setup
 	$(call install,$(RUN_EXTRAS))
-	$(PIP) install --no-deps --no-build-isolation -e .
+	$(UV) --no-deps --no-build-isolation -e .
 	touch $@
 
 # Bytecode, compiled code and mypy's cache are part of the set-up, so that the first `make check` is as quick as the next.

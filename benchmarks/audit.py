@@ -60,8 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"{name} {found.version}: {licence or 'states no licence'}")
         if not allowed(licence):
             complaints.append(f"{name}: its licence, {licence!r}, is not one of the allowed")
-        if version != pins.get(name, version):
-            complaints.append(f"{name} is {version}, but pinned to {pins[name]}")
+        if name != "rough-turning" and version != pins.get(name):
+            complaints.append(f"{name} is {version}, but " + (f"pinned to {pins[name]}" if name in pins else "not pinned"))
     print(f"{len(installed)} distributions", *complaints, sep="\n")
     return 1 if complaints else 0
 

@@ -20,7 +20,7 @@ def test_every_line_is_a_pin_or_a_hash_and_every_pin_has_one() -> None:
 
 
 def test_all_that_the_set_up_asks_for_is_pinned() -> None:
-    """What these need in turn pip refuses unless it is pinned."""
+    """What these need in turn ``make constraints`` resolves, and ``make audit`` compares with what is installed."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     extras = project["project"]["optional-dependencies"]
     groups = project["dependency-groups"] | {name: needs for name, needs in extras.items() if name != "peers"}
@@ -29,12 +29,10 @@ def test_all_that_the_set_up_asks_for_is_pinned() -> None:
     assert names | {"pip", "colorama", "triton"} <= PINS.keys()  # the last two are other platforms'
 
 
-def test_pip_and_torch_are_found_in_the_constraints() -> None:
-    """By the line of the Makefile that looks for them."""
-    command = next(line for line in MAKEFILE.splitlines() if line.startswith("pinned = "))
-    for name in ("pip", "torch"):
-        words = command.removeprefix("pinned = ").replace("$(1)", name).replace("$$", "$")
-        found = subprocess.run(words, shell=True, cwd=ROOT, check=True, capture_output=True, text=True).stdout
-        assert found.startswith(f"{name}==")
-        assert (found.count("=="), found.count("--hash=") > 1) == (1, True)
-        assert not found.rstrip("\n").endswith("\\")
+def test_uv_is_found_in_the_constraints() -> None:
+    """By the line of the Makefile that looks for it."""
+    (words,) = re.findall(r"^\t(sed .* constraints\.txt) \|", MAKEFILE, re.MULTILINE)
+    found = subprocess.run(words.replace("$$", "$"), shell=True, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    assert found.startswith("uv==")
+    assert (found.count("=="), found.count("--hash=") > 1) == (1, True)
+    assert not found.rstrip("\n").endswith("\\")
