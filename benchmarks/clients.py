@@ -3,7 +3,7 @@
     python -m benchmarks.clients
     python -m benchmarks.clients skrl tianshou --write docs/ecosystem.md
 
-It needs a package index and 2 GB of disk, and takes a few minutes per library. The exit status is 1 if a recipe fails.
+It needs a package index and 2 GB of disk, and takes some minutes per library. The exit status is 1 if a recipe fails.
 """
 
 import argparse
@@ -63,15 +63,22 @@ def torch_pin() -> str:
     return found[0]
 
 
+def folders_of_wheels() -> list[str]:
+    """Return the folders of wheels that pip's settings name, which may hold a build of torch without CUDA."""
+    asked = [sys.executable, "-m", "pip", "config", "get", "global.find-links"]
+    return subprocess.run(asked, check=False, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True).stdout.split()
+
+
 def attempt(client: Client, wheel: Path, folder: Path) -> tuple[str, str, str | None]:
     """Install and run a recipe in an empty folder; return the versions of library and Gymnasium, and the failure, if any."""
     python = str(folder / "venv" / ("Scripts" if os.name == "nt" else "bin") / "python")
-    pip = [python, "-m", "pip", "--disable-pip-version-check", "--quiet", "install", "--prefer-binary"]
+    install = [str(Path(sys.executable).with_name("uv")), "pip", "install", "--quiet", "--python", python]
+    install += [word for wheels in folders_of_wheels() for word in ("--find-links", wheels)]
     shutil.copytree(ROOT / "examples", folder / "examples")
     version, gymnasium, stage = "-", "-", "the installation"
     try:
         subprocess.run([sys.executable, "-m", "venv", folder / "venv"], check=True)
-        subprocess.run([*pip, str(wheel), torch_pin(), *client.packages], cwd=folder, check=True, timeout=MAX_INSTALL)
+        subprocess.run([*install, str(wheel), torch_pin(), *client.packages], cwd=folder, check=True, timeout=MAX_INSTALL)
         asked = [python, "-c", VERSIONS, client.library, "gymnasium"]
         version, gymnasium = json.loads(subprocess.run(asked, check=True, stdout=subprocess.PIPE).stdout)
         stage = "the recipe"

@@ -22,7 +22,7 @@ def test_every_client_has_a_recipe_and_a_row() -> None:
 @pytest.mark.parametrize(
     ("stage", "error", "said"),
     [
-        ("pip", subprocess.CalledProcessError(1, "pip"), "the installation ended with status 1"),
+        ("install", subprocess.CalledProcessError(1, "uv"), "the installation ended with status 1"),
         ("examples.skrl_ppo", subprocess.TimeoutExpired("skrl", 900.0), "the recipe took more than 900 s"),
         ("nothing", ValueError(), None),
     ],
@@ -38,7 +38,7 @@ def test_failures_are_told_apart(
     monkeypatch.setattr(clients.subprocess, "run", run)
     version, _, fault = attempt(CLIENTS["skrl"], Path("wheel"), tmp_path)
     assert fault == said
-    assert version == ("-" if stage == "pip" else "1.0")
+    assert version == ("-" if stage == "install" else "1.0")
     assert (tmp_path / "examples" / "skrl_ppo.py").exists()
 
 
