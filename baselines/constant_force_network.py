@@ -1,7 +1,7 @@
 """Constant force around a feed that a neural network recommends for the roughness (roughness control paper, steps 2 to 9).
 
-Before the cut, a network gives the recommended feed for the desired Ra (step 2). The paper does not print its network. This one is
-fitted to the nominal model when the controller is built. The tool enters the metal with the recommended feed, and the override
+Before the cut, a network gives the recommended feed for the desired Ra (step 2). The paper does not print its network. This one
+is fitted to the nominal model when the controller is built. The tool enters the metal with the recommended feed, and the override
 of 0 to 150 % acts on it. The law is that of ``constant_force``. Its feed is restricted to those of an allowed chip thickness
 
     h = f sin(kappa)

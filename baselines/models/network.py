@@ -12,8 +12,8 @@ DECAY = 1e-3
 class Network:
     """A radial basis network, w_0 + sum of w_j exp(-(distance to centre j / width)^2 / 2), with inputs scaled to 0..1.
 
-    The centres are samples, evenly spaced in their order; the weights follow by linear least squares. So the fit has one solution,
-    and processors differ in the last digits only.
+    The centres are samples, evenly spaced in their order; the weights follow by linear least squares. So the fit has one
+    solution, and processors differ in the last digits only.
 
     Args:
         inputs: samples, shape (samples, inputs).
