@@ -62,7 +62,8 @@ def feed_of_roughness(
     speed = np.full(len(roughness), scenario.control.initial_cutting_speed)
     force_at_unit_feed = law(speed, 1.0, scenario.workpiece.depth_of_cut, wear=wear)
     force = force_of_roughness(scenario.surface, roughness)
-    return np.clip(np.exp(np.log(force / force_at_unit_feed) / law.feed), machine.feed_min, machine.feed_max)
+    feed = np.exp(np.log(force / force_at_unit_feed) / law.feed)
+    return np.asarray(np.clip(feed, machine.feed_min, machine.feed_max))
 
 
 class ConstantForce:

@@ -28,7 +28,7 @@ class Network:
         self._width = width
         self._centres = self._scaled(inputs)[np.linspace(0, len(inputs) - 1, units).round().astype(np.int64)]
         rows = np.vstack([self._hidden(inputs), DECAY * np.eye(units + 1)])
-        self._weights: Array = np.linalg.lstsq(rows, np.append(outputs, np.zeros(units + 1)))[0]
+        self._weights = np.asarray(np.linalg.lstsq(rows, np.append(outputs, np.zeros(units + 1)))[0], np.float64)
 
     def __call__(self, inputs: Array) -> Array:
         """Return the outputs, shape (samples,), for inputs, shape (samples, inputs)."""
