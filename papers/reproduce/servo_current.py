@@ -226,6 +226,18 @@ def screw_and_resistance(drive: FeedDrive) -> tuple[float, float]:
     return screw, drive.guide_friction + drive.preload * (1.0 - drive.screw_efficiency**2)
 
 
+def phase_checks() -> Iterator[Check]:
+    """Yield the checks of the phase currents (4), of amplitude 1, at any angle."""
+    current, thirds = np.linspace(0.0, 2.0 * math.pi, 13)[:, np.newaxis], 2.0 * math.pi / 3.0 * np.array([0.0, 1.0, -1.0])
+    phases, rotor = np.cos(current + thirds), current + 0.5 * math.pi  # a quarter turn ahead, or i_d would not be 0
+    i_d, i_q = (math.sqrt(2.0 / 3.0) * (wave(rotor + thirds) * phases).sum(axis=1) for wave in (np.cos, np.sin))
+    yield at_most("equation (5): largest sum of the phase currents, over I", 1e-12, float(np.abs(phases.sum(axis=1)).max()))
+    yield at_most("equation (6): largest i_d, over I", 1e-12, float(np.abs(i_d).max()))
+    yield at_most("equation (6): i_q over I is the same at any angle: range", 1e-12, float(np.ptp(i_q)))
+    # (7) needs i_q = I: its factor 3/2 is that of a transform with 2/3, not with the printed root of it.
+    yield Check("equation (6) with the factor 2/3: i_q over I", 1.0, math.sqrt(2.0 / 3.0) * float(i_q[0]), 1e-12)
+
+
 def motor_checks() -> Iterator[Check]:
     """Yield the checks of the current at no load, at various feeds and forces, and of its equations."""
     scenario = Scenario.load("override_current")
@@ -308,6 +320,7 @@ def tables() -> Iterator[str]:
 
 def checks() -> Iterator[Check]:
     """Yield all checks of the paper."""
+    yield from phase_checks()
     yield from motor_checks()
     yield from characteristic_checks()
     yield from estimation_checks()
