@@ -18,6 +18,7 @@ FILES = (
     "tmac",
     "omative",
     "constant_force",
+    "constant_force_network",
     "current_limit",
     "optimiser",
     "predictive",

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from baselines.models.part_program import PROGRAM, PartProgram, on_override, on_program, on_roughness, on_speed_and_feed
 from baselines.rule import Range, Rule
-from turning_env import Scenario, read
+from turning_env import Reading, Scenario, read
 from turning_env.action import towards
 from turning_env.scenario.sections import Surface
 from turning_env.scoring.policy import Actions, Observations, Policy
@@ -40,6 +40,30 @@ def force_of_roughness(surface: Surface, roughness: NDArray[np.float64]) -> NDAr
     if surface.roughness_rate == 0.0:
         raise ValueError("surface.roughness_rate is 0.0, but where force is to set the roughness it must be above 0")
     return np.maximum(np.log(roughness / surface.roughness_at_no_force) / surface.roughness_rate, 1.0)
+
+
+def feed_of_roughness(
+    scenario: Scenario, roughness: NDArray[np.float64], wear: NDArray[np.float64] | float = 0.0
+) -> NDArray[np.float64]:
+    """Return the feed [mm/rev] at which the nominal model has the force for a roughness Ra [um].
+
+    Args:
+        scenario: task, with the nominal law of thrust force and depth of cut.
+        roughness: Ra [um].
+        wear: flank wear [mm].
+
+    Raises:
+        ValueError: the force does not grow with the feed, or the roughness does not depend on the force.
+    """
+    law, machine = scenario.material.thrust_force, scenario.machine
+    if law.feed <= 0.0:
+        raise ValueError(f"material.thrust_force.feed is {law.feed}, but where feed is to set the force it must be above 0")
+    wear = np.maximum(wear, 1e-3 * scenario.tool.wear_criterion)  # before the first cut it is 0
+    speed = np.full(len(roughness), scenario.control.initial_cutting_speed)
+    force_at_unit_feed = law(speed, 1.0, scenario.workpiece.depth_of_cut, wear=wear)
+    force = force_of_roughness(scenario.surface, roughness)
+    feed = np.exp(np.log(force / force_at_unit_feed) / law.feed)
+    return np.asarray(np.clip(feed, machine.feed_min, machine.feed_max))
 
 
 class ConstantForce:
@@ -71,17 +95,19 @@ class ConstantForce:
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
-        program, scenario = self._program, self._program.scenario
-        reading = read(observations, scenario)
-        force = reading.thrust_force
+        reading = read(observations, self._program.scenario)
+        feed, engaged = self._next_feed(reading)
+        return self._program.act(reading, np.where(engaged, feed / self._program.feed, 1.0))
+
+    def _next_feed(self, reading: Reading) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return the law's feed [mm/rev] and whether the law acts, shape (num_envs,) each."""
+        scenario, force = self._program.scenario, reading.thrust_force
         self._steps_engaged = np.where(force > THRESHOLD, self._steps_engaged + 1, 0)
         reference: NDArray[np.float64] | float = self._reference
         if scenario.control.aim == "roughness":
             reference = force_of_roughness(scenario.surface, reading.roughness_reference)
         before = reading.commanded_feed if self._on_command else reading.feed
-        override = before * reference / np.maximum(force, THRESHOLD) / program.feed
-        engaged = self._steps_engaged >= self._steps_needed
-        return program.act(reading, np.where(engaged, override, 1.0))
+        return before * reference / np.maximum(force, THRESHOLD), self._steps_engaged >= self._steps_needed
 
 
 class ModelFeed(Policy):
@@ -95,30 +121,23 @@ class ModelFeed(Policy):
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        law = scenario.material.thrust_force
-        if law.feed <= 0.0:
-            raise ValueError(f"material.thrust_force.feed is {law.feed}, but where feed is to set the force it must be above 0")
-        force_of_roughness(scenario.surface, np.ones(1))
+        feed_of_roughness(scenario, np.ones(1))  # raises its errors now, not in the first step
         self._scenario = scenario
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
-        scenario, machine = self._scenario, self._scenario.machine
+        scenario = self._scenario
         reading = read(observations, scenario)
-        law = scenario.material.thrust_force
         speed = np.full(len(observations), scenario.control.initial_cutting_speed)
-        wear = np.maximum(reading.nominal_wear, 1e-3 * scenario.tool.wear_criterion)  # before the first cut it is 0
-        force_at_unit_feed = law(speed, 1.0, scenario.workpiece.depth_of_cut, wear=wear)
-        force = force_of_roughness(scenario.surface, reading.roughness_reference)
-        feed = np.exp(np.log(force / force_at_unit_feed) / law.feed)
-        return towards(reading, scenario, speed, np.clip(feed, machine.feed_min, machine.feed_max))
+        return towards(reading, scenario, speed, feed_of_roughness(scenario, reading.roughness_reference, reading.nominal_wear))
 
 
 def _holds_roughness(scenario: Scenario) -> bool:
     return on_roughness(scenario) and scenario.surface.roughness_rate > 0.0
 
 
-def _plays_by_model(scenario: Scenario) -> bool:
+def plays_by_model(scenario: Scenario) -> bool:
+    """Return whether a roughness is to be held by the feed override, and the nominal model gives the feed for it."""
     return _holds_roughness(scenario) and scenario.material.thrust_force.feed > 0.0
 
 
@@ -146,7 +165,7 @@ RULES = {
     "model_feed": Rule(
         "the feed of the nominal model for the reference of roughness, without measuring (to compare with constant_force)",
         lambda scenario, num_envs, parameters: ModelFeed(scenario),
-        _plays_by_model,
+        plays_by_model,
         {},
     ),
 }

@@ -1,10 +1,12 @@
-"""The constant-force law: its equation, its threshold, its bounds, and what it does to the force and the surface."""
+"""The constant-force law: its equation, its threshold, its bounds, its network, and what it does to the force and the surface."""
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from baselines.constant_force import ENGAGED_TIME, RULES, THRESHOLD, ConstantForce, ModelFeed, force_of_roughness
+from baselines.catalogue import RULES
+from baselines.constant_force import ENGAGED_TIME, THRESHOLD, ConstantForce, ModelFeed, feed_of_roughness, force_of_roughness
+from baselines.constant_force_network import ConstantForceNetwork, RecommendedFeed
 from baselines.models.part_program import PartProgram
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
@@ -78,11 +80,13 @@ def test_elsewhere_a_share_of_the_force_limit_is_held() -> None:
 
 def test_a_roughness_that_no_force_changes_is_refused() -> None:
     scenario = changed(SURFACE, surface={"roughness_rate": 0.0})
-    assert not any(rule.plays(scenario) for rule in RULES.values())
+    assert not any(RULES[name].plays(scenario) for name in ("constant_force", "constant_force_network", "model_feed"))
     with pytest.raises(ValueError, match=r"surface\.roughness_rate is 0\.0"):
         law(scenario)
     with pytest.raises(ValueError, match=r"surface\.roughness_rate is 0\.0"):
         ModelFeed(scenario)
+    with pytest.raises(ValueError, match=r"surface\.roughness_rate is 0\.0"):
+        RecommendedFeed(scenario)
 
 
 def test_the_models_feed_gives_the_force_of_the_reference_on_a_nominal_bar() -> None:
@@ -93,3 +97,26 @@ def test_the_models_feed_gives_the_force_of_the_reference_on_a_nominal_bar() -> 
     for _ in range(300):
         seen, _, _, _, infos = env.step(policy.act(seen))
     assert infos["roughness"] == pytest.approx(np.full(2, 1.6), rel=1e-3)
+
+
+@pytest.mark.parametrize("least", [SURFACE.surface.reference_min, SURFACE.surface.reference_max])
+def test_the_network_recommends_the_models_feed_for_a_roughness(least: float) -> None:
+    scenario = changed(SURFACE, surface={"reference_min": least})
+    roughness = np.linspace(least, scenario.surface.reference_max, 50)
+    assert RecommendedFeed(scenario)(roughness) == pytest.approx(feed_of_roughness(scenario, roughness), rel=0.005)
+
+
+def test_the_tool_enters_with_the_recommended_feed_and_the_override_acts_on_it() -> None:
+    policy = ConstantForceNetwork(PartProgram(HELD, {}), 1)
+    (recommended,) = RecommendedFeed(HELD)(np.array([1.6])) / HELD.control.initial_feed
+    assert override(policy, observations(HELD, 0.0)) == pytest.approx(recommended, rel=1e-5)
+    seen = observations(HELD, 500.0)
+    assert override(policy, seen, NEEDED - 1) == pytest.approx(recommended, rel=1e-5)
+    assert override(policy, seen) == override(law(), seen, NEEDED)
+    assert override(policy, observations(HELD, THRESHOLD + 1.0)) == pytest.approx(1.5 * recommended, rel=1e-5)
+
+
+def test_the_feed_stays_within_the_chip_thickness() -> None:
+    policy = ConstantForceNetwork(PartProgram(HELD, {}), 1, 0.05, 0.09, 30.0)
+    for force, feed in ((0.0, 0.18), (1e4, 0.1), (THRESHOLD + 1.0, 0.18)):  # h = f sin(30 deg)
+        assert override(policy, observations(HELD, force), NEEDED) * HELD.control.initial_feed == pytest.approx(feed, rel=1e-5)

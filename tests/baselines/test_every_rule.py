@@ -75,7 +75,13 @@ def test_each_controller_plays_an_override_task_or_a_speed_and_feed_task_once() 
         assert len(played) == len(set(played))
     anywhere = {"random", "zero_action"}
     on_surface = {name for name, rule in RULES.items() if rule.plays(SCENARIOS["surface"])}
-    assert on_surface == anywhere | {"override_tuned", "programmed_feed", "constant_force", "model_feed"}
+    assert on_surface == anywhere | {
+        "override_tuned",
+        "programmed_feed",
+        "constant_force",
+        "constant_force_network",
+        "model_feed",
+    }
     for name, rule in RULES.items():
         assert ("parts" in name or name in anywhere) == rule.plays(SCENARIOS["batch_casting"])
 
