@@ -102,7 +102,8 @@ STATE = (
     Q("pass_ceiling", "mm", "and lower than this, as the passes before it have cut the rest"),
     Q("log_nominal_depth", "-", "logarithm of the pass's depth [mm] in the nominal model"),
     Q("thrust_force", "N", "thrust force"),
-    Q("power", "kW", "spindle power"),
+    Q("power", "kW", "cutting power"),
+    Q("spindle_heat", "-", "heating of the spindle's motor over that of its rated load"),
     Q("lagged_thrust_force", "N", "thrust force behind the sensor's lag"),
     Q("lagged_power", "kW", "power behind the sensor's lag"),
     Q("measured_thrust_force", "N", "measured thrust force"),
@@ -182,6 +183,8 @@ AT_END = (
     Q("measured_thrust_force", "N", "measured thrust force, 0 if the servo current is measured instead"),
     Q("measured_servo_current", "A", "measured servo current, 0 if the force is measured"),
     Q("measured_power", "kW", "measured power"),
+    Q("spindle_load", "-", "spindle power over rated power, or torque over available torque (`spindle.reading`)"),
+    Q("spindle_heat", "-", "heating of the spindle's motor over that of its rated load, 0 without short-time overload"),
     Q("roughness", "um", "Ra, 0 in air and in scenarios without a reference"),
     Q("roughness_reference", "um", "reference of Ra for the next step, 0 if there is none"),
     Q("probed_depth", "mm", "mean allowance of the next blank, 0 if it is not probed"),
@@ -238,6 +241,13 @@ OBSERVATION = (
     Entry("force_ratio", "measured thrust force: `5 * (force / predicted force - 1)`", _LOW, _HIGH),
     Entry("cutting", "1 in metal, 0 in air", 0.0, 1.0),
     Entry(
+        "spindle_heat",
+        "heating of the spindle's motor over that of its rated load",
+        0.0,
+        MAX_RATIO,
+        lambda scenario: scenario.spindle.short_time_load > 1.0,
+    ),
+    Entry(
         "roughness_reference",
         "reference of Ra, log scale, -1 lowest, 1 highest",
         -1.0,
@@ -291,6 +301,11 @@ def _current_per_newton(s: Scenario) -> float:
 def _no_load_current(s: Scenario) -> float:
     drive = s.feed_drive
     return _current_per_newton(s) * (drive.guide_friction + drive.preload * (1.0 - drive.screw_efficiency**2))
+
+
+def _power_per_torque(s: Scenario) -> float:
+    """Return spindle power over torque and cutting speed [kW/(N m) min/m]: 2 v / d."""
+    return 2.0 / (60.0 * s.workpiece.diameter)
 
 
 def _bar_pitch(s: Scenario) -> float:
@@ -347,6 +362,16 @@ PARAMETERS = (
         lambda s: lag_share(_sub_step(s), s.machine.spindle_time_constant),
     ),
     P("feed_share", "-", "likewise of the feed", lambda s: lag_share(_sub_step(s), s.machine.feed_time_constant)),
+    P("reachable_cutting_speed", "m/min", "highest cutting speed at the diameter", lambda s: s.cutting_speed_max),
+    P("idle_power_per_speed", "kW min/m", "idle power over cutting speed", lambda s: s.spindle.idle_torque * _power_per_torque(s)),
+    P(
+        "capacity_per_speed",
+        "min/m",
+        "available over rated power, per cutting speed, below the base speed",
+        lambda s: 1000.0 / (np.pi * s.workpiece.diameter * s.spindle.base_speed) if s.spindle.base_speed else np.inf,
+    ),
+    P("reads_torque", "-", "the load is a share of torque", lambda s: s.spindle.reading == "torque", np.bool_),
+    *_same("rated_power", "short_time_load", "thermal_time_constant"),
     P("current_per_newton", "A/N", "servo current over force", _current_per_newton),
     P("no_load_current", "A", "servo current without force, at rest", _no_load_current),
     *_same("no_load_current_rate"),
