@@ -18,7 +18,7 @@ from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.machinability import force_and_power
 from turning_env.physics.quantities import DEVIATION_SCALE, MAX_LOG_TIME, MAX_RATIO, OBS, OBSERVATION, layout
 from turning_env.physics.records import parameter_records
-from turning_env.physics.spindle import capacity, idle_power
+from turning_env.physics.spindle import capacity, capacity_at, idle_power
 from turning_env.physics.wear import log_wear
 from turning_env.scenario import Scenario
 
@@ -156,7 +156,7 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
     feed = _in_range(columns["feed"], machine.feed_min, machine.feed_max)
     power = _ratio(columns["power"]) * limits.power
     if scenario.spindle.reading == "torque":
-        power = power * np.minimum(_parameters(scenario).capacity_per_speed * cutting_speed, 1.0)
+        power = power * capacity_at(scenario, cutting_speed)
     unknown = np.full(len(power), np.nan)
     if scenario.sensors.force == "servo_current":
         parameters: Any = _parameters(scenario)

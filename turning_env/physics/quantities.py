@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from turning_env.physics.drives import lag_share
+from turning_env.physics.spindle import idle_power_at
 from turning_env.physics.wear import CLOCK_TIME, EQUIVALENT_TIME
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import POWER_LAW_RECORD
@@ -303,11 +304,6 @@ def _no_load_current(s: Scenario) -> float:
     return _current_per_newton(s) * (drive.guide_friction + drive.preload * (1.0 - drive.screw_efficiency**2))
 
 
-def _power_per_torque(s: Scenario) -> float:
-    """Return spindle power over torque and cutting speed [kW/(N m) min/m]: 2 v / d."""
-    return 2.0 / (60.0 * s.workpiece.diameter)
-
-
 def _bar_pitch(s: Scenario) -> float:
     return s.workpiece.bar_length + s.workpiece.approach
 
@@ -363,12 +359,17 @@ PARAMETERS = (
     ),
     P("feed_share", "-", "likewise of the feed", lambda s: lag_share(_sub_step(s), s.machine.feed_time_constant)),
     P("reachable_cutting_speed", "m/min", "highest cutting speed at the diameter", lambda s: s.cutting_speed_max),
-    P("idle_power_per_speed", "kW min/m", "idle power over cutting speed", lambda s: s.spindle.idle_torque * _power_per_torque(s)),
+    P(
+        "idle_power_per_speed",
+        "kW min/m",
+        "idle power over cutting speed",
+        lambda s: idle_power_at(s, 1.0),
+    ),
     P(
         "capacity_per_speed",
         "min/m",
         "available over rated power, per cutting speed, below the base speed",
-        lambda s: 1000.0 / (np.pi * s.workpiece.diameter * s.spindle.base_speed) if s.spindle.base_speed else np.inf,
+        lambda s: 1.0 / s.base_cutting_speed if s.base_cutting_speed else np.inf,
     ),
     P("reads_torque", "-", "the load is a share of torque", lambda s: s.spindle.reading == "torque", np.bool_),
     *_same("rated_power", "short_time_load", "thermal_time_constant"),

@@ -7,8 +7,8 @@ Up to the base speed n_b the motor has its rated torque, above it its rated powe
 at the speed n, so the torque is a share P / (c P_r) of the available one, M_r c n_b / n. The idling spindle takes the torque M_0:
 the power is that of the cut and M_0 2 pi n.
 
-The limit of power holds at the base speed and above; below it falls with c. The motor heats with the square of its load (losses of
-a winding, first order; assumption):
+The limit of power holds at the base speed and above; below, it falls with c. The motor heats with the square of its load (losses
+of a winding, first order; assumption):
 
     tau dh/dt = (P / (c P_r))^2 - h
 
@@ -16,8 +16,23 @@ Its heat h is 0 when cold and 1 after long work at rated load. Until h reaches 1
 What exceeds the limit counts as overload; the speed does not drop (assumption).
 """
 
+from typing import Any
+
+import numpy as np
+
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
+from turning_env.scenario import Scenario
+
+
+def capacity_at(scenario: Scenario, cutting_speed: Any) -> Any:
+    """Return ``capacity`` [-] at cutting speeds [m/min], scalar or array."""
+    return np.minimum(cutting_speed / (scenario.base_cutting_speed or cutting_speed), 1.0)
+
+
+def idle_power_at(scenario: Scenario, cutting_speed: Any) -> Any:
+    """Return ``idle_power`` [kW] at cutting speeds [m/min], scalar or array."""
+    return scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter) * cutting_speed
 
 
 @compiled

@@ -82,12 +82,18 @@ class Scenario(Section):
         return self
 
     @model_validator(mode="after")
-    def _spindle_reaches_the_start(self) -> Self:
+    def _spindle_turns(self) -> Self:
         start, reached = self.control.initial_cutting_speed, self.cutting_speed_max
         if start > reached:
             raise ValueError(
                 f"control.initial_cutting_speed is {start}, but must be at most {reached:.4g} m/min, which spindle.max_speed, "
                 f"{self.spindle.max_speed}, reaches at workpiece.diameter, {self.workpiece.diameter}"
+            )
+        torque = 30.0 * self.workpiece.diameter * self.limits.power / max(reached, self.base_cutting_speed)
+        if self.spindle.idle_torque >= torque:
+            raise ValueError(
+                f"spindle.idle_torque is {self.spindle.idle_torque}, but must be below {torque:.4g} N m, to which limits.power, "
+                f"{self.limits.power}, comes at the highest cutting speed"
             )
         return self
 
@@ -243,8 +249,16 @@ class Scenario(Section):
     @property
     def cutting_speed_max(self) -> float:
         """The highest cutting speed that the machine's range and the spindle's highest speed allow at the diameter [m/min]."""
-        highest = self.spindle.max_speed * math.pi * self.workpiece.diameter / 1000.0
-        return min(self.machine.cutting_speed_max, highest or math.inf)
+        return min(self.machine.cutting_speed_max, self._circumference * self.spindle.max_speed or math.inf)
+
+    @property
+    def base_cutting_speed(self) -> float:
+        """The cutting speed at the spindle's base speed [m/min]."""
+        return self._circumference * self.spindle.base_speed
+
+    @property
+    def _circumference(self) -> float:
+        return math.pi * self.workpiece.diameter / 1000.0  # [m]
 
     @property
     def max_episode_steps(self) -> int | None:
