@@ -21,6 +21,7 @@ from turning_env.physics.parts import end_passes, start_part, start_passes
 from turning_env.physics.quantities import END, OVERRIDE, PART, SET_POINT
 from turning_env.physics.report import clear_sums
 from turning_env.physics.sensors import follow_process, read_sensors
+from turning_env.physics.spindle import allowed_share, heat_up, idle_power
 from turning_env.physics.surface import draw_reference, roughness
 from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock
 from turning_env.physics.workpiece import look_up_fields, position_in_row, probe_next_bar
@@ -56,6 +57,7 @@ def start_episode(state, work, report, i, parameters):
     state.measured_thrust_force[i] = 0.0
     state.measured_servo_current[i] = 0.0
     state.measured_power[i] = 0.0
+    state.spindle_heat[i] = 0.0
     look_ahead(state, i, i + 1, p)
     clear_sums(report, i, i + 1)
     work.log_cutting_speed[i] = log(p.initial_cutting_speed)
@@ -155,7 +157,7 @@ def command(state, work, actions, first, last, parameters):
                 state.commanded_feed[i] *= exp(p.feed_step * work.action[1, i])
     for i in range(first, last):
         speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
-        state.commanded_cutting_speed[i] = min(max(speed, p.cutting_speed_min), p.cutting_speed_max)
+        state.commanded_cutting_speed[i] = min(max(speed, p.cutting_speed_min), p.reachable_cutting_speed)
         state.commanded_feed[i] = min(max(feed, p.feed_min), p.feed_max)
 
 
@@ -235,10 +237,13 @@ def run_sub_step(state, work, report, count, parameters):
     failed, stops = 0, p.action != PART
     force_scale, power_scale = 1.0 / p.thrust_force_limit, 1.0 / p.power_limit
     for i in range(count):
-        add_to_sums(state, work, report, i, force_scale, power_scale, p.overload_tolerance)
+        add_to_sums(state, work, report, i, force_scale, power_scale, p)
         failed += watch_edge(state, work, i, p, stops)
         leave_metal(state, work, i)
         follow_process(state, work, i, p)
+    if p.short_time_load > 1.0:
+        for i in range(count):
+            heat_up(state, work, i, p)
     return failed
 
 
@@ -294,13 +299,13 @@ def load_edge(state, work, i, parameters):
 
 
 @compiled
-def add_to_sums(state, work, report, i, force_scale, power_scale, tolerance):
+def add_to_sums(state, work, report, i, force_scale, power_scale, parameters):
     """Add the removed metal, and the excess of force and power over their limits, to the report's sums."""
     engaged = work.engaged[i]  # [min]
     seconds = 60.0 * engaged
-    force, power = state.thrust_force[i], state.power[i]
+    force, power = state.thrust_force[i], state.power[i] + idle_power(parameters, state.cutting_speed[i])
     over_force = max(force * force_scale - 1.0, 0.0)
-    over_power = max(power * power_scale - 1.0, 0.0)
+    over_power = max(power * power_scale / allowed_share(state, i, parameters) - 1.0, 0.0)
     over = max(over_force, over_power)
     report.engaged_time[i] += seconds
     report.removed[i] += state.cutting_speed[i] * state.feed[i] * state.depth_of_cut[i] * engaged
@@ -309,7 +314,7 @@ def add_to_sums(state, work, report, i, force_scale, power_scale, tolerance):
     report.cost_force[i] += engaged * over_force
     report.cost_power[i] += engaged * over_power
     report.overload_time[i] += seconds if over > 0.0 else 0.0
-    report.severe_overload_time[i] += seconds if over > tolerance else 0.0
+    report.severe_overload_time[i] += seconds if over > parameters.overload_tolerance else 0.0
 
 
 @compiled

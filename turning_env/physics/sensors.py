@@ -6,6 +6,7 @@ The noise levels (power 2 %, force 5 %) and lags are assumptions; the roughness 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.keyed_random import SENSOR_CHANNEL, normals_of, words
 from turning_env.physics.drives import servo_current
+from turning_env.physics.spindle import idle_power
 
 
 @compiled
@@ -14,7 +15,8 @@ def follow_process(state, work, i, parameters):
     runs = work.running[i] > 0
     power_share = parameters.power_sensor_share if runs else 0.0
     force_share = parameters.force_sensor_share if runs else 0.0
-    state.lagged_power[i] += (state.power[i] - state.lagged_power[i]) * power_share
+    power = state.power[i] + idle_power(parameters, state.cutting_speed[i])
+    state.lagged_power[i] += (power - state.lagged_power[i]) * power_share
     state.lagged_thrust_force[i] += (state.thrust_force[i] - state.lagged_thrust_force[i]) * force_share
 
 
