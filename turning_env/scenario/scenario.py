@@ -21,6 +21,7 @@ from turning_env.scenario.section import Section, names_instead
 from turning_env.scenario.sections import (
     Control,
     Economics,
+    EdgeFailure,
     FeedDrive,
     Limits,
     Machine,
@@ -28,6 +29,7 @@ from turning_env.scenario.sections import (
     Mismatch,
     Sensors,
     Surface,
+    Swarf,
     Tool,
     Workpiece,
 )
@@ -52,6 +54,8 @@ class Scenario(Section):
     """Also the name of folders of trainings and results, so only characters that are safe in paths are allowed."""
     material: Material = Material()
     tool: Tool = Tool()
+    edge_failure: EdgeFailure = EdgeFailure()
+    swarf: Swarf = Swarf()
     machine: Machine = Machine()
     feed_drive: FeedDrive = FeedDrive()
     workpiece: Workpiece = Workpiece()
