@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.turning_env.playing import SHORT_LIVED, Record, assert_same_bytes, fixed_actions, play
-from turning_env import RoughTurningEnv, presets
+from tests.turning_env.playing import FAILING, SHORT_LIVED, Record, assert_same_bytes, changed, fixed_actions, play
+from turning_env import RoughTurningEnv, Scenario, presets
 
 REPOSITORY = Path(__file__).parents[3]
 
@@ -21,6 +21,7 @@ def every_play() -> dict[str, Record]:
         preset: play(RoughTurningEnv(preset), 21, fixed_actions(count, 1, preset)[:, 0]) for preset, count in counts.items()
     }
     records["short_lived"] = play(RoughTurningEnv(SHORT_LIVED), 21, fixed_actions(100, 1)[:, 0])
+    records["failing"] = play(RoughTurningEnv(changed(Scenario(), **FAILING)), 21, fixed_actions(100, 1)[:, 0])
     return records
 
 
