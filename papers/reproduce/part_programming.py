@@ -32,6 +32,7 @@ from baselines.models.process import Array, Limit, Process
 from baselines.two_limits import MIN_DEPTH, TWO_LIMITS, depth_exponents, set_point
 from papers.reproduce.alaskari_oraby import PAPER
 from papers.reproduce.checks import Check, at_least, at_most, table
+from papers.reproduce.part_programming_cases import case_checks, formula_checks
 from turning_env import PowerLaw, Scenario
 
 IMPROVED = ("PV", "SN", "PN", "MV", "MN")
@@ -151,7 +152,14 @@ def most_gain(rule: str, source: str, slack: float = SLACK) -> float:
 
 
 def checks() -> Iterator[Check]:
-    """Yield the checks of the claim for every rule that it names, with the kind of blank that gains most."""
+    """Yield the checks of formulas and cases, and those of the claims."""
+    yield from formula_checks()
+    yield from case_checks()
+    yield from claim_checks()
+
+
+def claim_checks() -> Iterator[Check]:
+    """Yield the checks of the claims for every rule that they name, with the kind of blank that gains most."""
     for source in ("handbook", "experience"):
         for rule in (*IMPROVED, *NOT_NECESSARY):
             compare = at_least if rule in IMPROVED else at_most
@@ -178,3 +186,10 @@ def tables() -> Iterator[str]:
         gains = (f"{psi:.1f} ({passes})" for passes, psi in (gain(rule, blank) for rule in TWO_LIMITS))
         rows.append([f"{blank.name} ({blank.source})", f"{blank.least:.2f}-{blank.largest:.2f}", *gains])
     yield from table(["", "mm", *(f"[{rule}]" for rule in TWO_LIMITS)], rows)
+    yield ""
+    yield "Largest psi by the slack of the limits that a rule does not name [%]: handbook, experience."
+    rows = []
+    for slack in SLACKS:
+        gains = ((most_gain(rule, source, slack) for source in ("handbook", "experience")) for rule in TWO_LIMITS)
+        rows.append([f"{slack:.1f}", *(", ".join(f"{psi:.1f}" for psi in each) for each in gains)])
+    yield from table(["slack", *(f"[{rule}]" for rule in TWO_LIMITS)], rows)
