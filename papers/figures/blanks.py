@@ -1,4 +1,4 @@
-"""The gain of correcting the path to the measured blank, and the limits that bind in each typical case (Sharmazanashvili 2008)."""
+"""The gain of correcting the path to the measured blank, and the limits that bind in each case (Sharmazanashvili 2008)."""
 
 import numpy as np
 from matplotlib.colors import ListedColormap

@@ -4,8 +4,8 @@
 
 prints what a blank costs under each kind of control. It takes a few minutes.
 
-The presets `batch_p20`, `batch_k20`, `batch_p30`, `batch_p01` and `batch_m20` hold the slides' limits and costs, with coefficients of
-handbooks. Three kinds of control turn the same blanks in each:
+The presets `batch_p20`, `batch_k20`, `batch_p30`, `batch_p01` and `batch_m20` hold the slides' limits and costs, with
+coefficients of handbooks. Three kinds of control turn the same blanks in each:
 
 * fixed-rule planning: speed and feed of each pass by a rule for the measured blank, on the path that the drawing asks for;
 * adaptive real-time control: the same path, speed and feed by the rule in every second, from measured force and power;
