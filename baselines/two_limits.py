@@ -4,11 +4,14 @@ A rule such as [PV] names two limits that are reached together and so fix cuttin
 N power, M torque, V the machine's highest cutting speed, S its highest feed, and T the economic life of the edge along the other
 limit. In the logarithms of cutting speed and feed, every limit is a straight line, so a rule is two linear equations.
 
+A scenario may limit radial force, torque and roughness, too. Where radial force is tighter, it takes the place of P, roughness
+that of S; torque is M.
+
 A rule's point may be out of reach. Two steps correct it:
 
 1. If the feed is outside the machine's range, it is set to the end of the range, and the cutting speed to the highest that the
    rule's two limits allow. Then the same is done with the cutting speed and the feed exchanged.
-2. If force or power is exceeded, the feed is lowered; if the lowest feed does not suffice, the cutting speed is lowered. A force
+2. If force, power or a further limit is exceeded, the feed is lowered; if the lowest feed does not suffice, the cutting speed is lowered. A force
    that falls with rising cutting speed, as with 709M40, may still be exceeded.
 
 With 709M40 on the presets' lathe, many rules coincide. The economic lives would need more than its highest cutting speed, so

@@ -8,7 +8,7 @@ The presets `batch_p20`, `batch_k20`, `batch_p30`, `batch_p01` and `batch_m20` h
 coefficients of handbooks. Three kinds of control turn the same blanks in each:
 
 * fixed-rule planning: speed and feed of each pass by a rule for the measured blank, on the path that the drawing asks for;
-* adaptive real-time control: the same path, speed and feed by the rule in every second, from measured force and power;
+* adaptive real-time control: the same path, speed and feed by the rule every five seconds, from measured force and power;
 * adaptive part programming: a new path for the measured blank, speed and feed of each pass by the rule.
 
 Every kind has the margin to the limits, of ``MARGINS``, with which it costs least, as all must allow for hardness.
@@ -157,10 +157,10 @@ def controlled(name: str) -> tuple[float, float]:
     Every pass is a row of bars of its own, with its own edges. The first takes what the blanks have beyond the drawing.
     """
     scenario = Scenario.load(name)
-    drawn, control = scenario.workpiece.depth_of_cut, {"action": "set_point", "interval": 4.0, "sub_steps": 8}
+    drawn, control = scenario.workpiece.depth_of_cut, {"action": "set_point", "interval": 5.0, "sub_steps": 10}
 
     def cost(margin: float, passes: int) -> float:
-        bars = {"bars": 4, "depth_of_cut": drawn / passes}
+        bars = {"bars": 2, "depth_of_cut": drawn / passes}
         costs = []
         for spreads in ({}, {"depth_bar_spread": 0.0, "depth_along_spread": 0.0})[:passes]:
             task = changed(name, control=control, sensors={"probe": False}, workpiece=bars | spreads)
