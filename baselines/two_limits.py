@@ -11,8 +11,8 @@ A rule's point may be out of reach. Two steps correct it:
 
 1. If the feed is outside the machine's range, it is set to the end of the range, and the cutting speed to the highest that the
    rule's two limits allow. Then the same is done with the cutting speed and the feed exchanged.
-2. If force, power or a further limit is exceeded, the feed is lowered; if the lowest feed does not suffice, the cutting speed is lowered. A force
-   that falls with rising cutting speed, as with 709M40, may still be exceeded.
+2. If force, power or a further limit is exceeded, the feed is lowered; if the lowest feed does not suffice, the cutting speed is
+   lowered. A force that falls with rising cutting speed, as with 709M40, may still be exceeded.
 
 With 709M40 on the presets' lathe, many rules coincide. The economic lives would need more than its highest cutting speed, so
 [SV], [PT], [ST], [MV] and [MT] act as [PV]. [MN] acts as [SN] until the torque limit, an assumption, is reached. The economic
