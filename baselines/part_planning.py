@@ -118,6 +118,9 @@ class RuledParts(Policy):
         edges = np.where(depths > 0.0, minutes / life, 0.0)
         made = np.arange(depths.shape[1]) < passes[:, np.newaxis]
         cost = np.sum(made * (minutes + self._scenario.machine.return_time + process.edge_price * edges), axis=1)
+        for limit in process.further.values():  # a pass may be too deep for one at the lowest feed
+            excess = np.maximum(limit.law(speed, feed, np.maximum(depths, MIN_DEPTH)) / limit.most - 1.0, 0.0)
+            cost += self._scenario.economics.overload_price * np.sum(made * minutes * excess, axis=1)
         return speed, feed, cost
 
 

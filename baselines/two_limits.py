@@ -4,18 +4,23 @@ A rule such as [PV] names two limits that are reached together and so fix cuttin
 N power, M torque, V the machine's highest cutting speed, S its highest feed, and T the economic life of the edge along the other
 limit. In the logarithms of cutting speed and feed, every limit is a straight line, so a rule is two linear equations.
 
+A scenario may limit radial force, torque and roughness, too. Where radial force is tighter, it takes the place of P, roughness
+that of S; torque is M.
+
 A rule's point may be out of reach. Two steps correct it:
 
 1. If the feed is outside the machine's range, it is set to the end of the range, and the cutting speed to the highest that the
    rule's two limits allow. Then the same is done with the cutting speed and the feed exchanged.
-2. If force or power is exceeded, the feed is lowered; if the lowest feed does not suffice, the cutting speed is lowered. A force
-   that falls with rising cutting speed, as with 709M40, may still be exceeded.
+2. If force, power or a further limit is exceeded, the feed is lowered; if the lowest feed does not suffice, the cutting speed is
+   lowered. A force that falls with rising cutting speed, as with 709M40, may still be exceeded.
 
 With 709M40 on the presets' lathe, many rules coincide. The economic lives would need more than its highest cutting speed, so
 [SV], [PT], [ST], [MV] and [MT] act as [PV]. [MN] acts as [SN] until the torque limit, an assumption, is reached. The economic
 optimum is [PN]. So the catalogue has one rule of each kind; ``set_point`` knows all rules.
 """
 
+from dataclasses import dataclass
+from functools import reduce
 from itertools import combinations
 
 import numpy as np
@@ -33,12 +38,14 @@ TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")
 ECONOMIC_OPTIMUM = "economic_optimum"
 """Name of the point of least cost within force, power and the machine's ranges."""
 
-Lines = tuple[Line, Line]
+Lines = tuple[Line, ...]
 _CUTTING_SPEED = PowerLaw(coefficient=1.0, cutting_speed=1.0)
 _FEED = PowerLaw(coefficient=1.0, feed=1.0)
 
 MIN_DEPTH = 1e-6
 """Depth of cut in place of 0 [mm]."""
+FURTHER = {"P": "radial_force", "S": "roughness"}
+"""Further limits that, where they are tighter, take the place of a rule's first limit."""
 
 
 def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
@@ -79,11 +86,15 @@ def set_point(
         ValueError: the rule is unknown, or with these laws its limits fix no point.
     """
     cut = (np.maximum(depth_of_cut, MIN_DEPTH), hardness, process.mean_wear if wear is None else wear)
-    held = (process.thrust_force.line(*cut), process.power.line(*cut))
+    held = _held(process, cut)
     if rule == ECONOMIC_OPTIMUM:
-        log_speed, log_feed = _cheapest(process, held, cut)
+        log_speed, log_feed, _ = _cheapest(process, held, cut)
     else:
         first, second = (limit.line(*cut) for limit in limits(rule, process))
+        further = process.further.get(FURTHER.get(rule[0], ""))
+        if further is not None and first.cutting_speed == 0.0:
+            other = further.line(*cut)
+            first = Line(0.0, 1.0, np.minimum(first.room / first.feed, other.room / other.feed))
         log_speed, log_feed = _within_ranges(process, (first, second), *first.crossing(second))
     log_speed, log_feed = _within_force_and_power(process, held, log_speed, log_feed)
     return np.clip(np.exp(log_speed), *process.cutting_speed_range), np.clip(np.exp(log_feed), *process.feed_range)
@@ -91,10 +102,90 @@ def set_point(
 
 def depth_exponents(rule: str, process: Process) -> tuple[float, float]:
     """Return the exponents of depth of cut in a rule's cutting speed and feed [-] while only its own two limits are active."""
-    first, second = (limit.law for limit in limits(rule, process))
+    return _exponents(*limits(rule, process))
+
+
+def _exponents(one: Limit, other: Limit) -> tuple[float, float]:
+    first, second = one.law, other.law
     coefficients = [[first.cutting_speed, first.feed], [second.cutting_speed, second.feed]]
     speed, feed = np.linalg.solve(coefficients, [-first.depth_of_cut, -second.depth_of_cut])
     return float(speed), float(feed)
+
+
+@dataclass(frozen=True)
+class Along:
+    """The cost of metal [min/cm3] along a rule over the depth of cut t [mm]: q = a t^eta + gamma / C_T b t^lambda."""
+
+    a: float
+    eta: float
+    b: float
+    lambda_: float
+    price: float
+    """gamma / C_T."""
+
+    def __call__(self, depth_of_cut: ArrayLike) -> Array:
+        """Return q at depths of cut [mm]."""
+        depth = np.asarray(depth_of_cut)
+        return np.asarray(self.a * depth**self.eta + self.price * self.b * depth**self.lambda_)
+
+    @property
+    def cheapest_depth(self) -> float:
+        """Return the depth [mm] with dq/dt = 0: 0 if the cost rises with depth all along, infinite if it falls."""
+        rising, falling = max(self.eta, self.lambda_), min(self.eta, self.lambda_)
+        if rising <= ALIKE:
+            return np.inf
+        if falling >= -ALIKE:
+            return 0.0
+        return float((-self.a * self.eta / (self.price * self.b * self.lambda_)) ** (1.0 / (self.lambda_ - self.eta)))
+
+
+def along(process: Process, first: Limit, second: Limit) -> Along:
+    """Return the cost of metal along two limits, at nominal hardness and mean wear."""
+    cut = (1.0, 1.0, process.mean_wear)
+    log_speed, log_feed = (float(value) for value in first.line(*cut).crossing(second.line(*cut)))
+    speed, feed = _exponents(first, second)
+    mu, nu, rho = process.life_exponents
+    return Along(
+        a=float(np.exp(-log_speed - log_feed)),
+        eta=-1.0 - speed - feed,
+        b=float(np.exp((mu - 1.0) * log_speed + (nu - 1.0) * log_feed)),
+        lambda_=(mu - 1.0) * speed + (nu - 1.0) * feed + rho - 1.0,
+        price=process.edge_price / float(np.exp(process.log_life(np.zeros(()), np.zeros(()), 1.0, 1.0))),
+    )
+
+
+def _held(process: Process, cut: tuple[ArrayLike, ArrayLike, ArrayLike]) -> Lines:
+    return tuple(limit.line(*cut) for limit in (process.thrust_force, process.power, *process.further.values()))
+
+
+def binding(process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike) -> NDArray[np.str_]:
+    """Return the pair of limits that fixes the economic optimum, such as "P_y V"; "" if no speed and feed keep all limits.
+
+    T is the economic life along the other limit. V_min and S_min are the lowest speed and feed.
+
+    Args:
+        process: laws, limits and prices.
+        depth_of_cut: [mm], above 0.
+        hardness: relative to nominal [-], above 0.
+    """
+    cut = (depth_of_cut, hardness, process.mean_wear)
+    held = _held(process, cut)
+    _, _, pair = _cheapest(process, held, cut)
+    named = [sorted((one, other), key="NVT".find) for (one, _), (other, _) in _pairs(process)]
+    return np.asarray([*(" ".join(names) for names in named), ""])[pair]
+
+
+def _pairs(process: Process) -> list[tuple[tuple[str, Limit], tuple[str, Limit]]]:
+    """Return the named pairs of limits that fix a point."""
+    slowest, fastest = process.cutting_speed_range
+    least, most = process.feed_range
+    names = {"radial_force": "P_y", "torque": "M", "roughness": "R_z"}
+    bounds = [("P_z", process.thrust_force), ("N", process.power)]
+    bounds += [("V_min", Limit(_CUTTING_SPEED, slowest)), ("V", Limit(_CUTTING_SPEED, fastest))]
+    bounds += [("S_min", Limit(_FEED, least)), ("S", Limit(_FEED, most))]
+    bounds += [(names[name], limit) for name, limit in process.further.items()]
+    pairs = [*combinations(bounds, 2), *((bound, ("T", process.life_limit(bound[1]))) for bound in bounds)]
+    return [(one, other) for one, other in pairs if not one[1].parallel(other[1])]
 
 
 def _within_ranges(process: Process, lines: Lines, log_speed: Array, log_feed: Array) -> tuple[Array, Array]:
@@ -109,27 +200,26 @@ def _within_ranges(process: Process, lines: Lines, log_speed: Array, log_feed: A
 
 def _within_force_and_power(process: Process, held: Lines, log_speed: Array, log_feed: Array) -> tuple[Array, Array]:
     """Apply step 2 of the module's description."""
-    wanted = np.minimum(log_feed, np.minimum(*(line.highest_feed(log_speed) for line in held)))
+    wanted = np.minimum(log_feed, reduce(np.minimum, (line.highest_feed(log_speed) for line in held)))
     feed = np.maximum(wanted, np.log(process.feed_range[0]))
-    at_feed = np.minimum(*(line.highest_cutting_speed(feed) for line in held))
+    at_feed = reduce(np.minimum, (line.highest_cutting_speed(feed) for line in held))
     slower = np.maximum(np.minimum(log_speed, at_feed), np.log(process.cutting_speed_range[0]))
     return np.where(wanted < feed, slower, log_speed), feed
 
 
-def _cheapest(process: Process, held: Lines, cut: tuple[ArrayLike, ArrayLike, ArrayLike]) -> tuple[Array, Array]:
-    """Return the log economic optimum, or log highest speed and lowest feed if no point keeps force and power within limits.
+def _cheapest(
+    process: Process, held: Lines, cut: tuple[ArrayLike, ArrayLike, ArrayLike]
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Return the log economic optimum, or log highest speed and lowest feed if no point keeps all limits, and its pair's place.
 
     On logarithmic scales, the cost is convex and all limits are lines. So the optimum is where two lines cross, or where the
     life along a line is its economic life.
     """
     slowest, fastest = np.log(process.cutting_speed_range)
     least, most = np.log(process.feed_range)
-    ends = [Limit(_CUTTING_SPEED, end) for end in process.cutting_speed_range] + [Limit(_FEED, end) for end in process.feed_range]
-    bounds = [process.thrust_force, process.power, *ends]
-    pairs = [*combinations(bounds, 2), *((bound, process.life_limit(bound)) for bound in bounds)]
-    points = [one.line(*cut).crossing(other.line(*cut)) for one, other in pairs if not one.parallel(other)]
+    points = [one.line(*cut).crossing(other.line(*cut)) for (_, one), (_, other) in _pairs(process)]
     points.append((fastest, least))
-    shape = np.broadcast_shapes(held[0].room.shape, held[1].room.shape, *(np.shape(value) for value in cut))
+    shape = np.broadcast_shapes(*(line.room.shape for line in held), *(np.shape(value) for value in cut))
     speeds, feeds = (np.stack([np.broadcast_to(point[axis], shape) for point in points]) for axis in (0, 1))
     feasible = (speeds >= slowest - ALIKE) & (speeds <= fastest + ALIKE) & (feeds >= least - ALIKE) & (feeds <= most + ALIKE)
     for line in held:
@@ -138,7 +228,7 @@ def _cheapest(process: Process, held: Lines, cut: tuple[ArrayLike, ArrayLike, Ar
     costs = np.where(feasible, costs, np.inf)
     costs[-1] = np.minimum(costs[-1], np.finfo(np.float64).max)  # the last resort beats infeasible points only
     best = np.argmin(costs, axis=0)[np.newaxis]
-    return np.take_along_axis(speeds, best, axis=0)[0], np.take_along_axis(feeds, best, axis=0)[0]
+    return np.take_along_axis(speeds, best, axis=0)[0], np.take_along_axis(feeds, best, axis=0)[0], best[0]
 
 
 class AdaptiveRule:

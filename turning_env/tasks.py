@@ -130,7 +130,9 @@ class BatchEnv(RoughTurningEnv):
 
     The laws are the adaptive part programming paper's, with handbook exponents: force ~ S^0.75 t, life ~ V^-5 S^-1.75 t^-0.75.
     `thrust_force` stands for the main cutting force, at most 3000 N. An episode has twenty blanks, cast by default (scenarios
-    `batch_casting`, `batch_forging`, `batch_rolled`, `batch_welded`); their size and hardness differ from the drawing's.
+    `batch_casting`, `batch_forging`, `batch_rolled`, `batch_welded`); their size and hardness differ from the drawing's. The
+    scenarios `batch_p20`, `batch_k20`, `batch_p30`, `batch_p01` and `batch_m20` are the paper's typical cases, which also limit
+    radial force, torque and roughness.
     One step turns one part. The action sets the number of passes, the allowance of the path, and speed and feed of each pass.
     Passes have equal depth, counted from the finished contour outwards. The first pass also takes what the blank has beyond the
     path's allowance. If the blank has less, the first passes cut less, or air. An edge that is worn out or broken is changed,

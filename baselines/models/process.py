@@ -14,7 +14,8 @@ The wear law turns a life into a limit: T = T_0 where the wear after T_0 minutes
 """
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -102,13 +103,15 @@ class Process:
     """[mm/rev]"""
     edge_price: float
     """gamma: price of an edge and of its change [min]."""
+    further: Mapping[str, Limit] = field(default_factory=dict)
+    """Further limits of the scenario: of ``radial_force`` [N], ``torque`` [N m] and ``roughness`` [mm]."""
 
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
         """Return the nominal process of a scenario.
 
-        The torque limit follows from full spindle power at the base speed; without one, at the geometric middle of the range of
-        cutting speeds (assumption). The idle torque is not told.
+        The scenario's limit of torque holds. Without one it follows from full spindle power at the base speed; without that, at the
+        geometric middle of the range of cutting speeds (assumption). The idle torque is not told.
         """
         material, machine, limits, economics = scenario.material, scenario.machine, scenario.limits, scenario.economics
         torque_over_power = 30.0 * scenario.workpiece.diameter  # times V: 30000 / (pi n) with n = 1000 V / (pi D)
@@ -119,24 +122,29 @@ class Process:
             }
         )
         full_power_from = scenario.base_cutting_speed or math.sqrt(machine.cutting_speed_min * machine.cutting_speed_max)
+        laws = {"radial_force": limits.radial_force, "torque": limits.torque, "roughness": limits.roughness}
+        further = {name: Limit(law, law.most) for name, law in laws.items() if law.bounds}
         return cls(
             wear=material.wear,
             wear_criterion=scenario.tool.wear_criterion,
             thrust_force=Limit(material.thrust_force, limits.thrust_force),
             power=Limit(material.power, limits.power),
-            torque=Limit(torque, limits.power * torque_over_power / full_power_from),
+            torque=further.get("torque", Limit(torque, limits.power * torque_over_power / full_power_from)),
             cutting_speed_range=(machine.cutting_speed_min, scenario.cutting_speed_max),
             feed_range=(machine.feed_min, machine.feed_max),
             edge_price=economics.edge_cost + economics.edge_change_time,
+            further=further,
         )
 
     def rescaled(self, force_scale: ArrayLike, power_scale: ArrayLike) -> Self:
-        """Return the process with thrust force, and power and torque, scaled by factors [-] above 0."""
+        """Return the process with the forces, and power and torque, scaled by factors [-] above 0."""
+        scales = {"radial_force": force_scale, "torque": power_scale, "roughness": 1.0}
         return replace(
             self,
             thrust_force=self.thrust_force.rescaled(force_scale),
             power=self.power.rescaled(power_scale),
             torque=self.torque.rescaled(power_scale),
+            further={name: limit.rescaled(scales[name]) for name, limit in self.further.items()},
         )
 
     @property

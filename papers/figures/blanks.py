@@ -1,11 +1,15 @@
-"""The gain of correcting the path to the measured blank, by kind of blank and rule (Sharmazanashvili 2008)."""
+"""The gain of correcting the path to the measured blank, and the limits that bind in each case (Sharmazanashvili 2008)."""
 
 import numpy as np
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from baselines.two_limits import TWO_LIMITS
-from papers.figures.paper_figure import PaperFigure
-from papers.reproduce.part_programming import IMPROVED, NOT_NECESSARY, blanks, checks, gain
+from baselines.models.process import Process
+from baselines.two_limits import TWO_LIMITS, binding
+from papers.figures.paper_figure import PaperFigure, legend
+from papers.reproduce.part_programming import IMPROVED, NOT_NECESSARY, blanks, claim_checks, gain
+from papers.reproduce.part_programming_cases import CASES, case_checks
+from turning_env import Scenario
 from turning_env.workshop import plot_style as style
 
 
@@ -50,6 +54,38 @@ def draw() -> Figure:
     return figure
 
 
+PAIRS = {
+    "R_z V": style.SKY,
+    "R_z N": style.BLUE,
+    "R_z T": style.GREEN,
+    "P_y V": style.PURPLE,
+    "P_y N": style.ORANGE,
+    "P_y T": style.VERMILLION,
+    "": style.LIGHT,
+}
+"""Colours of the pairs of limits that bind in the cases; "" where no speed and feed of the lathe keep all limits."""
+
+
+def draw_pairs() -> Figure:
+    """Draw which two limits fix the economic optimum, over depth of cut and hardness, in each typical case."""
+    depths, hardness = np.meshgrid(np.linspace(0.1, 10.0, 250), np.linspace(0.54, 1.46, 150))
+    figure = Figure(figsize=(style.DOUBLE, 4.4), layout="constrained")
+    panels = list(figure.subplots(2, 3, sharex=True, sharey=True).flat)
+    numbers = {pair: number for number, pair in enumerate(PAIRS)}
+    for axes, name in zip(panels, CASES, strict=False):
+        pairs = binding(Process.of(Scenario.load(name)), depths, hardness)
+        picture = np.vectorize(numbers.__getitem__)(pairs)
+        axes.pcolormesh(depths, hardness, picture, cmap=ListedColormap(list(PAIRS.values())), vmin=-0.5, vmax=len(PAIRS) - 0.5)
+        axes.set_title(name)
+        axes.tick_params(labelbottom=True)
+    panels[-1].axis("off")
+    figure.supxlabel("depth of cut t [mm]")
+    figure.supylabel("hardness over nominal [-]")
+    looks = {f"[{pair}]" if pair else "none keeps all limits": {"facecolor": colour} for pair, colour in PAIRS.items()}
+    legend(figure, looks, 1, loc="lower right", bbox_to_anchor=(0.97, 0.12))
+    return figure
+
+
 FIGURES = (
     PaperFigure(
         "part_programming_psi",
@@ -57,7 +93,17 @@ FIGURES = (
         "The gain psi from correcting the tool path to the measured blank, by kind of blank and by the two limits that set speed "
         "and feed (P force, V cutting speed, S feed, N power, M torque, T life).",
         draw,
-        checks,
+        claim_checks,
         "The paper's figures are lost. The project uses its dispersions of the allowance with handbook exponents.",
+    ),
+    PaperFigure(
+        "part_programming_pairs",
+        "Sharmazanashvili (2008), five typical cases",
+        "The two limits that fix the cheapest speed and feed in each typical case, over depth of cut and the 46 % deviation of "
+        "hardness (P_y radial force, R_z roughness, V speed, N power, T economic life).",
+        draw_pairs,
+        case_checks,
+        "Main force, torque and highest feed never bind: roughness or radial force bounds the feed before. Coefficients are "
+        "handbooks' (assumptions).",
     ),
 )

@@ -70,15 +70,17 @@ def reproduce(papers: Sequence[Paper], form: str | None = None) -> int:
     print()
     for paper, checks in results:
         print(summary(paper.title, checks))
+    print(f"Items (equations, tables, figures and claims) that do not hold: {sum(unheld(*result) for result in results)}")
     return status
 
 
 def markdown(results: Sequence[tuple[Paper, Sequence[Check]]]) -> Iterator[str]:
     """Yield the lines of the summary of all papers and of the table of each paper's items."""
-    yield from ("| Paper | Numbers and claims that agree | Not reproduced |", "|---|---|---|")
+    yield from ("| Paper | Items that do not hold | Numbers and claims that agree | Not reproduced |", "|---|---|---|---|")
     for paper, checks in results:
         agreeing = sum(check.verdict == "ok" for check in checks)
-        yield f"| [{paper.title}]({paper.page}.md) | {agreeing} of {len(checks)} | {len(checks) - agreeing} |"
+        items = f"{unheld(paper, checks)} of {len(paper.items)}"
+        yield f"| [{paper.title}]({paper.page}.md) | {items} | {agreeing} of {len(checks)} | {len(checks) - agreeing} |"
     for paper, checks in results:
         yield from ("", f"## {paper.page.replace('_', ' ').capitalize()}", "")
         yield from ("| Item | In the code | Agreement |", "|---|---|---|")
@@ -89,20 +91,29 @@ def markdown(results: Sequence[tuple[Paper, Sequence[Check]]]) -> Iterator[str]:
 
 def agreement(item: Item, checks: Sequence[Check]) -> str:
     """Return how many checks of an item hold, why others do not, and its remark."""
-    by_name = {check.what: check for check in checks if item.pattern and re.match(item.pattern, check.what)}
-    link = ""
-    if item.figure:
-        from papers.figures.__main__ import FIGURES  # needs Matplotlib
-
-        by_name |= {check.what: check for check in FIGURES[item.figure].checks()}
-        link = f"[Drawn anew](../figures/README.md#{item.figure}). "
-    if not by_name:
+    link = f"[Drawn anew](../figures/README.md#{item.figure}). " if item.figure else ""
+    found = checks_of(item, checks)
+    if not found:
         return (link + item.remark).rstrip()
-    found = by_name.values()
     agreeing = sum(check.verdict == "ok" for check in found)
     count = f"Agrees ({agreeing}). " if agreeing == len(found) else f"{agreeing} of {len(found)} agree. "
     reasons = "; ".join(dict.fromkeys(check.not_reproduced or check.what for check in found if check.verdict != "ok"))
     return f"{link}{count}{f'Not: {reasons}. ' if reasons else ''}{item.remark}".rstrip()
+
+
+def checks_of(item: Item, checks: Sequence[Check]) -> Sequence[Check]:
+    """Return the checks of an item: those of its paper that it names, and those of its figure."""
+    found = {check.what: check for check in checks if item.pattern and re.match(item.pattern, check.what)}
+    if item.figure:
+        from papers.figures.__main__ import FIGURES  # needs Matplotlib
+
+        found |= {check.what: check for check in FIGURES[item.figure].checks()}
+    return list(found.values())
+
+
+def unheld(paper: Paper, checks: Sequence[Check]) -> int:
+    """Return how many items of a paper do not hold: at least one of their checks does not."""
+    return sum(any(check.verdict != "ok" for check in checks_of(item, checks)) for item in paper.items)
 
 
 if __name__ == "__main__":

@@ -68,3 +68,11 @@ def test_a_corrected_path_has_passes_of_equal_depth_and_wastes_none():
     assert len(set(passes[1])) > 1
     sizes = np.array([info["probed_depth"] for info in infos(corrected, known)[:-1]])
     assert np.corrcoef(sizes, passes[1])[0, 1] > 0.5
+
+
+def test_no_pass_is_planned_too_deep_for_a_further_limit():
+    scenario = changed(Scenario.load("batch_p20"), workpiece=SPREADS | {"depth_of_cut": 4.0})
+    for margin in (1.0, 0.6):  # 400 N allow 4 mm at the lowest feed, 240 N do not
+        found = infos(RuledParts(scenario, "PV", True, margin, margin), scenario)[1]
+        assert (found["passes"] > 1) == (margin < 1.0)
+        assert found["cost_force"] < 1e-6

@@ -9,6 +9,8 @@ from baselines.two_limits import (
     RULES,
     TWO_LIMITS,
     AdaptiveRule,
+    along,
+    binding,
     depth_exponents,
     limits,
     set_point,
@@ -141,3 +143,45 @@ def test_as_predicted_the_adaptive_rule_commands_the_rules_set_point(wear: float
     for _ in range(3):
         found = commands(policy, observed(nominal_wear=wear))
     assert found == pytest.approx([float(value) for value in set_point("PN", STEEL, 2.5, wear=wear * 0.3)], rel=1e-4)
+
+
+CASE = Process.of(Scenario.load("batch_p20"))
+
+
+@pytest.mark.parametrize("rule", [*TWO_LIMITS, ECONOMIC_OPTIMUM])
+def test_set_points_keep_further_limits(rule: str) -> None:
+    depth, hardness = np.meshgrid([0.5, 1.5, 2.5, 3.5], [0.6, 1.0])
+    _, feed = set_point(rule, CASE, depth, hardness)
+    for limit in CASE.further.values():
+        assert np.all(limit.law(1.0, feed, depth, hardness=hardness) <= limit.most * (1 + 1e-9))
+
+
+def test_the_tighter_of_two_limits_of_the_feed_takes_the_others_place() -> None:
+    speed, feed = set_point("PN", CASE, [2.0, 4.0])
+    tight = CASE.further["radial_force"], CASE.power
+    for limit, depth in zip(tight, (4.0, 4.0), strict=True):
+        reached = float(limit.law(speed[1], feed[1], depth) / limit.most)
+        assert reached == pytest.approx(1.0) or (limit is CASE.power and speed[1] == pytest.approx(240.0))
+
+
+@pytest.mark.parametrize("rule", TWO_LIMITS)
+def test_the_cost_along_a_rule_is_the_cost_at_its_points(rule: str) -> None:
+    process = handbook_process(rule)
+    depths = np.array([2.0, 2.4, 2.5])
+    speed, feed = set_point(rule, process, depths)
+    cost = along(process, *limits(rule, process))
+    np.testing.assert_allclose(cost(depths), np.exp(process.log_cost(np.log(speed), np.log(feed), depths, 1.0)), rtol=1e-9)
+    at = cost.cheapest_depth
+    if 0.0 < at < np.inf:
+        assert cost(at) < min(cost(0.98 * at), cost(1.02 * at))
+    elif at == 0.0:
+        assert cost(1.0) < cost(2.0)
+    else:
+        assert cost(1.0) > cost(2.0)
+
+
+def test_the_binding_pair_is_reached_at_the_optimum() -> None:
+    assert binding(CASE, [1.0, 3.0, 9.0], [0.8, 1.0, 1.4]).tolist() == ["R_z V", "P_y V", ""]
+    speed, feed = set_point(ECONOMIC_OPTIMUM, CASE, 3.0)
+    assert float(speed) == pytest.approx(240.0)
+    assert float(CASE.further["radial_force"].law(1.0, feed, 3.0)) == pytest.approx(400.0)

@@ -10,7 +10,7 @@ import pytest
 from baselines.two_limits import TWO_LIMITS
 from papers.figures.__main__ import FIGURES
 from papers.reproduce import alaskari_oraby, part_programming
-from papers.reproduce.__main__ import PAPERS, agreement, main, reproduce
+from papers.reproduce.__main__ import PAPERS, agreement, main, reproduce, unheld
 from papers.reproduce.checks import Check, Item, Paper, at_least, at_most, claim, summary
 from papers.reproduce.part_programming import Blank, divided_cost, gain, pass_cost, uncorrected_cost
 
@@ -130,6 +130,24 @@ def test_a_path_for_the_largest_blank_meets_smaller_ones_with_thinner_passes_and
     assert costs[middle] == pytest.approx(deep + thin + air)
 
 
-def test_a_pass_too_deep_for_the_lowest_feed_is_not_planned() -> None:
-    assert np.isinf(pass_cost("PV", np.array([9.0]))[0])  # 2.5 mm (0.32 / 0.06)^0.75 is 8.8 mm
-    assert np.isfinite(pass_cost("PV", np.array([8.7]))[0])
+def test_a_pass_too_deep_for_a_limit_that_the_rule_does_not_name_is_not_planned() -> None:
+    within, beyond = pass_cost("SN", np.array([4.9, 5.1]))  # twice the force of 2.5 mm
+    assert np.isfinite(within)
+    assert np.isinf(beyond)
+    assert np.isfinite(pass_cost("PT", np.array([11.0]))[0])  # no lowest feed
+
+
+def test_the_claims_on_the_correction_hold_with_every_slack() -> None:
+    for slack in part_programming.SLACKS:
+        for source in ("handbook", "experience"):
+            gains = {rule: part_programming.most_gain(rule, source, slack) for rule in TWO_LIMITS}
+            assert min(gains[rule] for rule in part_programming.IMPROVED) >= part_programming.WORTH_HAVING
+            assert max(gains[rule] for rule in part_programming.NOT_NECESSARY) <= part_programming.WORTH_HAVING
+
+
+def test_an_item_with_a_check_that_does_not_hold_is_counted_once() -> None:
+    checks = [claim("equal wear: 1", False, "reason"), claim("equal wear: 2", False, "reason"), claim("pairs of the grid", True)]
+    paper = Paper("a paper", lambda: iter(checks), page="grid_search")
+    figures = [item for item in paper.items if item.figure]
+    assert unheld(paper, checks) - unheld(paper, []) == 1
+    assert unheld(paper, []) <= len(figures)

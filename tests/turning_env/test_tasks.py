@@ -177,3 +177,17 @@ def test_the_current_is_linear_in_the_force_and_not_zero_without():
     assert air["measured_servo_current"] == pytest.approx(
         torque * friction / motor + drive.no_load_current_rate * air["feed_velocity"]
     )
+
+
+@pytest.mark.parametrize("name", ["radial_force", "torque", "roughness"])
+def test_the_largest_excess_over_a_further_limit_is_charged_as_that_of_the_force(name):
+    loose = {other: {"coefficient": 1e-9, "feed": 1.0} for other in ("radial_force", "torque", "roughness")}
+    law = {"coefficient": 3.0, "feed": 0.5, "depth_of_cut": 0.8, "reference_depth_of_cut": 1.0}
+    free = changed(UNDISTURBED, limits={"thrust_force": 1e5})
+    bound = changed(free, limits=loose | {name: law | {"most": 1.5}})
+    (alone,), (charged,) = (steps(scenario, [[0.0, 0.0]]) for scenario in (free, bound))
+    assert alone["cost_force"] == 0.0
+    assert charged["cost_force"] == pytest.approx(3.0 * charged["feed"] ** 0.5 * 2.5**0.8 / 1.5 - 1.0, rel=1e-6)
+    assert charged["severe_overload_time"] == pytest.approx(charged["engaged_time"])
+    for same in ("thrust_force", "power", "wear", "removed", "cost_power"):
+        assert charged[same] == alone[same]

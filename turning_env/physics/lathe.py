@@ -17,7 +17,7 @@ from turning_env.physics.drives import clipped, set_point
 from turning_env.physics.economics import compute_reward
 from turning_env.physics.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
 from turning_env.physics.failure import chip, collapse
-from turning_env.physics.machinability import force_and_power, log_wear_coefficient
+from turning_env.physics.machinability import excess_over_further_limit, force_and_power, log_wear_coefficient
 from turning_env.physics.parts import end_passes, start_part, start_passes
 from turning_env.physics.quantities import END, OVERRIDE, PART, SET_POINT
 from turning_env.physics.report import clear_sums
@@ -266,6 +266,10 @@ def run_sub_step(state, work, report, count, parameters):
             tangle(state, work, i, p)
     failed, stops = 0, p.action != PART
     force_scale, power_scale = 1.0 / p.thrust_force_limit, 1.0 / p.power_limit
+    for k in range(p.further_limits):
+        for i in range(count):
+            excess = excess_over_further_limit(p, k, work.log_feed[i], work.log_depth[i], state.log_hardness[i])
+            work.over_further[i] = excess if k == 0 else max(work.over_further[i], excess)
     for i in range(count):
         add_to_sums(state, work, report, i, force_scale, power_scale, p)
         failed += watch_edge(state, work, i, p, stops)
@@ -334,7 +338,7 @@ def add_to_sums(state, work, report, i, force_scale, power_scale, parameters):
     engaged = work.engaged[i]  # [min]
     seconds = 60.0 * engaged
     force, power = state.thrust_force[i], state.power[i] + idle_power(parameters, state.cutting_speed[i])
-    over_force = max(force * force_scale - 1.0, 0.0)
+    over_force = max(force * force_scale - 1.0, work.over_further[i])
     over_power = max(power * power_scale / allowed_share(state, i, parameters) - 1.0, 0.0)
     over = max(over_force, over_power)
     report.engaged_time[i] += seconds

@@ -25,3 +25,11 @@ def force_and_power(parameters, log_cutting_speed, log_feed, log_depth_of_cut, l
         parameters.power_law, log_cutting_speed, log_feed, log_depth_of_cut, 0.0, log_wear, log_hardness
     )
     return exp(log_force), exp(log_power)
+
+
+@compiled
+def excess_over_further_limit(parameters, number, log_feed, log_depth_of_cut, log_hardness):
+    """Return the relative excess [-], at least 0, over a further limit: of radial force, torque or roughness."""
+    law = parameters.further_laws[number]
+    log_share = law[0] + law[1] * log_feed + law[2] * log_depth_of_cut + law[3] * log_hardness
+    return max(exp(log_share) - 1.0, 0.0)

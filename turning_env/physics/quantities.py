@@ -156,6 +156,7 @@ WORK = (
     Q("time_power_before", "-", "likewise before the sub-step"),
     Q("wear", "-", "wear over the criterion, by clock time"),
     Q("chip_remains", "-", "share of force and power that is left of before"),
+    Q("over_further", "-", "largest excess over a further limit, relative"),
     Q("worn", "-", "the edge is worn out, 0 or 1", np.int64),
     Q("broken", "-", "the edge is broken, 0 or 1", np.int64),
     Q("word_0", "-", "random word of the sensors", np.uint64),
@@ -213,7 +214,7 @@ OVER_STEP = (
     Q("severe_overload_time", "s", "time beyond a limit by more than the tolerance"),
     Q("roughness_deviation", "s", "integral of the relative deviation of Ra while cutting"),
     Q("cost", "-", "cost_force + cost_power; above 0 means violated"),
-    Q("cost_force", "-", "mean relative excess of thrust force over its limit"),
+    Q("cost_force", "-", "mean relative excess of thrust force, or of a further limit's response, over its limit"),
     Q("cost_power", "-", "mean relative excess of power over its limit"),
     Q("reward_metal", "s", "reward for removed metal"),
     Q("reward_time", "s", "reward for machine time"),
@@ -323,6 +324,12 @@ def _bar_flexibility(s: Scenario) -> float:
 def _timeless(s: Scenario) -> bool:
     """Return whether changing an edge takes no time, and its price holds that time."""
     return s.control.edge_changes == "end"
+
+
+def further_limits(s: Scenario) -> list[tuple[float, float, float, float]]:
+    """Return the log response over limit at f = d = H = 1, and the exponents of f, d and H, of each further limit."""
+    laws = [law for law in (s.limits.radial_force, s.limits.torque, s.limits.roughness) if law.bounds]
+    return [(law.log_coefficient - np.log(law.most), law.feed, law.depth_of_cut, law.hardness) for law in laws]
 
 
 def _same(*names: str, dtype: Any = np.float64) -> tuple[Parameter, ...]:
@@ -480,6 +487,15 @@ PARAMETERS = (
     *_same("radial_share"),
     P("thrust_force_limit", "N", "highest allowed thrust force", lambda s: s.limits.thrust_force),
     P("power_limit", "kW", "highest allowed power", lambda s: s.limits.power),
+    P("further_limits", "-", "how many further limits there are", lambda s: len(further_limits(s)), np.int64),
+    P(
+        "further_laws",
+        "-",
+        "log response over limit of each: at f = d = H = 1, exponents of f, d and H",
+        lambda s: np.array((*further_limits(s), *[(0.0, 0.0, 0.0, 0.0)] * 3)[:3]),
+        np.float64,
+        (3, 4),
+    ),
 )
 """What the transition reads of a scenario."""
 

@@ -296,10 +296,40 @@ class Economics(Section):
     )
 
 
+class FeedLimit(PowerLaw):
+    """A further limit: a response that grows with feed, depth of cut and hardness, and its largest value. It bounds the feed.
+
+    By default it is never reached. Form and use: adaptive part programming paper, "boundary conditions".
+    """
+
+    coefficient: float = quantity(1e-12, 1e-12, 1e12, "response", "response at f = d/d0 = H = 1; at the default, no limit")
+    most: float = quantity(1.0, 1e-9, 1e9, "response", "largest allowed response")
+
+    @model_validator(mode="after")
+    def _bounds_the_feed(self) -> Self:
+        for name in ("cutting_speed", "time", "wear"):
+            if (exponent := getattr(self, name)) != 0:
+                raise ValueError(f"{name} is {exponent}, but a further limit depends on feed, depth of cut and hardness: only 0")
+        if self.bounds and self.feed <= 0:
+            raise ValueError(f"feed is {self.feed}, but a further limit must bound the feed: above 0, to 10")
+        return self
+
+    @property
+    def bounds(self) -> bool:
+        """Whether there is a limit."""
+        return self.coefficient > 1e-12
+
+
 class Limits(Section):
     """Limits of the process."""
 
     thrust_force: float = quantity(1500, 0.001, 1e6, "N", "largest allowed thrust force")
     power: float = quantity(7, 0.001, 1e4, "kW", "largest allowed spindle power")
+    radial_force: FeedLimit = FeedLimit()
+    """Radial force P_y [N]. Its excess, as that of the next two, counts as an excess of force where it is the largest."""
+    torque: FeedLimit = FeedLimit()
+    """Spindle torque M [N m]."""
+    roughness: FeedLimit = FeedLimit()
+    """Height of the roughness, R_z [mm]."""
     overload_tolerance: float = quantity(0.05, 0, 1, "-", "relative excess over a limit that counts as overload")
     overload_allowance: float = quantity(0.05, 0, 1, "-", "share of cutting time in overload up to which a policy is feasible")

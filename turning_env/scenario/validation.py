@@ -46,7 +46,7 @@ def complaints(scenario: "Scenario") -> Iterator[str]:
     criterion, exponent = math.log(tool.wear_criterion), material.wear.time
     tertiary = scenario.edge_failure.tertiary_rate * max(tool.wear_criterion - scenario.edge_failure.tertiary_wear, 0.0)
     rate = (fresh[0] - criterion) / exponent, (fresh[1] - criterion) / exponent + tertiary
-    yield from _judged("wear", "tool lives per minute", -math.inf, rate[1])
+    yield from _judged("material.wear", "tool lives per minute", -math.inf, rate[1])
 
     slowest = 1000.0 * machine.cutting_speed_min / (math.pi * workpiece.diameter)  # spindle speed [rev/min]
     longest = max(control.interval / 60.0, workpiece.bar_length / (machine.feed_min * slowest))
@@ -57,14 +57,16 @@ def complaints(scenario: "Scenario") -> Iterator[str]:
         wear = criterion + exponent * _MIN_LOG_LIFE, criterion + exponent * most_life
         _, most = _log_span(law, factors | {"wear": wear})
         least, _ = _log_span(law, factors | {"wear": (criterion + exponent * min(least_life, 0.0), wear[1])})
-        yield from _judged(name, unit, least, most)
+        yield from _judged(f"material.{name}", unit, least, most)
+    for name in ("radial_force", "torque", "roughness"):
+        yield from _judged(f"limits.{name}", "", *_log_span(getattr(scenario.limits, name), factors))
 
 
 def _judged(name: str, unit: str, least: float, most: float) -> Iterator[str]:
     digits = most / math.log(10.0) if most > MAX_DIGITS * math.log(10.0) else least / math.log(10.0)
     if digits > MAX_DIGITS or -math.inf < digits < -MIN_DIGITS:
         allowed = f"1e-{MIN_DIGITS} to 1e{MAX_DIGITS}"
-        yield f"material.{name} comes to 1e{digits:.0f} {unit} within the scenario's ranges, but may come to {allowed} only"
+        yield f"{name} comes to 1e{digits:.0f} {unit} within the scenario's ranges, but may come to {allowed} only"
 
 
 def _log_span(law: PowerLaw, factors: dict[str, Span]) -> Span:

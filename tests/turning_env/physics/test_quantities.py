@@ -3,21 +3,25 @@
 import numpy as np
 import pytest
 
-from tests.turning_env.playing import slightly_different, variants
+from tests.turning_env.playing import changed, slightly_different, variants
 from turning_env import IDS, RoughTurningEnv, Scenario
 from turning_env.info import INFO_KEYS
 from turning_env.physics.quantities import OBS, OBSERVATION, layout, observation_table
 from turning_env.physics.records import parameter_records
 
+FURTHER = ("radial_force", "torque", "roughness")
 # Read by what scores policies, and by what reads observations, not by the transition.
 ELSEWHERE = {"limits.overload_allowance"}
 
 
+# Always 0.
+ELSEWHERE |= {f"limits.{name}.{key}" for name in FURTHER for key in ("cutting_speed", "time", "wear")}
+
+
 def test_no_configured_value_is_dead():
-    nominal = parameter_records(Scenario()).tobytes()
-    dead = {
-        name for name, scenario in variants(Scenario(), slightly_different) if parameter_records(scenario).tobytes() == nominal
-    }
+    limited = changed(Scenario(), limits={name: {"coefficient": 1.0, "feed": 1.0, "depth_of_cut": 0.5} for name in FURTHER})
+    nominal = parameter_records(limited).tobytes()
+    dead = {name for name, scenario in variants(limited, slightly_different) if parameter_records(scenario).tobytes() == nominal}
     assert dead == ELSEWHERE
 
 
