@@ -110,8 +110,8 @@ class Process:
     def of(cls, scenario: Scenario) -> Self:
         """Return the nominal process of a scenario.
 
-        The scenario's limit of torque holds. Without one it follows from full spindle power at the base speed; without that, at the
-        geometric middle of the range of cutting speeds (assumption). The idle torque is not told.
+        The scenario's limit of torque holds. Without one it follows from full spindle power at the base speed, and without that
+        at the geometric middle of the range of cutting speeds (assumption). The idle torque is not told.
         """
         material, machine, limits, economics = scenario.material, scenario.machine, scenario.limits, scenario.economics
         torque_over_power = 30.0 * scenario.workpiece.diameter  # times V: 30000 / (pi n) with n = 1000 V / (pi D)
