@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from numba.extending import overload, types
 from numpy.typing import NDArray
 
 from turning_env.info import Info, info_of
 from turning_env.numerics.compilation import compiled, compiled_entry
+from turning_env.numerics.lanes import at
 from turning_env.observation import bounds, observe
 from turning_env.physics import quantities
 from turning_env.physics.lathe import run_step, start_episode
@@ -48,10 +50,22 @@ def checked_seed(seed: Any, env_index: int) -> int:
     return int(seed)
 
 
+def parameters_of(scratch, jobs, block):
+    """Return the parameters of a block: those of its ``jobs``, or of the one scenario if there are none."""
+    return scratch.parameters if jobs is None else at(jobs[block], 0)
+
+
+@overload(parameters_of, jit_options={"forceinline": True, "no_cfunc_wrapper": True})
+def _parameters_of(scratch, jobs, block):
+    if isinstance(jobs, types.NoneType):
+        return lambda scratch, jobs, block: scratch.parameters
+    return lambda scratch, jobs, block: at(jobs[block], 0)
+
+
 @compiled
-def write_out(state, scratch, first, last, start, observations, table):
+def write_out(state, scratch, p, first, last, start, observations, table):
     """Copy observations and reports of some environments of a block into the arrays of all; the block begins at ``start``."""
-    p, work, report = scratch.parameters, scratch.work, scratch.report
+    work, report = scratch.work, scratch.report
     write_state(state, report, first, last, p)
     observe(state, work, first, last, p)
     for k in range(table.shape[0]):
@@ -73,18 +87,19 @@ def all_finite(actions, first, last):
 
 
 @compiled_entry
-def start_episodes(states, scratches, chosen, observations, table):
+def start_episodes(states, scratches, jobs, chosen, observations, table):
     """Start an episode in every chosen environment (``chosen``: bool, shape (environments,))."""
     scratch = scratches[0]
     for k in range(chosen.shape[0]):
         if chosen[k]:
             state, i = states[k // WIDTH], k % WIDTH
-            start_episode(state, scratch.work, scratch.report, i, scratch.parameters)
-            write_out(state, scratch, i, i + 1, k - i, observations, table)
+            p = parameters_of(scratch, jobs, k // WIDTH)
+            start_episode(state, scratch.work, scratch.report, i, p)
+            write_out(state, scratch, p, i, i + 1, k - i, observations, table)
 
 
 @compiled_entry
-def step_blocks(states, scratches, actions, observations, table, first_block, last_block):
+def step_blocks(states, scratches, jobs, actions, observations, table, first_block, last_block):
     """Run one step in blocks ``first_block`` to ``last_block - 1``. Ended environments start their next episode instead.
 
     Return whether their actions are finite; if not, none has moved.
@@ -92,9 +107,9 @@ def step_blocks(states, scratches, actions, observations, table, first_block, la
     if not all_finite(actions, first_block * WIDTH, min(last_block * WIDTH, actions.shape[0])):
         return False
     scratch = scratches[0]
-    p, work, report = scratch.parameters, scratch.work, scratch.report
+    work, report = scratch.work, scratch.report
     for b in range(first_block, last_block):
-        state, start = states[b], b * WIDTH
+        state, start, p = states[b], b * WIDTH, parameters_of(scratch, jobs, b)
         count = min(WIDTH, actions.shape[0] - start)
         for i in range(count):
             work.ended_before[i] = state.ended[i]
@@ -103,7 +118,7 @@ def step_blocks(states, scratches, actions, observations, table, first_block, la
             if work.ended_before[i] > 0:
                 state.episode[i] += np.uint64(1)
                 start_episode(state, work, report, i, p)
-        write_out(state, scratch, 0, count, start, observations, table)
+        write_out(state, scratch, p, 0, count, start, observations, table)
     return True
 
 
@@ -127,6 +142,7 @@ class Batch:
         self.num_envs = num_envs
         self.seeded = False
         self._scenario, self._threads = scenario, threads
+        self._jobs: Any = None
         self._states = new_records(STATE, -(-num_envs // WIDTH))
         self._actions = np.zeros((num_envs, action_size(scenario)))
         self.observations = np.zeros((num_envs, len(quantities.layout(scenario))), np.float32)
@@ -184,7 +200,7 @@ class Batch:
         """Start the episode of its seed and number in every chosen environment, shape (num_envs,)."""
         self.observations = self.observations.copy()
         self.table = self.table if self._table_shape is None else self.table.copy()
-        start_episodes(self._states, self._scratches[0], chosen, self.observations, self.table)
+        start_episodes(self._states, self._scratches[0], self._jobs, chosen, self.observations, self.table)
         self.seeded = True
 
     def next_episode(self, chosen: NDArray[np.bool_]) -> None:
@@ -203,7 +219,9 @@ class Batch:
         observations = np.empty(self.observations.shape, np.float32)
         table = self.table if self._table_shape is None else np.empty(self._table_shape)
         if self._helpers is None or len(self._states) < MIN_BLOCKS:
-            finite = step_blocks(self._states, self._scratches[0], self._actions, observations, table, 0, len(self._states))
+            finite = step_blocks(
+                self._states, self._scratches[0], self._jobs, self._actions, observations, table, 0, len(self._states)
+            )
         else:
             finite = bool(np.isfinite(self._actions).all())
             if finite:
@@ -223,7 +241,7 @@ class Batch:
         def work(scratch: Any) -> None:
             while (first := next(claims)) < blocks:
                 last = min(first + BLOCKS_CLAIMED, blocks)
-                step_blocks(self._states, scratch, self._actions, observations, table, first, last)
+                step_blocks(self._states, scratch, self._jobs, self._actions, observations, table, first, last)
 
         assert self._helpers is not None
         futures = [self._helpers.submit(work, scratch) for scratch in self._scratches[1:]]

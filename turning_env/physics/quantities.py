@@ -310,9 +310,9 @@ def _same(*names: str, dtype: Any = np.float64) -> tuple[Parameter, ...]:
 P = Parameter
 
 PARAMETERS = (
-    P("wear_law", "mm", "wear of a fresh edge", lambda s: s.material.wear.record(), POWER_LAW_RECORD),
-    P("force_law", "N", "thrust force", lambda s: s.material.thrust_force.record(), POWER_LAW_RECORD),
-    P("power_law", "kW", "power", lambda s: s.material.power.record(), POWER_LAW_RECORD),
+    P("wear_law", "mm", "wear of a fresh edge", lambda s: s.material.wear, POWER_LAW_RECORD),
+    P("force_law", "N", "thrust force", lambda s: s.material.thrust_force, POWER_LAW_RECORD),
+    P("power_law", "kW", "power", lambda s: s.material.power, POWER_LAW_RECORD),
     P(
         "wear_rule",
         "-",
@@ -333,13 +333,13 @@ PARAMETERS = (
     *_same("cutting_speed_min", "cutting_speed_max", "feed_min", "feed_max", "chip_lag", "return_time"),
     P("log_cutting_speed_min", "-", "logarithm of the lowest speed", lambda s: np.log(s.machine.cutting_speed_min)),
     P(
-        "log_cutting_speed_span",
+        "cutting_speed_scale",
         "-",
-        "log(highest / lowest speed)",
-        lambda s: np.log(s.machine.cutting_speed_max / s.machine.cutting_speed_min),
+        "2 / log(highest / lowest speed)",
+        lambda s: 2.0 / np.log(s.machine.cutting_speed_max / s.machine.cutting_speed_min),
     ),
     P("log_feed_min", "-", "logarithm of the lowest feed", lambda s: np.log(s.machine.feed_min)),
-    P("log_feed_span", "-", "log(highest / lowest feed)", lambda s: np.log(s.machine.feed_max / s.machine.feed_min)),
+    P("feed_scale", "-", "2 / log(highest / lowest feed)", lambda s: 2.0 / np.log(s.machine.feed_max / s.machine.feed_min)),
     P(
         "spindle_share",
         "-",
@@ -368,6 +368,9 @@ PARAMETERS = (
         (MAX_DEPTHS,),
     ),
     *_same("bar_length", "approach", "depth_of_cut", "depth_ripple", "depth_bar_spread", "depth_along_spread"),
+    P("ripples", "-", "the depth ripples", lambda s: s.workpiece.depth_ripple > 0, np.bool_),
+    P("has_skin", "-", "blanks have a skin", lambda s: s.mismatch.skin_thickness > 0, np.bool_),
+    P("chips_lag", "-", "force and power lag behind the chip", lambda s: s.machine.chip_lag > 0, np.bool_),
     P("depth_ripples_per_turn", "1/rev", "waves of the depth's ripple", lambda s: 1.0 / s.workpiece.depth_ripple_period),
     P("depth_nodes_per_length", "1/mm", "nodes of depth", lambda s: 1.0 / s.workpiece.depth_correlation_length),
     P("hardness_nodes_per_length", "1/mm", "nodes of hardness", lambda s: 1.0 / s.workpiece.hardness_correlation_length),
@@ -424,8 +427,16 @@ PARAMETERS = (
     ),
     P("thrust_force_limit", "N", "highest allowed thrust force", lambda s: s.limits.thrust_force),
     P("power_limit", "kW", "highest allowed power", lambda s: s.limits.power),
+    P("per_thrust_force_limit", "1/N", "1 / thrust_force_limit", lambda s: 1.0 / s.limits.thrust_force),
+    P("per_power_limit", "1/kW", "1 / power_limit", lambda s: 1.0 / s.limits.power),
 )
 """What the transition reads of a scenario."""
+
+NOMINAL = (
+    *("wear_law", "force_law", "power_law", "log_wear_criterion", "life_exponent"),
+    *("current_per_newton", "no_load_current", "no_load_current_rate"),
+)
+"""Parameters that the control's predictions read of the nominal model: ``parameters.nominal.force_law``."""
 
 
 def quantity_table(quantities: Iterable[Quantity]) -> str:

@@ -4,6 +4,7 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
+from turning_env.numerics.lanes import at
 from turning_env.physics.drives import spindle_torque
 from turning_env.physics.records import FIRST_SUM
 from turning_env.physics.surface import roughness
@@ -22,8 +23,8 @@ def clear_sums(report, first, last):
 @compiled
 def write_state(state, report, first, last, parameters):
     """Report the true state of some environments of a block at the step's end."""
-    p = parameters
     for i in range(first, last):
+        p = at(parameters, i)
         spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre
         report.cutting_speed[i] = state.cutting_speed[i]
         report.feed[i] = state.feed[i]
@@ -52,10 +53,10 @@ def write_state(state, report, first, last, parameters):
         report.hardness[i] = hardness if in_metal else 0.0
         report.wear_factor[i] = exp(state.log_wear_factor[i])
     for i in range(first, last):
-        wear = exp(log_wear(p, state.used_life[i]))
+        wear = exp(log_wear(at(parameters, i), state.used_life[i]))
         report.wear[i] = wear if state.used_life[i] > 0.0 else 0.0
         report.roughness[i] = 0.0
-    if p.holds_roughness:
+    if parameters.holds_roughness:
         for i in range(first, last):
-            rough = roughness(p, state.thrust_force[i])
+            rough = roughness(at(parameters, i), state.thrust_force[i])
             report.roughness[i] = rough if state.cutting[i] > 0 else 0.0
