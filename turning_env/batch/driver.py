@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numba.extending import overload, types
+from numba import types
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from turning_env.info import Info, info_of
 from turning_env.numerics.compilation import compiled, compiled_entry
-from turning_env.numerics.lanes import at
+from turning_env.numerics.lanes import INLINED, at
 from turning_env.observation import bounds, observe
 from turning_env.physics import quantities
 from turning_env.physics.lathe import run_step, start_episode
@@ -55,7 +56,7 @@ def parameters_of(scratch, jobs, block):
     return scratch.parameters if jobs is None else at(jobs[block], 0)
 
 
-@overload(parameters_of, jit_options={"forceinline": True, "no_cfunc_wrapper": True})
+@overload(parameters_of, jit_options=INLINED)
 def _parameters_of(scratch, jobs, block):
     if isinstance(jobs, types.NoneType):
         return lambda scratch, jobs, block: scratch.parameters

@@ -8,11 +8,14 @@ record itself, at no cost. Otherwise the record has a field ``rows``, which cove
 from typing import Any
 
 import numpy as np
+from numba import types
 from numba.core.cgutils import create_struct_proxy, get_record_member
 from numba.core.typing.templates import AttributeTemplate
-from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, overload, register_model, types
+from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, overload, register_model
 
 ROWS = "rows"
+INLINED: Any = {"forceinline": True, "no_cfunc_wrapper": True}
+"""Options of overloads that are compiled into their callers."""
 
 
 class Lane:
@@ -63,7 +66,7 @@ def _lane(context: Any, builder: Any, lane: Any, block: Any, index: Any) -> Any:
 class _LaneAttributes(AttributeTemplate):
     key = _LaneType
 
-    def generic_resolve(self, lane: Any, name: str) -> Any:
+    def generic_resolve(self, lane: Any, name: str) -> Any:  # type: ignore[override]
         """Return the type of an attribute."""
         field = lane.record.typeof(name)
         if isinstance(field, types.Record):
@@ -71,7 +74,7 @@ class _LaneAttributes(AttributeTemplate):
         return field.dtype if isinstance(field, types.NestedArray) and field.shape == (lane.width,) else field
 
 
-@lower_getattr_generic(_LaneType)
+@lower_getattr_generic(_LaneType)  # type: ignore[untyped-decorator]
 def _read(context: Any, builder: Any, lane: Any, value: Any, name: str) -> Any:
     parts = create_struct_proxy(lane)(context, builder, value)
     block = builder.bitcast(parts.block, context.get_value_type(lane.record))
@@ -98,8 +101,8 @@ def _lane_of(typing_context: Any, parameters: Any, index: Any) -> Any:
     return lane(parameters, types.intp), make
 
 
-@overload(at, jit_options={"forceinline": True, "no_cfunc_wrapper": True})
+@overload(at, jit_options=INLINED)
 def _at(parameters, i):
     if isinstance(parameters, _LaneType) or ROWS in parameters.fields:
-        return lambda parameters, i: _lane_of(parameters, i)
+        return lambda parameters, i: _lane_of(parameters, i)  # type: ignore[call-arg]
     return lambda parameters, i: parameters
