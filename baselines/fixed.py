@@ -26,7 +26,7 @@ class FixedParameters(Policy):
     def __init__(self, scenario: Scenario, cutting_speed: float | NDArray[np.float64], feed: float | NDArray[np.float64]) -> None:
         machine = scenario.machine
         self._scenario = scenario
-        self._cutting_speed = np.clip(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)
+        self._cutting_speed = np.clip(cutting_speed, machine.cutting_speed_min, scenario.cutting_speed_max)
         self._feed = np.clip(feed, machine.feed_min, machine.feed_max)
 
     def act(self, observations: Observations) -> Actions:

@@ -1,8 +1,8 @@
 """The stepped bar of the fuzzy override paper without randomness, to compare laws of feed override.
 
-Steel E295 on a 9 kW lathe, programmed feed 0.4 mm/rev, target load 60 % (preset `override`), without spreads and noise, with an
-edge that does not break. Force and power follow depth and feed at once: with a lag of one turn, the first form of the fuzzy law
-would swing over its whole range even on a smooth bar, which the paper's did not.
+Steel E295 on a 9 kW lathe, programmed feed 0.4 mm/rev, target load 60 % of the drive's torque (preset `override_torque`), without
+spreads and noise, with an edge that does not break. Force and power follow depth and feed at once: with a lag of one turn, the
+first form of the fuzzy law would swing over its whole range even on a smooth bar, which the paper's did not.
 """
 
 from dataclasses import dataclass
@@ -16,23 +16,28 @@ from turning_env import RoughTurningEnv, Scenario
 from turning_env.scoring.policy import PolicyFactory
 
 RIPPLE = 0.02
-"""Amplitude of the ripple of load in the paper's test, over the load [-]."""
+"""Amplitude of the ripple of depth in the paper's test, over the depth [-]."""
 STEPS = (1.0, 2.0, 3.0)
 """Depths of cut of the paper's test [mm]."""
 
 
 def stepped_bar(
-    depths: tuple[float, ...] = STEPS, bar_length: float = 100.0, ripple_period: float | None = None, chip_lag: float = 0.0
+    depths: tuple[float, ...] = STEPS,
+    bar_length: float = 100.0,
+    ripple_period: float | None = None,
+    chip_lag: float = 0.0,
+    torque: float = 1.0,
 ) -> Scenario:
     """Return the scenario of a bar in sections of equal length.
 
     Args:
         depths: depth of cut of each section [mm].
         bar_length: of all sections [mm].
-        ripple_period: of a ripple of depth, and so of load [s]; None for a smooth bar.
+        ripple_period: of a ripple of depth [s]; None for a smooth bar.
         chip_lag: of force and power behind feed and depth [rev].
+        torque: of the main drive over that of the preset [-].
     """
-    base = Scenario.load("override")
+    base = Scenario.load("override_torque")
     spreads = [f"{field}_{kind}_spread" for field in ("depth", "hardness") for kind in ("bar", "along")]
     workpiece: dict[str, Any] = dict.fromkeys(spreads, 0.0) | {"depth_profile": depths, "bar_length": bar_length}
     workpiece["depth_ripple"] = 0.0 if ripple_period is None else RIPPLE
@@ -40,11 +45,12 @@ def stepped_bar(
         diameter, speed = base.workpiece.diameter, base.control.initial_cutting_speed
         workpiece["depth_ripple_period"] = ripple_period / 60.0 * 1000.0 * speed / (np.pi * diameter)
     return changed(
-        "override",
+        "override_torque",
         tool={"wear_factor_spread": 0.0, "edge_strength": 1e6, "edge_strength_spread": 0.0},
-        machine={"chip_lag": chip_lag},
+        machine={"chip_lag": chip_lag, "rated_power": torque * base.machine.rated_power},
         workpiece=workpiece,
         sensors={"power_noise": 0.0, "force_noise": 0.0},
+        limits={"power": torque * base.limits.power},
     )
 
 
@@ -85,6 +91,6 @@ def play_bar(make_policy: PolicyFactory, scenario: Scenario) -> Trajectory:
         observation, _, terminated, truncated, info = env.step(policy.act(observation[np.newaxis])[0])
         time += info["time"]
         override = info["commanded_feed"] / scenario.control.initial_feed
-        rows.append((time, info["depth_of_cut"], override, info["power"] / scenario.machine.rated_power))
+        rows.append((time, info["depth_of_cut"], override, info["spindle_load"]))
         ended = terminated or truncated
     return Trajectory(*np.array(rows).T)

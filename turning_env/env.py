@@ -95,7 +95,8 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | 9     | force_ratio             | measured thrust force: `5 * (force / predicted force - 1)` | -5 to 15 |
     | 10    | cutting                 | 1 in metal, 0 in air                                       | 0 to 1   |
 
-    Some scenarios add an entry: `roughness_reference` if a roughness is to be held, `probed_depth` if blanks are probed.
+    Some scenarios add an entry: `roughness_reference` if a roughness is to be held, `probed_depth` if blanks are probed,
+    `spindle_heat` if the spindle may be overloaded for a short time.
 
     ## Reward
 
@@ -125,12 +126,12 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     `feed` and `commanded_feed` [mm/rev], `spindle_speed` [rev/min], `feed_velocity` [mm/min], `torque` [N m], `path` [mm],
     `bar` [-], `cutting` (bool), `depth_of_cut` [mm] and `hardness` [-] (0 in air), `cutting_time` [min], `used_life` [-],
     `wear` [mm], `wear_factor` [-], `edge_strength` [N], `thrust_force` and `measured_thrust_force` [N], `power` and
-    `measured_power` [kW], `measured_servo_current` [A], `roughness` and `roughness_reference` [um], `probed_depth` [mm] (0
-    where they do not apply), `broken` and `finished` (bool); and over the step: `time`, `engaged_time`, `stopped_time`,
-    `overload_time` and `severe_overload_time` [s], `mean_thrust_force` [N] and `mean_power` [kW] while cutting, `removed`
-    [cm3], `passes`, `edges_used` and `edges_broken` [-], `roughness_deviation` (integral of the relative deviation) [s],
-    `cost` = `cost_force` + `cost_power` (mean relative excess over each limit [-], positive means violated), and the terms
-    of the reward [s], with `reward_roughness`, which is 0 here.
+    `measured_power` [kW], `measured_servo_current` [A], `roughness` and `roughness_reference` [um], `probed_depth` [mm],
+    `spindle_load` and `spindle_heat` [-] (0 where they do not apply), `broken` and `finished` (bool); and over the step:
+    `time`, `engaged_time`, `stopped_time`, `overload_time` and `severe_overload_time` [s], `mean_thrust_force` [N] and
+    `mean_power` [kW] while cutting, `removed` [cm3], `passes`, `edges_used` and `edges_broken` [-], `roughness_deviation`
+    (integral of the relative deviation) [s], `cost` = `cost_force` + `cost_power` (mean relative excess over each limit [-],
+    positive means violated), and the terms of the reward [s], with `reward_roughness`, which is 0 here.
 
     ## Arguments
 

@@ -19,6 +19,7 @@ from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.machinability import force_and_power
 from turning_env.physics.quantities import DEVIATION_SCALE, MAX_LOG_TIME, MAX_RATIO, OBS, OBSERVATION, layout
 from turning_env.physics.records import parameter_records
+from turning_env.physics.spindle import capacity, capacity_at, idle_power
 from turning_env.physics.wear import log_wear
 from turning_env.scenario import Scenario
 
@@ -66,10 +67,10 @@ def observe(state, work, first, last, parameters):
     for i in range(first, last):
         work.log_wear[i] = log_wear(at(p, i).nominal, state.nominal_used_life[i])
     for i in range(first, last):
-        wear, nominal = work.log_wear[i], at(p, i).nominal
-        force, power = force_and_power(
-            nominal, work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i], wear, 0.0
-        )
+        speed, feed, depth = work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i]
+        nominal = at(p, i).nominal
+        force, power = force_and_power(nominal, speed, feed, depth, work.log_wear[i], 0.0)
+        power += idle_power(nominal, state.cutting_speed[i])
         work.predicted_force[i] = force
         has_cut = state.nominal_used_life[i] > 0.0
         entries[OBS.power_ratio, i] = deviation(state.measured_power[i] / power if has_cut else 0.0)
@@ -77,6 +78,12 @@ def observe(state, work, first, last, parameters):
     for i in range(first, last):
         ratio = min(exp(work.log_wear[i] - at(p, i).log_wear_criterion), MAX_RATIO)
         entries[OBS.nominal_wear, i] = ratio if state.nominal_used_life[i] > 0.0 else 0.0
+    if p.reads_torque:
+        for i in range(first, last):
+            entries[OBS.power, i] = deviation(state.measured_power[i] * at(p, i).per_power_limit / capacity(at(p, i), state.cutting_speed[i]))
+    if p.heats:
+        for i in range(first, last):
+            entries[OBS.spindle_heat, i] = min(state.spindle_heat[i], MAX_RATIO)
     if p.senses_current:
         for i in range(first, last):
             own = at(p, i)
@@ -104,7 +111,7 @@ class Reading(NamedTuple):
     power: NDArray[np.float64]
     """Measured power [kW]."""
     load: NDArray[np.float64]
-    """Measured power over the spindle's rated power [-]."""
+    """Measured power over the spindle's rated power, or torque over the torque that it has at its speed (``spindle.reading``)."""
     thrust_force: NDArray[np.float64]
     """Measured thrust force [N]; if the servo current is sensed, the force whose steady current it is."""
     servo_current: NDArray[np.float64]
@@ -131,6 +138,8 @@ class Reading(NamedTuple):
     """Reference of Ra [um]; NaN if there is none."""
     probed_depth: NDArray[np.float64]
     """Mean allowance of the next blank [mm]; NaN if blanks are not probed."""
+    spindle_heat: NDArray[np.float64]
+    """Heating of the spindle's motor over that of its rated load [-]; NaN without short-time overload."""
 
 
 def _in_range(position: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
@@ -146,9 +155,12 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
     columns = dict(zip(layout(scenario), np.asarray(observation, np.float64).T, strict=True))
     machine, limits, surface = scenario.machine, scenario.limits, scenario.surface
 
-    power = _ratio(columns["power"]) * limits.power
+    load = _ratio(columns["power"]) * limits.power / machine.rated_power
     cutting_speed = _in_range(columns["cutting_speed"], machine.cutting_speed_min, machine.cutting_speed_max)
     feed = _in_range(columns["feed"], machine.feed_min, machine.feed_max)
+    power = _ratio(columns["power"]) * limits.power
+    if scenario.spindle.reading == "torque":
+        power = power * capacity_at(scenario, cutting_speed)
     unknown = np.full(len(power), np.nan)
     if scenario.sensors.force == "servo_current":
         parameters: Any = _parameters(scenario)
@@ -159,7 +171,7 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
         servo_current, thrust_force = unknown, _ratio(columns["thrust_force"]) * limits.thrust_force
     return Reading(
         power=power,
-        load=power / machine.rated_power,
+        load=load,
         thrust_force=thrust_force,
         servo_current=servo_current,
         cutting_speed=cutting_speed,
@@ -179,6 +191,7 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
             else unknown
         ),
         probed_depth=_ratio(columns["probed_depth"]) * scenario.workpiece.depth_of_cut if "probed_depth" in columns else unknown,
+        spindle_heat=columns.get("spindle_heat", unknown),
     )
 
 

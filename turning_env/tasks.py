@@ -40,7 +40,9 @@ class OverrideEnv(RoughTurningEnv):
 
     ## Observation space
 
-    As for `RoughTurningEnv`; the power limit is the target load, 5.4 kW. The spindle load is power / 9 kW.
+    As for `RoughTurningEnv`; the power limit is the target load, 5.4 kW. The spindle load is power / 9 kW. At this one spindle
+    speed it is also the share of torque, for every drive with a base speed of up to 710 rev/min. The preset `override_torque` has
+    an idle torque beside, as the paper's drive.
 
     ## Reward and end
 

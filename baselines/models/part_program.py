@@ -29,7 +29,7 @@ class PartProgram:
         self.scenario = scenario
         speed = parameters.get("cutting_speed", control.initial_cutting_speed)
         feed = parameters.get("feed", control.initial_feed)
-        self.cutting_speed = min(max(speed, machine.cutting_speed_min), machine.cutting_speed_max)
+        self.cutting_speed = min(max(speed, machine.cutting_speed_min), scenario.cutting_speed_max)
         self.feed = min(max(feed, machine.feed_min), machine.feed_max)
         self.override_max = control.override_max
 

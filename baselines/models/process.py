@@ -107,8 +107,8 @@ class Process:
     def of(cls, scenario: Scenario) -> Self:
         """Return the nominal process of a scenario.
 
-        A scenario has no torque limit. It follows from full spindle power at the geometric middle of the range of cutting speeds
-        (assumption).
+        The torque limit follows from full spindle power at the base speed; without one, at the geometric middle of the range of
+        cutting speeds (assumption). The idle torque is not told.
         """
         material, machine, limits, economics = scenario.material, scenario.machine, scenario.limits, scenario.economics
         torque_over_power = 30.0 * scenario.workpiece.diameter  # times V: 30000 / (pi n) with n = 1000 V / (pi D)
@@ -118,14 +118,14 @@ class Process:
                 "cutting_speed": material.power.cutting_speed - 1.0,
             }
         )
-        middle_speed = math.sqrt(machine.cutting_speed_min * machine.cutting_speed_max)
+        full_power_from = scenario.base_cutting_speed or math.sqrt(machine.cutting_speed_min * machine.cutting_speed_max)
         return cls(
             wear=material.wear,
             wear_criterion=scenario.tool.wear_criterion,
             thrust_force=Limit(material.thrust_force, limits.thrust_force),
             power=Limit(material.power, limits.power),
-            torque=Limit(torque, limits.power * torque_over_power / middle_speed),
-            cutting_speed_range=(machine.cutting_speed_min, machine.cutting_speed_max),
+            torque=Limit(torque, limits.power * torque_over_power / full_power_from),
+            cutting_speed_range=(machine.cutting_speed_min, scenario.cutting_speed_max),
             feed_range=(machine.feed_min, machine.feed_max),
             edge_price=economics.edge_cost + economics.edge_change_time,
         )

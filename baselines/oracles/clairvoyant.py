@@ -55,7 +55,10 @@ GRID = Grid()
 
 
 def covers(scenario: Scenario) -> bool:
-    """Return whether the bound holds for a scenario: one edge, the aim removal, actions per step, wear by equivalent time."""
+    """Return whether the bound holds for a scenario: one edge, the aim removal, actions per step, wear by equivalent time.
+
+    The limit of power must not rise for a short time, as the bound takes it as constant.
+    """
     control = scenario.control
     enough_time = scenario.workpiece.bars > 0 or control.time_limit >= MIN_TIME_LIMIT
     return (
@@ -63,6 +66,7 @@ def covers(scenario: Scenario) -> bool:
         and control.aim == "removal"
         and control.edge_changes == "end"
         and scenario.tool.wear_rule == "equivalent_time"
+        and scenario.spindle.short_time_load == 1.0
         and enough_time
     )
 

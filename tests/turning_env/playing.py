@@ -33,6 +33,17 @@ UNDISTURBED = changed(Scenario.load("paper"), tool={"wear_rule": "equivalent_tim
 """One metal, one depth, no lags, no noise, no air, an edge that does not break; actions are set points."""
 
 
+HOT_SPINDLE = changed(
+    Scenario.load("shift"),
+    spindle={"base_speed": 450.0, "max_speed": 600.0, "idle_torque": 6.0, "reading": "torque"}
+    | {"short_time_load": 1.4, "thermal_time_constant": 0.3},
+    machine={"rated_power": 3.0},
+    limits={"power": 3.0},
+    tool={"wear_criterion": 0.12},
+)
+"""A spindle with all that it can have, soon hot, and edge changes in which it cools."""
+
+
 def variants(section: Any, others: Callable[[Any, FieldInfo], Iterable[Any]], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Copies in which one value differs, with its dotted name: ``others`` gives what else a value and its field may be.
 

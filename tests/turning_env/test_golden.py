@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from tests.turning_env.playing import changed, fixed_actions, play
+from tests.turning_env.playing import HOT_SPINDLE, changed, fixed_actions, play
 from turning_env import IDS, MODEL_VERSION, SPLITS, RoughTurningEnv, Scenario
 
 FOLDER = Path(__file__).parents[1] / "golden"
@@ -33,10 +33,14 @@ SCENARIOS = {
     "worn_batch": changed(Scenario.load("batch_casting"), tool={"wear_criterion": 0.1, "wear_rule": "clock_time"}),
     "overload": changed(Scenario(), limits={"thrust_force": 500.0, "power": 2.0, "overload_tolerance": 0.3}),
     "job": changed(Scenario(), workpiece={"bars": 2, "bar_length": 20.0}, tool={"edge_strength": 1e6}),
+    "hot_spindle": HOT_SPINDLE,
     "surface_current": changed(
         Scenario.load("surface"), sensors={"force": "servo_current", "force_noise": 0.1}, surface={"reference_time": 0.1}
     ),
-    **{preset: Scenario.load(preset) for preset in sorted({*IDS.values(), *SPLITS, "override_current", "rough_turning_current"})},
+    **{
+        preset: Scenario.load(preset)
+        for preset in sorted({*IDS.values(), *SPLITS, "override_current", "override_torque", "rough_turning_current"})
+    },
 }
 
 

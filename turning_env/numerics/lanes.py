@@ -51,7 +51,7 @@ class _LaneType(types.Type):
 
 
 @register_model(_LaneType)
-class _LaneModel(models.StructModel):  # type: ignore[misc]
+class _LaneModel(models.StructModel):
     def __init__(self, manager: Any, lane: Any) -> None:
         super().__init__(manager, lane, [("block", types.voidptr), ("index", types.intp)])
 

@@ -12,6 +12,7 @@ from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
 from turning_env.numerics.keyed_random import EDGE_CHANNEL, standard_normals
 from turning_env.numerics.lanes import at
+from turning_env.physics.spindle import cool_down
 
 
 @compiled
@@ -69,5 +70,6 @@ def change_edge(state, report, i, parameters, minutes):
     state.clock[i] += minutes
     report.time[i] += 60.0 * minutes
     report.stopped_time[i] += 60.0 * minutes
+    cool_down(state, i, parameters, minutes)
     state.edge[i] += 1
     fit_edge(state, i, parameters)

@@ -22,6 +22,7 @@ from turning_env.physics.parts import end_passes, start_part, start_passes
 from turning_env.physics.quantities import END, OVERRIDE, PART, SET_POINT
 from turning_env.physics.report import clear_sums
 from turning_env.physics.sensors import follow_process, read_sensors
+from turning_env.physics.spindle import allowed_share, heat_up, idle_power
 from turning_env.physics.surface import draw_reference, roughness
 from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock
 from turning_env.physics.workpiece import look_up_fields, position_in_row, probe_next_bar
@@ -57,6 +58,7 @@ def start_episode(state, work, report, i, parameters):
     state.measured_thrust_force[i] = 0.0
     state.measured_servo_current[i] = 0.0
     state.measured_power[i] = 0.0
+    state.spindle_heat[i] = 0.0
     look_ahead(state, i, i + 1, p)
     clear_sums(report, i, i + 1)
     work.log_cutting_speed[i] = log(p.initial_cutting_speed)
@@ -159,7 +161,7 @@ def command(state, work, actions, first, last, parameters):
     for i in range(first, last):
         own = at(p, i)
         speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
-        state.commanded_cutting_speed[i] = min(max(speed, own.cutting_speed_min), own.cutting_speed_max)
+        state.commanded_cutting_speed[i] = min(max(speed, own.cutting_speed_min), own.reachable_cutting_speed)
         state.commanded_feed[i] = min(max(feed, own.feed_min), own.feed_max)
 
 
@@ -243,6 +245,9 @@ def run_sub_step(state, work, report, count, parameters):
         failed += watch_edge(state, work, i, p, stops)
         leave_metal(state, work, i)
         follow_process(state, work, i, p)
+    if p.heats:
+        for i in range(count):
+            heat_up(state, work, i, p)
     return failed
 
 
@@ -304,9 +309,9 @@ def add_to_sums(state, work, report, i, parameters):
     p = at(parameters, i)
     engaged = work.engaged[i]  # [min]
     seconds = 60.0 * engaged
-    force, power = state.thrust_force[i], state.power[i]
+    force, power = state.thrust_force[i], state.power[i] + idle_power(p, state.cutting_speed[i])
     over_force = max(force * p.per_thrust_force_limit - 1.0, 0.0)
-    over_power = max(power * p.per_power_limit - 1.0, 0.0)
+    over_power = max(power * p.per_power_limit / allowed_share(state, i, p) - 1.0, 0.0)
     over = max(over_force, over_power)
     report.engaged_time[i] += seconds
     report.removed[i] += state.cutting_speed[i] * state.feed[i] * state.depth_of_cut[i] * engaged

@@ -12,6 +12,7 @@ from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import log
 from turning_env.numerics.lanes import at
 from turning_env.physics.drives import clipped, set_point
+from turning_env.physics.spindle import cool_down
 
 MIN_DEPTH = 0.01
 """Depth of a pass [mm] below which the control's models are not evaluated."""
@@ -39,7 +40,7 @@ def start_passes(state, work, report, actions, first, last, parameters, number):
 def start_pass(state, work, report, i, parameters, action, number):
     """Set speed, feed, depth and sub-step of a pass, 0 the first."""
     p = at(parameters, i)
-    speed = set_point(action[2 + 2 * number], p.cutting_speed_min, p.cutting_speed_max)
+    speed = min(set_point(action[2 + 2 * number], p.cutting_speed_min, p.cutting_speed_max), p.reachable_cutting_speed)
     feed = set_point(action[3 + 2 * number], p.feed_min, p.feed_max)
     passes, depth = work.passes[i], work.pass_depth[i]
     state.commanded_cutting_speed[i] = speed
@@ -78,6 +79,7 @@ def end_pass(state, work, report, i, parameters):
     return_time = at(parameters, i).return_time
     state.clock[i] += return_time
     report.time[i] += 60.0 * return_time
+    cool_down(state, i, parameters, return_time)
 
 
 @compiled

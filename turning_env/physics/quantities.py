@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from turning_env.physics.drives import lag_share
+from turning_env.physics.spindle import idle_power_at
 from turning_env.physics.wear import CLOCK_TIME, EQUIVALENT_TIME
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import POWER_LAW_RECORD
@@ -102,7 +103,8 @@ STATE = (
     Q("pass_ceiling", "mm", "and lower than this, as the passes before it have cut the rest"),
     Q("log_nominal_depth", "-", "logarithm of the pass's depth [mm] in the nominal model"),
     Q("thrust_force", "N", "thrust force"),
-    Q("power", "kW", "spindle power"),
+    Q("power", "kW", "cutting power"),
+    Q("spindle_heat", "-", "heating of the spindle's motor over that of its rated load"),
     Q("lagged_thrust_force", "N", "thrust force behind the sensor's lag"),
     Q("lagged_power", "kW", "power behind the sensor's lag"),
     Q("measured_thrust_force", "N", "measured thrust force"),
@@ -182,6 +184,8 @@ AT_END = (
     Q("measured_thrust_force", "N", "measured thrust force, 0 if the servo current is measured instead"),
     Q("measured_servo_current", "A", "measured servo current, 0 if the force is measured"),
     Q("measured_power", "kW", "measured power"),
+    Q("spindle_load", "-", "spindle power over rated power, or torque over available torque (`spindle.reading`)"),
+    Q("spindle_heat", "-", "heating of the spindle's motor over that of its rated load, 0 without short-time overload"),
     Q("roughness", "um", "Ra, 0 in air and in scenarios without a reference"),
     Q("roughness_reference", "um", "reference of Ra for the next step, 0 if there is none"),
     Q("probed_depth", "mm", "mean allowance of the next blank, 0 if it is not probed"),
@@ -237,6 +241,13 @@ OBSERVATION = (
     Entry("power_ratio", "measured power: `5 * (power / predicted power - 1)`", _LOW, _HIGH),
     Entry("force_ratio", "measured thrust force: `5 * (force / predicted force - 1)`", _LOW, _HIGH),
     Entry("cutting", "1 in metal, 0 in air", 0.0, 1.0),
+    Entry(
+        "spindle_heat",
+        "heating of the spindle's motor over that of its rated load",
+        0.0,
+        MAX_RATIO,
+        lambda scenario: scenario.spindle.short_time_load > 1.0,
+    ),
     Entry(
         "roughness_reference",
         "reference of Ra, log scale, -1 lowest, 1 highest",
@@ -347,6 +358,22 @@ PARAMETERS = (
         lambda s: lag_share(_sub_step(s), s.machine.spindle_time_constant),
     ),
     P("feed_share", "-", "likewise of the feed", lambda s: lag_share(_sub_step(s), s.machine.feed_time_constant)),
+    P("reachable_cutting_speed", "m/min", "highest cutting speed at the diameter", lambda s: s.cutting_speed_max),
+    P(
+        "idle_power_per_speed",
+        "kW min/m",
+        "idle power over cutting speed",
+        lambda s: idle_power_at(s, 1.0),
+    ),
+    P(
+        "capacity_per_speed",
+        "min/m",
+        "available over rated power, per cutting speed, below the base speed",
+        lambda s: 1.0 / s.base_cutting_speed if s.base_cutting_speed else np.inf,
+    ),
+    P("heats", "-", "a cold motor may be overloaded", lambda s: s.spindle.short_time_load > 1, np.bool_),
+    P("reads_torque", "-", "the load is a share of torque", lambda s: s.spindle.reading == "torque", np.bool_),
+    *_same("rated_power", "short_time_load", "thermal_time_constant"),
     P("current_per_newton", "A/N", "servo current over force", _current_per_newton),
     P("no_load_current", "A", "servo current without force, at rest", _no_load_current),
     *_same("no_load_current_rate"),
@@ -434,7 +461,7 @@ PARAMETERS = (
 
 NOMINAL = (
     *("wear_law", "force_law", "power_law", "log_wear_criterion", "life_exponent"),
-    *("current_per_newton", "no_load_current", "no_load_current_rate"),
+    *("current_per_newton", "no_load_current", "no_load_current_rate", "idle_power_per_speed"),
 )
 """Parameters that the control's predictions read of the nominal model: ``parameters.nominal.force_law``."""
 

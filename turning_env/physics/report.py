@@ -7,6 +7,7 @@ from turning_env.numerics.functions import exp
 from turning_env.numerics.lanes import at
 from turning_env.physics.drives import spindle_torque
 from turning_env.physics.records import FIRST_SUM
+from turning_env.physics.spindle import capacity, idle_power
 from turning_env.physics.surface import roughness
 from turning_env.physics.wear import log_wear
 
@@ -32,14 +33,18 @@ def write_state(state, report, first, last, parameters):
         report.commanded_feed[i] = state.commanded_feed[i]
         report.spindle_speed[i] = spindle_speed
         report.feed_velocity[i] = spindle_speed * state.feed[i]
-        report.torque[i] = spindle_torque(state.power[i], spindle_speed)
+        power = state.power[i] + idle_power(p, state.cutting_speed[i])
+        report.torque[i] = spindle_torque(power, spindle_speed)
+        available = p.rated_power * (capacity(p, state.cutting_speed[i]) if p.reads_torque else 1.0)
+        report.spindle_load[i] = power / available
+        report.spindle_heat[i] = state.spindle_heat[i]
         report.path[i] = state.path[i]
         report.bar[i] = np.floor(state.path[i] * p.bars_per_path)
         report.cutting_time[i] = state.cutting_time[i]
         report.used_life[i] = state.used_life[i]
         report.edge_strength[i] = state.edge_strength[i]
         report.thrust_force[i] = state.thrust_force[i]
-        report.power[i] = state.power[i]
+        report.power[i] = power
         report.measured_thrust_force[i] = state.measured_thrust_force[i]
         report.measured_servo_current[i] = state.measured_servo_current[i]
         report.measured_power[i] = state.measured_power[i]

@@ -7,6 +7,7 @@ from turning_env.numerics.compilation import compiled
 from turning_env.numerics.keyed_random import SENSOR_CHANNEL, normals_of, words
 from turning_env.numerics.lanes import at
 from turning_env.physics.drives import servo_current
+from turning_env.physics.spindle import idle_power
 
 
 @compiled
@@ -16,7 +17,8 @@ def follow_process(state, work, i, parameters):
     runs = work.running[i] > 0
     power_share = p.power_sensor_share if runs else 0.0
     force_share = p.force_sensor_share if runs else 0.0
-    state.lagged_power[i] += (state.power[i] - state.lagged_power[i]) * power_share
+    power = state.power[i] + idle_power(p, state.cutting_speed[i])
+    state.lagged_power[i] += (power - state.lagged_power[i]) * power_share
     state.lagged_thrust_force[i] += (state.thrust_force[i] - state.lagged_thrust_force[i]) * force_share
 
 

@@ -40,6 +40,9 @@ def _dials(scenario: Scenario) -> tuple[_Dial, _Dial]:
     if scenario.control.aim == "roughness":
         most = 1.5 * scenario.surface.reference_max
         return _Dial("roughness Ra", "um", 2, ui.SURFACE, "roughness", "", most, None, "roughness_reference"), force
+    if scenario.spindle.reading == "torque" and not parts:
+        most = round(limits.power / scenario.machine.rated_power, 3)
+        return _Dial("share of available torque", "", 2, ui.POWER, "spindle_load", "", 1.5 * most, most), force
     sensed = "" if parts else "measured_power"
     return _Dial(f"power{of_pass}", "kW", 2, ui.POWER, f"{prefix}power", sensed, 1.5 * limits.power, limits.power), force
 

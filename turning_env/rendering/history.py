@@ -4,6 +4,7 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+from turning_env.physics.spindle import capacity_at
 from turning_env.rendering.fields import Fields
 from turning_env.scenario import Scenario
 
@@ -145,7 +146,8 @@ class History:
         if cutting:
             self.depth, self.hardness = now["depth_of_cut"], now["hardness"]
         self.trail.append((now["cutting_speed"], now["feed"]))
-        shares = (now["thrust_force"] / limits.thrust_force, now["power"] / limits.power)
+        allowed_power = limits.power * capacity_at(self._scenario, now["cutting_speed"])
+        shares = (now["thrust_force"] / limits.thrust_force, now["power"] / allowed_power)
         surface = (now["roughness"], now["roughness_reference"])
         place = self.time / 60.0 if self._along == "time" else self.along
         self.along_bar.append(Sample(place, *shares, *surface, now["feed"], cutting))

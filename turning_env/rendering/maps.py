@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from turning_env.physics.parts import MIN_DEPTH
+from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.rendering import theme as ui
 from turning_env.rendering.bar import fields_in_view, place_axis, stretch_in_view
 from turning_env.rendering.fields import Array
@@ -21,7 +22,7 @@ from turning_env.rendering.limits import Cut, HalfPlane, border, bound, highest_
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import PowerLaw
 
-_LIMIT_COLOURS: tuple[ui.Colour, ...] = (ui.POWER, ui.FORCE, ui.PURPLE)
+_LIMIT_COLOURS: tuple[ui.Colour, ...] = (ui.POWER, ui.FORCE, ui.PURPLE, ui.POWER)
 _MARGIN = 20.0
 """Room around the machine's ranges, so that a point at their ends is seen whole [enlarged pixels]."""
 _CONTOUR: ui.Colour = (186, 191, 188)
@@ -88,13 +89,17 @@ class OperatingMap:
         ui.draw_key(image, (left - 46, bottom + 52), entries, 14)
         draw.rectangle((left - 1, top - 1, right, bottom), outline=ui.FAINT)
 
-    def _limits(self, cut: Cut, wear_factor: float, used_life: float, cutting_time: float) -> list[HalfPlane]:
-        material, limits = self._scenario.material, self._scenario.limits
-        return [
-            bound(material.power, limits.power, cut),
+    def _limits(self, cut: Cut, speed: float, wear_factor: float, used_life: float, cutting_time: float) -> list[HalfPlane]:
+        material, limits, base_speed = self._scenario.material, self._scenario.limits, self._scenario.base_cutting_speed
+        bounds = [
+            bound(material.power, limits.power - idle_power_at(self._scenario, speed), cut),
             bound(material.thrust_force, limits.thrust_force, cut),
             wear_bound(self._scenario, cut, wear_factor, used_life, cutting_time),
         ]
+        if base_speed > 0.0:  # the torque, which is power over speed
+            power = bound(material.power, limits.power / base_speed - idle_power_at(self._scenario, 1.0), cut)
+            bounds.append(power._replace(cutting_speed=power.cutting_speed - 1.0))
+        return bounds
 
     def _pixels(self, points: list[ui.Point]) -> list[tuple[float, float]]:
         return [(self._across(speed), self._up(feed)) for speed, feed in points]
@@ -105,18 +110,19 @@ class OperatingMap:
         image = self._sheet.copy()
         draw = ImageDraw.Draw(image)
         cut = Cut(max(history.passes[-1][2], MIN_DEPTH) if history.passes else history.depth, history.hardness, history.wear)
-        limits = self._limits(cut, now["wear_factor"], now["used_life"], now["cutting_time"])
+        limits = self._limits(cut, now["cutting_speed"], now["wear_factor"], now["used_life"], now["cutting_time"])
         allowed = region(self._corners, limits)
         if len(allowed) > 2:
             draw.polygon(self._pixels(allowed), fill=ui.mixed(ui.ALLOWED, 0.22))
         for line, _ in self._contours:
             draw.line(self._pixels(list(line)), fill=_CONTOUR, width=2)
-        told = self._limits(Cut(self._depth, 1.0, history.nominal_wear), 1.0, history.nominal_used_life, now["cutting_time"])
+        nominal = Cut(self._depth, 1.0, history.nominal_wear)
+        told = self._limits(nominal, now["cutting_speed"], 1.0, history.nominal_used_life, now["cutting_time"])
         believed = region(self._corners, told)
         if len(believed) > 2:
             outline = self._pixels(believed)
             draw.line([*outline, outline[0]], fill=ui.mixed(ui.QUIET, 0.75), width=2)
-        for limit, colour in zip(limits, _LIMIT_COLOURS, strict=True):
+        for limit, colour in zip(limits, _LIMIT_COLOURS, strict=False):
             ends = border(self._corners, limit)
             if ends is not None:
                 draw.line(self._pixels(list(ends)), fill=colour, width=5)
@@ -205,7 +211,9 @@ class FeedMap:
         image = Image.new("RGB", (self._width, height), ui.CARD)
         draw = ImageDraw.Draw(image)
         material, limits, surface = self._scenario.material, self._scenario.limits, self._scenario.surface
-        laws = ((ui.POWER, material.power, limits.power), (ui.FORCE, material.thrust_force, limits.thrust_force))
+        speed = history.now["cutting_speed"]
+        power = limits.power * capacity_at(self._scenario, speed) - idle_power_at(self._scenario, speed)
+        laws = ((ui.POWER, material.power, power), (ui.FORCE, material.thrust_force, limits.thrust_force))
         curves = [(colour, self._highest_feed(history, law, most)) for colour, law, most in laws]
         allowed = np.minimum.reduce([np.full(len(self._xs), self._up.end), *(feeds for _, feeds in curves)])
         outline = self._pixels(allowed)

@@ -27,6 +27,7 @@ from turning_env.scenario.sections import (
     Material,
     Mismatch,
     Sensors,
+    Spindle,
     Surface,
     Tool,
     Workpiece,
@@ -53,6 +54,7 @@ class Scenario(Section):
     material: Material = Material()
     tool: Tool = Tool()
     machine: Machine = Machine()
+    spindle: Spindle = Spindle()
     feed_drive: FeedDrive = FeedDrive()
     workpiece: Workpiece = Workpiece()
     control: Control = Control()
@@ -77,6 +79,22 @@ class Scenario(Section):
             low, high = getattr(self.machine, f"{name}_min"), getattr(self.machine, f"{name}_max")
             if not low <= start <= high:
                 raise ValueError(f"control.initial_{name} is {start}, but must lie in the machine's {low} to {high}")
+        return self
+
+    @model_validator(mode="after")
+    def _spindle_turns(self) -> Self:
+        start, reached = self.control.initial_cutting_speed, self.cutting_speed_max
+        if start > reached:
+            raise ValueError(
+                f"control.initial_cutting_speed is {start}, but must be at most {reached:.4g} m/min, which spindle.max_speed, "
+                f"{self.spindle.max_speed}, reaches at workpiece.diameter, {self.workpiece.diameter}"
+            )
+        torque = 30.0 * self.workpiece.diameter * self.limits.power / max(reached, self.base_cutting_speed)
+        if self.spindle.idle_torque >= torque:
+            raise ValueError(
+                f"spindle.idle_torque is {self.spindle.idle_torque}, but must be below {torque:.4g} N m, to which limits.power, "
+                f"{self.limits.power}, comes at the highest cutting speed"
+            )
         return self
 
     @model_validator(mode="after")
@@ -227,6 +245,20 @@ class Scenario(Section):
         if self.name in presets() and self == self._preset(self.name, ()):
             return self.name
         return {"base": _DEFAULTS.name, "name": self.name} | self.differences()
+
+    @property
+    def cutting_speed_max(self) -> float:
+        """The highest cutting speed that the machine's range and the spindle's highest speed allow at the diameter [m/min]."""
+        return min(self.machine.cutting_speed_max, self._circumference * self.spindle.max_speed or math.inf)
+
+    @property
+    def base_cutting_speed(self) -> float:
+        """The cutting speed at the spindle's base speed [m/min]."""
+        return self._circumference * self.spindle.base_speed
+
+    @property
+    def _circumference(self) -> float:
+        return math.pi * self.workpiece.diameter / 1000.0  # [m]
 
     @property
     def max_episode_steps(self) -> int | None:

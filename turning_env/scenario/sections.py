@@ -83,6 +83,25 @@ class Machine(Section):
         return self
 
 
+class Spindle(Section):
+    """The spindle's motor: its torque over speed, idling, and short-time overload. The defaults are neutral."""
+
+    base_speed: float = quantity(
+        0, 0, 1e5, "rev/min", "speed up to which the rated torque holds; above it the rated power does; 0: it does at every speed"
+    )
+    max_speed: float = quantity(
+        0, 0, 1e6, "rev/min", "highest speed; with the diameter it limits the cutting speed; 0: unlimited"
+    )
+    idle_torque: float = quantity(0, 0, 1e5, "N m", "torque of the idling spindle, which adds to that of the cut")
+    short_time_load: float = quantity(
+        1, 1, 5, "-", "load that is allowed until the motor is hot, over the load that is always allowed"
+    )
+    thermal_time_constant: float = quantity(10, 0.1, 1e4, "min", "time constant of the motor's heating (assumption)")
+    reading: Literal["power", "torque"] = "power"
+    """Meaning of the load that the control reads. "power": share of rated power; "torque": share of the torque that the motor
+    has at its present speed (fuzzy override paper)."""
+
+
 class FeedDrive(Section):
     """Ball screw and permanent-magnet motor of the feed drive (servo current paper, eq. 1 to 9). All values: assumptions."""
 

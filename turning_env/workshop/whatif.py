@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
 
 Values = NDArray[np.float64]
@@ -23,7 +24,7 @@ class Cuts(NamedTuple):
         cutting_speed, feed, depth_of_cut: The settings [m/min], [mm/rev], [mm].
         hardness: Hardness of the bar over nominal [-].
         time, wear: Cutting time of the edge [min] and its flank wear after that time [mm].
-        thrust_force, power: Thrust force [N] and spindle power [kW] at that wear.
+        thrust_force, power: Thrust force [N] and spindle power [kW], with the idle power, at that wear.
         tool_life: Cutting time from fresh to the wear criterion [min].
         removal_rate: Material removal rate [cm3/min].
         spindle_speed: Spindle speed at the workpiece's diameter [rev/min].
@@ -91,7 +92,7 @@ def what_if(
             worn = material.wear(speed, feeds, depth, time=age, hardness=hard)
         life = (criterion / after_a_minute) ** (1.0 / material.wear.time)
         force = material.thrust_force(speed, feeds, depth, wear=worn, hardness=hard)
-        power = material.power(speed, feeds, depth, wear=worn, hardness=hard)
+        power = material.power(speed, feeds, depth, wear=worn, hardness=hard) + idle_power_at(scenario, speed)
     return Cuts(
         cutting_speed=speed,
         feed=feeds,
@@ -106,7 +107,7 @@ def what_if(
         spindle_speed=1000.0 * speed / (np.pi * scenario.workpiece.diameter),
         wear_share=worn / criterion,
         thrust_force_share=force / limits.thrust_force,
-        power_share=power / limits.power,
+        power_share=power / (limits.power * capacity_at(scenario, speed)),
     )
 
 

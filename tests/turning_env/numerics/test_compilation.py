@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.turning_env.playing import SHORT_LIVED, Record, assert_same_bytes, fixed_actions, play
+from tests.turning_env.playing import HOT_SPINDLE, SHORT_LIVED, Record, assert_same_bytes, fixed_actions, play
 from turning_env import RoughTurningEnv, presets
 
 REPOSITORY = Path(__file__).parents[3]
@@ -21,6 +21,7 @@ def every_play() -> dict[str, Record]:
         preset: play(RoughTurningEnv(preset), 21, fixed_actions(count, 1, preset)[:, 0]) for preset, count in counts.items()
     }
     records["short_lived"] = play(RoughTurningEnv(SHORT_LIVED), 21, fixed_actions(100, 1)[:, 0])
+    records["hot_spindle"] = play(RoughTurningEnv(HOT_SPINDLE), 21, fixed_actions(40, 1, HOT_SPINDLE)[:, 0])
     return records
 
 

@@ -10,7 +10,7 @@ from turning_env.physics.quantities import OBS, OBSERVATION, layout, observation
 from turning_env.physics.records import parameter_records
 
 # Read by what scores policies, and by what reads observations, not by the transition.
-ELSEWHERE = {"limits.overload_allowance", "machine.rated_power"}
+ELSEWHERE = {"limits.overload_allowance"}
 
 
 def test_no_configured_value_is_dead():

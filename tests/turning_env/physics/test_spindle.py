@@ -1,0 +1,122 @@
+"""The spindle's torque over speed, idling, highest speed and short-time overload, with numbers worked out by hand."""
+
+import math
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from tests.turning_env.playing import HOT_SPINDLE, UNDISTURBED, changed, fixed_actions, play
+from turning_env import RoughTurningEnv, Scenario, read
+from turning_env.action import set_point_action
+
+_POWER = UNDISTURBED.material.power.model_dump() | {"wear": 0.0}
+STEADY = changed(UNDISTURBED, control={"interval": 1.0}, material={"power": _POWER})
+"""Constant power at constant speed and feed; bars of 100 mm."""
+BASE = 100 * math.pi / 10
+"""Cutting speed at 100 rev/min [m/min]."""
+
+
+def cut(scenario, speed, steps=3):
+    machine = scenario.machine
+    action = [set_point_action(speed, machine.cutting_speed_min, machine.cutting_speed_max), 0.0]
+    return play(RoughTurningEnv(scenario), 0, np.tile(np.array(action, np.float32), (steps, 1)))
+
+
+def with_spindle(**spindle):
+    return changed(STEADY, spindle=spindle)
+
+
+@pytest.mark.parametrize(("speed", "capacity"), [(4 * BASE, 1.0), (3.0 * BASE, 1.0), (2.4 * BASE, 0.8), (1.8 * BASE, 0.6)])
+def test_below_the_base_speed_limit_and_available_torque_are_constant(speed, capacity):
+    power = cut(STEADY, speed)["power"][-1]
+    scenario = changed(with_spindle(base_speed=300.0, reading="torque"), limits={"power": 0.5 * power})
+    record = cut(scenario, speed)
+    assert record["power"][-1] == power
+    assert record["spindle_load"][-1] == pytest.approx(power / (7.5 * capacity), rel=1e-6)
+    assert record["cost_power"][-1] == pytest.approx(2 / capacity - 1, rel=1e-6)
+    told = read(record["observation"], scenario)
+    assert told.load[-1] == pytest.approx(record["measured_power"][-1] / (7.5 * capacity), rel=1e-6)
+    assert told.power[-1] == pytest.approx(record["measured_power"][-1], rel=1e-5)
+    plain = cut(changed(scenario, spindle={"reading": "power"}), speed)
+    assert plain["spindle_load"][-1] == pytest.approx(power / 7.5)
+    assert plain["cost_power"][-1] == record["cost_power"][-1]
+
+
+def test_the_idle_torque_adds_to_that_of_the_cut_and_is_predicted():
+    plain, idling = cut(STEADY, 3 * BASE), cut(with_spindle(idle_torque=10.0), 3 * BASE)
+    assert idling["torque"][1:] - plain["torque"][1:] == pytest.approx(10.0)
+    assert idling["power"][1:] - plain["power"][1:] == pytest.approx(10.0 * 2 * math.pi * 300 / 60 / 1000, rel=1e-6)
+    assert idling["measured_power"][-1] == pytest.approx(idling["power"][-1])
+    assert read(idling["observation"], with_spindle(idle_torque=10.0)).power_ratio[-1] == pytest.approx(1.0)
+
+
+def test_in_air_the_spindle_idles():
+    scenario = changed(Scenario(), spindle={"idle_torque": 10.0}, sensors={"power_noise": 0.0})
+    start = play(RoughTurningEnv(scenario), 1, fixed_actions(1, 1)[:, 0])
+    assert start["cutting"][0] == 0
+    assert start["power"][0] == pytest.approx(10.0 * 125 / 3000)
+    assert start["torque"][0] == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("diameter", [100.0, 50.0])
+def test_the_highest_speed_limits_the_cutting_speed_by_the_diameter(diameter):
+    scenario = changed(with_spindle(max_speed=500.0), workpiece={"diameter": diameter}, control={"initial_cutting_speed": 60.0})
+    assert scenario.cutting_speed_max == pytest.approx(math.pi * diameter / 2)
+    assert cut(scenario, 200.0)["spindle_speed"][1:] == pytest.approx(500.0)
+    assert cut(scenario, 60.0)["cutting_speed"][1:] == pytest.approx(60.0, rel=1e-6)
+
+
+def test_passes_of_parts_heed_the_highest_speed():
+    batch = Scenario.load("batch_casting")
+    highest = 1000 * 150 / (math.pi * batch.workpiece.diameter)
+    scenario = changed(batch, spindle={"max_speed": highest}, control={"initial_cutting_speed": 100.0})
+    record = play(RoughTurningEnv(scenario), 0, np.ones((2, 10), np.float32))
+    assert record["commanded_cutting_speed"][1:] == pytest.approx(150.0)
+
+
+@pytest.mark.parametrize(
+    ("spindle", "field"), [({"max_speed": 300.0}, "initial_cutting_speed"), ({"idle_torque": 1e4}, "idle_torque")]
+)
+def test_a_spindle_that_cannot_turn_the_bar_is_refused(spindle, field):
+    with pytest.raises(ValidationError, match=field):
+        changed(Scenario(), spindle=spindle)
+
+
+def test_short_overload_is_allowed_until_the_motor_is_hot():
+    power = cut(STEADY, 4 * BASE)["power"][-1]
+    rated = power / 1.25
+    spindle = {"short_time_load": 1.25, "thermal_time_constant": 0.5, "base_speed": 399.0}
+    base = changed(STEADY, machine={"rated_power": rated}, limits={"power": rated * 1.01})
+    cold = cut(changed(base, spindle=spindle), 4 * BASE, 60)
+    minutes = np.cumsum(cold["time"]) / 60
+    heat = 1.25**2 * (1 - np.exp(-minutes / 0.5))
+    assert cold["spindle_heat"] == pytest.approx(heat, rel=1e-9)
+    hot = heat >= 1.0
+    assert 0 < hot.sum() < len(hot)
+    assert cold["overload_time"][~hot].sum() == 0.0
+    assert cold["cost_power"][1:][hot[:-1]] == pytest.approx(1.25 / 1.01 - 1)
+    never = cut(changed(base, spindle={"short_time_load": 1.0}), 4 * BASE, 5)
+    assert never["cost_power"][1:] == pytest.approx(1.25 / 1.01 - 1)
+    assert (never["spindle_heat"] == 0.0).all()
+
+
+def test_the_motor_cools_while_an_edge_is_changed():
+    record = play(RoughTurningEnv(HOT_SPINDLE), 3, fixed_actions(120, 1, HOT_SPINDLE)[:, 0])
+    before, after = record["spindle_heat"][:-1], record["spindle_heat"][1:]
+    stopped = (record["stopped_time"][1:] > 0.0) & (before > 1.0)
+    assert stopped.any()
+    seconds = record["time"][1:] - record["stopped_time"][1:]  # at work, when it heats again
+    warmer = record["spindle_load"].max() ** 2 * (1 - np.exp(-seconds / 18))
+    assert (after[stopped] <= (before * np.exp(-record["stopped_time"][1:] / 18) + warmer)[stopped]).all()
+    assert (after[stopped] < 0.5 * before[stopped]).all()
+
+
+def test_at_one_speed_above_the_base_speed_both_readings_are_the_same():
+    """So ``RoughTurning-Override-v0``, whose spindle turns at 710 rev/min, has the paper's load without idle torque."""
+    override = Scenario.load("override")
+    actions = fixed_actions(300, 1, override)[:, 0]
+    by_power = play(RoughTurningEnv(override), 5, actions)
+    by_torque = play(RoughTurningEnv(changed(override, spindle={"base_speed": 709.0, "reading": "torque"})), 5, actions)
+    for name, values in by_power.items():
+        assert values.tobytes() == by_torque[name].tobytes(), name

@@ -1,0 +1,73 @@
+"""The spindle's motor: torque over speed, idling, and short-time overload.
+
+Up to the base speed n_b the motor has its rated torque, above it its rated power. Of the rated power P_r it has the share
+
+    c(n) = min(1, n / n_b)
+
+at the speed n, so the torque is a share P / (c P_r) of the available one, M_r c n_b / n. The idling spindle takes the torque M_0:
+the power is that of the cut and M_0 2 pi n.
+
+The limit of power holds at the base speed and above; below, it falls with c. The motor heats with the square of its load (losses
+of a winding, first order; assumption):
+
+    tau dh/dt = (P / (c P_r))^2 - h
+
+Its heat h is 0 when cold and 1 after long work at rated load. Until h reaches 1 the limit is ``short_time_load`` times as high.
+What exceeds the limit counts as overload; the speed does not drop (assumption).
+"""
+
+from typing import Any
+
+import numpy as np
+
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.functions import exp
+from turning_env.numerics.lanes import at
+from turning_env.scenario import Scenario
+
+
+def capacity_at(scenario: Scenario, cutting_speed: Any) -> Any:
+    """Return ``capacity`` [-] at cutting speeds [m/min], scalar or array."""
+    return np.minimum(cutting_speed / (scenario.base_cutting_speed or cutting_speed), 1.0)
+
+
+def idle_power_at(scenario: Scenario, cutting_speed: Any) -> Any:
+    """Return ``idle_power`` [kW] at cutting speeds [m/min], scalar or array."""
+    return scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter) * cutting_speed
+
+
+@compiled
+def capacity(parameters, cutting_speed):
+    """Return the available over the rated power [-] at a cutting speed [m/min]."""
+    return min(parameters.capacity_per_speed * cutting_speed, 1.0)
+
+
+@compiled
+def idle_power(parameters, cutting_speed):
+    """Return the power of the idling spindle [kW] at a cutting speed [m/min]."""
+    return parameters.idle_power_per_speed * cutting_speed
+
+
+@compiled
+def allowed_share(state, i, parameters):
+    """Return the power that is allowed now over the limit of power [-]."""
+    p = at(parameters, i)
+    short_time = p.short_time_load if state.spindle_heat[i] < 1.0 else 1.0
+    return short_time * capacity(p, state.cutting_speed[i])
+
+
+@compiled
+def heat_up(state, work, i, parameters):
+    """Move the motor's heat [-] towards that of the present load over one sub-step."""
+    p = at(parameters, i)
+    speed = state.cutting_speed[i]
+    load = (state.power[i] + idle_power(p, speed)) / (p.rated_power * capacity(p, speed))
+    minutes = work.sub_step[i] if work.running[i] > 0 else 0.0
+    share = 1.0 - exp(-minutes / p.thermal_time_constant)
+    state.spindle_heat[i] += (load * load - state.spindle_heat[i]) * share
+
+
+@compiled
+def cool_down(state, i, parameters, minutes):
+    """Let the motor cool without load."""
+    state.spindle_heat[i] *= exp(-minutes / at(parameters, i).thermal_time_constant)
