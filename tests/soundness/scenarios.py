@@ -100,6 +100,10 @@ def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
     laws = changed["material"]
     laws["wear"]["wear"] = laws["thrust_force"]["time"] = laws["power"]["time"] = 0.0
     laws["wear"]["time"] = abs(laws["wear"]["time"]) or 0.245
+    changed["edge_failure"]["temperature"]["time"] = 0.0
+    for name in ("chip_feed", "chip_depth"):
+        swarf = changed["swarf"]
+        swarf[f"{name}_min"], swarf[f"{name}_max"] = sorted((swarf[f"{name}_min"], swarf[f"{name}_max"]))
     return changed
 
 

@@ -29,6 +29,16 @@ SHORT_LIVED = changed(
 )
 """Episodes of at most 30 intervals, which end in all three ways: worn, broken and out of time."""
 
+FAILING: dict[str, dict[str, Any]] = {
+    "edge_failure": {
+        **{"collapse_temperature": 850.0, "tertiary_wear": 0.1, "tertiary_rate": 30.0},
+        **{"chipping_rate": 300.0, "chipping_load_exponent": 2.0, "chipping_wear_exponent": 1.5},
+    },
+    "swarf": {"tangle_rate": 20.0, "tangle_time": 0.1, "chip_feed_min": 0.2, "chip_feed_max": 0.4},
+    "workpiece": {"support": "tailstock", "bar_length": 100.0, "diameter": 15.0},
+}
+"""Sections with which edges collapse and chip, wear speeds up, chips tangle and bars bend within a few steps."""
+
 UNDISTURBED = changed(Scenario.load("paper"), tool={"wear_rule": "equivalent_time", "edge_strength": 1e6})
 """One metal, one depth, no lags, no noise, no air, an edge that does not break; actions are set points."""
 

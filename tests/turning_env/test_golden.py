@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from tests.turning_env.playing import HOT_SPINDLE, changed, fixed_actions, play
+from tests.turning_env.playing import FAILING, HOT_SPINDLE, changed, fixed_actions, play
 from turning_env import IDS, MODEL_VERSION, SPLITS, RoughTurningEnv, Scenario
 
 FOLDER = Path(__file__).parents[1] / "golden"
@@ -24,6 +24,7 @@ ADVICE = f"the model has changed: raise MODEL_VERSION ({MODEL_VERSION}) in turni
 
 _RIPPLE = {"depth_ripple": 0.1, "depth_profile": [1.5, 3.0]}
 _SKIN = {"skin_thickness": 0.5, "skin_hardness": 1.4, "skin_wear": 1.5, "hardness_factor": 1.1, "wear_factor": 1.2}
+OTHERS = ("override_current", "override_torque", "practitioner", "rough_turning_current")
 SCENARIOS = {
     "clock_time": changed(Scenario(), tool={"wear_rule": "clock_time", "wear_criterion": 0.12}, machine={"chip_lag": 1.5}),
     "skin": changed(Scenario.load("shift"), mismatch=_SKIN | {"initial_wear": 0.05, "force_bias": 0.1}, workpiece=_RIPPLE),
@@ -37,10 +38,10 @@ SCENARIOS = {
     "surface_current": changed(
         Scenario.load("surface"), sensors={"force": "servo_current", "force_noise": 0.1}, surface={"reference_time": 0.1}
     ),
-    **{
-        preset: Scenario.load(preset)
-        for preset in sorted({*IDS.values(), *SPLITS, "override_current", "override_torque", "rough_turning_current"})
-    },
+    "failing": changed(Scenario(), **FAILING),
+    "failing_shift": changed(Scenario.load("shift"), **FAILING),
+    "failing_batch": changed(Scenario.load("batch_casting"), **FAILING),
+    **{preset: Scenario.load(preset) for preset in sorted({*IDS.values(), *SPLITS, *OTHERS})},
 }
 
 

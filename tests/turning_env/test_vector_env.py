@@ -8,7 +8,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-from tests.turning_env.playing import HOT_SPINDLE, SHORT_LIVED, fixed_actions
+from tests.turning_env.playing import FAILING, HOT_SPINDLE, SHORT_LIVED, changed, fixed_actions
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
 from turning_env.batch.driver import BLOCKS_CLAIMED, MIN_BLOCKS
 from turning_env.physics.quantities import WIDTH
@@ -40,6 +40,7 @@ def assert_same_answers(ours, theirs):
 MORTAL = [pytest.param(SHORT_LIVED, mode, 3, marks=pytest.mark.slow) for mode in AutoresetMode]
 MORTAL.append(pytest.param(HOT_SPINDLE, AutoresetMode.NEXT_STEP, 64, marks=pytest.mark.slow))
 MORTAL.append(pytest.param(SHORT_LIVED, AutoresetMode.SAME_STEP, 64, marks=pytest.mark.slow))
+MORTAL.append(pytest.param(changed(Scenario(), **FAILING), AutoresetMode.SAME_STEP, 3))
 
 
 @pytest.mark.parametrize(

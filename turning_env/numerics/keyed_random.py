@@ -19,6 +19,8 @@ HARDNESS_CHANNEL = np.uint64(3)
 DEPTH_CHANNEL = np.uint64(4)
 SENSOR_CHANNEL = np.uint64(5)
 REFERENCE_CHANNEL = np.uint64(6)
+CHIPPING_CHANNEL = np.uint64(7)
+TANGLE_CHANNEL = np.uint64(8)
 
 _WORD = np.uint64(0xFFFFFFFF)
 _WORD_BITS = np.uint64(32)
@@ -58,6 +60,12 @@ def uniform(state, i, channel, bar, index):
     """Return a number drawn uniformly from 0..1 for one use in one episode; see ``words``."""
     word, _ = words(state, i, channel, bar, index)
     return (float(word) + 0.5) * _UNIT
+
+
+@compiled
+def exponential(state, i, channel, bar, index):
+    """Return an exponential number with mean 1 for one use in one episode; see ``words``."""
+    return -log(uniform(state, i, channel, bar, index))
 
 
 @compiled

@@ -12,6 +12,7 @@ from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
 from turning_env.numerics.keyed_random import EDGE_CHANNEL, standard_normals
 from turning_env.numerics.lanes import at
+from turning_env.physics.failure import draw_chipping_margin
 from turning_env.physics.spindle import cool_down
 
 
@@ -22,6 +23,8 @@ def fit_edge(state, i, parameters):
     edge_normal, strength_normal = standard_normals(state, i, EDGE_CHANNEL, 0, state.edge[i])
     state.log_wear_factor[i] = p.log_wear_mismatch + p.wear_factor_spread * edge_normal
     state.edge_strength[i] = p.edge_strength * exp(p.edge_strength_spread * strength_normal)
+    if p.edges_chip:
+        draw_chipping_margin(state, i)
     state.cutting_time[i] = 0.0
     state.used_life[i] = p.initial_used_life
     state.nominal_used_life[i] = 0.0
@@ -65,11 +68,17 @@ def discard_edge(state, report, i, parameters):
 
 @compiled
 def change_edge(state, report, i, parameters, minutes):
-    """Put in the next edge, which takes ``minutes`` of machine time, but not beyond the end of the episode."""
-    minutes = max(min(minutes, at(parameters, i).time_limit - state.clock[i]), 0.0)
+    """Put in the next edge, which takes ``minutes`` of machine time."""
+    stop_machine(state, report, i, parameters, minutes)
+    state.edge[i] += 1
+    fit_edge(state, i, parameters)
+
+
+@compiled
+def stop_machine(state, report, i, parameters, minutes):
+    """Let machine time pass while the machine stands, but not beyond the end of an episode that ends by the clock."""
+    minutes = max(min(minutes, at(parameters, i).clock_limit - state.clock[i]), 0.0)
     state.clock[i] += minutes
     report.time[i] += 60.0 * minutes
     report.stopped_time[i] += 60.0 * minutes
     cool_down(state, i, parameters, minutes)
-    state.edge[i] += 1
-    fit_edge(state, i, parameters)

@@ -17,14 +17,17 @@ from turning_env.numerics.lanes import at
 from turning_env.physics.drives import clipped, set_point
 from turning_env.physics.economics import compute_reward
 from turning_env.physics.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
+from turning_env.physics.failure import chip, collapse
 from turning_env.physics.machinability import force_and_power, log_wear_coefficient
 from turning_env.physics.parts import end_passes, start_part, start_passes
 from turning_env.physics.quantities import END, OVERRIDE, PART, SET_POINT
 from turning_env.physics.report import clear_sums
 from turning_env.physics.sensors import follow_process, read_sensors
+from turning_env.physics.slender_bar import bend_bar, note_stiffness
 from turning_env.physics.spindle import allowed_share, heat_up, idle_power
 from turning_env.physics.surface import draw_reference, roughness
-from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock
+from turning_env.physics.swarf import clear_chips, start_swarf, tangle
+from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock, with_tertiary_wear
 from turning_env.physics.workpiece import look_up_fields, position_in_row, probe_next_bar
 
 _MIN_DEPTH = 1e-6  # [mm] keeps the logarithm of a depth that is not cut within its range
@@ -48,6 +51,8 @@ def start_episode(state, work, report, i, parameters):
     state.feed[i] = p.initial_feed
     state.edge[i] = 0
     fit_edge(state, i, p)
+    if p.chips_tangle:
+        start_swarf(state, i)
     state.bar[i] = -1.0
     state.pass_floor[i] = 0.0
     state.pass_ceiling[i] = math.inf
@@ -75,6 +80,7 @@ def run_step(state, work, report, actions, count, parameters):
         work.edge_failed[i] = 0
         work.worn[i] = 0
         work.broken[i] = 0
+        work.tangles[i] = 0
     if p.change_action >= 0:
         for i in range(count):
             if actions[i, p.change_action] > 0.0:
@@ -88,6 +94,9 @@ def run_step(state, work, report, actions, count, parameters):
             end_passes(state, work, report, 0, count, p, number)
         else:
             replace_failed_edges(state, work, report, 0, count, p)
+    if p.chips_tangle:
+        for i in range(count):
+            clear_chips(state, work, report, i, p)
     for i in range(count):
         state.step_count[i] += 1
     read_sensors(state, work, 0, count, p)
@@ -205,7 +214,13 @@ def run_sub_step(state, work, report, count, parameters):
     p = parameters
     for i in range(count):
         move(state, work, i, p)
+    if p.bends:
+        for i in range(count):
+            note_stiffness(state, work, i)
     look_up_fields(state, work, 0, count, p)
+    if p.bends:
+        for i in range(count):
+            bend_bar(state, work, i, p)
     for i in range(count):
         work.engaged[i] = work.engaged[i] if state.depth_of_cut[i] > 0.0 else 0.0
         work.log_cutting_speed[i] = log(state.cutting_speed[i])
@@ -213,6 +228,9 @@ def run_sub_step(state, work, report, count, parameters):
         work.log_depth[i] = log(max(state.depth_of_cut[i], _MIN_DEPTH))
     for i in range(count):
         state.cutting_time[i] += work.engaged[i]
+    if p.wears_faster:
+        for i in range(count):
+            work.life_before[i] = state.used_life[i]
     if p.wear_rule == EQUIVALENT_TIME:
         for i in range(count):
             state.used_life[i] += life_share(at(p, i), log_coefficient(state, work, i, p), work.engaged[i])
@@ -228,6 +246,9 @@ def run_sub_step(state, work, report, count, parameters):
             used_life = real_power(work.wear[i], at(p, i).life_exponent)
             used_life = max(used_life, state.used_life[i])  # rounding must not make an edge sharper
             state.used_life[i] = used_life if work.engaged[i] > 0.0 else state.used_life[i]
+    if p.wears_faster:
+        for i in range(count):
+            state.used_life[i] = with_tertiary_wear(at(p, i), work.life_before[i], state.used_life[i])
     for i in range(count):
         work.log_wear[i] = log_wear(at(p, i), max(state.used_life[i], _MIN_LIFE))
     if p.chips_lag:
@@ -239,6 +260,15 @@ def run_sub_step(state, work, report, count, parameters):
         for i in range(count):
             deviation = abs(roughness(at(p, i), state.thrust_force[i]) / state.roughness_reference[i] - 1.0)
             report.roughness_deviation[i] += 60.0 * work.engaged[i] * deviation
+    if p.collapses:
+        for i in range(count):
+            collapse(state, work, i, p)
+    if p.edges_chip:
+        for i in range(count):
+            chip(state, work, i, p)
+    if p.chips_tangle:
+        for i in range(count):
+            tangle(state, work, i, p)
     failed, stops = 0, p.action != PART
     for i in range(count):
         add_to_sums(state, work, report, i, p)

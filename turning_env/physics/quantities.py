@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from turning_env.physics.drives import lag_share
+from turning_env.physics.slender_bar import RIGID, SUPPORTS
 from turning_env.physics.spindle import idle_power_at
 from turning_env.physics.wear import CLOCK_TIME, EQUIVALENT_TIME
 from turning_env.scenario import Scenario
@@ -112,6 +113,9 @@ STATE = (
     Q("measured_power", "kW", "measured power"),
     Q("probed_depth", "mm", "mean depth of what is to be cut of the next bar"),
     Q("roughness_reference", "um", "reference of Ra"),
+    Q("chipping_margin", "-", "integral of the chipping hazard that the edge still bears"),
+    Q("tangle_margin", "-", "likewise until chips tangle"),
+    Q("tangles", "-", "times that chips have tangled", np.int64),
 )
 """What an environment keeps from step to step."""
 
@@ -158,6 +162,9 @@ WORK = (
     Q("word_1", "-", "random word of the sensors", np.uint64),
     Q("force_noise", "-", "factor of the measured force"),
     Q("predicted_force", "N", "thrust force by the nominal model"),
+    Q("cut_stiffness", "N/mm", "thrust force over depth of cut, in the sub-step before"),
+    Q("life_before", "-", "used life before the sub-step"),
+    Q("tangles", "-", "times that chips have tangled in the step", np.int64),
 )
 """Scratch of a step: what is noted while a block is worked on. Nothing here lasts longer than a step."""
 
@@ -308,6 +315,11 @@ def _bar_pitch(s: Scenario) -> float:
     return s.workpiece.bar_length + s.workpiece.approach
 
 
+def _bar_flexibility(s: Scenario) -> float:
+    moment = np.pi * s.workpiece.diameter**4 / 64.0  # second moment of area [mm4]
+    return 1.0 / (3.0 * s.workpiece.elastic_modulus * moment)
+
+
 def _timeless(s: Scenario) -> bool:
     """Return whether changing an edge takes no time, and its price holds that time."""
     return s.control.edge_changes == "end"
@@ -452,6 +464,24 @@ PARAMETERS = (
         "price of breakage beside the edge",
         lambda s: 60.0 * (s.economics.breakage_downtime if _timeless(s) else 0.0),
     ),
+    P("clock_limit", "min", "machine time that stops end at", lambda s: np.inf if _timeless(s) else s.control.time_limit),
+    P("collapses", "-", "edges collapse", lambda s: s.edge_failure.collapse_temperature > 0.0, np.bool_),
+    P("temperature_law", "K", "temperature of the edge", lambda s: s.edge_failure.temperature, POWER_LAW_RECORD),
+    P(
+        "log_collapse_temperature",
+        "-",
+        "logarithm of the temperature [K] that an edge bears",
+        lambda s: np.log(s.edge_failure.collapse_temperature or np.inf),
+    ),
+    P("wears_faster", "-", "there is tertiary wear", lambda s: s.edge_failure.tertiary_rate > 0.0, np.bool_),
+    P("edges_chip", "-", "edges chip", lambda s: s.edge_failure.chipping_rate > 0.0, np.bool_),
+    *_same("tertiary_wear", "tertiary_rate", "chipping_rate", "chipping_load_exponent", "chipping_wear_exponent"),
+    P("chips_tangle", "-", "chips tangle", lambda s: s.swarf.tangle_rate > 0.0, np.bool_),
+    *_same("chip_feed_min", "chip_feed_max", "chip_depth_min", "chip_depth_max", "tangle_rate", "tangle_time"),
+    P("support", "-", "how the bar is held", lambda s: SUPPORTS[s.workpiece.support], np.int64),
+    P("bends", "-", "the bar bends", lambda s: SUPPORTS[s.workpiece.support] != RIGID, np.bool_),
+    P("bar_flexibility", "1/(N mm2)", "1 / (3 E I)", _bar_flexibility),
+    *_same("radial_share"),
     P("thrust_force_limit", "N", "highest allowed thrust force", lambda s: s.limits.thrust_force),
     P("power_limit", "kW", "highest allowed power", lambda s: s.limits.power),
     P("per_thrust_force_limit", "1/N", "1 / thrust_force_limit", lambda s: 1.0 / s.limits.thrust_force),

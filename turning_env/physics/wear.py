@@ -9,6 +9,8 @@ not matter.
 
 Clock time (Alaskari and Oraby 2018, equation (4), as recovered): each step adds K (t_i^n - t_{i-1}^n), t being the
 edge's total cutting time. It reproduces the publication; a controller can game it by idling through the first seconds.
+
+Tertiary wear: beyond a wear W_t, dD/dt is exp(r (W - W_t)) times as large (assumption).
 """
 
 from turning_env.numerics.compilation import compiled
@@ -45,6 +47,13 @@ def advance_used_life(parameters, used_life, log_wear_coefficient, start, end):
     if parameters.wear_rule == EQUIVALENT_TIME:
         return used_life + life_share(parameters, log_wear_coefficient, end - start)
     return life_by_clock(parameters, used_life, log_wear_coefficient, start, end)
+
+
+@compiled
+def with_tertiary_wear(parameters, before, after):
+    """Return the used life [-] after a short cut that takes it from ``before`` to ``after`` without tertiary wear."""
+    beyond = max(exp(log_wear(parameters, before)) - parameters.tertiary_wear, 0.0)
+    return before + (after - before) * exp(parameters.tertiary_rate * beyond)
 
 
 @compiled

@@ -171,7 +171,7 @@ class History:
         if now["broken"] > 0.0:
             return "edge broken"
         if now["stopped_time"] > 0.0:
-            return "edge changed"
+            return "edge changed" if self._scenario.swarf.tangle_rate == 0.0 else "machine stopped"
         if self._parts:
             return "part turned" if now["passes"] > 0.0 else "before the first part"
         return "cutting" if now["cutting"] > 0.0 else "in air"

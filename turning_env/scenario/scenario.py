@@ -21,6 +21,7 @@ from turning_env.scenario.section import Section, names_instead
 from turning_env.scenario.sections import (
     Control,
     Economics,
+    EdgeFailure,
     FeedDrive,
     Limits,
     Machine,
@@ -29,6 +30,7 @@ from turning_env.scenario.sections import (
     Sensors,
     Spindle,
     Surface,
+    Swarf,
     Tool,
     Workpiece,
 )
@@ -53,6 +55,8 @@ class Scenario(Section):
     """Also the name of folders of trainings and results, so only characters that are safe in paths are allowed."""
     material: Material = Material()
     tool: Tool = Tool()
+    edge_failure: EdgeFailure = EdgeFailure()
+    swarf: Swarf = Swarf()
     machine: Machine = Machine()
     spindle: Spindle = Spindle()
     feed_drive: FeedDrive = FeedDrive()

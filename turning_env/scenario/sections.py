@@ -59,6 +59,45 @@ class Tool(Section):
     edge_strength_spread: float = quantity(0.12, 0, 1, "-", "log standard deviation of the edge strength (assumption)")
 
 
+class EdgeFailure(Section):
+    """Wear and failures of the edge that the papers' laws leave out. The defaults leave them out, too."""
+
+    temperature: PowerLaw = PowerLaw(coefficient=186.8, cutting_speed=0.4, feed=0.1, depth_of_cut=0.05, wear=0.25, hardness=0.5)
+    """Temperature of the edge above the workshop [K]. 1000 K in test T9 of the grid search paper, when its edge collapsed;
+    scale and exponents: assumptions."""
+    collapse_temperature: float = quantity(0, 0, 1e4, "K", "temperature above which an edge collapses at once; 0: never")
+    tertiary_wear: float = quantity(0.25, 0.001, 5, "mm", "flank wear beyond which the rate of wear rises (assumption)")
+    tertiary_rate: float = quantity(0, 0, 100, "1/mm", "growth of the log rate over the flank wear beyond; 0: none")
+    chipping_rate: float = quantity(0, 0, 1e3, "1/min", "chipping rate of a worn-out edge loaded with its strength; 0: never")
+    chipping_load_exponent: float = quantity(3, 0, 20, "-", "exponent of thrust force over edge strength (assumption)")
+    chipping_wear_exponent: float = quantity(1, 0, 20, "-", "exponent of flank wear over the criterion (assumption)")
+
+    @model_validator(mode="after")
+    def _temperature_without_time(self) -> Self:
+        if self.temperature.time != 0:
+            raise ValueError(f"temperature.time is {self.temperature.time}, but temperature depends on time through wear: only 0")
+        return self
+
+
+class Swarf(Section):
+    """Chips: outside the chip breaker's window of feed and depth of cut they tangle and stop the machine."""
+
+    tangle_rate: float = quantity(0, 0, 1e3, "1/min", "stops per cutting time outside the window; 0: none")
+    tangle_time: float = quantity(1, 0, 1e3, "min", "time to clear tangled chips (assumption)")
+    chip_feed_min: float = quantity(0.15, 0, 10, "mm/rev", "lowest feed at which chips break (assumption)")
+    chip_feed_max: float = quantity(0.7, 0, 10, "mm/rev", "highest feed at which chips break (assumption)")
+    chip_depth_min: float = quantity(1.0, 0, 50, "mm", "smallest depth of cut at which chips break (assumption)")
+    chip_depth_max: float = quantity(7.0, 0, 50, "mm", "largest depth of cut at which chips break (assumption)")
+
+    @model_validator(mode="after")
+    def _window_open(self) -> Self:
+        for name in ("chip_feed", "chip_depth"):
+            low, high = getattr(self, f"{name}_min"), getattr(self, f"{name}_max")
+            if low > high:
+                raise ValueError(f"{name}_min is {low}, but must not exceed {name}_max, which is {high}")
+        return self
+
+
 class Machine(Section):
     """The lathe's ranges and drives."""
 
@@ -135,6 +174,10 @@ class Workpiece(Section):
     )
     depth_ripple: float = quantity(0, 0, 0.5, "-", "amplitude of the depth's ripple over the depth (run-out)")
     depth_ripple_period: float = quantity(1, 0.001, 1000, "rev", "period of the depth's ripple")
+    support: Literal["rigid", "chuck", "tailstock"] = "rigid"
+    """What holds the bar. "rigid": it does not bend; "chuck": the chuck alone; "tailstock": chuck and tailstock."""
+    elastic_modulus: float = quantity(210_000, 1e3, 1e6, "N/mm2", "modulus of elasticity of the bar (steel, handbooks)")
+    radial_share: float = quantity(0.7, 0, 1, "-", "radial force, which bends the bar, over thrust force (assumption)")
     hardness_bar_spread: float = quantity(0.08, 0, 1, "-", "log standard deviation of hardness from bar to bar")
     hardness_along_spread: float = quantity(0.05, 0, 1, "-", "log standard deviation of hardness along a bar")
     hardness_correlation_length: float = quantity(40, 0.1, 1e5, "mm", "correlation length of hardness along a bar (assumption)")

@@ -44,7 +44,8 @@ def complaints(scenario: "Scenario") -> Iterator[str]:
     own = _span(mismatch.wear_factor, wear_factor, _SPREADS * tool.wear_factor_spread)
     fresh = tuple(a + b for a, b in zip(_log_span(material.wear, factors), own, strict=True))
     criterion, exponent = math.log(tool.wear_criterion), material.wear.time
-    rate = (fresh[0] - criterion) / exponent, (fresh[1] - criterion) / exponent
+    tertiary = scenario.edge_failure.tertiary_rate * max(tool.wear_criterion - scenario.edge_failure.tertiary_wear, 0.0)
+    rate = (fresh[0] - criterion) / exponent, (fresh[1] - criterion) / exponent + tertiary
     yield from _judged("wear", "tool lives per minute", -math.inf, rate[1])
 
     slowest = 1000.0 * machine.cutting_speed_min / (math.pi * workpiece.diameter)  # spindle speed [rev/min]

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.turning_env.playing import HOT_SPINDLE, SHORT_LIVED, Record, assert_same_bytes, fixed_actions, play
-from turning_env import RoughTurningEnv, presets
+from tests.turning_env.playing import FAILING, HOT_SPINDLE, SHORT_LIVED, Record, assert_same_bytes, changed, fixed_actions, play
+from turning_env import RoughTurningEnv, Scenario, presets
 
 REPOSITORY = Path(__file__).parents[3]
 
@@ -22,6 +22,7 @@ def every_play() -> dict[str, Record]:
     }
     records["short_lived"] = play(RoughTurningEnv(SHORT_LIVED), 21, fixed_actions(100, 1)[:, 0])
     records["hot_spindle"] = play(RoughTurningEnv(HOT_SPINDLE), 21, fixed_actions(40, 1, HOT_SPINDLE)[:, 0])
+    records["failing"] = play(RoughTurningEnv(changed(Scenario(), **FAILING)), 21, fixed_actions(100, 1)[:, 0])
     return records
 
 

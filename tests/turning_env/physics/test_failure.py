@@ -1,0 +1,79 @@
+"""Collapse and chipping of edges."""
+
+import math
+
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from baselines.fixed import FixedParameters
+from papers import verification
+from papers.verification import COLLAPSE_TIME, TESTS, VerificationTest
+from tests.turning_env.playing import UNDISTURBED, changed, play
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
+from turning_env.physics.failure import chip
+from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.scoring.play import play as play_seeds
+
+
+@pytest.mark.parametrize("test", TESTS, ids=lambda test: test.name)
+def test_of_the_papers_edges_that_of_t9_collapses_and_when_it_did(test: VerificationTest) -> None:
+    """Edges wear as measured, and beyond the criterion, as that of T9 did."""
+    life = test.life or verification.played([test])[0].life
+    scenario = changed(
+        verification.undisturbed(verification.implied_wear_factor(test, life)),
+        edge_failure={"collapse_temperature": Scenario.load("practitioner").edge_failure.collapse_temperature},
+        tool={"wear_criterion": 0.32},
+    )
+    episodes = play_seeds(lambda _: FixedParameters(scenario, test.cutting_speed, test.feed), scenario, [0])
+    assert episodes["edges_broken"][0] == (test.name == "T9")
+    if test.name == "T9":
+        assert episodes["engaged_time"][0] / 60.0 == pytest.approx(COLLAPSE_TIME, abs=0.05)
+
+
+def test_an_edge_collapses_where_its_temperature_exceeds_the_limit() -> None:
+    """A worn edge bears less speed: the wear at which it collapses follows from the law."""
+    law = UNDISTURBED.edge_failure.temperature
+    wear = []
+    for action in (0.2, 0.6):
+        scenario = changed(UNDISTURBED, edge_failure={"collapse_temperature": 700.0}, control={"interval": 1})
+        record = play(RoughTurningEnv(scenario), 0, np.full((600, 2), action, np.float32))
+        end = int(np.flatnonzero(record["terminated"])[0])
+        assert record["broken"][end]
+        assert record["edges_broken"][: end + 1].sum() == 1
+        speed, feed = record["cutting_speed"][end], record["feed"][end]
+        assert law(speed, feed, 2.5, wear=record["wear"][end - 1]) < 700 <= law(speed, feed, 2.5, wear=record["wear"][end])
+        wear.append(record["wear"][end])
+    assert wear[0] > wear[1]
+
+
+def test_edges_chip_at_a_constant_hazard_rate() -> None:
+    """Of 2000 edges, 1 - exp(-rate * time) have chipped; its standard error is 1.1 %."""
+    num_envs, minutes = 2000, 2
+    chipping = {"chipping_rate": 0.5, "chipping_load_exponent": 0.0, "chipping_wear_exponent": 0.0}
+    env = RoughTurningVectorEnv(num_envs, changed(UNDISTURBED, edge_failure=chipping), AutoresetMode.DISABLED)
+    env.reset(seed=0)
+    chipped = np.zeros(num_envs, bool)
+    for _ in range(minutes):
+        chipped |= env.step(np.zeros((num_envs, 2), np.float32))[4]["broken"]
+        env.reset(options={"reset_mask": chipped}) if chipped.any() else None
+    assert chipped.mean() == pytest.approx(1.0 - math.exp(-0.5 * minutes), abs=0.035)
+
+
+def test_the_hazard_grows_with_load_and_wear() -> None:
+    chipping = {"chipping_rate": 2.0, "chipping_load_exponent": 3.0, "chipping_wear_exponent": 1.5}
+    state = new_records(STATE, 1)[0]
+    scratch = scratch_records(changed(UNDISTURBED, edge_failure=chipping))[0]
+    work = scratch.work
+    state.edge_strength[0] = 2000.0
+    used = {}
+    for force, wear, engaged in ((2000.0, 0.3, 0.1), (1000.0, 0.3, 0.1), (2000.0, 0.15, 0.1), (2000.0, 0.3, 0.0)):
+        state.chipping_margin[0], state.thrust_force[0] = 1.0, force
+        work.log_wear[0], work.engaged[0] = math.log(wear), engaged
+        chip(state, work, 0, scratch.parameters)
+        used[force, wear, engaged] = 1.0 - state.chipping_margin[0]
+    assert list(used.values()) == pytest.approx([0.2, 0.2 / 2**3, 0.2 / 2**1.5, 0.0], rel=1e-9)
+    assert work.broken[0] == 0
+    work.engaged[0] = 10.0
+    chip(state, work, 0, scratch.parameters)
+    assert work.broken[0] == 1

@@ -1,0 +1,57 @@
+"""Bars that bend away from the tool."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.turning_env.playing import UNDISTURBED, changed, play
+from turning_env import RoughTurningEnv
+from turning_env.physics.records import scratch_records
+from turning_env.physics.slender_bar import compliance
+
+LENGTH, DIAMETER, MODULUS = 200.0, 30.0, 210_000.0
+STIFFNESS = MODULUS * math.pi * DIAMETER**4 / 64.0
+"""E I [N mm2]."""
+
+
+def bar(support: str, **workpiece: float):
+    size = {"bar_length": LENGTH, "diameter": DIAMETER, "support": support}
+    return changed(UNDISTURBED, workpiece=size | workpiece, control={"interval": 1.0, "sub_steps": 20})
+
+
+@pytest.mark.parametrize(
+    ("support", "along", "expected"),
+    [
+        ("chuck", 0.0, LENGTH**3 / (3.0 * STIFFNESS)),
+        ("chuck", 0.5 * LENGTH, LENGTH**3 / (24.0 * STIFFNESS)),
+        ("chuck", LENGTH, 0.0),
+        ("tailstock", 0.0, 0.0),
+        ("tailstock", 0.5 * LENGTH, 7.0 * LENGTH**3 / (768.0 * STIFFNESS)),
+        ("tailstock", LENGTH, 0.0),
+    ],
+)
+def test_deflections_are_those_of_the_handbook(support: str, along: float, expected: float) -> None:
+    parameters = scratch_records(bar(support))[0].parameters
+    assert compliance(parameters, along) == pytest.approx(expected, rel=1e-12, abs=1e-18)
+
+
+def test_the_depth_of_cut_lacks_the_deflection() -> None:
+    """The deflection is the compliance times the radial force that acts, to the first order of a sub-step."""
+    scenario = bar("chuck")
+    parameters = scratch_records(scenario)[0].parameters
+    record = play(RoughTurningEnv(scenario), 0, np.zeros((20, 2), np.float32))
+    cut = record["cutting"] & (record["path"] > 5.0)
+    deflection = np.array([compliance(parameters, along) for along in record["path"][cut]]) * 0.7 * record["thrust_force"][cut]
+    assert deflection.max() > 0.05
+    assert record["depth_of_cut"][cut] == pytest.approx(2.5 - deflection, abs=0.005)
+
+
+def test_stiff_bars_hardly_bend_and_rigid_ones_do_not() -> None:
+    actions = np.zeros((20, 2), np.float32)
+    rigid = play(RoughTurningEnv(bar("rigid")), 0, actions)
+    assert (rigid["depth_of_cut"][1:] == 2.5).all()
+    stiff = play(RoughTurningEnv(bar("chuck", diameter=100.0)), 0, actions)["depth_of_cut"][1:]
+    assert stiff.min() > 2.49
+    slender = play(RoughTurningEnv(bar("tailstock", diameter=10.0, bar_length=1000.0)), 0, actions)
+    assert 0.0 < slender["depth_of_cut"][1:].min() < 1.0

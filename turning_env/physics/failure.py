@@ -1,0 +1,54 @@
+"""Sudden failures of the edge beside too large a force: plastic collapse and chipping. Both count as breakage.
+
+Collapse: an edge deforms plastically at once where its temperature, a power law of cutting speed, feed, depth, wear and hardness,
+exceeds a limit. So the limit is a surface over speed, feed and wear, and the speed that an edge bears falls with its wear. (The
+grid search paper's test T9 gives one point of it; exponents: assumptions, see ``docs/models.md``.)
+
+Chipping: a random failure with the hazard rate [1/min]
+
+    rate * (thrust force / edge strength)^a * (wear / criterion)^b
+
+An edge chips when the integral of its hazard over the cutting time exceeds its margin, an exponential number with mean 1 that is
+drawn when the edge is fitted. So the result converges with shorter sub-steps. (Assumption.)
+"""
+
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.functions import exp, log
+from turning_env.numerics.keyed_random import CHIPPING_CHANNEL, exponential
+from turning_env.numerics.lanes import at
+from turning_env.scenario.power_law import compiled_log_response
+
+_MAX_EXPONENT = 300.0  # keeps the hazard finite at absurdly high forces
+
+
+@compiled
+def collapse(state, work, i, parameters):
+    """Break the edge if it is in metal and hotter than it bears."""
+    p = at(parameters, i)
+    log_temperature = compiled_log_response(
+        p.temperature_law,
+        work.log_cutting_speed[i],
+        work.log_feed[i],
+        work.log_depth[i],
+        0.0,
+        work.log_wear[i],
+        state.log_hardness[i],
+    )
+    too_hot = log_temperature > p.log_collapse_temperature
+    work.broken[i] |= 1 if too_hot and work.engaged[i] > 0.0 else 0
+
+
+@compiled
+def draw_chipping_margin(state, i):
+    """Draw the hazard that the present edge bears."""
+    state.chipping_margin[i] = exponential(state, i, CHIPPING_CHANNEL, 0, state.edge[i])
+
+
+@compiled
+def chip(state, work, i, parameters):
+    """Use up the edge's margin while it cuts, and break it at the end."""
+    p = at(parameters, i)
+    load = log(state.thrust_force[i]) - log(state.edge_strength[i])
+    log_hazard = p.chipping_load_exponent * load + p.chipping_wear_exponent * (work.log_wear[i] - p.log_wear_criterion)
+    state.chipping_margin[i] -= p.chipping_rate * work.engaged[i] * exp(min(log_hazard, _MAX_EXPONENT))
+    work.broken[i] |= 1 if state.chipping_margin[i] <= 0.0 and work.engaged[i] > 0.0 else 0

@@ -1,0 +1,46 @@
+"""Slender bars bend away from the tool, so the cut is shallower and the bar thicker than commanded, by twice the deflection.
+
+The deflection at the tool is that of an elastic beam (Euler and Bernoulli) with the second moment of area I = pi d^4 / 64 under a
+radial force F_r, at a distance a [mm] from the chuck that clamps the bar, with b = L - a and the modulus of elasticity E:
+
+    held by the chuck alone:  F_r a^3 / (3 E I)
+    with a tailstock:         F_r a^3 b^2 (3 a + 4 b) / (12 E I L^3)
+
+The tool moves towards the chuck. The radial force is a fixed share of the thrust force, and L the bar's length of cut
+(assumptions). Force and deflection depend on each other: the force is taken as proportional to the depth, with the ratio of the
+sub-step before.
+"""
+
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.lanes import at
+
+RIGID, CHUCK, TAILSTOCK = range(3)
+SUPPORTS = {"rigid": RIGID, "chuck": CHUCK, "tailstock": TAILSTOCK}
+
+
+@compiled
+def compliance(parameters, along):
+    """Return deflection over radial force [mm/N] at a place along the bar [mm]."""
+    p = parameters
+    a = p.bar_length - along
+    cantilever = a * a * a * p.bar_flexibility
+    if p.support == CHUCK:
+        return cantilever
+    b = along / p.bar_length
+    return cantilever * b * b * (3.0 + b) * 0.25
+
+
+@compiled
+def note_stiffness(state, work, i):
+    """Store thrust force over depth of cut [N/mm] of the cut before."""
+    cuts = min(state.depth_of_cut[i], state.thrust_force[i]) > 0.0
+    work.cut_stiffness[i] = state.thrust_force[i] / state.depth_of_cut[i] if cuts else 0.0
+
+
+@compiled
+def bend_bar(state, work, i, parameters):
+    """Take the deflection from the depth of cut [mm]."""
+    p = at(parameters, i)
+    share = compliance(p, work.along[i]) * p.radial_share * work.cut_stiffness[i]
+    depth = state.depth_of_cut[i]
+    state.depth_of_cut[i] = depth / (1.0 + share) if work.engaged[i] > 0.0 else depth

@@ -1,0 +1,37 @@
+"""Chips that do not break tangle, and the machine stops until they are cleared.
+
+A chip breaker works within a window of feed and depth of cut, as the makers of inserts state it. Outside of it, chips tangle at a
+constant rate [1/min] of cutting time. The next stop comes when the integral of this rate exceeds a margin, an exponential number
+with mean 1 that is drawn anew after every stop. (Rate and time of a stop: assumptions.)
+"""
+
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
+from turning_env.numerics.lanes import at
+from turning_env.physics.edge import stop_machine
+
+
+@compiled
+def start_swarf(state, i):
+    """Start an episode without tangled chips."""
+    state.tangles[i] = 0
+    state.tangle_margin[i] = exponential(state, i, TANGLE_CHANNEL, 0, 0)
+
+
+@compiled
+def tangle(state, work, i, parameters):
+    """Use up the margin while cutting outside the window, and count a tangle at its end: at most one per sub-step."""
+    p = at(parameters, i)
+    breaks = p.chip_feed_min <= state.feed[i] <= p.chip_feed_max
+    breaks &= p.chip_depth_min <= state.depth_of_cut[i] <= p.chip_depth_max
+    state.tangle_margin[i] -= 0.0 if breaks else p.tangle_rate * work.engaged[i]
+    if state.tangle_margin[i] <= 0.0:
+        work.tangles[i] += 1
+        state.tangles[i] += 1
+        state.tangle_margin[i] += exponential(state, i, TANGLE_CHANNEL, 0, state.tangles[i])
+
+
+@compiled
+def clear_chips(state, work, report, i, parameters):
+    """Stop the machine for each tangle of the step."""
+    stop_machine(state, report, i, parameters, work.tangles[i] * at(parameters, i).tangle_time)
