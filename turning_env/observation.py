@@ -80,9 +80,9 @@ def observe(state, work, first, last, parameters):
         entries[OBS.nominal_wear, i] = ratio if state.nominal_used_life[i] > 0.0 else 0.0
     if p.reads_torque:
         for i in range(first, last):
-            entries[OBS.power, i] = deviation(
-                state.measured_power[i] * at(p, i).per_power_limit / capacity(at(p, i), state.cutting_speed[i])
-            )
+            own = at(p, i)
+            available = capacity(own, state.cutting_speed[i])
+            entries[OBS.power, i] = deviation(state.measured_power[i] * own.per_power_limit / available)
     if p.heats:
         for i in range(first, last):
             entries[OBS.spindle_heat, i] = min(state.spindle_heat[i], MAX_RATIO)

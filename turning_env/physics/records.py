@@ -107,7 +107,7 @@ def parameter_records(scenario: Any, count: int = 1) -> Any:
 
 
 def _values(scenario: Any) -> Iterator[tuple[Parameter, Any]]:
-    sections = (section for name, section in scenario if name not in ("name", "material", "nominal_values"))
+    sections = (section for name, section in scenario if name not in ("name", "material", "nominal_model"))
     fields = {name: value for section in sections for name, value in section}
     for parameter in quantities.PARAMETERS:
         yield parameter, parameter.value(scenario) if parameter.value else fields[parameter.name]
