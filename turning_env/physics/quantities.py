@@ -52,7 +52,7 @@ class Parameter(NamedTuple):
     name: str
     unit: str = ""
     meaning: str = ""
-    value: Callable[[Scenario], Any] | None = None
+    value: Callable[[Any], Any] | None = None
     dtype: Any = np.float64
     shape: tuple[int, ...] = ()
 
@@ -320,6 +320,11 @@ def _bar_flexibility(s: Scenario) -> float:
     return 1.0 / (3.0 * s.workpiece.elastic_modulus * moment)
 
 
+def _unless_zero(value: Any) -> Any:
+    """Return a value that means "none" if it is 0: then infinity. Scalar or array."""
+    return np.where(np.equal(value, 0.0), np.inf, value)
+
+
 def _timeless(s: Scenario) -> bool:
     """Return whether changing an edge takes no time, and its price holds that time."""
     return s.control.edge_changes == "end"
@@ -381,7 +386,7 @@ PARAMETERS = (
         "capacity_per_speed",
         "min/m",
         "available over rated power, per cutting speed, below the base speed",
-        lambda s: 1.0 / s.base_cutting_speed if s.base_cutting_speed else np.inf,
+        lambda s: 1.0 / s.base_cutting_speed if np.all(s.base_cutting_speed) else np.inf,
     ),
     P("heats", "-", "a cold motor may be overloaded", lambda s: s.spindle.short_time_load > 1, np.bool_),
     P("reads_torque", "-", "the load is a share of torque", lambda s: s.spindle.reading == "torque", np.bool_),
@@ -391,7 +396,7 @@ PARAMETERS = (
     *_same("no_load_current_rate"),
     P("current_ripple", "-", "amplitude of the current's ripple", lambda s: s.feed_drive.ripple),
     P("ripples_per_path", "1/mm", "waves of the ripple", lambda s: s.feed_drive.ripples_per_turn / s.feed_drive.screw_lead),
-    P("path_end", "mm", "end of the job, infinite in an endless row", lambda s: s.workpiece.bars * _bar_pitch(s) or np.inf),
+    P("path_end", "mm", "end of the job, infinite in an endless row", lambda s: s.workpiece.bars * _bar_pitch(s) if s.workpiece.bars else np.inf),
     P("bar_pitch", "mm", "bar and approach", _bar_pitch),
     P("bars_per_path", "1/mm", "bars per path", lambda s: 1.0 / _bar_pitch(s)),
     P("bars_per_cut", "1/mm", "bars per metal", lambda s: 1.0 / s.workpiece.bar_length),
@@ -425,6 +430,7 @@ PARAMETERS = (
         lambda s: action_size(s) - 1 if s.control.edge_changes == "commanded" else -1,
         np.int64,
     ),
+    P("entries", "-", "entries of the observation", lambda s: len(layout(s)), np.int64),
     P("observation_layout", "-", "places of the observation's entries", _layout_numbers, np.int64, (len(OBSERVATION),)),
     P("holds_roughness", "-", "a roughness is to be held", lambda s: s.control.aim == "roughness", np.bool_),
     *_same("sub_steps", "passes_max", dtype=np.int64),
@@ -432,8 +438,8 @@ PARAMETERS = (
     P(
         "step_limit",
         "-",
-        "steps after which an episode is truncated",
-        lambda s: round(s.control.time_limit * 60.0 / s.control.interval),
+        "steps after which an episode that ends with its edge is truncated",
+        lambda s: round(s.control.time_limit * 60.0 / s.control.interval) if _timeless(s) else 0,
         np.int64,
     ),
     *_same("roughness_at_no_force", "roughness_rate"),
@@ -471,7 +477,7 @@ PARAMETERS = (
         "log_collapse_temperature",
         "-",
         "logarithm of the temperature [K] that an edge bears",
-        lambda s: np.log(s.edge_failure.collapse_temperature or np.inf),
+        lambda s: np.log(_unless_zero(s.edge_failure.collapse_temperature)),
     ),
     P("wears_faster", "-", "there is tertiary wear", lambda s: s.edge_failure.tertiary_rate > 0.0, np.bool_),
     P("edges_chip", "-", "edges chip", lambda s: s.edge_failure.chipping_rate > 0.0, np.bool_),

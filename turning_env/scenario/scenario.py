@@ -57,14 +57,19 @@ ALWAYS_TOLD = (
 """Sections and values that the control knows, so the nominal model has no others: observations and actions are scaled by them."""
 
 
-def _flat(table: Any, before: str = "") -> Any:
+def always_told(name: str) -> bool:
+    """Return whether the control knows the value of a dotted name."""
+    return any(name == each or name.startswith(each + ".") for each in ALWAYS_TOLD)
+
+
+def flat(table: Any, before: str = "") -> Any:
     """Return the values of a nested table by their dotted names, sorted, as pairs; return anything else unchanged."""
     if not isinstance(table, dict):
         return table
     pairs: list[tuple[str, Any]] = []
     for key, value in table.items():
         is_table = isinstance(value, dict)
-        pairs += _flat(value, f"{before}{key}.") if is_table else [(before + key, tuple(value) if isinstance(value, list) else value)]
+        pairs += flat(value, f"{before}{key}.") if is_table else [(before + key, tuple(value) if isinstance(value, list) else value)]
     return tuple(sorted(pairs))
 
 
@@ -81,7 +86,7 @@ def nested(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
 
 
 NominalModel = Annotated[
-    tuple[tuple[str, Any], ...], BeforeValidator(_flat), PlainSerializer(nested), WithJsonSchema({"type": "object"})
+    tuple[tuple[str, Any], ...], BeforeValidator(flat), PlainSerializer(nested), WithJsonSchema({"type": "object"})
 ]
 
 
@@ -171,12 +176,12 @@ class Scenario(Section):
     @model_validator(mode="after")
     def _nominal_model_makes_sense(self) -> Self:
         for name, _ in self.nominal_model:
-            if told := [each for each in ALWAYS_TOLD if name == each or name.startswith(each + ".")]:
-                raise ValueError(f"nominal_model.{name} is set, but the control always knows {told[0]}: leave it out")
+            if always_told(name):
+                raise ValueError(f"nominal_model.{name} is set, but the control always knows {name}: leave it out")
         try:
             self.nominal()
         except ValidationError as error:
-            raise ValueError("; ".join(f"nominal_model.{each}" for each in _complaints(error))) from error
+            raise ValueError("; ".join(f"nominal_model.{each}" for each in complaints_of(error))) from error
         return self
 
     @property
@@ -272,7 +277,7 @@ class Scenario(Section):
         try:
             return cls.model_validate({"name": name} | values)
         except ValidationError as error:
-            raise ScenarioError(f"{source}: " + "; ".join(_complaints(error))) from error
+            raise ScenarioError(f"{source}: " + "; ".join(complaints_of(error))) from error
 
     def to_toml(self) -> str:
         """Return the whole scenario as TOML; ``Scenario.load`` reads back an equal scenario."""
@@ -383,7 +388,8 @@ def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
     return base | values | both
 
 
-def _complaints(error: ValidationError) -> Iterator[str]:
+def complaints_of(error: ValidationError) -> Iterator[str]:
+    """Yield what is wrong with each field."""
     for detail in error.errors():
         field = ".".join(str(part) for part in detail["loc"]) or "scenario"
         message = detail["msg"].removeprefix("Value error, ")

@@ -1,0 +1,199 @@
+"""The best set points by the laws of a scenario, for many scenarios at once, and what a policy may be told of them.
+
+A scenario is given by ``Columns``: sections like those of ``Scenario`` whose numbers are arrays of shape (scenarios,).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env.scenario.power_law import PowerLaw, log_response
+from turning_env.scenario.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+USED_LIVES = (0.05, 0.25, 0.5, 0.75, 0.95)
+"""Used shares of an edge's life at which set points are planned."""
+_GRID = 24
+"""Cutting speeds, and feeds, that a plan compares, evenly spaced on a logarithmic scale."""
+
+
+class Section(SimpleNamespace):
+    """A section of columns. Iteration gives names and values, as for sections of ``Scenario``."""
+
+    log_coefficient = PowerLaw.log_coefficient
+
+    def __iter__(self) -> Iterator[tuple[str, Any]]:
+        return iter(vars(self).items())
+
+
+class Columns(Section):
+    """Many scenarios: a section per subject, with arrays of shape (scenarios,) where they differ, and numbers where not."""
+
+    def __init__(self, values: dict[str, Any], nominal: "Columns | None" = None) -> None:
+        def section(table: dict[str, Any]) -> Section:
+            return Section(**{key: section(value) if isinstance(value, dict) else value for key, value in table.items()})
+
+        super().__init__(**vars(section(values)))
+        vars(self)["nominal_model"] = nominal
+
+    def nominal(self) -> "Columns":
+        """Return the nominal models."""
+        return vars(self)["nominal_model"] or self
+
+    @property
+    def cutting_speed_max(self) -> Any:
+        """See ``Scenario``."""
+        reached = self._circumference * self.spindle.max_speed
+        return np.minimum(self.machine.cutting_speed_max, np.where(reached > 0.0, reached, np.inf))
+
+    @property
+    def base_cutting_speed(self) -> Any:
+        """See ``Scenario``."""
+        return self._circumference * self.spindle.base_speed
+
+    _circumference = Scenario._circumference
+
+
+def log_wear_at(s: Columns, used_life: float) -> Any:
+    """Return the logarithm of the flank wear [mm] at a used share of an edge's life."""
+    return np.log(s.tool.wear_criterion) + s.material.wear.time * np.log(used_life)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """The set points of a grid, and what they load; arrays of shape (scenarios, speeds, feeds) or broadcastable to it."""
+
+    speed: Array
+    """[m/min]"""
+    feed: Array
+    """[mm/rev]"""
+    removal: Array
+    """Removal rate [cm3/min]."""
+    life_rate: Array
+    """Edges used up per minute [1/min]."""
+
+    @classmethod
+    def of(cls, s: Columns) -> "Loads":
+        """Evaluate a grid over the ranges of speed and feed."""
+        shares = np.linspace(0.0, 1.0, _GRID)
+        speed = _span(s.machine.cutting_speed_min, s.cutting_speed_max, shares)[:, :, None]
+        feed = _span(s.machine.feed_min, s.machine.feed_max, shares)[:, None, :]
+        rate = _response(s.material.wear, speed, feed, s.workpiece.depth_of_cut, 0.0, 0.0) - _wide(np.log(s.tool.wear_criterion))
+        removal, life_rate = np.broadcast_arrays(speed * feed * _wide(s.workpiece.depth_of_cut), np.exp(rate / _wide(s.material.wear.time)))
+        count = len(removal)
+        return cls(np.broadcast_to(speed, (count, _GRID, 1)), np.broadcast_to(feed, (count, 1, _GRID)), removal, life_rate)
+
+    def excess(self, s: Columns, used_life: float, deviations: float = 0.0) -> Array:
+        """Return the larger of force and power over their limits, less 1, at a wear, for bars so many standard deviations worse."""
+        work = s.workpiece
+        depth = work.depth_of_cut + deviations * np.hypot(work.depth_bar_spread, work.depth_along_spread)
+        log_hardness = np.log(s.mismatch.hardness_factor) + deviations * np.hypot(work.hardness_bar_spread, work.hardness_along_spread)
+        factors = self.speed, self.feed, depth, log_wear_at(s, used_life), log_hardness
+        force = np.exp(_response(s.material.thrust_force, *factors)) / _wide(s.limits.thrust_force)
+        idle = _wide(s.spindle.idle_torque / (30.0 * work.diameter)) * self.speed
+        base = _wide(np.maximum(s.base_cutting_speed, 1e-9))
+        power = np.exp(_response(s.material.power, *factors)) + idle
+        return np.maximum(force, power / (_wide(s.limits.power) * np.minimum(self.speed / base, 1.0))) - 1.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The best set points at ``USED_LIVES``; arrays of shape (scenarios, lives) or (scenarios,)."""
+
+    speed: Array
+    """[m/min]"""
+    feed: Array
+    """[mm/rev]"""
+    life: Array
+    """Life of an edge that cuts so [min]."""
+    feasible: NDArray[np.bool_]
+    """Whether any set point is within the limits."""
+    removal_rate: Array
+    """Highest sustained removal rate [cm3/min] of one set point, edge changes and their price included; shape (scenarios,)."""
+
+
+def plan_of(s: Columns) -> Plan:
+    """Return the set points with the most metal per minute, less the price of the used life, within the limits."""
+    loads = Loads.of(s)
+    price = _wide(s.economics.edge_cost + s.economics.edge_change_time)  # [min]
+    over = [loads.excess(s, life) for life in USED_LIVES]
+    sustained = loads.removal / (1.0 + price * loads.life_rate)
+    middle = len(USED_LIVES) // 2
+    count = len(loads.removal)
+    rate = np.where(over[middle] <= 0.0, sustained, 0.0).reshape(count, -1).max(axis=1)
+    value = loads.removal / np.maximum(_wide(rate), 1e-9) - price * loads.life_rate
+    found = []
+    for excess in over:
+        feasible = (excess <= 0.0).reshape(count, -1)
+        best = np.where(feasible, value.reshape(count, -1), -1e9 - excess.reshape(count, -1)).argmax(axis=1)
+        rows = np.arange(count)
+        speed, feed = loads.speed[rows, best // _GRID, 0], loads.feed[rows, 0, best % _GRID]
+        found.append((speed, feed, 1.0 / loads.life_rate.reshape(count, -1)[rows, best], feasible.any(axis=1)))
+    speed, feed, life, feasible = (np.stack(column, axis=1) for column in zip(*found, strict=True))
+    return Plan(speed, feed, life, feasible, rate)
+
+
+def _wide(value: Any) -> Any:
+    return np.reshape(value, (-1, 1, 1))
+
+
+def _span(low: Any, high: Any, shares: Array) -> Array:
+    low, high = np.reshape(np.log(low), (-1, 1)), np.reshape(np.log(high), (-1, 1))
+    span: Array = np.exp(low + shares * (high - low))
+    return span
+
+
+def _response(law: Any, speed: Array, feed: Array, depth: Any, log_wear: Any, log_hardness: Any) -> Any:
+    names = ("log_coefficient", "cutting_speed", "feed", "depth_of_cut", "time", "wear", "hardness")
+    wide = SimpleNamespace(**{name: _wide(getattr(law, name)) for name in names})
+    return log_response(  # type: ignore[no-untyped-call]
+        wide, np.log(speed), np.log(feed), _wide(np.log(depth)), 0.0, _wide(log_wear), _wide(log_hardness)
+    )
+
+
+def features(s: Columns, plan: Plan) -> dict[str, Array]:
+    """Return the numbers of nominal models that a policy may be told, shape (scenarios,) each, not standardised."""
+    material, work, machine = s.material, s.workpiece, s.machine
+    middle = len(USED_LIVES) // 2
+    speed, feed, life = plan.speed[:, middle], plan.feed[:, middle], plan.life[:, middle]
+    travel = speed * feed * 1000.0 / (np.pi * work.diameter) / 60.0  # feed per second [mm/s]
+    told: dict[str, Any] = {}
+    for law in ("thrust_force", "power", "wear"):
+        for factor in ("cutting_speed", "feed", "depth_of_cut", "wear" if law != "wear" else "time"):
+            told[f"{law}_{factor}_exponent"] = getattr(getattr(material, law), factor)
+    told["taylor_exponent"] = material.wear.time / material.wear.cutting_speed
+    for law, limit in (("thrust_force", s.limits.thrust_force), ("power", s.limits.power)):
+        at_middle = _response(getattr(material, law), _wide(speed), _wide(feed), work.depth_of_cut, log_wear_at(s, 0.5), 0.0)
+        told[f"log_{law}_load"] = at_middle.ravel() - np.log(limit)
+    logs = {
+        "life": life,
+        "removal_rate": plan.removal_rate,
+        "edge_price": s.economics.edge_cost,
+        "edge_change_time": s.economics.edge_change_time,
+        "edge_strength": s.tool.edge_strength / s.limits.thrust_force,
+        "wear_factor_spread": s.tool.wear_factor_spread,
+        "depth_bar_spread": work.depth_bar_spread / work.depth_of_cut,
+        "depth_along_spread": work.depth_along_spread / work.depth_of_cut,
+        "hardness_bar_spread": work.hardness_bar_spread,
+        "hardness_along_spread": work.hardness_along_spread,
+        "bar_time": work.bar_length / travel,
+        "depth_correlation_time": work.depth_correlation_length / travel,
+        "hardness_correlation_time": work.hardness_correlation_length / travel,
+        "feed_time_constant": machine.feed_time_constant,
+        "spindle_time_constant": machine.spindle_time_constant,
+        "diameter": work.diameter,
+        "depth_of_cut": work.depth_of_cut,
+        "speed_over_base_speed": speed / np.maximum(s.base_cutting_speed, 1.0),
+        "speed_over_fastest": speed / s.cutting_speed_max,
+    }
+    told |= {f"log_{name}": np.log(np.maximum(value, 1e-6)) for name, value in logs.items()}
+    for k, used in enumerate(USED_LIVES):
+        told[f"speed_at_{used}"] = np.log(plan.speed[:, k] / machine.cutting_speed_min)
+        told[f"feed_at_{used}"] = np.log(plan.feed[:, k] / machine.feed_min)
+        told[f"log_life_at_{used}"] = np.log(plan.life[:, k])
+    return {name: np.broadcast_to(value, plan.removal_rate.shape) for name, value in told.items()}
