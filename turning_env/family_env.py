@@ -81,7 +81,9 @@ class FamilyEnv(RoughTurningEnv):
         self._jobs = _jobs(family, split, context)
         self.family, self.split = self._jobs.family, split
         if render_mode is not None:
-            raise ValueError(f"render_mode is {render_mode!r}, but a family is not drawn: render a job's scenario, job().scenario")
+            raise ValueError(
+                f"render_mode is {render_mode!r}, but a family is not drawn: render a job's scenario, job().scenario"
+            )
         self._set_up(Batch(self._jobs.scenario, 1, keeps_table=True, jobs=self._jobs), None)
 
     @property
@@ -125,7 +127,9 @@ class FamilyVectorEnv(RoughTurningVectorEnv):
         self._jobs = _jobs(family, split, context)
         self.family, self.split = self._jobs.family, split
         if render_mode is not None:
-            raise ValueError(f"render_mode is {render_mode!r}, but a family is not drawn: render a job's scenario, job().scenario")
+            raise ValueError(
+                f"render_mode is {render_mode!r}, but a family is not drawn: render a job's scenario, job().scenario"
+            )
         super().__init__(num_envs, self._jobs.scenario, autoreset_mode, None, threads, None, max_episode_steps)
 
     def _new_batch(self, scenario: Any, threads: int) -> Batch:

@@ -396,7 +396,12 @@ PARAMETERS = (
     *_same("no_load_current_rate"),
     P("current_ripple", "-", "amplitude of the current's ripple", lambda s: s.feed_drive.ripple),
     P("ripples_per_path", "1/mm", "waves of the ripple", lambda s: s.feed_drive.ripples_per_turn / s.feed_drive.screw_lead),
-    P("path_end", "mm", "end of the job, infinite in an endless row", lambda s: s.workpiece.bars * _bar_pitch(s) if s.workpiece.bars else np.inf),
+    P(
+        "path_end",
+        "mm",
+        "end of the job, infinite in an endless row",
+        lambda s: s.workpiece.bars * _bar_pitch(s) if s.workpiece.bars else np.inf,
+    ),
     P("bar_pitch", "mm", "bar and approach", _bar_pitch),
     P("bars_per_path", "1/mm", "bars per path", lambda s: 1.0 / _bar_pitch(s)),
     P("bars_per_cut", "1/mm", "bars per metal", lambda s: 1.0 / s.workpiece.bar_length),

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError, field_validator, model_validator
 
 from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
-from turning_env.scenario.plan import USED_LIVES, Columns, Loads, Plan, features, plan_of
+from turning_env.scenario.plan import MIDDLE, Columns, Loads, Plan, features, plan_of
 from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, nested
 from turning_env.scenario.section import Section, names_instead
 
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 Values = dict[str, Any]
 
 _FAMILIES = resources.files("turning_env.scenario") / "families"
-CHUNK = 64
+CHUNK = 256
 """Jobs that are drawn together: one alone takes almost as long."""
 CONTEXT_LIMIT = 5.0
 """Highest absolute value of a number of the context."""
@@ -121,7 +121,11 @@ class Table(Section):
     @field_validator("rows", mode="before")
     @classmethod
     def _as_tuples(cls, value: Any) -> Any:
-        return {name: tuple(row) if isinstance(row, list) else row for name, row in value.items()} if isinstance(value, dict) else value
+        return (
+            {name: tuple(row) if isinstance(row, list) else row for name, row in value.items()}
+            if isinstance(value, dict)
+            else value
+        )
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -206,14 +210,15 @@ def makes_sense(true: Columns, plan: Plan) -> NDArray[np.bool_]:
     * In truth some set point is within the limits for a worn-out edge, on bars two standard deviations deeper and harder.
     * In truth an edge lasts more than 2 min at the nominal model's best set point.
     """
-    nominal_life = plan.life[:, len(USED_LIVES) // 2]
-    loads = Loads.of(true)
-    bearable = (loads.excess(true, 1.0, deviations=2.0) <= 0.0).any(axis=(1, 2))
-    middle = len(USED_LIVES) // 2
-    distance = abs(np.log(loads.speed / plan.speed[:, middle, None, None])) + abs(np.log(loads.feed / plan.feed[:, middle, None, None]))
-    nearest = distance.reshape(len(distance), -1).argmin(axis=1)
-    true_rate = loads.life_rate.reshape(len(distance), -1)[np.arange(len(distance)), nearest]
-    return plan.feasible.all(axis=1) & (nominal_life > 4.0) & (nominal_life < 60.0) & bearable & (true_rate < 0.5)
+    nominal_life, jobs = plan.life[:, MIDDLE], len(plan.life)
+    loads = Loads(true, jobs)
+    bearable = (loads.excess(1.0, deviations=2.0) <= 0.0).any(axis=(1, 2))
+    nearest = [
+        abs(np.log(grid.reshape(jobs, -1) / best[:, MIDDLE, None])).argmin(axis=1)
+        for grid, best in ((loads.speed, plan.speed), (loads.feed, plan.feed))
+    ]
+    true_life = 1.0 / loads.life_rate[np.arange(jobs), nearest[0], nearest[1]]
+    return plan.feasible.all(axis=1) & (nominal_life > 4.0) & (nominal_life < 60.0) & bearable & (true_life > 2.0)
 
 
 class Family(Section):
@@ -238,7 +243,11 @@ class Family(Section):
     @field_validator("splits", mode="before")
     @classmethod
     def _as_tuples(cls, value: Any) -> Any:
-        return {name: tuple(each) if isinstance(each, list) else each for name, each in value.items()} if isinstance(value, dict) else value
+        return (
+            {name: tuple(each) if isinstance(each, list) else each for name, each in value.items()}
+            if isinstance(value, dict)
+            else value
+        )
 
     @classmethod
     def load(cls, source: "str | os.PathLike[str] | Mapping[str, Any] | Family") -> "Family":
@@ -255,7 +264,9 @@ class Family(Section):
             return _preset(str(source))
         path = Path(source)
         if not path.is_file():
-            raise ScenarioError(f"no family and no file is called {str(source)!r}; {names_instead(str(source), families(), 'families()')}")
+            raise ScenarioError(
+                f"no family and no file is called {str(source)!r}; {names_instead(str(source), families(), 'families()')}"
+            )
         try:
             return cls._from_values({"name": path.stem} | tomllib.loads(path.read_text("utf-8")), str(path))
         except ValueError as error:
@@ -298,8 +309,7 @@ class Family(Section):
         differing = {name: value for name, value in nominal.items() if value != true[name]}
         name = "-".join((self.name, split, str(number)))
         values = {"base": self.base, "name": name} | nested(true.items()) | {"nominal_model": nested(differing.items())}
-        middle = len(USED_LIVES) // 2
-        speed, feed = draw.plan.speed[i, middle], draw.plan.feed[i, middle]
+        speed, feed = draw.plan.speed[i, MIDDLE], draw.plan.feed[i, MIDDLE]
         return Job(split, number, Scenario.load(values), float(speed), float(feed), self.context(draw)[i])
 
     @property
@@ -322,6 +332,11 @@ class Family(Section):
     @cached_property
     def _draws(self) -> dict[tuple[str, int], Draw]:
         return {}
+
+    @cached_property
+    def _deviations(self) -> dict[str, Distribution]:
+        own = {name: variable.truth for name, variable in self.variables.items() if variable.truth}
+        return own | {name: truth for table in self.tables.values() for name, truth in table.truth.items()}
 
     @cached_property
     def _base(self) -> Values:
@@ -350,31 +365,27 @@ class Family(Section):
         return self._attempt(split, numbers, attempts)
 
     def _attempt(self, split: str, numbers: NDArray[np.uint64], attempts: NDArray[np.uint64]) -> Draw:
-        key = np.uint64(crc32(split.encode()))
+        names = [*self.variables, *self.tables, *(f"{name}.truth" for name in self._deviations)]
+        keys = np.array([crc32(name.encode()) for name in names], np.uint64)[:, None]
+        words = philox_4x32(keys, attempts, JOB_CHANNEL, numbers, np.uint64(crc32(split.encode())))
+        uniforms = dict(zip(names, zip(*((word + 0.5) * 2.0**-32 for word in words[:2]), strict=True), strict=True))
 
-        def uniforms(name: str) -> tuple[Array, Array]:
-            words = philox_4x32(np.uint64(crc32(name.encode())), attempts, JOB_CHANNEL, numbers, key)
-            return (words[0] + 0.5) * 2.0**-32, (words[1] + 0.5) * 2.0**-32
-
-        told: Values = {name: variable.values(uniforms(name)) for name, variable in self.variables.items()}
-        deviations = {name: variable.truth for name, variable in self.variables.items() if variable.truth}
+        told: Values = {name: variable.values(uniforms[name]) for name, variable in self.variables.items()}
         rows = {}
         for name, table in self.tables.items():
             choices = table.numbers(held_out=name in self.splits[split])
-            rows[name] = (uniforms(name)[0] * len(choices)).astype(np.int64)
+            rows[name] = (uniforms[name][0] * len(choices)).astype(np.int64)
             told |= dict(zip(table.columns, choices[rows[name]].T, strict=True))
-            deviations |= table.truth
         for name, formula in self.derived.items():
             told[name] = _evaluate(formula, told)
-        true = told | {name: truth.true_values(told[name], uniforms(f"{name}.truth")) for name, truth in deviations.items()}
+        true = told | {name: truth.true_values(told[name], uniforms[f"{name}.truth"]) for name, truth in self._deviations.items()}
 
         nominal_fields = {name: _evaluate(formula, told) for name, formula in self.fields.items()}
-        plan = plan_of(Columns(nested((self._base | nominal_fields).items())))
-        middle = len(USED_LIVES) // 2
+        plan = plan_of(Columns(nested((self._base | nominal_fields).items())), len(numbers))
         planned = {
-            "best_cutting_speed": plan.speed[:, middle],
-            "best_feed": plan.feed[:, middle],
-            "best_life": plan.life[:, middle],
+            "best_cutting_speed": plan.speed[:, MIDDLE],
+            "best_feed": plan.feed[:, MIDDLE],
+            "best_life": plan.life[:, MIDDLE],
             "best_removal_rate": plan.removal_rate,
         }
         nominal_fields |= {name: _evaluate(formula, told | planned) for name, formula in self.planned.items()}

@@ -18,7 +18,9 @@ Array = NDArray[np.float64]
 
 USED_LIVES = (0.05, 0.25, 0.5, 0.75, 0.95)
 """Used shares of an edge's life at which set points are planned."""
-_GRID = 24
+MIDDLE = 2
+"""Place of half a life in ``USED_LIVES``."""
+_GRID = 20
 """Cutting speeds, and feeds, that a plan compares, evenly spaced on a logarithmic scale."""
 
 
@@ -64,41 +66,54 @@ def log_wear_at(s: Columns, used_life: float) -> Any:
     return np.log(s.tool.wear_criterion) + s.material.wear.time * np.log(used_life)
 
 
-@dataclass(frozen=True)
 class Loads:
-    """The set points of a grid, and what they load; arrays of shape (scenarios, speeds, feeds) or broadcastable to it."""
+    """A grid of set points, and what they load. Arrays have the shape (scenarios, speeds, feeds), or one that broadcasts to it.
 
-    speed: Array
-    """[m/min]"""
-    feed: Array
-    """[mm/rev]"""
-    removal: Array
-    """Removal rate [cm3/min]."""
-    life_rate: Array
-    """Edges used up per minute [1/min]."""
+    Attributes:
+        speed: cutting speed [m/min], shape (scenarios, speeds, 1).
+        feed: [mm/rev], shape (scenarios, 1, feeds).
+        removal: removal rate [cm3/min].
+        life_rate: edges used up per minute [1/min].
+    """
 
-    @classmethod
-    def of(cls, s: Columns) -> "Loads":
-        """Evaluate a grid over the ranges of speed and feed."""
+    def __init__(self, s: Columns, count: int) -> None:
         shares = np.linspace(0.0, 1.0, _GRID)
-        speed = _span(s.machine.cutting_speed_min, s.cutting_speed_max, shares)[:, :, None]
-        feed = _span(s.machine.feed_min, s.machine.feed_max, shares)[:, None, :]
-        rate = _response(s.material.wear, speed, feed, s.workpiece.depth_of_cut, 0.0, 0.0) - _wide(np.log(s.tool.wear_criterion))
-        removal, life_rate = np.broadcast_arrays(speed * feed * _wide(s.workpiece.depth_of_cut), np.exp(rate / _wide(s.material.wear.time)))
-        count = len(removal)
-        return cls(np.broadcast_to(speed, (count, _GRID, 1)), np.broadcast_to(feed, (count, 1, _GRID)), removal, life_rate)
+        self._s = s
+        self._log_speed = _span(s.machine.cutting_speed_min, s.cutting_speed_max, shares, count)[:, :, None]
+        self._log_feed = _span(s.machine.feed_min, s.machine.feed_max, shares, count)[:, None, :]
+        self.speed, self.feed = np.exp(self._log_speed), np.exp(self._log_feed)
+        self.removal = self.speed * self.feed * _wide(s.workpiece.depth_of_cut)
+        wear = log_response_at(s, "wear", 0.0)
+        self.life_rate = self._over_grid(s.material.wear, wear - np.log(s.tool.wear_criterion), 1.0 / s.material.wear.time)
+        self._force = self._over_grid(s.material.thrust_force, -np.log(s.limits.thrust_force))
+        self._power = self._over_grid(s.material.power, -np.log(s.limits.power))
+        self._idle = _wide(s.spindle.idle_torque / (30.0 * s.workpiece.diameter) / s.limits.power) * self.speed
+        self._capacity = np.minimum(self.speed / _wide(np.maximum(s.base_cutting_speed, 1e-9)), 1.0)
 
-    def excess(self, s: Columns, used_life: float, deviations: float = 0.0) -> Array:
-        """Return the larger of force and power over their limits, less 1, at a wear, for bars so many standard deviations worse."""
-        work = s.workpiece
-        depth = work.depth_of_cut + deviations * np.hypot(work.depth_bar_spread, work.depth_along_spread)
-        log_hardness = np.log(s.mismatch.hardness_factor) + deviations * np.hypot(work.hardness_bar_spread, work.hardness_along_spread)
-        factors = self.speed, self.feed, depth, log_wear_at(s, used_life), log_hardness
-        force = np.exp(_response(s.material.thrust_force, *factors)) / _wide(s.limits.thrust_force)
-        idle = _wide(s.spindle.idle_torque / (30.0 * work.diameter)) * self.speed
-        base = _wide(np.maximum(s.base_cutting_speed, 1e-9))
-        power = np.exp(_response(s.material.power, *factors)) + idle
-        return np.maximum(force, power / (_wide(s.limits.power) * np.minimum(self.speed / base, 1.0))) - 1.0
+    def _over_grid(self, law: Any, log_rest: Any, exponent: Any = 1.0) -> Array:
+        """Return (exp(log_rest) V^a f^b)^exponent."""
+        along_speed = _wide(log_rest * exponent) + _wide(law.cutting_speed * exponent) * self._log_speed
+        over: Array = np.exp(along_speed + _wide(law.feed * exponent) * self._log_feed)
+        return over
+
+    def excess(self, used_life: float, deviations: float = 0.0) -> Array:
+        """Return the larger of force and power over their limits, less 1, for bars so many standard deviations worse."""
+        s = self._s
+        force = self._force * _wide(np.exp(log_response_at(s, "thrust_force", used_life, deviations)))
+        power = self._power * _wide(np.exp(log_response_at(s, "power", used_life, deviations))) + self._idle
+        over: Array = np.maximum(force, power / self._capacity) - 1.0
+        return over
+
+
+def log_response_at(s: Columns, law_name: str, used_life: float, deviations: float = 0.0) -> Any:
+    """Return the logarithm of a response at 1 m/min and 1 mm/rev, to an edge of a used life (0: the law has no wear)."""
+    work, law = s.workpiece, getattr(s.material, law_name)
+    depth = work.depth_of_cut + deviations * np.hypot(work.depth_bar_spread, work.depth_along_spread)
+    log_hardness = np.log(s.mismatch.hardness_factor) + deviations * np.hypot(
+        work.hardness_bar_spread, work.hardness_along_spread
+    )
+    log_wear = log_wear_at(s, used_life) if used_life > 0.0 else 0.0
+    return log_response(law, 0.0, 0.0, np.log(depth), 0.0, log_wear, log_hardness)  # type: ignore[no-untyped-call]
 
 
 @dataclass(frozen=True)
@@ -117,23 +132,21 @@ class Plan:
     """Highest sustained removal rate [cm3/min] of one set point, edge changes and their price included; shape (scenarios,)."""
 
 
-def plan_of(s: Columns) -> Plan:
+def plan_of(s: Columns, count: int) -> Plan:
     """Return the set points with the most metal per minute, less the price of the used life, within the limits."""
-    loads = Loads.of(s)
+    loads = Loads(s, count)
     price = _wide(s.economics.edge_cost + s.economics.edge_change_time)  # [min]
-    over = [loads.excess(s, life) for life in USED_LIVES]
+    over = [loads.excess(life) for life in USED_LIVES]
     sustained = loads.removal / (1.0 + price * loads.life_rate)
-    middle = len(USED_LIVES) // 2
-    count = len(loads.removal)
-    rate = np.where(over[middle] <= 0.0, sustained, 0.0).reshape(count, -1).max(axis=1)
+    rate = np.where(over[MIDDLE] <= 0.0, sustained, 0.0).reshape(count, -1).max(axis=1)
     value = loads.removal / np.maximum(_wide(rate), 1e-9) - price * loads.life_rate
-    found = []
+    rows, found = np.arange(count), []
     for excess in over:
-        feasible = (excess <= 0.0).reshape(count, -1)
-        best = np.where(feasible, value.reshape(count, -1), -1e9 - excess.reshape(count, -1)).argmax(axis=1)
-        rows = np.arange(count)
-        speed, feed = loads.speed[rows, best // _GRID, 0], loads.feed[rows, 0, best % _GRID]
-        found.append((speed, feed, 1.0 / loads.life_rate.reshape(count, -1)[rows, best], feasible.any(axis=1)))
+        feasible = excess <= 0.0
+        best = np.where(feasible, value, -1e9 - excess).reshape(count, -1).argmax(axis=1)
+        i, k = np.divmod(best, _GRID)
+        life = 1.0 / loads.life_rate[rows, i, k]
+        found.append((loads.speed[rows, i, 0], loads.feed[rows, 0, k], life, feasible.any(axis=(1, 2))))
     speed, feed, life, feasible = (np.stack(column, axis=1) for column in zip(*found, strict=True))
     return Plan(speed, feed, life, feasible, rate)
 
@@ -142,25 +155,16 @@ def _wide(value: Any) -> Any:
     return np.reshape(value, (-1, 1, 1))
 
 
-def _span(low: Any, high: Any, shares: Array) -> Array:
+def _span(low: Any, high: Any, shares: Array, count: int) -> Array:
+    """Return logarithms between those of two ends, shape (scenarios, shares)."""
     low, high = np.reshape(np.log(low), (-1, 1)), np.reshape(np.log(high), (-1, 1))
-    span: Array = np.exp(low + shares * (high - low))
-    return span
-
-
-def _response(law: Any, speed: Array, feed: Array, depth: Any, log_wear: Any, log_hardness: Any) -> Any:
-    names = ("log_coefficient", "cutting_speed", "feed", "depth_of_cut", "time", "wear", "hardness")
-    wide = SimpleNamespace(**{name: _wide(getattr(law, name)) for name in names})
-    return log_response(  # type: ignore[no-untyped-call]
-        wide, np.log(speed), np.log(feed), _wide(np.log(depth)), 0.0, _wide(log_wear), _wide(log_hardness)
-    )
+    return np.broadcast_to(low + shares * (high - low), (count, len(shares)))
 
 
 def features(s: Columns, plan: Plan) -> dict[str, Array]:
     """Return the numbers of nominal models that a policy may be told, shape (scenarios,) each, not standardised."""
     material, work, machine = s.material, s.workpiece, s.machine
-    middle = len(USED_LIVES) // 2
-    speed, feed, life = plan.speed[:, middle], plan.feed[:, middle], plan.life[:, middle]
+    speed, feed, life = plan.speed[:, MIDDLE], plan.feed[:, MIDDLE], plan.life[:, MIDDLE]
     travel = speed * feed * 1000.0 / (np.pi * work.diameter) / 60.0  # feed per second [mm/s]
     told: dict[str, Any] = {}
     for law in ("thrust_force", "power", "wear"):
@@ -168,8 +172,9 @@ def features(s: Columns, plan: Plan) -> dict[str, Array]:
             told[f"{law}_{factor}_exponent"] = getattr(getattr(material, law), factor)
     told["taylor_exponent"] = material.wear.time / material.wear.cutting_speed
     for law, limit in (("thrust_force", s.limits.thrust_force), ("power", s.limits.power)):
-        at_middle = _response(getattr(material, law), _wide(speed), _wide(feed), work.depth_of_cut, log_wear_at(s, 0.5), 0.0)
-        told[f"log_{law}_load"] = at_middle.ravel() - np.log(limit)
+        exponents = getattr(material, law)
+        at_best = exponents.cutting_speed * np.log(speed) + exponents.feed * np.log(feed)
+        told[f"log_{law}_load"] = at_best + log_response_at(s, law, USED_LIVES[MIDDLE]) - np.log(limit)
     logs = {
         "life": life,
         "removal_rate": plan.removal_rate,

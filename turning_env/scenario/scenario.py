@@ -69,7 +69,9 @@ def flat(table: Any, before: str = "") -> Any:
     pairs: list[tuple[str, Any]] = []
     for key, value in table.items():
         is_table = isinstance(value, dict)
-        pairs += flat(value, f"{before}{key}.") if is_table else [(before + key, tuple(value) if isinstance(value, list) else value)]
+        pairs += (
+            flat(value, f"{before}{key}.") if is_table else [(before + key, tuple(value) if isinstance(value, list) else value)]
+        )
     return tuple(sorted(pairs))
 
 
@@ -375,7 +377,9 @@ def name_of_file(path: Path) -> str:
 
 def _differences(values: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
     differ = {key: value for key, value in values.items() if value != defaults.get(key)}
-    return {key: _differences(value, defaults.get(key, {})) if isinstance(value, dict) else value for key, value in differ.items()}
+    return {
+        key: _differences(value, defaults.get(key, {})) if isinstance(value, dict) else value for key, value in differ.items()
+    }
 
 
 def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
