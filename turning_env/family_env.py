@@ -15,7 +15,7 @@ from turning_env.batch.jobs import Jobs
 from turning_env.env import RoughTurningEnv
 from turning_env.info import Info
 from turning_env.scenario.family import Family, Job
-from turning_env.vector_env import Array, Infos, RoughTurningVectorEnv, Step
+from turning_env.vector_env import Array, Infos, RoughTurningVectorEnv
 
 FamilySource = str | os.PathLike[str] | Mapping[str, Any] | Family
 Context = Literal["told", "hidden"]
@@ -42,8 +42,8 @@ class FamilyEnv(RoughTurningEnv):
 
     Every episode is a job drawn from a family (default: `shop`): one lathe, one material, one kind of insert and one kind of bar,
     for the time that about five edges last. The laws of power, thrust force and wear, the drives' lags and the edges' strength
-    differ from the nominal model, by which the observation's predictions are made. Edges are changed on command, as in `ShiftEnv`,
-    so what the first edge teaches pays on the others. `reset(seed=s)` starts the job of seed s, `reset()` the next one.
+    differ from the nominal model, by which the observation's predictions are made. Edges are changed on command, as in
+    `ShiftEnv`, so what the first edge teaches pays on the others. `reset(seed=s)` starts the job of seed s, `reset()` the next.
 
     ## Action space
 
@@ -52,13 +52,14 @@ class FamilyEnv(RoughTurningEnv):
 
     ## Observation space
 
-    The 11 entries of `RoughTurningEnv`, scaled by the job's ranges and limits. With `context="told"`, the nominal model's numbers
-    follow, standardised by the training jobs and limited to -5..5 (`Family.context_names`): exponents of the three laws; logarithms
-    of load, life, removal rate, prices, spreads, lengths and lags; and at five used lives the best speed, feed and life.
+    The 11 entries of `RoughTurningEnv`, scaled by the job's ranges and limits. With `context="told"`, the nominal model's
+    numbers follow, standardised by the training jobs and limited to -5..5 (`Family.context_names`): exponents of the three
+    laws; logarithms of load, life, removal rate, prices, spreads, lengths and lags; and at five used lives the best speed,
+    feed and life.
 
     ## Reward and end
 
-    As for `ShiftEnv`. The reference removal rate is the best that the nominal model can sustain, so that holding it would earn about
+    As for `ShiftEnv`. The reference removal rate is the best that the nominal model can sustain, so holding it would earn about
     0 if the model were right. Truncated when the job's time is over.
 
     ## Info

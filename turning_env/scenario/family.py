@@ -1,12 +1,12 @@
 """Families of scenarios: distributions from which jobs are drawn, each a true scenario and the nominal model of its control.
 
-A family is a TOML file. Its ``variables`` and the columns of its ``tables`` are drawn. Its ``fields`` are formulas of them, for the
-scenario's fields that are not those of its ``base``; ``planned`` fields also know the nominal model's best set point (``plan.py``).
-A variable with a ``truth`` has a true value, too, and the fields that depend on it differ between truth and nominal model.
-``docs/family.md`` describes the preset.
+A family is a TOML file. Its ``variables`` and the columns of its ``tables`` are drawn. Its ``fields`` are formulas of them, for
+the scenario's fields that are not those of its ``base``; ``planned`` fields also know the nominal model's best set point
+(``plan.py``). A variable with a ``truth`` has a true value, too, and the fields that depend on it differ between truth and
+nominal model. ``docs/family.md`` describes the preset.
 
-A job depends on family, split and number alone. Its numbers are keyed by the name of their variable (``numerics.keyed_random``), so
-a variable that is added changes no other. A job that makes no sense (``makes_sense``) is drawn again.
+A job depends on family, split and number alone. Its numbers are keyed by the name of their variable (``numerics.keyed_random``),
+so a variable that is added changes no other. A job that makes no sense (``makes_sense``) is drawn again.
 """
 
 import ast
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError, field_validator, model_validator
 
 from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
-from turning_env.scenario.plan import MIDDLE, Columns, Loads, Plan, features, plan_of
+from turning_env.scenario.plan import MIDDLE, USED_LIVES, Columns, Loads, Plan, features, plan_of
 from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, nested
 from turning_env.scenario.section import Section, names_instead
 
@@ -206,13 +206,14 @@ class Draw:
 def makes_sense(true: Columns, plan: Plan) -> NDArray[np.bool_]:
     """Return which jobs make sense, shape (jobs,).
 
-    * By the nominal model some set point is within the limits as long as the edge lasts, and an edge lasts 4 to 60 min at the best.
-    * In truth some set point is within the limits for a worn-out edge, on bars two standard deviations deeper and harder.
+    * By the nominal model some set point is within the limits at every wear, and an edge lasts 4 to 60 min at the best one.
+    * In truth some set point exceeds no limit by more than the tolerance, at 95 % of an edge's life and on bars two standard
+      deviations deeper and harder.
     * In truth an edge lasts more than 2 min at the nominal model's best set point.
     """
     nominal_life, jobs = plan.life[:, MIDDLE], len(plan.life)
     loads = Loads(true, jobs)
-    bearable = (loads.excess(1.0, deviations=2.0) <= 0.0).any(axis=(1, 2))
+    bearable = (loads.excess(USED_LIVES[-1], deviations=2.0) <= true.limits.overload_tolerance).any(axis=(1, 2))
     nearest = [
         abs(np.log(grid.reshape(jobs, -1) / best[:, MIDDLE, None])).argmin(axis=1)
         for grid, best in ((loads.speed, plan.speed), (loads.feed, plan.feed))
@@ -248,6 +249,16 @@ class Family(Section):
             if isinstance(value, dict)
             else value
         )
+
+    @model_validator(mode="after")
+    def _splits_fit(self) -> Self:
+        if self.splits.get("train") != ():
+            raise ValueError('splits must have "train", which draws no held-out rows')
+        for split, tables in self.splits.items():
+            for name in tables:
+                if name not in self.tables or not self.tables[name].held_out:
+                    raise ValueError(f"splits.{split}: no table {name!r} has held-out rows")
+        return self
 
     @classmethod
     def load(cls, source: "str | os.PathLike[str] | Mapping[str, Any] | Family") -> "Family":

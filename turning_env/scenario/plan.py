@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.scenario.power_law import PowerLaw, log_response
-from turning_env.scenario.scenario import Scenario
 
 Array = NDArray[np.float64]
 
@@ -58,7 +57,9 @@ class Columns(Section):
         """See ``Scenario``."""
         return self._circumference * self.spindle.base_speed
 
-    _circumference = Scenario._circumference
+    @property
+    def _circumference(self) -> Any:
+        return np.pi * self.workpiece.diameter / 1000.0  # [m]
 
 
 def log_wear_at(s: Columns, used_life: float) -> Any:
