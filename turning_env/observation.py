@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp, log
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.machinability import force_and_power
 from turning_env.physics.quantities import DEVIATION_SCALE, MAX_LOG_TIME, MAX_RATIO, OBS, OBSERVATION, layout

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from turning_env.batch.jobs import Jobs
 from turning_env.info import Info, info_of
 from turning_env.numerics.compilation import compiled, compiled_entry
-from turning_env.numerics.lanes import INLINED, ROWS, at
+from turning_env.numerics.per_env import INLINED, ROWS, at
 from turning_env.observation import bounds, observe
 from turning_env.physics import quantities
 from turning_env.physics.lathe import run_step, start_episode
 from turning_env.physics.quantities import WIDTH, action_size
-from turning_env.physics.records import LANES, STATE, new_records, scratch_records
+from turning_env.physics.records import BLOCK_PARAMETERS, STATE, new_records, scratch_records
 from turning_env.physics.report import write_state
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import CONTEXT_LIMIT
@@ -150,7 +150,7 @@ class Batch:
         self.seeded = False
         self.scenario, self._threads = scenario, threads
         self._jobs = jobs
-        self._lanes = jobs and jobs.lanes(-(-num_envs // WIDTH))
+        self._parameters: Any = jobs.block_parameters(-(-num_envs // WIDTH)) if jobs else None
         self._context = np.zeros((num_envs, jobs.context_size if jobs else 0), np.float32)
         self.job_numbers = np.zeros(num_envs, np.int64)
         self._states = new_records(STATE, -(-num_envs // WIDTH))
@@ -175,9 +175,9 @@ class Batch:
         self.__dict__.update(values)
         self._states = new_records(STATE, len(values["_states"]))
         self._states[...] = values["_states"]
-        if self._lanes is not None:
-            self._lanes = new_records(LANES, len(values["_lanes"]))
-            self._lanes[...] = values["_lanes"]
+        if self._parameters is not None:
+            self._parameters = new_records(BLOCK_PARAMETERS, len(values["_parameters"]))
+            self._parameters[...] = values["_parameters"]
         self._prepare()
 
     def observation_space(self) -> spaces.Space[NDArray[np.float32]]:
@@ -219,7 +219,7 @@ class Batch:
         self.observations = self.observations.copy()
         self.table = self.table if self._table_shape is None else self.table.copy()
         self._take_jobs(np.flatnonzero(chosen))
-        start_episodes(self._states, self._scratches[0], self._lanes, chosen, self.observations, self.table)
+        start_episodes(self._states, self._scratches[0], self._parameters, chosen, self.observations, self.table)
         self.observations[:, self._entries :] = self._context
         self.seeded = True
 
@@ -232,7 +232,7 @@ class Batch:
             seed, episode = self._states["seed"][block, i], self._states["episode"][block, i]
             number = self._jobs.family.number(int(seed), int(episode) + ahead, self._jobs.split)
             self.job_numbers[k] = number
-            self._lanes[ROWS][block, :, i], self._context[k] = self._jobs[number]
+            self._parameters[ROWS][block, :, i], self._context[k] = self._jobs[number]
 
     def next_episode(self, chosen: NDArray[np.bool_]) -> None:
         """Start the next episode of its seed in every chosen environment, shape (num_envs,)."""
@@ -253,7 +253,7 @@ class Batch:
         table = self.table if self._table_shape is None else np.empty(self._table_shape)
         if self._helpers is None or len(self._states) < MIN_BLOCKS:
             finite = step_blocks(
-                self._states, self._scratches[0], self._lanes, self._actions, observations, table, 0, len(self._states)
+                self._states, self._scratches[0], self._parameters, self._actions, observations, table, 0, len(self._states)
             )
         else:
             finite = bool(np.isfinite(self._actions).all())
@@ -275,7 +275,7 @@ class Batch:
         def work(scratch: Any) -> None:
             while (first := next(claims)) < blocks:
                 last = min(first + BLOCKS_CLAIMED, blocks)
-                step_blocks(self._states, scratch, self._lanes, self._actions, observations, table, first, last)
+                step_blocks(self._states, scratch, self._parameters, self._actions, observations, table, first, last)
 
         assert self._helpers is not None
         futures = [self._helpers.submit(work, scratch) for scratch in self._scratches[1:]]

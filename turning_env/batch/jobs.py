@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.physics.quantities import layout
-from turning_env.physics.records import LANES, OWN_NUMBERS, PARAMETERS, new_records, parameter_records
+from turning_env.physics.records import BLOCK_PARAMETERS, OWN_NUMBERS, PARAMETERS, new_records, parameter_records
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import CHUNK, Family
 
@@ -39,15 +39,15 @@ class Jobs:
         """Number of entries that are appended to an observation."""
         return len(self.names) - len(layout(self.scenario))
 
-    def lanes(self, blocks: int) -> Any:
+    def block_parameters(self, blocks: int) -> Any:
         """Return parameters for blocks of environments, with the choices that all jobs share."""
-        lanes = new_records(LANES, blocks)
+        records = new_records(BLOCK_PARAMETERS, blocks)
         for name in _CHOICES:
-            lanes[name] = self._shared[name][0]
-        return lanes
+            records[name] = self._shared[name][0]
+        return records
 
     def __getitem__(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-        """Return a job's numbers, in the order of ``LANES``, and its context."""
+        """Return a job's numbers, in the order of ``BLOCK_PARAMETERS``, and its context."""
         chunk, i = divmod(number, CHUNK)
         if chunk not in self._chunks:
             self._chunks[chunk] = self._drawn(chunk)
@@ -65,4 +65,4 @@ class Jobs:
         return np.ascontiguousarray(numbers), context.astype(np.float32)
 
 
-_CHOICES = [name for name in PARAMETERS.names or () if LANES[name] == PARAMETERS[name]]
+_CHOICES = [name for name in PARAMETERS.names or () if BLOCK_PARAMETERS[name] == PARAMETERS[name]]

@@ -4,7 +4,7 @@ Edges are charged in ``edge.py``. (Overload price: assumption, see docs/choices.
 """
 
 from turning_env.numerics.compilation import compiled
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 
 
 @compiled

@@ -11,7 +11,7 @@ If edges are changed, the time passes. Random properties of edges: see ``docs/mo
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
 from turning_env.numerics.keyed_random import EDGE_CHANNEL, standard_normals
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 from turning_env.physics.failure import draw_chipping_margin
 from turning_env.physics.spindle import cool_down
 

@@ -15,7 +15,7 @@ drawn when the edge is fitted. So the result converges with shorter sub-steps. (
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp, log
 from turning_env.numerics.keyed_random import CHIPPING_CHANNEL, exponential
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 from turning_env.scenario.power_law import compiled_log_response
 
 _MAX_EXPONENT = 300.0  # keeps the hazard finite at absurdly high forces

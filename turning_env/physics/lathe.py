@@ -13,7 +13,7 @@ import math
 
 from turning_env.numerics.compilation import compiled, compiled_separately
 from turning_env.numerics.functions import exp, log, real_power
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 from turning_env.physics.drives import clipped, set_point
 from turning_env.physics.economics import compute_reward
 from turning_env.physics.edge import break_edge, charge, discard_edge, fit_edge, replace_edge

@@ -10,7 +10,7 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import log
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 from turning_env.physics.drives import clipped, set_point
 from turning_env.physics.spindle import cool_down
 

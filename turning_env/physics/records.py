@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from turning_env.numerics.lanes import ROWS
+from turning_env.numerics.per_env import ROWS
 from turning_env.physics import quantities
 from turning_env.physics.quantities import AT_END, WIDTH, Parameter, Quantity, action_size
 from turning_env.scenario import Scenario
 
 __all__ = [
-    "LANES",
+    "BLOCK_PARAMETERS",
     "OWN_NUMBERS",
     "PARAMETERS",
     "REPORT",
@@ -62,8 +62,8 @@ def _for_each(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return np.dtype((np.float64, (WIDTH,)))
 
 
-def _lanes_type() -> np.dtype[Any]:
-    """Return the type of the parameters of a block whose environments differ (``numerics.lanes``)."""
+def _block_parameters_type() -> np.dtype[Any]:
+    """Return the type of the parameters of a block whose environments differ (``numerics.per_env``)."""
     plain = np.dtype([*((name, _for_each(_DTYPES[name])) for name in _OWN), *_SHARED], align=True)
     names = plain.names or ()
     layout = {
@@ -79,7 +79,7 @@ STATE = _record_type(quantities.STATE)
 WORK = _record_type((*quantities.WORK, Quantity("observation", "-", "entries", np.float64, (len(quantities.OBSERVATION), WIDTH))))
 REPORT = _report_type()
 PARAMETERS = np.dtype((np.record, np.dtype([*((name, _DTYPES[name]) for name in _OWN), *_SHARED], align=True)))
-LANES = _lanes_type()
+BLOCK_PARAMETERS = _block_parameters_type()
 SCRATCH = np.dtype((np.record, np.dtype([("parameters", PARAMETERS), ("work", WORK), ("report", REPORT)], align=True)))
 """Record of a thread's working memory, without the environments' states."""
 

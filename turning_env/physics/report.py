@@ -4,7 +4,7 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 from turning_env.physics.drives import spindle_torque
 from turning_env.physics.records import FIRST_SUM
 from turning_env.physics.spindle import capacity, idle_power

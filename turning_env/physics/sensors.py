@@ -5,7 +5,7 @@ The noise levels (power 2 %, force 5 %) and lags are assumptions; the roughness 
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.keyed_random import SENSOR_CHANNEL, normals_of, words
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 from turning_env.physics.drives import servo_current
 from turning_env.physics.spindle import idle_power
 

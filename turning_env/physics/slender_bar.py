@@ -12,7 +12,7 @@ sub-step before.
 """
 
 from turning_env.numerics.compilation import compiled
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 
 RIGID, CHUCK, TAILSTOCK = range(3)
 SUPPORTS = {"rigid": RIGID, "chuck": CHUCK, "tailstock": TAILSTOCK}

@@ -22,7 +22,7 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 from turning_env.scenario import Scenario
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
 from turning_env.numerics.keyed_random import REFERENCE_CHANNEL, uniform
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 
 _MAX_EXPONENT = 300.0  # keeps the roughness finite at absurdly high forces
 

@@ -7,7 +7,7 @@ with mean 1 that is drawn anew after every stop. (Rate and time of a stop: assum
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 from turning_env.physics.edge import stop_machine
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import log, sine_and_cosine
 from turning_env.numerics.keyed_random import BAR_CHANNEL, DEPTH_CHANNEL, HARDNESS_CHANNEL, normals_of, standard_normals, words
-from turning_env.numerics.lanes import at
+from turning_env.numerics.per_env import at
 
 MIN_DEPTH_SHARE = 0.01
 

@@ -219,7 +219,9 @@ def makes_sense(true: Columns, plan: Plan) -> NDArray[np.bool_]:
         for grid, best in ((loads.speed, plan.speed), (loads.feed, plan.feed))
     ]
     true_life = 1.0 / loads.life_rate[np.arange(jobs), nearest[0], nearest[1]]
-    return plan.feasible.all(axis=1) & (nominal_life > 4.0) & (nominal_life < 60.0) & bearable & (true_life > 2.0)
+    lasts = (nominal_life > 4.0) & (nominal_life < 60.0) & (true_life > 2.0)
+    sensible: NDArray[np.bool_] = plan.feasible.all(axis=1) & lasts & bearable
+    return sensible
 
 
 class Family(Section):
