@@ -26,7 +26,7 @@ FLOORS = (
     {"physics"},
     {"observation", "info"},
     {"batch"},
-    {"env", "vector_env", "tasks", "wrappers", "action"},
+    {"env", "vector_env", "family_env", "tasks", "wrappers", "action"},
     {"scoring", "programs", "control", "workshop", "rendering", "adapters"},
     {"__main__"},
 )

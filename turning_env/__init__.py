@@ -6,10 +6,12 @@ Importing this package registers the ids in ``IDS``; ``env.py`` and ``tasks.py``
 import gymnasium
 
 from turning_env.env import RoughTurningEnv
+from turning_env.family_env import FamilyEnv, FamilyVectorEnv
 from turning_env.observation import Reading, read
 from turning_env.physics import MODEL_VERSION
 from turning_env.physics.quantities import OBS
 from turning_env.scenario import SPLITS, Scenario, ScenarioError, presets
+from turning_env.scenario.family import Family
 from turning_env.scenario.power_law import PowerLaw
 from turning_env.scoring.score import Score, score
 from turning_env.vector_env import RoughTurningVectorEnv
@@ -20,6 +22,9 @@ __all__ = [
     "MODEL_VERSION",
     "OBS",
     "SPLITS",
+    "Family",
+    "FamilyEnv",
+    "FamilyVectorEnv",
     "FeedSwitch",
     "PowerLaw",
     "Reading",
@@ -53,3 +58,11 @@ for _id, (_entry_point, _preset) in _ENTRY_POINTS.items():
         vector_entry_point="turning_env.vector_env:RoughTurningVectorEnv",
         kwargs={"scenario": _preset},
     )
+
+FAMILY_ID = "RoughTurning-Family-v0"
+gymnasium.register(
+    FAMILY_ID,
+    entry_point="turning_env.family_env:FamilyEnv",
+    vector_entry_point="turning_env.family_env:FamilyVectorEnv",
+    kwargs={"family": "shop"},
+)

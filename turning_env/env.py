@@ -11,7 +11,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed, observation_space
+from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed
 from turning_env.info import Info, info_of
 from turning_env.scenario import Scenario, Source, presets
 from turning_env.scenario.section import names_instead
@@ -184,12 +184,15 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 - declared so by Gymnasium
 
     def __init__(self, scenario: Source = "rough_turning", render_mode: str | None = None) -> None:
-        self.scenario = Scenario.load(scenario)
+        self._set_up(Batch(Scenario.load(scenario), 1, keeps_table=True), render_mode)
+
+    def _set_up(self, batch: Batch, render_mode: str | None) -> None:
+        self.scenario = batch.scenario
         self._spec: EnvSpec | None = None
         self.render_mode = render_mode
-        self.observation_space = observation_space(self.scenario)
+        self.observation_space = batch.observation_space()
         self.action_space = action_space(self.scenario)
-        self._batch = Batch(self.scenario, 1, keeps_table=True)
+        self._batch = batch
         self._under_way = False
         self._viewer: Viewer | None = None
         if render_mode is not None:

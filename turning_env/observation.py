@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp, log
+from turning_env.numerics.per_env import at
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.machinability import force_and_power
 from turning_env.physics.quantities import DEVIATION_SCALE, MAX_LOG_TIME, MAX_RATIO, OBS, OBSERVATION, layout
@@ -50,13 +51,13 @@ def observe(state, work, first, last, parameters):
     """
     p = parameters
     entries = work.observation
-    power_scale, force_scale = 1.0 / p.power_limit, 1.0 / p.thrust_force_limit
-    speed_low, speed_scale = p.log_cutting_speed_min, 2.0 / p.log_cutting_speed_span
-    feed_low, feed_scale = p.log_feed_min, 2.0 / p.log_feed_span
     for i in range(first, last):
+        own = at(p, i)
+        speed_low, speed_scale = own.log_cutting_speed_min, own.cutting_speed_scale
+        feed_low, feed_scale = own.log_feed_min, own.feed_scale
         commanded_speed, commanded_feed = log(state.commanded_cutting_speed[i]), log(state.commanded_feed[i])
-        entries[OBS.power, i] = deviation(state.measured_power[i] * power_scale)
-        entries[OBS.thrust_force, i] = deviation(state.measured_thrust_force[i] * force_scale)
+        entries[OBS.power, i] = deviation(state.measured_power[i] * own.per_power_limit)
+        entries[OBS.thrust_force, i] = deviation(state.measured_thrust_force[i] * own.per_thrust_force_limit)
         entries[OBS.cutting_speed, i] = range_position(work.log_cutting_speed[i], speed_low, speed_scale)
         entries[OBS.feed, i] = range_position(work.log_feed[i], feed_low, feed_scale)
         entries[OBS.commanded_cutting_speed, i] = range_position(commanded_speed, speed_low, speed_scale)
@@ -65,41 +66,46 @@ def observe(state, work, first, last, parameters):
         entries[OBS.cutting_time, i] = min(log(1.0 + state.cutting_time[i]), MAX_LOG_TIME)
         entries[OBS.cutting, i] = 1.0 if state.cutting[i] > 0 else 0.0
     for i in range(first, last):
-        work.log_wear[i] = log_wear(p, state.nominal_used_life[i])
+        work.log_wear[i] = log_wear(at(p, i).nominal, state.nominal_used_life[i])
     for i in range(first, last):
-        wear = work.log_wear[i]
-        force, power = force_and_power(p, work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i], wear, 0.0)
-        power += idle_power(p, state.cutting_speed[i])
+        speed, feed, depth = work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i]
+        nominal = at(p, i).nominal
+        force, power = force_and_power(nominal, speed, feed, depth, work.log_wear[i], 0.0)
+        power += idle_power(nominal, state.cutting_speed[i])
         work.predicted_force[i] = force
         has_cut = state.nominal_used_life[i] > 0.0
         entries[OBS.power_ratio, i] = deviation(state.measured_power[i] / power if has_cut else 0.0)
         entries[OBS.force_ratio, i] = deviation(state.measured_thrust_force[i] / force if has_cut else 0.0)
     for i in range(first, last):
-        ratio = min(exp(work.log_wear[i] - p.log_wear_criterion), MAX_RATIO)
+        ratio = min(exp(work.log_wear[i] - at(p, i).log_wear_criterion), MAX_RATIO)
         entries[OBS.nominal_wear, i] = ratio if state.nominal_used_life[i] > 0.0 else 0.0
     if p.reads_torque:
         for i in range(first, last):
-            entries[OBS.power, i] = deviation(state.measured_power[i] * power_scale / capacity(p, state.cutting_speed[i]))
-    if p.short_time_load > 1.0:
+            own = at(p, i)
+            available = capacity(own, state.cutting_speed[i])
+            entries[OBS.power, i] = deviation(state.measured_power[i] * own.per_power_limit / available)
+    if p.heats:
         for i in range(first, last):
             entries[OBS.spindle_heat, i] = min(state.spindle_heat[i], MAX_RATIO)
     if p.senses_current:
-        at_limit = steady_current(p, p.thrust_force_limit, 0.0)
         for i in range(first, last):
-            feed_velocity = state.cutting_speed[i] * p.revolutions_per_metre * state.feed[i]
-            predicted = steady_current(p, work.predicted_force[i], feed_velocity)
+            own = at(p, i)
+            at_limit = steady_current(own.nominal, own.thrust_force_limit, 0.0)
+            feed_velocity = state.cutting_speed[i] * own.revolutions_per_metre * state.feed[i]
+            predicted = steady_current(own.nominal, work.predicted_force[i], feed_velocity)
             has_cut = state.nominal_used_life[i] > 0.0
             entries[OBS.thrust_force, i] = deviation(state.measured_servo_current[i] / at_limit)
             entries[OBS.force_ratio, i] = deviation(state.measured_servo_current[i] / predicted if has_cut else 0.0)
     if p.holds_roughness:
-        one_only = p.log_reference_span == 0.0
-        scale = 0.0 if one_only else 2.0 / p.log_reference_span
         for i in range(first, last):
-            position = range_position(log(state.roughness_reference[i]), p.log_reference_min, scale)
+            own = at(p, i)
+            one_only = own.log_reference_span == 0.0
+            scale = 0.0 if one_only else 2.0 / own.log_reference_span
+            position = range_position(log(state.roughness_reference[i]), own.log_reference_min, scale)
             entries[OBS.roughness_reference, i] = 0.0 if one_only else position
     if p.probe:
         for i in range(first, last):
-            entries[OBS.probed_depth, i] = deviation(state.probed_depth[i] / p.depth_of_cut)
+            entries[OBS.probed_depth, i] = deviation(state.probed_depth[i] / at(p, i).depth_of_cut)
 
 
 class Reading(NamedTuple):

@@ -19,7 +19,6 @@ from turning_env.batch.driver import (
     Batch,
     action_space,
     checked_seed,
-    observation_space,
 )
 from turning_env.env import check_options, portable
 from turning_env.info import INFO_KEYS, info_of
@@ -80,18 +79,18 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         if rendered_envs is not None and not 1 <= rendered_envs <= num_envs:
             raise ValueError(f"rendered_envs is {rendered_envs}, but must be None or 1 to num_envs, which is {num_envs}")
         self.num_envs = num_envs
-        self.scenario = Scenario.load(scenario)
+        self._batch = self._new_batch(scenario, threads)
+        self.scenario = self._batch.scenario
         if max_episode_steps not in (None, own := self.scenario.max_episode_steps):
             raise ValueError(f"max_episode_steps is {max_episode_steps}, but must be {own}: set control.time_limit instead")
         self._spec: EnvSpec | None = None
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 30, "autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode
-        self.single_observation_space = observation_space(self.scenario)
+        self.single_observation_space = self._batch.observation_space()
         self.single_action_space = action_space(self.scenario)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._batch = Batch(self.scenario, num_envs, threads)
         self._viewer: Viewer | None = None
         if render_mode is not None:
             from turning_env.rendering import viewer  # its libraries are optional
@@ -99,6 +98,9 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
             self._viewer = viewer.Viewer(self, self._batch, rendered_envs or num_envs)
         self._all = np.ones(num_envs, np.bool_)
         self._all.flags.writeable = False  # it goes out as a mask in every info
+
+    def _new_batch(self, scenario: Source, threads: int) -> Batch:
+        return Batch(Scenario.load(scenario), self.num_envs, threads)
 
     @property
     def spec(self) -> EnvSpec | None:

@@ -57,14 +57,14 @@ HOT_SPINDLE = changed(
 def variants(section: Any, others: Callable[[Any, FieldInfo], Iterable[Any]], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Copies in which one value differs, with its dotted name: ``others`` gives what else a value and its field may be.
 
-    The copies are not validated. The name is left as it is.
+    The copies are not validated. The name and the nominal model are left as they are.
     """
     for name, field in type(section).model_fields.items():
         value = getattr(section, name)
         if isinstance(value, Section):
             for inner_name, inner in variants(value, others, f"{prefix}{name}."):
                 yield inner_name, section.model_copy(update={name: inner})
-        elif name != "name":
+        elif name not in ("name", "nominal_model"):
             for other in others(value, field):
                 yield prefix + name, section.model_copy(update={name: other})
 
@@ -81,7 +81,7 @@ def slightly_different(value: Any, field: FieldInfo) -> list[Any]:
 
 
 def fixed_actions(count: int, num_envs: int, scenario: Any = "rough_turning") -> NDArray[np.float32]:
-    """Actions of shape (count, lanes, action size) by formula: slow waves that sweep the ranges, and reach beyond -1..1."""
+    """Actions of shape (count, num_envs, action size) by formula: slow waves that sweep the ranges, and reach beyond -1..1."""
     scenario = Scenario.load(scenario)
     phase = np.arange(count)[:, None] + 17.0 * np.arange(num_envs)
     numbers = range(action_size(scenario))

@@ -6,17 +6,22 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from numba import types
+from numba.extending import overload
 from numpy.typing import NDArray
 
+from turning_env.batch.jobs import Jobs
 from turning_env.info import Info, info_of
 from turning_env.numerics.compilation import compiled, compiled_entry
+from turning_env.numerics.per_env import INLINED, ROWS, at
 from turning_env.observation import bounds, observe
 from turning_env.physics import quantities
 from turning_env.physics.lathe import run_step, start_episode
 from turning_env.physics.quantities import WIDTH, action_size
-from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.physics.records import BLOCK_PARAMETERS, STATE, new_records, scratch_records
 from turning_env.physics.report import write_state
 from turning_env.scenario import Scenario
+from turning_env.scenario.family import CONTEXT_LIMIT
 
 MAX_SEED = 2**64 - 1
 BLOCKS_CLAIMED = 16
@@ -26,10 +31,11 @@ MIN_BLOCKS = 256
 _PADDING, _PAGE = 8, 512  # numbers of a cache line and of a memory page
 
 
-def observation_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
+def observation_space(scenario: Scenario, context_size: int = 0) -> spaces.Space[NDArray[np.float32]]:
     """Return a new space of one environment's observations; a space carries its own sampling state."""
     low, high = bounds(scenario)
-    return spaces.Box(low, high, dtype=np.float32)
+    context = np.full(context_size, CONTEXT_LIMIT, np.float32)
+    return spaces.Box(np.concatenate([low, -context]), np.concatenate([high, context]), dtype=np.float32)
 
 
 def action_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
@@ -48,17 +54,29 @@ def checked_seed(seed: Any, env_index: int) -> int:
     return int(seed)
 
 
+def parameters_of(scratch, jobs, block):
+    """Return the parameters of a block: those of its ``jobs``, or of the one scenario if there are none."""
+    return scratch.parameters if jobs is None else at(jobs[block], 0)
+
+
+@overload(parameters_of, jit_options=INLINED)
+def _parameters_of(scratch, jobs, block):
+    if isinstance(jobs, types.NoneType):
+        return lambda scratch, jobs, block: scratch.parameters
+    return lambda scratch, jobs, block: at(jobs[block], 0)
+
+
 @compiled
-def write_out(state, scratch, first, last, start, observations, table):
+def write_out(state, scratch, p, first, last, start, observations, table):
     """Copy observations and reports of some environments of a block into the arrays of all; the block begins at ``start``."""
-    p, work, report = scratch.parameters, scratch.work, scratch.report
+    work, report = scratch.work, scratch.report
     write_state(state, report, first, last, p)
     observe(state, work, first, last, p)
     for k in range(table.shape[0]):
         for i in range(first, last):
             table[k, start + i] = report.table[k, i]
     for i in range(first, last):
-        for k in range(observations.shape[1]):
+        for k in range(p.entries):
             observations[start + i, k] = work.observation[p.observation_layout[k], i]
 
 
@@ -73,18 +91,19 @@ def all_finite(actions, first, last):
 
 
 @compiled_entry
-def start_episodes(states, scratches, chosen, observations, table):
+def start_episodes(states, scratches, jobs, chosen, observations, table):
     """Start an episode in every chosen environment (``chosen``: bool, shape (environments,))."""
     scratch = scratches[0]
     for k in range(chosen.shape[0]):
         if chosen[k]:
             state, i = states[k // WIDTH], k % WIDTH
-            start_episode(state, scratch.work, scratch.report, i, scratch.parameters)
-            write_out(state, scratch, i, i + 1, k - i, observations, table)
+            p = parameters_of(scratch, jobs, k // WIDTH)
+            start_episode(state, scratch.work, scratch.report, i, p)
+            write_out(state, scratch, p, i, i + 1, k - i, observations, table)
 
 
 @compiled_entry
-def step_blocks(states, scratches, actions, observations, table, first_block, last_block):
+def step_blocks(states, scratches, jobs, actions, observations, table, first_block, last_block):
     """Run one step in blocks ``first_block`` to ``last_block - 1``. Ended environments start their next episode instead.
 
     Return whether their actions are finite; if not, none has moved.
@@ -92,9 +111,9 @@ def step_blocks(states, scratches, actions, observations, table, first_block, la
     if not all_finite(actions, first_block * WIDTH, min(last_block * WIDTH, actions.shape[0])):
         return False
     scratch = scratches[0]
-    p, work, report = scratch.parameters, scratch.work, scratch.report
+    work, report = scratch.work, scratch.report
     for b in range(first_block, last_block):
-        state, start = states[b], b * WIDTH
+        state, start, p = states[b], b * WIDTH, parameters_of(scratch, jobs, b)
         count = min(WIDTH, actions.shape[0] - start)
         for i in range(count):
             work.ended_before[i] = state.ended[i]
@@ -103,7 +122,7 @@ def step_blocks(states, scratches, actions, observations, table, first_block, la
             if work.ended_before[i] > 0:
                 state.episode[i] += np.uint64(1)
                 start_episode(state, work, report, i, p)
-        write_out(state, scratch, 0, count, start, observations, table)
+        write_out(state, scratch, p, 0, count, start, observations, table)
     return True
 
 
@@ -114,6 +133,7 @@ class Batch:
         scenario: scenario to play.
         num_envs: number of environments.
         threads: number of threads that share the work; results do not depend on it.
+        jobs: jobs to play instead, one per episode; ``scenario`` has their choices.
         keeps_table: whether every step fills the same ``table``, for callers that copy what they need.
 
     Attributes:
@@ -123,13 +143,20 @@ class Batch:
             array, unless ``keeps_table``.
     """
 
-    def __init__(self, scenario: Scenario, num_envs: int, threads: int = 1, keeps_table: bool = False) -> None:
+    def __init__(
+        self, scenario: Scenario, num_envs: int, threads: int = 1, keeps_table: bool = False, jobs: Jobs | None = None
+    ) -> None:
         self.num_envs = num_envs
         self.seeded = False
-        self._scenario, self._threads = scenario, threads
+        self.scenario, self._threads = scenario, threads
+        self._jobs = jobs
+        self._parameters: Any = jobs.block_parameters(-(-num_envs // WIDTH)) if jobs else None
+        self._context = np.zeros((num_envs, jobs.context_size if jobs else 0), np.float32)
+        self.job_numbers = np.zeros(num_envs, np.int64)
         self._states = new_records(STATE, -(-num_envs // WIDTH))
         self._actions = np.zeros((num_envs, action_size(scenario)))
-        self.observations = np.zeros((num_envs, len(quantities.layout(scenario))), np.float32)
+        self._entries = len(quantities.layout(scenario))
+        self.observations = np.zeros((num_envs, self._entries + self._context.shape[1]), np.float32)
         self.table = np.zeros((len(quantities.REPORT), num_envs))
         # Rows a whole number of memory pages apart would share a few places of the processor's first cache.
         padding = _PADDING if num_envs % _PAGE < _PADDING <= num_envs else 0
@@ -138,7 +165,7 @@ class Batch:
 
     def _prepare(self) -> None:
         """Make the attributes that a copy or a pickle does not hold."""
-        self._scratches = [scratch_records(self._scenario) for _ in range(self._threads)]
+        self._scratches = [scratch_records(self.scenario) for _ in range(self._threads)]
         self._helpers = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -148,7 +175,14 @@ class Batch:
         self.__dict__.update(values)
         self._states = new_records(STATE, len(values["_states"]))
         self._states[...] = values["_states"]
+        if self._parameters is not None:
+            self._parameters = new_records(BLOCK_PARAMETERS, len(values["_parameters"]))
+            self._parameters[...] = values["_parameters"]
         self._prepare()
+
+    def observation_space(self) -> spaces.Space[NDArray[np.float32]]:
+        """Return a new space of one environment's observations, with the context of its job."""
+        return observation_space(self.scenario, self._context.shape[1])
 
     @property
     def ended(self) -> NDArray[np.bool_]:
@@ -184,8 +218,21 @@ class Batch:
         """Start the episode of its seed and number in every chosen environment, shape (num_envs,)."""
         self.observations = self.observations.copy()
         self.table = self.table if self._table_shape is None else self.table.copy()
-        start_episodes(self._states, self._scratches[0], chosen, self.observations, self.table)
+        self._take_jobs(np.flatnonzero(chosen))
+        start_episodes(self._states, self._scratches[0], self._parameters, chosen, self.observations, self.table)
+        self.observations[:, self._entries :] = self._context
         self.seeded = True
+
+    def _take_jobs(self, env_indices: NDArray[np.int64], ahead: int = 0) -> None:
+        """Give environments the job of their episode, or of an episode ahead."""
+        if self._jobs is None:
+            return
+        for k in env_indices.tolist():
+            block, i = divmod(k, WIDTH)
+            seed, episode = self._states["seed"][block, i], self._states["episode"][block, i]
+            number = self._jobs.family.number(int(seed), int(episode) + ahead, self._jobs.split)
+            self.job_numbers[k] = number
+            self._parameters[ROWS][block, :, i], self._context[k] = self._jobs[number]
 
     def next_episode(self, chosen: NDArray[np.bool_]) -> None:
         """Start the next episode of its seed in every chosen environment, shape (num_envs,)."""
@@ -200,10 +247,14 @@ class Batch:
             ValueError: the actions are not finite numbers of shape (num_envs, action size). Then no environment has moved.
         """
         self._take(actions)
+        if self._jobs is not None:
+            self._take_jobs(np.flatnonzero(self.ended), 1)
         observations = np.empty(self.observations.shape, np.float32)
         table = self.table if self._table_shape is None else np.empty(self._table_shape)
         if self._helpers is None or len(self._states) < MIN_BLOCKS:
-            finite = step_blocks(self._states, self._scratches[0], self._actions, observations, table, 0, len(self._states))
+            finite = step_blocks(
+                self._states, self._scratches[0], self._parameters, self._actions, observations, table, 0, len(self._states)
+            )
         else:
             finite = bool(np.isfinite(self._actions).all())
             if finite:
@@ -211,6 +262,7 @@ class Batch:
         if not finite:
             i = int(np.isfinite(self._actions).all(axis=1).argmin())
             raise ValueError(f"the action of environment {i} must be finite, got {self._actions[i].tolist()}")
+        observations[:, self._entries :] = self._context
         self.observations = observations
         if self._table_shape is not None:
             self.table = table[:, : self.num_envs]
@@ -223,7 +275,7 @@ class Batch:
         def work(scratch: Any) -> None:
             while (first := next(claims)) < blocks:
                 last = min(first + BLOCKS_CLAIMED, blocks)
-                step_blocks(self._states, scratch, self._actions, observations, table, first, last)
+                step_blocks(self._states, scratch, self._parameters, self._actions, observations, table, first, last)
 
         assert self._helpers is not None
         futures = [self._helpers.submit(work, scratch) for scratch in self._scratches[1:]]

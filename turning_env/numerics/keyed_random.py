@@ -21,6 +21,7 @@ SENSOR_CHANNEL = np.uint64(5)
 REFERENCE_CHANNEL = np.uint64(6)
 CHIPPING_CHANNEL = np.uint64(7)
 TANGLE_CHANNEL = np.uint64(8)
+JOB_CHANNEL = np.uint64(9)
 
 _WORD = np.uint64(0xFFFFFFFF)
 _WORD_BITS = np.uint64(32)

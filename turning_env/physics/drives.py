@@ -5,13 +5,18 @@ exactly over a sub-step, so a time constant of 0 means no lag.
 """
 
 import math
+from typing import Any
+
+import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import sine_and_cosine
 
 
-def lag_share(time: float, time_constant: float) -> float:
-    """Return the share of the distance to a constant target that a first-order lag covers in ``time`` (same unit, e.g. s)."""
+def lag_share(time: float, time_constant: Any) -> Any:
+    """Return the share of the distance to a constant target that a first-order lag covers in ``time`` (both in the same unit)."""
+    if np.ndim(time_constant):
+        return np.array([lag_share(time, each) for each in time_constant])
     return 1.0 if time_constant == 0 else -math.expm1(-time / time_constant)
 
 

@@ -4,6 +4,7 @@ Edges are charged in ``edge.py``. (Overload price: assumption, see docs/choices.
 """
 
 from turning_env.numerics.compilation import compiled
+from turning_env.numerics.per_env import at
 
 
 @compiled
@@ -15,10 +16,11 @@ def metal_value(parameters, removed):
 @compiled
 def compute_reward(report, i, parameters, minutes):
     """Compute the remaining terms of the reward, and the mean costs over ``minutes`` of work; return the reward [s]."""
-    report.reward_metal[i] = metal_value(parameters, report.removed[i])
+    p = at(parameters, i)
+    report.reward_metal[i] = metal_value(p, report.removed[i])
     report.reward_time[i] = -report.time[i]
-    report.reward_overload[i] = -60.0 * parameters.overload_price * (report.cost_force[i] + report.cost_power[i])
-    report.reward_roughness[i] = -parameters.roughness_price * report.roughness_deviation[i]
+    report.reward_overload[i] = -60.0 * p.overload_price * (report.cost_force[i] + report.cost_power[i])
+    report.reward_roughness[i] = -p.roughness_price * report.roughness_deviation[i]
     report.cost_force[i] /= minutes
     report.cost_power[i] /= minutes
     report.cost[i] = report.cost_force[i] + report.cost_power[i]

@@ -15,6 +15,7 @@ drawn when the edge is fitted. So the result converges with shorter sub-steps. (
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp, log
 from turning_env.numerics.keyed_random import CHIPPING_CHANNEL, exponential
+from turning_env.numerics.per_env import at
 from turning_env.scenario.power_law import compiled_log_response
 
 _MAX_EXPONENT = 300.0  # keeps the hazard finite at absurdly high forces
@@ -23,7 +24,7 @@ _MAX_EXPONENT = 300.0  # keeps the hazard finite at absurdly high forces
 @compiled
 def collapse(state, work, i, parameters):
     """Break the edge if it is in metal and hotter than it bears."""
-    p = parameters
+    p = at(parameters, i)
     log_temperature = compiled_log_response(
         p.temperature_law,
         work.log_cutting_speed[i],
@@ -46,7 +47,7 @@ def draw_chipping_margin(state, i):
 @compiled
 def chip(state, work, i, parameters):
     """Use up the edge's margin while it cuts, and break it at the end."""
-    p = parameters
+    p = at(parameters, i)
     load = log(state.thrust_force[i]) - log(state.edge_strength[i])
     log_hazard = p.chipping_load_exponent * load + p.chipping_wear_exponent * (work.log_wear[i] - p.log_wear_criterion)
     state.chipping_margin[i] -= p.chipping_rate * work.engaged[i] * exp(min(log_hazard, _MAX_EXPONENT))

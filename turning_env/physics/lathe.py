@@ -13,6 +13,7 @@ import math
 
 from turning_env.numerics.compilation import compiled, compiled_separately
 from turning_env.numerics.functions import exp, log, real_power
+from turning_env.numerics.per_env import at
 from turning_env.physics.drives import clipped, set_point
 from turning_env.physics.economics import compute_reward
 from turning_env.physics.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
@@ -36,7 +37,7 @@ _MIN_LIFE = 1e-300  # [-] likewise of an edge that has not cut
 @compiled_separately
 def start_episode(state, work, report, i, parameters):
     """Put a fresh edge before the first bar. The state's ``seed`` and ``episode`` determine edges and bars."""
-    p = parameters
+    p = at(parameters, i)
     state.step_count[i] = 0
     state.ended[i] = 0
     state.path[i] = 0.0
@@ -108,7 +109,7 @@ def run_step(state, work, report, actions, count, parameters):
 @compiled
 def finish_step(state, work, report, i, parameters, timeless, by_step):
     """Set terminated, truncated and reward [s]."""
-    p = parameters
+    p = at(parameters, i)
     finished = 1 if state.path[i] > p.path_end - 1e-6 else 0  # a path of whole bars, but for rounding
     ends_with_edge = 1 if timeless else 0
     terminated = finished | (work.edge_failed[i] & ends_with_edge)
@@ -134,7 +135,7 @@ def prepare(state, work, actions, first, last, parameters):
     if p.action != PART:
         command(state, work, actions, first, last, p)
         for i in range(first, last):
-            work.sub_step[i] = p.sub_step
+            work.sub_step[i] = at(p, i).sub_step
             work.sub_steps_left[i] = p.sub_steps
         return 1
     most = 0
@@ -152,22 +153,25 @@ def command(state, work, actions, first, last, parameters):
         work.action[0, i] = clipped(actions[i, 0])
     if p.action == OVERRIDE:
         for i in range(first, last):
-            state.commanded_feed[i] = 0.5 * (work.action[0, i] + 1.0) * p.override_max * p.initial_feed
+            own = at(p, i)
+            state.commanded_feed[i] = 0.5 * (work.action[0, i] + 1.0) * own.override_max * own.initial_feed
     else:
         for i in range(first, last):
             work.action[1, i] = clipped(actions[i, 1])
         if p.action == SET_POINT:
             for i in range(first, last):
-                state.commanded_cutting_speed[i] = set_point(work.action[0, i], p.cutting_speed_min, p.cutting_speed_max)
-                state.commanded_feed[i] = set_point(work.action[1, i], p.feed_min, p.feed_max)
+                own = at(p, i)
+                state.commanded_cutting_speed[i] = set_point(work.action[0, i], own.cutting_speed_min, own.cutting_speed_max)
+                state.commanded_feed[i] = set_point(work.action[1, i], own.feed_min, own.feed_max)
         else:
             for i in range(first, last):
-                state.commanded_cutting_speed[i] *= exp(p.cutting_speed_step * work.action[0, i])
-                state.commanded_feed[i] *= exp(p.feed_step * work.action[1, i])
+                state.commanded_cutting_speed[i] *= exp(at(p, i).cutting_speed_step * work.action[0, i])
+                state.commanded_feed[i] *= exp(at(p, i).feed_step * work.action[1, i])
     for i in range(first, last):
+        own = at(p, i)
         speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
-        state.commanded_cutting_speed[i] = min(max(speed, p.cutting_speed_min), p.reachable_cutting_speed)
-        state.commanded_feed[i] = min(max(feed, p.feed_min), p.feed_max)
+        state.commanded_cutting_speed[i] = min(max(speed, own.cutting_speed_min), own.reachable_cutting_speed)
+        state.commanded_feed[i] = min(max(feed, own.feed_min), own.feed_max)
 
 
 @compiled_separately
@@ -180,13 +184,13 @@ def travel(state, work, report, count, parameters):
     p = parameters
     by_equivalent_time = p.wear_rule == EQUIVALENT_TIME
     for i in range(count):
-        work.cut[i], _ = position_in_row(p, state.path[i])
+        work.cut[i], _ = position_in_row(at(p, i), state.path[i])
         begin_charging(state, work, i)
         work.chip_remains[i] = 0.0
         work.time_power[i] = 0.0
     if not by_equivalent_time:
         for i in range(count):
-            work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time)
+            work.time_power[i] = real_power(state.cutting_time[i], at(p, i).wear_law.time)
     for _ in range(p.sub_steps):
         failed = run_sub_step(state, work, report, count, p)
         if failed > 0 and p.action == PART:
@@ -197,7 +201,7 @@ def travel(state, work, report, count, parameters):
             for i in range(count):
                 if work.worn[i] + work.broken[i] > 0:
                     begin_charging(state, work, i)
-                    work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time)
+                    work.time_power[i] = real_power(state.cutting_time[i], at(p, i).wear_law.time)
                 work.worn[i] = 0
                 work.broken[i] = 0
     for i in range(count):
@@ -229,31 +233,32 @@ def run_sub_step(state, work, report, count, parameters):
             work.life_before[i] = state.used_life[i]
     if p.wear_rule == EQUIVALENT_TIME:
         for i in range(count):
-            state.used_life[i] += life_share(p, log_coefficient(state, work, i, p), work.engaged[i])
+            state.used_life[i] += life_share(at(p, i), log_coefficient(state, work, i, p), work.engaged[i])
     else:
         for i in range(count):
             work.time_power_before[i] = work.time_power[i]
-            work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time)
+            work.time_power[i] = real_power(state.cutting_time[i], at(p, i).wear_law.time)
         for i in range(count):
             coefficient = log_coefficient(state, work, i, p)
-            work.wear[i] = wear_by_clock(p, state.used_life[i], coefficient, work.time_power_before[i], work.time_power[i])
+            before, after = work.time_power_before[i], work.time_power[i]
+            work.wear[i] = wear_by_clock(at(p, i), state.used_life[i], coefficient, before, after)
         for i in range(count):
-            used_life = real_power(work.wear[i], p.life_exponent)
+            used_life = real_power(work.wear[i], at(p, i).life_exponent)
             used_life = max(used_life, state.used_life[i])  # rounding must not make an edge sharper
             state.used_life[i] = used_life if work.engaged[i] > 0.0 else state.used_life[i]
     if p.wears_faster:
         for i in range(count):
-            state.used_life[i] = with_tertiary_wear(p, work.life_before[i], state.used_life[i])
+            state.used_life[i] = with_tertiary_wear(at(p, i), work.life_before[i], state.used_life[i])
     for i in range(count):
-        work.log_wear[i] = log_wear(p, max(state.used_life[i], _MIN_LIFE))
-    if p.chip_lag > 0.0:
+        work.log_wear[i] = log_wear(at(p, i), max(state.used_life[i], _MIN_LIFE))
+    if p.chips_lag:
         for i in range(count):
-            work.chip_remains[i] = exp(-work.turns[i] / p.chip_lag)
+            work.chip_remains[i] = exp(-work.turns[i] / at(p, i).chip_lag)
     for i in range(count):
         load_edge(state, work, i, p)
     if p.holds_roughness:
         for i in range(count):
-            deviation = abs(roughness(p, state.thrust_force[i]) / state.roughness_reference[i] - 1.0)
+            deviation = abs(roughness(at(p, i), state.thrust_force[i]) / state.roughness_reference[i] - 1.0)
             report.roughness_deviation[i] += 60.0 * work.engaged[i] * deviation
     if p.collapses:
         for i in range(count):
@@ -265,17 +270,16 @@ def run_sub_step(state, work, report, count, parameters):
         for i in range(count):
             tangle(state, work, i, p)
     failed, stops = 0, p.action != PART
-    force_scale, power_scale = 1.0 / p.thrust_force_limit, 1.0 / p.power_limit
     for k in range(p.further_limits):
         for i in range(count):
             excess = excess_over_further_limit(p, k, work.log_feed[i], work.log_depth[i], state.log_hardness[i])
             work.over_further[i] = excess if k == 0 else max(work.over_further[i], excess)
     for i in range(count):
-        add_to_sums(state, work, report, i, force_scale, power_scale, p)
+        add_to_sums(state, work, report, i, p)
         failed += watch_edge(state, work, i, p, stops)
         leave_metal(state, work, i)
         follow_process(state, work, i, p)
-    if p.short_time_load > 1.0:
+    if p.heats:
         for i in range(count):
             heat_up(state, work, i, p)
     return failed
@@ -284,7 +288,7 @@ def run_sub_step(state, work, report, count, parameters):
 @compiled
 def move(state, work, i, parameters):
     """Let the drives follow their commands, and move the tool."""
-    p = parameters
+    p = at(parameters, i)
     runs = work.sub_steps_left[i] > 0
     running = 1 if runs else 0
     work.running[i] = running
@@ -314,7 +318,7 @@ def move(state, work, i, parameters):
 def log_coefficient(state, work, i, parameters):
     """Return the logarithm of the wear [mm] that a fresh edge would have after a minute of the present cut."""
     nominal = log_wear_coefficient(
-        parameters, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], state.log_hardness[i]
+        at(parameters, i), work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], state.log_hardness[i]
     )
     return state.log_wear_factor[i] + nominal + state.log_skin_wear[i]
 
@@ -322,8 +326,9 @@ def log_coefficient(state, work, i, parameters):
 @compiled
 def load_edge(state, work, i, parameters):
     """Set thrust force [N] and power [kW] if metal was cut."""
+    p = at(parameters, i)
     force, power = force_and_power(
-        parameters, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], work.log_wear[i], state.log_hardness[i]
+        p, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], work.log_wear[i], state.log_hardness[i]
     )
     remains = work.chip_remains[i]
     force = force * (1.0 - remains) + state.thrust_force[i] * remains
@@ -333,13 +338,14 @@ def load_edge(state, work, i, parameters):
 
 
 @compiled
-def add_to_sums(state, work, report, i, force_scale, power_scale, parameters):
+def add_to_sums(state, work, report, i, parameters):
     """Add the removed metal, and the excess of force and power over their limits, to the report's sums."""
+    p = at(parameters, i)
     engaged = work.engaged[i]  # [min]
     seconds = 60.0 * engaged
-    force, power = state.thrust_force[i], state.power[i] + idle_power(parameters, state.cutting_speed[i])
-    over_force = max(force * force_scale - 1.0, work.over_further[i])
-    over_power = max(power * power_scale / allowed_share(state, i, parameters) - 1.0, 0.0)
+    force, power = state.thrust_force[i], state.power[i] + idle_power(p, state.cutting_speed[i])
+    over_force = max(force * p.per_thrust_force_limit - 1.0, work.over_further[i])
+    over_power = max(power * p.per_power_limit / allowed_share(state, i, p) - 1.0, 0.0)
     over = max(over_force, over_power)
     report.engaged_time[i] += seconds
     report.removed[i] += state.cutting_speed[i] * state.feed[i] * state.depth_of_cut[i] * engaged
@@ -348,7 +354,7 @@ def add_to_sums(state, work, report, i, force_scale, power_scale, parameters):
     report.cost_force[i] += engaged * over_force
     report.cost_power[i] += engaged * over_power
     report.overload_time[i] += seconds if over > 0.0 else 0.0
-    report.severe_overload_time[i] += seconds if over > parameters.overload_tolerance else 0.0
+    report.severe_overload_time[i] += seconds if over > p.overload_tolerance else 0.0
 
 
 @compiled
@@ -357,7 +363,7 @@ def watch_edge(state, work, i, parameters, stops):
     in_metal = 1 if work.engaged[i] > 0.0 else 0
     spent = 1 if state.used_life[i] >= 1.0 else 0
     overcome = 1 if state.thrust_force[i] > state.edge_strength[i] else 0
-    arrived = 1 if state.path[i] >= parameters.path_end else 0
+    arrived = 1 if state.path[i] >= at(parameters, i).path_end else 0
     work.worn[i] |= in_metal & spent
     work.broken[i] |= in_metal & overcome
     failed = work.worn[i] | work.broken[i]
@@ -387,18 +393,18 @@ def begin_charging(state, work, i):
 @compiled
 def charge_time_and_life(state, work, report, i, parameters, by_equivalent_time):
     """Update clock, charged life and nominal wear. The nominal model uses the speed and feed at the end."""
-    p = parameters
+    p = at(parameters, i)
     time = work.time[i]
     state.clock[i] += time
     report.time[i] += 60.0 * time
     work.minutes[i] += time
     charge(report, i, p, min(state.used_life[i], 1.0) - work.used_life_before[i])
     start, end, used = work.cutting_time_before[i], state.cutting_time[i], state.nominal_used_life[i]
-    coefficient = log_wear_coefficient(p, work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i], 0.0)
+    coefficient = log_wear_coefficient(p.nominal, work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i], 0.0)
     if by_equivalent_time:
-        state.nominal_used_life[i] = used + life_share(p, coefficient, end - start)
+        state.nominal_used_life[i] = used + life_share(p.nominal, coefficient, end - start)
     else:
-        life = life_by_clock(p, used, coefficient, start, end)
+        life = life_by_clock(p.nominal, used, coefficient, start, end)
         state.nominal_used_life[i] = life if end > start else used
 
 

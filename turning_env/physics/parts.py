@@ -10,6 +10,7 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import log
+from turning_env.numerics.per_env import at
 from turning_env.physics.drives import clipped, set_point
 from turning_env.physics.spindle import cool_down
 
@@ -20,7 +21,7 @@ MIN_DEPTH = 0.01
 @compiled
 def start_part(state, work, i, parameters, action):
     """Store where the next part begins, and the number and depth [mm] of its passes, from an action in -1..1."""
-    p = parameters
+    p = at(parameters, i)
     work.part_start[i] = np.rint(state.path[i] * p.bars_per_path) * p.bar_pitch
     work.passes[i] = min(1 + int(0.5 * (clipped(action[0]) + 1.0) * p.passes_max), p.passes_max)
     work.pass_depth[i] = p.depth_of_cut * (1.0 + clipped(action[1])) / work.passes[i]
@@ -38,7 +39,7 @@ def start_passes(state, work, report, actions, first, last, parameters, number):
 @compiled
 def start_pass(state, work, report, i, parameters, action, number):
     """Set speed, feed, depth and sub-step of a pass, 0 the first."""
-    p = parameters
+    p = at(parameters, i)
     speed = min(set_point(action[2 + 2 * number], p.cutting_speed_min, p.cutting_speed_max), p.reachable_cutting_speed)
     feed = set_point(action[3 + 2 * number], p.feed_min, p.feed_max)
     passes, depth = work.passes[i], work.pass_depth[i]
@@ -75,14 +76,15 @@ def end_pass(state, work, report, i, parameters):
         report.mean_power[i] /= engaged
     state.lagged_thrust_force[i] = report.mean_thrust_force[i]
     state.lagged_power[i] = report.mean_power[i]
-    state.clock[i] += parameters.return_time
-    report.time[i] += 60.0 * parameters.return_time
-    cool_down(state, i, parameters, parameters.return_time)
+    return_time = at(parameters, i).return_time
+    state.clock[i] += return_time
+    report.time[i] += 60.0 * return_time
+    cool_down(state, i, parameters, return_time)
 
 
 @compiled
 def end_part(state, work, i, parameters):
     """Put the tool before the next part."""
-    state.path[i] = work.part_start[i] + parameters.bar_pitch
+    state.path[i] = work.part_start[i] + at(parameters, i).bar_pitch
     state.pass_floor[i] = 0.0
     state.pass_ceiling[i] = math.inf

@@ -52,7 +52,7 @@ class Parameter(NamedTuple):
     name: str
     unit: str = ""
     meaning: str = ""
-    value: Callable[[Scenario], Any] | None = None
+    value: Callable[[Any], Any] | None = None
     dtype: Any = np.float64
     shape: tuple[int, ...] = ()
 
@@ -321,6 +321,11 @@ def _bar_flexibility(s: Scenario) -> float:
     return 1.0 / (3.0 * s.workpiece.elastic_modulus * moment)
 
 
+def _unless_zero(value: Any) -> Any:
+    """Return a value that means "none" if it is 0: then infinity. Scalar or array."""
+    return np.where(np.equal(value, 0.0), np.inf, value)
+
+
 def _timeless(s: Scenario) -> bool:
     """Return whether changing an edge takes no time, and its price holds that time."""
     return s.control.edge_changes == "end"
@@ -340,9 +345,9 @@ def _same(*names: str, dtype: Any = np.float64) -> tuple[Parameter, ...]:
 P = Parameter
 
 PARAMETERS = (
-    P("wear_law", "mm", "wear of a fresh edge", lambda s: s.material.wear.record(), POWER_LAW_RECORD),
-    P("force_law", "N", "thrust force", lambda s: s.material.thrust_force.record(), POWER_LAW_RECORD),
-    P("power_law", "kW", "power", lambda s: s.material.power.record(), POWER_LAW_RECORD),
+    P("wear_law", "mm", "wear of a fresh edge", lambda s: s.material.wear, POWER_LAW_RECORD),
+    P("force_law", "N", "thrust force", lambda s: s.material.thrust_force, POWER_LAW_RECORD),
+    P("power_law", "kW", "power", lambda s: s.material.power, POWER_LAW_RECORD),
     P(
         "wear_rule",
         "-",
@@ -363,13 +368,13 @@ PARAMETERS = (
     *_same("cutting_speed_min", "cutting_speed_max", "feed_min", "feed_max", "chip_lag", "return_time"),
     P("log_cutting_speed_min", "-", "logarithm of the lowest speed", lambda s: np.log(s.machine.cutting_speed_min)),
     P(
-        "log_cutting_speed_span",
+        "cutting_speed_scale",
         "-",
-        "log(highest / lowest speed)",
-        lambda s: np.log(s.machine.cutting_speed_max / s.machine.cutting_speed_min),
+        "2 / log(highest / lowest speed)",
+        lambda s: 2.0 / np.log(s.machine.cutting_speed_max / s.machine.cutting_speed_min),
     ),
     P("log_feed_min", "-", "logarithm of the lowest feed", lambda s: np.log(s.machine.feed_min)),
-    P("log_feed_span", "-", "log(highest / lowest feed)", lambda s: np.log(s.machine.feed_max / s.machine.feed_min)),
+    P("feed_scale", "-", "2 / log(highest / lowest feed)", lambda s: 2.0 / np.log(s.machine.feed_max / s.machine.feed_min)),
     P(
         "spindle_share",
         "-",
@@ -388,8 +393,9 @@ PARAMETERS = (
         "capacity_per_speed",
         "min/m",
         "available over rated power, per cutting speed, below the base speed",
-        lambda s: 1.0 / s.base_cutting_speed if s.base_cutting_speed else np.inf,
+        lambda s: 1.0 / s.base_cutting_speed if np.all(s.base_cutting_speed) else np.inf,
     ),
+    P("heats", "-", "a cold motor may be overloaded", lambda s: s.spindle.short_time_load > 1, np.bool_),
     P("reads_torque", "-", "the load is a share of torque", lambda s: s.spindle.reading == "torque", np.bool_),
     *_same("rated_power", "short_time_load", "thermal_time_constant"),
     P("current_per_newton", "A/N", "servo current over force", _current_per_newton),
@@ -397,7 +403,12 @@ PARAMETERS = (
     *_same("no_load_current_rate"),
     P("current_ripple", "-", "amplitude of the current's ripple", lambda s: s.feed_drive.ripple),
     P("ripples_per_path", "1/mm", "waves of the ripple", lambda s: s.feed_drive.ripples_per_turn / s.feed_drive.screw_lead),
-    P("path_end", "mm", "end of the job, infinite in an endless row", lambda s: s.workpiece.bars * _bar_pitch(s) or np.inf),
+    P(
+        "path_end",
+        "mm",
+        "end of the job, infinite in an endless row",
+        lambda s: s.workpiece.bars * _bar_pitch(s) if s.workpiece.bars else np.inf,
+    ),
     P("bar_pitch", "mm", "bar and approach", _bar_pitch),
     P("bars_per_path", "1/mm", "bars per path", lambda s: 1.0 / _bar_pitch(s)),
     P("bars_per_cut", "1/mm", "bars per metal", lambda s: 1.0 / s.workpiece.bar_length),
@@ -413,6 +424,9 @@ PARAMETERS = (
         (MAX_DEPTHS,),
     ),
     *_same("bar_length", "approach", "depth_of_cut", "depth_ripple", "depth_bar_spread", "depth_along_spread"),
+    P("ripples", "-", "the depth ripples", lambda s: s.workpiece.depth_ripple > 0, np.bool_),
+    P("has_skin", "-", "blanks have a skin", lambda s: s.mismatch.skin_thickness > 0, np.bool_),
+    P("chips_lag", "-", "force and power lag behind the chip", lambda s: s.machine.chip_lag > 0, np.bool_),
     P("depth_ripples_per_turn", "1/rev", "waves of the depth's ripple", lambda s: 1.0 / s.workpiece.depth_ripple_period),
     P("depth_nodes_per_length", "1/mm", "nodes of depth", lambda s: 1.0 / s.workpiece.depth_correlation_length),
     P("hardness_nodes_per_length", "1/mm", "nodes of hardness", lambda s: 1.0 / s.workpiece.hardness_correlation_length),
@@ -428,6 +442,7 @@ PARAMETERS = (
         lambda s: action_size(s) - 1 if s.control.edge_changes == "commanded" else -1,
         np.int64,
     ),
+    P("entries", "-", "entries of the observation", lambda s: len(layout(s)), np.int64),
     P("observation_layout", "-", "places of the observation's entries", _layout_numbers, np.int64, (len(OBSERVATION),)),
     P("holds_roughness", "-", "a roughness is to be held", lambda s: s.control.aim == "roughness", np.bool_),
     *_same("sub_steps", "passes_max", dtype=np.int64),
@@ -435,8 +450,8 @@ PARAMETERS = (
     P(
         "step_limit",
         "-",
-        "steps after which an episode is truncated",
-        lambda s: round(s.control.time_limit * 60.0 / s.control.interval),
+        "steps after which an episode that ends with its edge is truncated",
+        lambda s: round(s.control.time_limit * 60.0 / s.control.interval) if _timeless(s) else 0,
         np.int64,
     ),
     *_same("roughness_at_no_force", "roughness_rate"),
@@ -469,12 +484,12 @@ PARAMETERS = (
     ),
     P("clock_limit", "min", "machine time that stops end at", lambda s: np.inf if _timeless(s) else s.control.time_limit),
     P("collapses", "-", "edges collapse", lambda s: s.edge_failure.collapse_temperature > 0.0, np.bool_),
-    P("temperature_law", "K", "temperature of the edge", lambda s: s.edge_failure.temperature.record(), POWER_LAW_RECORD),
+    P("temperature_law", "K", "temperature of the edge", lambda s: s.edge_failure.temperature, POWER_LAW_RECORD),
     P(
         "log_collapse_temperature",
         "-",
         "logarithm of the temperature [K] that an edge bears",
-        lambda s: np.log(s.edge_failure.collapse_temperature or np.inf),
+        lambda s: np.log(_unless_zero(s.edge_failure.collapse_temperature)),
     ),
     P("wears_faster", "-", "there is tertiary wear", lambda s: s.edge_failure.tertiary_rate > 0.0, np.bool_),
     P("edges_chip", "-", "edges chip", lambda s: s.edge_failure.chipping_rate > 0.0, np.bool_),
@@ -487,6 +502,8 @@ PARAMETERS = (
     *_same("radial_share"),
     P("thrust_force_limit", "N", "highest allowed thrust force", lambda s: s.limits.thrust_force),
     P("power_limit", "kW", "highest allowed power", lambda s: s.limits.power),
+    P("per_thrust_force_limit", "1/N", "1 / thrust_force_limit", lambda s: 1.0 / s.limits.thrust_force),
+    P("per_power_limit", "1/kW", "1 / power_limit", lambda s: 1.0 / s.limits.power),
     P("further_limits", "-", "how many further limits there are", lambda s: len(further_limits(s)), np.int64),
     P(
         "further_laws",
@@ -498,6 +515,12 @@ PARAMETERS = (
     ),
 )
 """What the transition reads of a scenario."""
+
+NOMINAL = (
+    *("wear_law", "force_law", "power_law", "log_wear_criterion", "life_exponent"),
+    *("current_per_newton", "no_load_current", "no_load_current_rate", "idle_power_per_speed"),
+)
+"""Parameters that the control's predictions read of the nominal model: ``parameters.nominal.force_law``."""
 
 
 def quantity_table(quantities: Iterable[Quantity]) -> str:

@@ -4,6 +4,7 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
+from turning_env.numerics.per_env import at
 from turning_env.physics.drives import spindle_torque
 from turning_env.physics.records import FIRST_SUM
 from turning_env.physics.spindle import capacity, idle_power
@@ -23,8 +24,8 @@ def clear_sums(report, first, last):
 @compiled
 def write_state(state, report, first, last, parameters):
     """Report the true state of some environments of a block at the step's end."""
-    p = parameters
     for i in range(first, last):
+        p = at(parameters, i)
         spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre
         report.cutting_speed[i] = state.cutting_speed[i]
         report.feed[i] = state.feed[i]
@@ -34,7 +35,8 @@ def write_state(state, report, first, last, parameters):
         report.feed_velocity[i] = spindle_speed * state.feed[i]
         power = state.power[i] + idle_power(p, state.cutting_speed[i])
         report.torque[i] = spindle_torque(power, spindle_speed)
-        report.spindle_load[i] = power / (p.rated_power * (capacity(p, state.cutting_speed[i]) if p.reads_torque else 1.0))
+        available = p.rated_power * (capacity(p, state.cutting_speed[i]) if p.reads_torque else 1.0)
+        report.spindle_load[i] = power / available
         report.spindle_heat[i] = state.spindle_heat[i]
         report.path[i] = state.path[i]
         report.bar[i] = np.floor(state.path[i] * p.bars_per_path)
@@ -56,10 +58,10 @@ def write_state(state, report, first, last, parameters):
         report.hardness[i] = hardness if in_metal else 0.0
         report.wear_factor[i] = exp(state.log_wear_factor[i])
     for i in range(first, last):
-        wear = exp(log_wear(p, state.used_life[i]))
+        wear = exp(log_wear(at(parameters, i), state.used_life[i]))
         report.wear[i] = wear if state.used_life[i] > 0.0 else 0.0
         report.roughness[i] = 0.0
-    if p.holds_roughness:
+    if parameters.holds_roughness:
         for i in range(first, last):
-            rough = roughness(p, state.thrust_force[i])
+            rough = roughness(at(parameters, i), state.thrust_force[i])
             report.roughness[i] = rough if state.cutting[i] > 0 else 0.0

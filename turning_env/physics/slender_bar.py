@@ -12,6 +12,7 @@ sub-step before.
 """
 
 from turning_env.numerics.compilation import compiled
+from turning_env.numerics.per_env import at
 
 RIGID, CHUCK, TAILSTOCK = range(3)
 SUPPORTS = {"rigid": RIGID, "chuck": CHUCK, "tailstock": TAILSTOCK}
@@ -39,6 +40,7 @@ def note_stiffness(state, work, i):
 @compiled
 def bend_bar(state, work, i, parameters):
     """Take the deflection from the depth of cut [mm]."""
-    share = compliance(parameters, work.along[i]) * parameters.radial_share * work.cut_stiffness[i]
+    p = at(parameters, i)
+    share = compliance(p, work.along[i]) * p.radial_share * work.cut_stiffness[i]
     depth = state.depth_of_cut[i]
     state.depth_of_cut[i] = depth / (1.0 + share) if work.engaged[i] > 0.0 else depth

@@ -22,6 +22,7 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
+from turning_env.numerics.per_env import at
 from turning_env.scenario import Scenario
 
 
@@ -50,14 +51,15 @@ def idle_power(parameters, cutting_speed):
 @compiled
 def allowed_share(state, i, parameters):
     """Return the power that is allowed now over the limit of power [-]."""
-    short_time = parameters.short_time_load if state.spindle_heat[i] < 1.0 else 1.0
-    return short_time * capacity(parameters, state.cutting_speed[i])
+    p = at(parameters, i)
+    short_time = p.short_time_load if state.spindle_heat[i] < 1.0 else 1.0
+    return short_time * capacity(p, state.cutting_speed[i])
 
 
 @compiled
 def heat_up(state, work, i, parameters):
     """Move the motor's heat [-] towards that of the present load over one sub-step."""
-    p = parameters
+    p = at(parameters, i)
     speed = state.cutting_speed[i]
     load = (state.power[i] + idle_power(p, speed)) / (p.rated_power * capacity(p, speed))
     minutes = work.sub_step[i] if work.running[i] > 0 else 0.0
@@ -68,4 +70,4 @@ def heat_up(state, work, i, parameters):
 @compiled
 def cool_down(state, i, parameters, minutes):
     """Let the motor cool without load."""
-    state.spindle_heat[i] *= exp(-minutes / parameters.thermal_time_constant)
+    state.spindle_heat[i] *= exp(-minutes / at(parameters, i).thermal_time_constant)

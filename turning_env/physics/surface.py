@@ -9,6 +9,7 @@ import numpy as np
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
 from turning_env.numerics.keyed_random import REFERENCE_CHANNEL, uniform
+from turning_env.numerics.per_env import at
 
 _MAX_EXPONENT = 300.0  # keeps the roughness finite at absurdly high forces
 
@@ -22,7 +23,8 @@ def roughness(parameters, thrust_force):
 @compiled
 def draw_reference(state, i, parameters):
     """Set the reference of Ra [um] to that of the present period."""
+    p = at(parameters, i)
     # Half a sub-step is added because the clock, a sum of sub-steps, may miss the period's end by rounding.
-    period = np.floor((state.clock[i] + 0.5 * parameters.sub_step) / parameters.reference_time)
+    period = np.floor((state.clock[i] + 0.5 * p.sub_step) / p.reference_time)
     share = uniform(state, i, REFERENCE_CHANNEL, 0, period)
-    state.roughness_reference[i] = exp(parameters.log_reference_min + share * parameters.log_reference_span)
+    state.roughness_reference[i] = exp(p.log_reference_min + share * p.log_reference_span)

@@ -7,6 +7,7 @@ with mean 1 that is drawn anew after every stop. (Rate and time of a stop: assum
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
+from turning_env.numerics.per_env import at
 from turning_env.physics.edge import stop_machine
 
 
@@ -20,7 +21,7 @@ def start_swarf(state, i):
 @compiled
 def tangle(state, work, i, parameters):
     """Use up the margin while cutting outside the window, and count a tangle at its end: at most one per sub-step."""
-    p = parameters
+    p = at(parameters, i)
     breaks = p.chip_feed_min <= state.feed[i] <= p.chip_feed_max
     breaks &= p.chip_depth_min <= state.depth_of_cut[i] <= p.chip_depth_max
     state.tangle_margin[i] -= 0.0 if breaks else p.tangle_rate * work.engaged[i]
@@ -33,4 +34,4 @@ def tangle(state, work, i, parameters):
 @compiled
 def clear_chips(state, work, report, i, parameters):
     """Stop the machine for each tangle of the step."""
-    stop_machine(state, report, i, parameters, work.tangles[i] * parameters.tangle_time)
+    stop_machine(state, report, i, parameters, work.tangles[i] * at(parameters, i).tangle_time)

@@ -17,6 +17,7 @@ import numpy as np
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import log, sine_and_cosine
 from turning_env.numerics.keyed_random import BAR_CHANNEL, DEPTH_CHANNEL, HARDNESS_CHANNEL, normals_of, standard_normals, words
+from turning_env.numerics.per_env import at
 
 MIN_DEPTH_SHARE = 0.01
 
@@ -63,20 +64,20 @@ def look_up_fields(state, work, first, last, parameters):
     if passing > 0:
         pass_nodes(state, work, first, last, p)
     for i in range(first, last):
-        work.nominal_depth[i] = p.depth_of_cut
+        work.nominal_depth[i] = at(p, i).depth_of_cut
     if p.depth_sections > 0:
         for i in range(first, last):
-            section = int(work.along[i] * p.bars_per_cut * p.depth_sections)
+            section = int(work.along[i] * at(p, i).bars_per_cut * p.depth_sections)
             work.nominal_depth[i] = p.depth_profile[min(section, p.depth_sections - 1)]
     for i in range(first, last):
         blend_nodes(state, work, i, p)
-    if p.depth_ripple > 0.0:
+    if p.ripples:
         for i in range(first, last):
-            sine, _ = sine_and_cosine(p.depth_ripples_per_turn * state.turns[i])
-            work.blank_depth[i] *= 1.0 + p.depth_ripple * sine
+            sine, _ = sine_and_cosine(at(p, i).depth_ripples_per_turn * state.turns[i])
+            work.blank_depth[i] *= 1.0 + at(p, i).depth_ripple * sine
     for i in range(first, last):
         limit_depth(state, work, i)
-    if p.skin_thickness > 0.0:
+    if p.has_skin:
         for i in range(first, last):
             cut_skin(state, work, i, p)
 
@@ -84,7 +85,7 @@ def look_up_fields(state, work, first, last, parameters):
 @compiled
 def locate(state, work, i, parameters):
     """Find the place along the bar, and whether the kept nodes are behind it."""
-    p = parameters
+    p = at(parameters, i)
     cut = work.middle[i]
     bar = np.floor(cut * p.bars_per_cut)
     along = max(cut - bar * p.bar_length, 0.0)  # rounding must not ask for a node before the first
@@ -101,10 +102,10 @@ def pass_nodes(state, work, first, last, parameters):
 
     The nodes ahead are listed and drawn together. Without noise along the bar, the nodes do not change: they are multiplied by 0.
     """
-    p = parameters
     listed = 0
     for i in range(first, last):
         if work.passing[i] > 0:
+            p = at(parameters, i)
             bar = np.floor(work.middle[i] * p.bars_per_cut)
             if bar != state.bar[i]:
                 enter_bar(state, i, bar)
@@ -150,7 +151,7 @@ def pass_node(state, work, i, k, channel, nodes, nodes_per_length, spread):
 @compiled
 def blend_nodes(state, work, i, parameters):
     """Set log hardness [-] without skin, and the blank's depth [mm] without ripple, from the bar's offsets and the nodes."""
-    p = parameters
+    p = at(parameters, i)
     noise = noise_along(work, i, state.hardness_cell, state.hardness_left, state.hardness_right, p.hardness_nodes_per_length)
     hardness = p.log_hardness_mismatch + p.hardness_bar_spread * state.bar_hardness_normal[i] + p.hardness_along_spread * noise
     state.log_hardness[i] = hardness if work.engaged[i] > 0.0 else state.log_hardness[i]
@@ -177,7 +178,7 @@ def limit_depth(state, work, i):
 @compiled
 def cut_skin(state, work, i, parameters):
     """Add the effect of the skin, the outermost depth [mm] of a blank, to the cut's hardness and the edge's wear."""
-    p = parameters
+    p = at(parameters, i)
     lowest = max(work.blank_depth[i] - p.skin_thickness, state.pass_floor[i])
     skin = max(min(work.blank_depth[i], state.pass_ceiling[i]) - lowest, 0.0)
     cutting = min(work.engaged[i], state.depth_of_cut[i]) > 0.0
@@ -189,7 +190,7 @@ def cut_skin(state, work, i, parameters):
 @compiled
 def probe_next_bar(state, i, parameters):
     """Measure the mean allowance [mm] of the bar before which the tool stands."""
-    p = parameters
+    p = at(parameters, i)
     bar = np.rint(state.path[i] * p.bars_per_path)
     depth = p.depth_of_cut + p.depth_bar_spread * standard_normals(state, i, BAR_CHANNEL, bar, 0)[1]
     state.probed_depth[i] = max(depth, MIN_DEPTH_SHARE * p.depth_of_cut)

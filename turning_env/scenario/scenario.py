@@ -7,14 +7,14 @@ import os
 import re
 import tomllib
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import resources
 from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, Self
 
 import tomli_w
-from pydantic import BeforeValidator, PlainSerializer, ValidationError, field_validator, model_validator
+from pydantic import BeforeValidator, Field, PlainSerializer, ValidationError, WithJsonSchema, field_validator, model_validator
 
 from turning_env.files import replace_file
 from turning_env.scenario.section import Section, names_instead
@@ -48,6 +48,50 @@ steel. Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/choi
 """
 
 
+ALWAYS_TOLD = (
+    *("name", "mismatch", "nominal_model", "control", "surface", "economics", "limits", "sensors.force", "sensors.probe"),
+    *("tool.wear_criterion", "tool.wear_rule", "machine.cutting_speed_min", "machine.cutting_speed_max", "machine.feed_min"),
+    *("machine.feed_max", "machine.rated_power", "spindle", "workpiece.bars", "workpiece.diameter", "workpiece.depth_of_cut"),
+    *("workpiece.depth_profile", "workpiece.bar_length", "workpiece.approach", "workpiece.support"),
+)
+"""Sections and values that the control knows, so the nominal model has no others: observations and actions are scaled by them."""
+
+
+def always_told(name: str) -> bool:
+    """Return whether the control knows the value of a dotted name."""
+    return any(name == each or name.startswith(each + ".") for each in ALWAYS_TOLD)
+
+
+def flat(table: Any, before: str = "") -> Any:
+    """Return the values of a nested table by their dotted names, sorted, as pairs; return anything else unchanged."""
+    if not isinstance(table, dict):
+        return table
+    pairs: list[tuple[str, Any]] = []
+    for key, value in table.items():
+        is_table = isinstance(value, dict)
+        pairs += (
+            flat(value, f"{before}{key}.") if is_table else [(before + key, tuple(value) if isinstance(value, list) else value)]
+        )
+    return tuple(sorted(pairs))
+
+
+def nested(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    """Return values by dotted names as a nested table."""
+    table: dict[str, Any] = {}
+    for name, value in values:
+        *sections, key = name.split(".")
+        inner = table
+        for section in sections:
+            inner = inner.setdefault(section, {})
+        inner[key] = value
+    return table
+
+
+NominalModel = Annotated[
+    tuple[tuple[str, Any], ...], BeforeValidator(flat), PlainSerializer(nested), WithJsonSchema({"type": "object"})
+]
+
+
 class Scenario(Section):
     """Everything that defines an episode, except its seed and the actions."""
 
@@ -67,6 +111,7 @@ class Scenario(Section):
     mismatch: Mismatch = Mismatch()
     economics: Economics = Economics()
     limits: Limits = Limits()
+    nominal_model: NominalModel = Field((), description="values of the nominal model that differ from the true ones, by section")
 
     @field_validator("name")
     @classmethod
@@ -128,6 +173,17 @@ class Scenario(Section):
                 )
         elif sensors.probe:
             raise ValueError('sensors.probe is true, but blanks are only probed where control.action is "part"')
+        return self
+
+    @model_validator(mode="after")
+    def _nominal_model_makes_sense(self) -> Self:
+        for name, _ in self.nominal_model:
+            if always_told(name):
+                raise ValueError(f"nominal_model.{name} is set, but the control always knows {name}: leave it out")
+        try:
+            self.nominal()
+        except ValidationError as error:
+            raise ValueError("; ".join(f"nominal_model.{each}" for each in complaints_of(error))) from error
         return self
 
     @property
@@ -223,7 +279,7 @@ class Scenario(Section):
         try:
             return cls.model_validate({"name": name} | values)
         except ValidationError as error:
-            raise ScenarioError(f"{source}: " + "; ".join(_complaints(error))) from error
+            raise ScenarioError(f"{source}: " + "; ".join(complaints_of(error))) from error
 
     def to_toml(self) -> str:
         """Return the whole scenario as TOML; ``Scenario.load`` reads back an equal scenario."""
@@ -278,8 +334,12 @@ class Scenario(Section):
         return math.ceil(steps - 0.5 / control.sub_steps)  # half a sub-step, as the clock is a sum and rounded
 
     def nominal(self) -> "Scenario":
-        """Return the nominal model, with which controllers are built: the same scenario and name without model mismatch."""
-        return self.model_copy(update={"mismatch": Mismatch()})
+        """Return the nominal model, with which controllers are built: the values of ``nominal_model``, and no model mismatch."""
+        update: dict[str, Any] = {"mismatch": Mismatch(), "nominal_model": ()}
+        if self.nominal_model:
+            values = _merged(self.model_dump(exclude=set(update)), nested(self.nominal_model))
+            update |= dict(Scenario.model_validate(values)) | {"name": self.name}
+        return self.model_copy(update=update)
 
 
 Source = str | os.PathLike[str] | Mapping[str, Any] | Scenario
@@ -316,8 +376,10 @@ def name_of_file(path: Path) -> str:
 
 
 def _differences(values: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
-    differ = {key: value for key, value in values.items() if value != defaults[key]}
-    return {key: _differences(value, defaults[key]) if isinstance(value, dict) else value for key, value in differ.items()}
+    differ = {key: value for key, value in values.items() if value != defaults.get(key)}
+    return {
+        key: _differences(value, defaults.get(key, {})) if isinstance(value, dict) else value for key, value in differ.items()
+    }
 
 
 def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
@@ -330,7 +392,8 @@ def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
     return base | values | both
 
 
-def _complaints(error: ValidationError) -> Iterator[str]:
+def complaints_of(error: ValidationError) -> Iterator[str]:
+    """Yield what is wrong with each field."""
     for detail in error.errors():
         field = ".".join(str(part) for part in detail["loc"]) or "scenario"
         message = detail["msg"].removeprefix("Value error, ")

@@ -1,0 +1,97 @@
+"""Families: what is drawn, for whom, and what is refused."""
+
+import numpy as np
+import pytest
+
+from turning_env import Family, Scenario, ScenarioError
+from turning_env.scenario.family import CHUNK, families, makes_sense
+
+SHOP = Family.load("shop")
+SMALL = {
+    "name": "small",
+    "base": "shift",
+    "jobs": 8,
+    "variables": {
+        "factor": {"log_uniform": [0.8, 1.2], "unit": "-", "source": "assumption", "truth": {"log_normal": [1.0, 0.1]}},
+    },
+    "fields": {"material.power.coefficient": "0.30338170 * factor", "workpiece.diameter": "100 * factor"},
+}
+
+
+def test_a_job_depends_on_family_split_and_seed_alone():
+    again = Family.load(SMALL | {"variables": SMALL["variables"] | {"other": {"normal": [0, 1], "unit": "-", "source": "none"}}})
+    first = Family.load(SMALL)
+    assert first.job(5).scenario == first.job(5 + 8).scenario
+    assert first.job(5).scenario == again.job(5).scenario
+    assert len({first.job(seed).scenario.material.power.coefficient for seed in range(8)}) == 8
+    assert {first.number(5, episode, "train") for episode in range(8)} == set(range(8))
+
+
+def test_the_truth_scatters_about_the_nominal_model_but_not_what_the_control_knows():
+    job = Family.load(SMALL).job(3)
+    nominal = job.scenario.nominal()
+    assert nominal.material.power.coefficient != job.scenario.material.power.coefficient
+    assert nominal.workpiece == job.scenario.workpiece
+    assert job.scenario.nominal_model == (("material.power.coefficient", nominal.material.power.coefficient),)
+    assert nominal.nominal() == nominal
+
+
+def test_held_out_rows_are_drawn_by_their_split_alone():
+    for split, tables in SHOP.splits.items():
+        rows = SHOP.draw(split, 0).rows
+        for name, table in SHOP.tables.items():
+            count = len(table.held_out) if name in tables else len(table.rows) - len(table.held_out)
+            assert set(rows[name]) == set(range(count))
+    assert SHOP.job(0, "train").scenario != SHOP.job(0, "unseen_jobs").scenario
+
+
+@pytest.mark.parametrize("split", SHOP.splits)
+def test_every_job_makes_sense_and_is_a_scenario(split):
+    draw = SHOP.draw(split, 0)
+    assert makes_sense(draw.true, draw.plan).all()
+    assert np.isfinite(SHOP.context(draw)).all()
+    job = SHOP.job(17, split)
+    assert Scenario.load(job.scenario.portable()) == job.scenario
+    assert job.context.shape == (len(SHOP.context_names),)
+
+
+def test_the_context_is_standardised_by_training_jobs():
+    context = SHOP.context(SHOP.draw("train", 0))
+    assert abs(context.mean(axis=0)).max() < 0.1
+    assert context.std(axis=0).max() < 1.1
+    assert len(context) == CHUNK
+
+
+def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
+    assert families() == ("shop",)
+    assert Family.load(SHOP.model_dump(mode="json", exclude_none=True)) == SHOP
+    path = tmp_path / "mine.toml"
+    path.write_text('[variables]\n[fields]\n"limits.power" = 6.5\n')
+    assert Family.load(path).job(0).scenario.limits.power == 6.5
+    assert Family.load(path).name == "mine"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"jobz": 3}, "did you mean jobs"),
+        ({"fields": {"limits.power": "factr * 7"}}, "did you mean factor"),
+        ({"fields": {"limits.power": "factor.real"}}, "a formula has numbers"),
+        ({"fields": {"limits.power": "7 *"}}, "is not a formula"),
+        ({"fields": {"limits.powr": 7.0}}, "did you mean power"),
+        ({"variables": {"factor": {"unit": "-", "source": "none"}}}, "must have one of uniform"),
+        ({"variables": {"factor": {"uniform": [2, 1], "unit": "-", "source": "none"}}}, "must not exceed the highest"),
+        ({"fields": {"limits.power": 0.01}}, "make no sense"),
+        ({"splits": {"train": ["material"]}}, "draws no held-out rows"),
+    ],
+)
+def test_errors_name_the_field_and_what_is_allowed(changes, message):
+    with pytest.raises(ScenarioError, match=message):
+        Family.load(SMALL | changes)
+
+
+def test_unknown_families_and_splits_are_refused():
+    with pytest.raises(ScenarioError, match="no family and no file"):
+        Family.load("shopp")
+    with pytest.raises(ValueError, match="did you mean unseen_jobs"):
+        SHOP.job(0, "unseen_job")

@@ -1,0 +1,68 @@
+"""The jobs of a family as the compiled transition reads them: drawn in chunks, and kept."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env.physics.quantities import layout
+from turning_env.physics.records import BLOCK_PARAMETERS, OWN_NUMBERS, PARAMETERS, new_records, parameter_records
+from turning_env.scenario import Scenario
+from turning_env.scenario.family import CHUNK, Family
+
+
+class Jobs:
+    """The jobs of a split, by number, with what the policy is told of them.
+
+    Args:
+        family: family of the jobs.
+        split: name of the split.
+        told: whether the nominal model's numbers are appended to observations.
+    """
+
+    def __init__(self, family: Family, split: str, told: bool) -> None:
+        self.family, self.split = family, split
+        self._told = told
+        self._chunks: dict[int, tuple[NDArray[np.float64], NDArray[np.float32]]] = {}
+        self.scenario: Scenario = family.job(0, split).scenario
+        """A job's scenario, of which every job has the choices, such as its action and its sensors."""
+        self.names = layout(self.scenario) + (family.context_names if told else ())
+        """Names of the observation's entries."""
+        self._shared = parameter_records(self.scenario)
+
+    def __reduce__(self) -> Any:
+        """Leave the draws out of copies."""
+        return Jobs, (self.family, self.split, self._told)
+
+    @property
+    def context_size(self) -> int:
+        """Number of entries that are appended to an observation."""
+        return len(self.names) - len(layout(self.scenario))
+
+    def block_parameters(self, blocks: int) -> Any:
+        """Return parameters for blocks of environments, with the choices that all jobs share."""
+        records = new_records(BLOCK_PARAMETERS, blocks)
+        for name in _CHOICES:
+            records[name] = self._shared[name][0]
+        return records
+
+    def __getitem__(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+        """Return a job's numbers, in the order of ``BLOCK_PARAMETERS``, and its context."""
+        chunk, i = divmod(number, CHUNK)
+        if chunk not in self._chunks:
+            self._chunks[chunk] = self._drawn(chunk)
+        numbers, context = self._chunks[chunk]
+        return numbers[i], context[i]
+
+    def _drawn(self, chunk: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+        draw = self.family.draw(self.split, chunk)
+        records = parameter_records(draw.true, CHUNK)
+        for name in _CHOICES:
+            if (records[name] != self._shared[name][0]).any():
+                raise ValueError(f"the jobs of family {self.family.name!r} must all have the same {name}")
+        numbers = records.view(np.float64).reshape(CHUNK, -1)[:, :OWN_NUMBERS]
+        context = self.family.context(draw) if self._told else np.zeros((CHUNK, 0))
+        return np.ascontiguousarray(numbers), context.astype(np.float32)
+
+
+_CHOICES = [name for name in PARAMETERS.names or () if BLOCK_PARAMETERS[name] == PARAMETERS[name]]

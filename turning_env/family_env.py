@@ -1,0 +1,155 @@
+"""Specification of ``RoughTurning-Family-v0``: every episode is another job."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from turning_env.batch.driver import Batch
+from turning_env.batch.jobs import Jobs
+from turning_env.env import RoughTurningEnv
+from turning_env.info import Info
+from turning_env.scenario.family import Family, Job
+from turning_env.vector_env import Array, Infos, RoughTurningVectorEnv
+
+FamilySource = str | os.PathLike[str] | Mapping[str, Any] | Family
+Context = Literal["told", "hidden"]
+
+
+def _jobs(family: FamilySource, split: str, context: Context) -> Jobs:
+    if context not in get_args(Context):
+        raise ValueError(f'context is {context!r}, but must be "told" or "hidden"')
+    return Jobs(Family.load(family), split, context == "told")
+
+
+def _portable(spec: EnvSpec | None, jobs: Jobs) -> EnvSpec | None:
+    """Return a spec that serialises to JSON and makes the same environment anywhere."""
+    if spec is None:
+        return None
+    kwargs = {key: value for key, value in spec.kwargs.items() if key != "max_episode_steps"}
+    return replace(spec, kwargs=kwargs | ({"family": jobs.family.portable()} if "family" in kwargs else {}))
+
+
+class FamilyEnv(RoughTurningEnv):
+    """``RoughTurning-Family-v0``: rough turning on many lathes, whose nominal models are wrong.
+
+    ## Description
+
+    Every episode is a job drawn from a family (default: `shop`): one lathe, one material, one kind of insert and one kind of bar,
+    for the time that about five edges last. The laws of power, thrust force and wear, the drives' lags and the edges' strength
+    differ from the nominal model, by which the observation's predictions are made. Edges are changed on command, as in
+    `ShiftEnv`, so what the first edge teaches pays on the others. `reset(seed=s)` starts the job of seed s, `reset()` the next.
+
+    ## Action space
+
+    `Box(-1, 1, (3,), float32)`, as for `ShiftEnv`: changes of speed and feed, and above 0 a change of the edge. Ranges of speed
+    and feed, and limits, are the job's.
+
+    ## Observation space
+
+    The 11 entries of `RoughTurningEnv`, scaled by the job's ranges and limits. With `context="told"`, the nominal model's
+    numbers follow, standardised by the training jobs and limited to -5..5 (`Family.context_names`): exponents of the three
+    laws; logarithms of load, life, removal rate, prices, spreads, lengths and lags; and at five used lives the best speed,
+    feed and life.
+
+    ## Reward and end
+
+    As for `ShiftEnv`. The reference removal rate is the best that the nominal model can sustain, so holding it would earn about
+    0 if the model were right. Truncated when the job's time is over.
+
+    ## Info
+
+    As for `RoughTurningEnv`, and `job`, the number of the job in its split.
+
+    ## Arguments
+
+    `family`: the name of a family, the path of its TOML file, a dict or a `Family`. `split`: "train", or "unseen_jobs",
+    "unseen_materials", "unseen_machines", whose jobs no training seed meets. `context`: "told" or "hidden". `render_mode`: None.
+
+    ## Version history
+
+    * v0: initial version.
+    """
+
+    def __init__(
+        self, family: FamilySource = "shop", split: str = "train", context: Context = "told", render_mode: str | None = None
+    ) -> None:
+        self._jobs = _jobs(family, split, context)
+        self.family, self.split = self._jobs.family, split
+        if render_mode is not None:
+            raise ValueError(
+                f"render_mode is {render_mode!r}, but a family is not drawn: render a job's scenario, job().scenario"
+            )
+        self._set_up(Batch(self._jobs.scenario, 1, keeps_table=True, jobs=self._jobs), None)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """The specification from which `gymnasium.make` made this environment."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = _portable(spec, self._jobs)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
+        """Start the first job of ``seed``; without a seed, the next job of the present one. There are no options."""
+        observation, info = super().reset(seed=seed, options=options)
+        return observation, info | {"job": int(self._batch.job_numbers[0])}
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
+        """Run one step, see ``RoughTurningEnv``."""
+        observation, reward, terminated, truncated, info = super().step(action)
+        return observation, reward, terminated, truncated, info | {"job": int(self._batch.job_numbers[0])}
+
+    def job(self) -> Job:
+        """Return the present job: its true scenario, nominal model and context."""
+        return self.family.job(int(self._batch.job_numbers[0]), self.split)
+
+
+class FamilyVectorEnv(RoughTurningVectorEnv):
+    """``num_envs`` independent environments, each exactly the ``FamilyEnv`` with its seed; see ``RoughTurningVectorEnv``."""
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        family: FamilySource = "shop",
+        split: str = "train",
+        context: Context = "told",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+        threads: int = 1,
+        max_episode_steps: int | None = None,
+    ) -> None:
+        self._jobs = _jobs(family, split, context)
+        self.family, self.split = self._jobs.family, split
+        if render_mode is not None:
+            raise ValueError(
+                f"render_mode is {render_mode!r}, but a family is not drawn: render a job's scenario, job().scenario"
+            )
+        super().__init__(num_envs, self._jobs.scenario, autoreset_mode, None, threads, None, max_episode_steps)
+
+    def _new_batch(self, scenario: Any, threads: int) -> Batch:
+        return Batch(scenario, self.num_envs, threads, jobs=self._jobs)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """The specification from which `gymnasium.make_vec` made this environment."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = _portable(spec, self._jobs)
+        if self._spec is not None and "autoreset_mode" in self._spec.kwargs:
+            self._spec.kwargs["autoreset_mode"] = self.autoreset_mode.value
+
+    def job(self, env_index: int) -> Job:
+        """Return an environment's present job: its true scenario, nominal model and context."""
+        return self.family.job(int(self._batch.job_numbers[env_index]), self.split)
+
+    def _infos(self, table: Array, mask: NDArray[np.bool_]) -> Infos:
+        return super()._infos(table, mask) | {"job": self._batch.job_numbers.copy(), "_job": mask}

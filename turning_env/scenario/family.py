@@ -1,0 +1,425 @@
+"""Families of scenarios: distributions from which jobs are drawn, each a true scenario and the nominal model of its control.
+
+A family is a TOML file. Its ``variables`` and the columns of its ``tables`` are drawn. Its ``fields`` are formulas of them, for
+the scenario's fields that are not those of its ``base``; ``planned`` fields also know the nominal model's best set point
+(``plan.py``). A variable with a ``truth`` has a true value, too, and the fields that depend on it differ between truth and
+nominal model. ``docs/family.md`` describes the preset.
+
+A job depends on family, split and number alone. Its numbers are keyed by the name of their variable (``numerics.keyed_random``),
+so a variable that is added changes no other. A job that makes no sense (``makes_sense``) is drawn again.
+"""
+
+import ast
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib import resources
+from pathlib import Path
+from types import CodeType
+from typing import Any, NamedTuple, Self
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError, field_validator, model_validator
+
+from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
+from turning_env.scenario.plan import MIDDLE, USED_LIVES, Columns, Loads, Plan, features, plan_of
+from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, nested
+from turning_env.scenario.section import Section, names_instead
+
+Array = NDArray[np.float64]
+Values = dict[str, Any]
+
+_FAMILIES = resources.files("turning_env.scenario") / "families"
+CHUNK = 256
+"""Jobs that are drawn together: one alone takes almost as long."""
+CONTEXT_LIMIT = 5.0
+"""Highest absolute value of a number of the context."""
+_STRIDE = 2654435769  # odd, so that the episodes of a seed visit every job of a split
+_SAMPLE = 256  # jobs that standardise the context
+_MAX_ATTEMPTS = 200
+
+
+class Distribution(Section):
+    """One of four distributions, given by two numbers."""
+
+    uniform: tuple[float, float] | None = None
+    """Lowest and highest value."""
+    log_uniform: tuple[float, float] | None = None
+    """Lowest and highest value, above 0."""
+    normal: tuple[float, float] | None = None
+    """Mean and standard deviation."""
+    log_normal: tuple[float, float] | None = None
+    """Median, above 0, and standard deviation of the logarithm."""
+
+    @field_validator("uniform", "log_uniform", "normal", "log_normal", mode="before")
+    @classmethod
+    def _as_tuple(cls, value: Any) -> Any:
+        return tuple(value) if isinstance(value, list) else value
+
+    @model_validator(mode="after")
+    def _one_that_makes_sense(self) -> Self:
+        given = {name: getattr(self, name) for name in Distribution.model_fields if getattr(self, name) is not None}
+        if len(given) != 1:
+            raise ValueError(f"must have one of {', '.join(Distribution.model_fields)}, but has {', '.join(given) or 'none'}")
+        ((name, (first, second)),) = given.items()
+        if name.startswith("log_") and first <= 0:
+            raise ValueError(f"{name} is [{first}, {second}], but its first number must be above 0")
+        if "uniform" in name and first > second:
+            raise ValueError(f"{name} is [{first}, {second}], but the lowest value must not exceed the highest")
+        if "normal" in name and second < 0:
+            raise ValueError(f"{name} is [{first}, {second}], but a standard deviation is 0 or more")
+        return self
+
+    def values(self, uniforms: tuple[Array, Array]) -> Array:
+        """Return values made of two uniform numbers each."""
+        first, second = uniforms
+        values: Array
+        if self.uniform:
+            values = self.uniform[0] + first * (self.uniform[1] - self.uniform[0])
+        elif self.log_uniform:
+            values = self.log_uniform[0] * (self.log_uniform[1] / self.log_uniform[0]) ** first
+        else:
+            normals = np.sqrt(-2.0 * np.log(first)) * np.cos(2.0 * np.pi * second)  # Box-Muller
+            mean, spread = self.normal or self.log_normal or (0.0, 0.0)
+            values = mean + spread * normals if self.normal else mean * np.exp(spread * normals)
+        return values
+
+    def true_values(self, told: Array, uniforms: tuple[Array, Array]) -> Array:
+        """Return true values: a ``normal`` or ``uniform`` deviation is added to what is told, a logarithmic one is a factor."""
+        deviation = self.values(uniforms)
+        return told * deviation if self.log_normal or self.log_uniform else told + deviation
+
+
+class Variable(Distribution):
+    """A variable, and the deviation of its true value from the one that is told."""
+
+    unit: str
+    source: str
+    truth: Distribution | None = None
+
+
+class Table(Section):
+    """Rows of numbers that belong together, such as those of a material: one row is drawn, and its columns are variables."""
+
+    columns: tuple[str, ...]
+    rows: dict[str, tuple[float, ...]]
+    held_out: tuple[str, ...] = ()
+    """Rows that only some splits draw, and no others."""
+    source: str
+    truth: dict[str, Distribution] = {}  # noqa: RUF012 - frozen, and copied by Pydantic
+    """Deviation of a column's true value from the one that is told."""
+
+    @field_validator("columns", "held_out", mode="before")
+    @classmethod
+    def _as_tuple(cls, value: Any) -> Any:
+        return tuple(value) if isinstance(value, list) else value
+
+    @field_validator("rows", mode="before")
+    @classmethod
+    def _as_tuples(cls, value: Any) -> Any:
+        return (
+            {name: tuple(row) if isinstance(row, list) else row for name, row in value.items()}
+            if isinstance(value, dict)
+            else value
+        )
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        for name, row in self.rows.items():
+            if len(row) != len(self.columns):
+                raise ValueError(f"rows.{name} has {len(row)} numbers, but there are {len(self.columns)} columns")
+        for name in self.held_out:
+            if name not in self.rows:
+                raise ValueError(f"held_out: there is no row {name!r}; {names_instead(name, self.rows, 'the rows of the table')}")
+        for name in self.truth:
+            if name not in self.columns:
+                raise ValueError(f"truth: there is no column {name!r}; {names_instead(name, self.columns, 'the columns')}")
+        if not self.numbers(held_out=False).size:
+            raise ValueError("every row is held out, but the training jobs need some")
+        return self
+
+    def numbers(self, held_out: bool) -> Array:
+        """Return the rows that are held out, or those that are not, shape (rows, columns)."""
+        return np.array([row for name, row in self.rows.items() if (name in self.held_out) == held_out])
+
+
+@cache
+def _compiled(formula: str) -> CodeType:
+    """Compile a formula: numbers, names, + - * / **, and exp, log, sqrt, minimum and maximum."""
+    tree = ast.parse(formula.strip(), mode="eval")
+    allowed = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.Name, ast.Load, ast.Constant, ast.Call)
+    for node in ast.walk(tree):
+        if not isinstance(node, allowed) or (isinstance(node, ast.Call) and node.keywords):
+            raise ValueError(f"{formula!r}: a formula has numbers, names, + - * / ** and {', '.join(_FUNCTIONS)} only")
+    return compile(tree, "<formula>", "eval")
+
+
+_FUNCTIONS = {"exp": np.exp, "log": np.log, "sqrt": np.sqrt, "minimum": np.minimum, "maximum": np.maximum}
+
+
+def _evaluate(formula: Any, values: Mapping[str, Any]) -> Any:
+    """Return the value of a formula, or what is no formula unchanged."""
+    if not isinstance(formula, str):
+        return formula
+    try:
+        return eval(_compiled(formula), {"__builtins__": {}}, {**_FUNCTIONS, **values})
+    except NameError as error:
+        name = str(error).split("'")[1]
+        raise ValueError(f"{formula!r}: there is no variable {name!r}; {names_instead(name, values, 'the variables')}") from error
+    except SyntaxError as error:
+        raise ValueError(f"{formula!r} is not a formula") from error
+
+
+class Job(NamedTuple):
+    """A job: the true scenario, which also holds its nominal model, and the plan of the nominal model."""
+
+    split: str
+    number: int
+    scenario: Scenario
+    cutting_speed: float
+    """The nominal model's best cutting speed on a half-worn edge [m/min]."""
+    feed: float
+    """Likewise the feed [mm/rev]."""
+    context: Array
+    """What a policy may be told of the nominal model, standardised; shape (``len(Family.context_names)``,)."""
+
+
+@dataclass(frozen=True)
+class Draw:
+    """Some jobs of a split. Arrays have shape (jobs,)."""
+
+    true: Columns
+    """The true scenarios; ``true.nominal()`` are the nominal models."""
+    plan: Plan
+    fields: tuple[Values, Values]
+    """Nominal and true values by dotted names."""
+    rows: dict[str, NDArray[np.int64]]
+    """Places of the drawn rows of each table."""
+    features: dict[str, Array]
+    """What a policy may be told, not standardised."""
+
+
+def makes_sense(true: Columns, plan: Plan) -> NDArray[np.bool_]:
+    """Return which jobs make sense, shape (jobs,).
+
+    * By the nominal model some set point is within the limits at every wear, and an edge lasts 4 to 60 min at the best one.
+    * In truth some set point exceeds no limit by more than the tolerance, at 95 % of an edge's life and on bars two standard
+      deviations deeper and harder.
+    * In truth an edge lasts more than 2 min at the nominal model's best set point.
+    """
+    nominal_life, jobs = plan.life[:, MIDDLE], len(plan.life)
+    loads = Loads(true, jobs)
+    bearable = (loads.excess(USED_LIVES[-1], deviations=2.0) <= true.limits.overload_tolerance).any(axis=(1, 2))
+    nearest = [
+        abs(np.log(grid.reshape(jobs, -1) / best[:, MIDDLE, None])).argmin(axis=1)
+        for grid, best in ((loads.speed, plan.speed), (loads.feed, plan.feed))
+    ]
+    true_life = 1.0 / loads.life_rate[np.arange(jobs), nearest[0], nearest[1]]
+    lasts = (nominal_life > 4.0) & (nominal_life < 60.0) & (true_life > 2.0)
+    sensible: NDArray[np.bool_] = plan.feasible.all(axis=1) & lasts & bearable
+    return sensible
+
+
+class Family(Section):
+    """Distributions over jobs; see the module's description."""
+
+    name: str
+    base: str = "shift"
+    """Preset with the values of all fields that are not drawn."""
+    jobs: int = 4096
+    """Number of training jobs."""
+    held_out_jobs: int = 256
+    """Number of jobs of every other split."""
+    variables: dict[str, Variable]
+    tables: dict[str, Table] = {}  # noqa: RUF012
+    derived: dict[str, float | str] = {}  # noqa: RUF012
+    """Further variables: formulas of what is told, in order."""
+    fields: dict[str, float | bool | str]
+    planned: dict[str, float | bool | str] = {}  # noqa: RUF012
+    splits: dict[str, tuple[str, ...]] = {"train": ()}  # noqa: RUF012
+    """Names of splits, and of the tables whose held-out rows each of them draws."""
+
+    @field_validator("splits", mode="before")
+    @classmethod
+    def _as_tuples(cls, value: Any) -> Any:
+        return (
+            {name: tuple(each) if isinstance(each, list) else each for name, each in value.items()}
+            if isinstance(value, dict)
+            else value
+        )
+
+    @model_validator(mode="after")
+    def _splits_fit(self) -> Self:
+        if self.splits.get("train") != ():
+            raise ValueError('splits must have "train", which draws no held-out rows')
+        for split, tables in self.splits.items():
+            for name in tables:
+                if name not in self.tables or not self.tables[name].held_out:
+                    raise ValueError(f"splits.{split}: no table {name!r} has held-out rows")
+        return self
+
+    @classmethod
+    def load(cls, source: "str | os.PathLike[str] | Mapping[str, Any] | Family") -> "Family":
+        """Return the family of a preset's name, a TOML file's path or a dict.
+
+        Raises:
+            ScenarioError: there is no such family, or it cannot be used. The message names the field and what is allowed.
+        """
+        if isinstance(source, Family):
+            return source
+        if isinstance(source, Mapping):
+            return cls._from_values(dict(source), "family")
+        if source in families():
+            return _preset(str(source))
+        path = Path(source)
+        if not path.is_file():
+            raise ScenarioError(
+                f"no family and no file is called {str(source)!r}; {names_instead(str(source), families(), 'families()')}"
+            )
+        try:
+            return cls._from_values({"name": path.stem} | tomllib.loads(path.read_text("utf-8")), str(path))
+        except ValueError as error:
+            raise ScenarioError(f"{path}: {error}") from error
+
+    @classmethod
+    def _from_values(cls, values: dict[str, Any], source: str) -> "Family":
+        try:
+            family = cls.model_validate(values)
+            family.job(0)
+        except ValidationError as error:
+            raise ScenarioError(f"{source}: " + "; ".join(complaints_of(error))) from error
+        except ValueError as error:
+            raise ScenarioError(f"{source}: {error}") from error
+        return family
+
+    def __reduce__(self) -> Any:
+        """Leave the draws out of copies."""
+        return Family.load, (self.portable(),)
+
+    def portable(self) -> str | dict[str, Any]:
+        """Return a source for ``load`` that JSON can hold: the name of a preset, or a dict."""
+        if self.name in families() and self == _preset(self.name):
+            return self.name
+        return self.model_dump(mode="json", exclude_none=True)
+
+    def number(self, seed: int, episode: int, split: str) -> int:
+        """Return the number of the job that an episode of a seed plays."""
+        return (int(seed) + _STRIDE * int(episode)) % (self.jobs if split == "train" else self.held_out_jobs)
+
+    def job(self, seed: int, split: str = "train", episode: int = 0) -> Job:
+        """Return the job that an episode of a seed plays.
+
+        Raises:
+            ValueError: there is no such split.
+        """
+        number = self.number(seed, episode, split)
+        draw, i = self.draw(split, number // CHUNK), number % CHUNK
+        nominal, true = ({name: _one(value, i) for name, value in fields.items()} for fields in draw.fields)
+        differing = {name: value for name, value in nominal.items() if value != true[name]}
+        name = "-".join((self.name, split, str(number)))
+        values = {"base": self.base, "name": name} | nested(true.items()) | {"nominal_model": nested(differing.items())}
+        speed, feed = draw.plan.speed[i, MIDDLE], draw.plan.feed[i, MIDDLE]
+        return Job(split, number, Scenario.load(values), float(speed), float(feed), self.context(draw)[i])
+
+    @property
+    def context_names(self) -> tuple[str, ...]:
+        """Names of the numbers of a job's context."""
+        return tuple(self.draw("train", 0).features)
+
+    def context(self, draw: Draw) -> Array:
+        """Return what a policy may be told of each job, standardised by training jobs: shape (jobs, numbers)."""
+        mean, spread = self._standard
+        return np.clip((np.stack(list(draw.features.values()), axis=1) - mean) / spread, -CONTEXT_LIMIT, CONTEXT_LIMIT)
+
+    @cached_property
+    def _standard(self) -> tuple[Array, Array]:
+        draws = [self.draw("train", chunk) for chunk in range(-(-min(_SAMPLE, self.jobs) // CHUNK))]
+        sample = np.concatenate([np.stack(list(draw.features.values()), axis=1) for draw in draws])
+        spread = sample.std(axis=0)
+        return sample.mean(axis=0), np.where(spread > 1e-6, spread, 1.0)
+
+    @cached_property
+    def _draws(self) -> dict[tuple[str, int], Draw]:
+        return {}
+
+    @cached_property
+    def _deviations(self) -> dict[str, Distribution]:
+        own = {name: variable.truth for name, variable in self.variables.items() if variable.truth}
+        return own | {name: truth for table in self.tables.values() for name, truth in table.truth.items()}
+
+    @cached_property
+    def _base(self) -> Values:
+        return dict(flat(Scenario.load(self.base).model_dump(exclude={"name", "nominal_model"})))
+
+    def draw(self, split: str, chunk: int) -> Draw:
+        """Return the jobs with the numbers from ``CHUNK * chunk`` on.
+
+        Raises:
+            ValueError: there is no such split.
+        """
+        if split not in self.splits:
+            raise ValueError(f"there is no split {split!r}; {names_instead(split, self.splits, 'the splits of the family')}")
+        if (split, chunk) not in self._draws:
+            self._draws[split, chunk] = self._drawn(split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64))
+        return self._draws[split, chunk]
+
+    def _drawn(self, split: str, numbers: NDArray[np.uint64]) -> Draw:
+        attempts, pending = np.zeros(len(numbers), np.uint64), np.arange(len(numbers))
+        while pending.size:
+            draw = self._attempt(split, numbers[pending], attempts[pending])
+            pending = pending[~makes_sense(draw.true, draw.plan)]
+            attempts[pending] += np.uint64(1)
+            if attempts.max() > _MAX_ATTEMPTS:
+                raise ValueError(f"{_MAX_ATTEMPTS} jobs in a row make no sense in split {split!r}: check ranges and limits")
+        return self._attempt(split, numbers, attempts)
+
+    def _attempt(self, split: str, numbers: NDArray[np.uint64], attempts: NDArray[np.uint64]) -> Draw:
+        names = [*self.variables, *self.tables, *(f"{name}.truth" for name in self._deviations)]
+        keys = np.array([crc32(name.encode()) for name in names], np.uint64)[:, None]
+        words = philox_4x32(keys, attempts, JOB_CHANNEL, numbers, np.uint64(crc32(split.encode())))
+        uniforms = dict(zip(names, zip(*((word + 0.5) * 2.0**-32 for word in words[:2]), strict=True), strict=True))
+
+        told: Values = {name: variable.values(uniforms[name]) for name, variable in self.variables.items()}
+        rows = {}
+        for name, table in self.tables.items():
+            choices = table.numbers(held_out=name in self.splits[split])
+            rows[name] = (uniforms[name][0] * len(choices)).astype(np.int64)
+            told |= dict(zip(table.columns, choices[rows[name]].T, strict=True))
+        for name, formula in self.derived.items():
+            told[name] = _evaluate(formula, told)
+        true = told | {name: truth.true_values(told[name], uniforms[f"{name}.truth"]) for name, truth in self._deviations.items()}
+
+        nominal_fields = {name: _evaluate(formula, told) for name, formula in self.fields.items()}
+        plan = plan_of(Columns(nested((self._base | nominal_fields).items())), len(numbers))
+        planned = {
+            "best_cutting_speed": plan.speed[:, MIDDLE],
+            "best_feed": plan.feed[:, MIDDLE],
+            "best_life": plan.life[:, MIDDLE],
+            "best_removal_rate": plan.removal_rate,
+        }
+        nominal_fields |= {name: _evaluate(formula, told | planned) for name, formula in self.planned.items()}
+        true_fields = {
+            name: value if always_told(name) or name in self.planned else _evaluate(self.fields[name], true)
+            for name, value in nominal_fields.items()
+        }
+        nominal = Columns(nested((self._base | nominal_fields).items()))
+        columns = Columns(nested((self._base | true_fields).items()), nominal)
+        return Draw(columns, plan, (nominal_fields, true_fields), rows, features(nominal, plan))
+
+
+def _one(value: Any, i: int) -> Any:
+    return value[i].item() if isinstance(value, np.ndarray) else value
+
+
+def families() -> tuple[str, ...]:
+    """Return the names of the families that come with the package."""
+    return tuple(sorted(entry.name.removesuffix(".toml") for entry in _FAMILIES.iterdir() if entry.name.endswith(".toml")))
+
+
+@cache
+def _preset(name: str) -> Family:
+    return Family._from_values({"name": name} | tomllib.loads((_FAMILIES / f"{name}.toml").read_text("utf-8")), f"family {name}")

@@ -1,0 +1,205 @@
+"""The best set points by the laws of a scenario, for many scenarios at once, and what a policy may be told of them.
+
+A scenario is given by ``Columns``: sections like those of ``Scenario`` whose numbers are arrays of shape (scenarios,).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env.scenario.power_law import PowerLaw, log_response
+
+Array = NDArray[np.float64]
+
+USED_LIVES = (0.05, 0.25, 0.5, 0.75, 0.95)
+"""Used shares of an edge's life at which set points are planned."""
+MIDDLE = 2
+"""Place of half a life in ``USED_LIVES``."""
+_GRID = 20
+"""Cutting speeds, and feeds, that a plan compares, evenly spaced on a logarithmic scale."""
+
+
+class Section(SimpleNamespace):
+    """A section of columns. Iteration gives names and values, as for sections of ``Scenario``."""
+
+    log_coefficient = PowerLaw.log_coefficient
+
+    def __iter__(self) -> Iterator[tuple[str, Any]]:
+        return iter(vars(self).items())
+
+
+class Columns(Section):
+    """Many scenarios: a section per subject, with arrays of shape (scenarios,) where they differ, and numbers where not."""
+
+    def __init__(self, values: dict[str, Any], nominal: "Columns | None" = None) -> None:
+        def section(table: dict[str, Any]) -> Section:
+            return Section(**{key: section(value) if isinstance(value, dict) else value for key, value in table.items()})
+
+        super().__init__(**vars(section(values)))
+        vars(self)["nominal_model"] = nominal
+
+    def nominal(self) -> "Columns":
+        """Return the nominal models."""
+        return vars(self)["nominal_model"] or self
+
+    @property
+    def cutting_speed_max(self) -> Any:
+        """See ``Scenario``."""
+        reached = self._circumference * self.spindle.max_speed
+        return np.minimum(self.machine.cutting_speed_max, np.where(reached > 0.0, reached, np.inf))
+
+    @property
+    def base_cutting_speed(self) -> Any:
+        """See ``Scenario``."""
+        return self._circumference * self.spindle.base_speed
+
+    @property
+    def _circumference(self) -> Any:
+        return np.pi * self.workpiece.diameter / 1000.0  # [m]
+
+
+def log_wear_at(s: Columns, used_life: float) -> Any:
+    """Return the logarithm of the flank wear [mm] at a used share of an edge's life."""
+    return np.log(s.tool.wear_criterion) + s.material.wear.time * np.log(used_life)
+
+
+class Loads:
+    """A grid of set points, and what they load. Arrays have the shape (scenarios, speeds, feeds), or one that broadcasts to it.
+
+    Attributes:
+        speed: cutting speed [m/min], shape (scenarios, speeds, 1).
+        feed: [mm/rev], shape (scenarios, 1, feeds).
+        removal: removal rate [cm3/min].
+        life_rate: edges used up per minute [1/min].
+    """
+
+    def __init__(self, s: Columns, count: int) -> None:
+        shares = np.linspace(0.0, 1.0, _GRID)
+        self._s = s
+        self._log_speed = _span(s.machine.cutting_speed_min, s.cutting_speed_max, shares, count)[:, :, None]
+        self._log_feed = _span(s.machine.feed_min, s.machine.feed_max, shares, count)[:, None, :]
+        self.speed, self.feed = np.exp(self._log_speed), np.exp(self._log_feed)
+        self.removal = self.speed * self.feed * _wide(s.workpiece.depth_of_cut)
+        wear = log_response_at(s, "wear", 0.0)
+        self.life_rate = self._over_grid(s.material.wear, wear - np.log(s.tool.wear_criterion), 1.0 / s.material.wear.time)
+        self._force = self._over_grid(s.material.thrust_force, -np.log(s.limits.thrust_force))
+        self._power = self._over_grid(s.material.power, -np.log(s.limits.power))
+        self._idle = _wide(s.spindle.idle_torque / (30.0 * s.workpiece.diameter) / s.limits.power) * self.speed
+        self._capacity = np.minimum(self.speed / _wide(np.maximum(s.base_cutting_speed, 1e-9)), 1.0)
+
+    def _over_grid(self, law: Any, log_rest: Any, exponent: Any = 1.0) -> Array:
+        """Return (exp(log_rest) V^a f^b)^exponent."""
+        along_speed = _wide(log_rest * exponent) + _wide(law.cutting_speed * exponent) * self._log_speed
+        over: Array = np.exp(along_speed + _wide(law.feed * exponent) * self._log_feed)
+        return over
+
+    def excess(self, used_life: float, deviations: float = 0.0) -> Array:
+        """Return the larger of force and power over their limits, less 1, for bars so many standard deviations worse."""
+        s = self._s
+        force = self._force * _wide(np.exp(log_response_at(s, "thrust_force", used_life, deviations)))
+        power = self._power * _wide(np.exp(log_response_at(s, "power", used_life, deviations))) + self._idle
+        over: Array = np.maximum(force, power / self._capacity) - 1.0
+        return over
+
+
+def log_response_at(s: Columns, law_name: str, used_life: float, deviations: float = 0.0) -> Any:
+    """Return the logarithm of a response at 1 m/min and 1 mm/rev, to an edge of a used life (0: the law has no wear)."""
+    work, law = s.workpiece, getattr(s.material, law_name)
+    depth = work.depth_of_cut + deviations * np.hypot(work.depth_bar_spread, work.depth_along_spread)
+    log_hardness = np.log(s.mismatch.hardness_factor) + deviations * np.hypot(
+        work.hardness_bar_spread, work.hardness_along_spread
+    )
+    log_wear = log_wear_at(s, used_life) if used_life > 0.0 else 0.0
+    return log_response(law, 0.0, 0.0, np.log(depth), 0.0, log_wear, log_hardness)  # type: ignore[no-untyped-call]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The best set points at ``USED_LIVES``; arrays of shape (scenarios, lives) or (scenarios,)."""
+
+    speed: Array
+    """[m/min]"""
+    feed: Array
+    """[mm/rev]"""
+    life: Array
+    """Life of an edge that cuts so [min]."""
+    feasible: NDArray[np.bool_]
+    """Whether any set point is within the limits."""
+    removal_rate: Array
+    """Highest sustained removal rate [cm3/min] of one set point, edge changes and their price included; shape (scenarios,)."""
+
+
+def plan_of(s: Columns, count: int) -> Plan:
+    """Return the set points with the most metal per minute, less the price of the used life, within the limits."""
+    loads = Loads(s, count)
+    price = _wide(s.economics.edge_cost + s.economics.edge_change_time)  # [min]
+    over = [loads.excess(life) for life in USED_LIVES]
+    sustained = loads.removal / (1.0 + price * loads.life_rate)
+    rate = np.where(over[MIDDLE] <= 0.0, sustained, 0.0).reshape(count, -1).max(axis=1)
+    value = loads.removal / np.maximum(_wide(rate), 1e-9) - price * loads.life_rate
+    rows, found = np.arange(count), []
+    for excess in over:
+        feasible = excess <= 0.0
+        best = np.where(feasible, value, -1e9 - excess).reshape(count, -1).argmax(axis=1)
+        i, k = np.divmod(best, _GRID)
+        life = 1.0 / loads.life_rate[rows, i, k]
+        found.append((loads.speed[rows, i, 0], loads.feed[rows, 0, k], life, feasible.any(axis=(1, 2))))
+    speed, feed, life, feasible = (np.stack(column, axis=1) for column in zip(*found, strict=True))
+    return Plan(speed, feed, life, feasible, rate)
+
+
+def _wide(value: Any) -> Any:
+    return np.reshape(value, (-1, 1, 1))
+
+
+def _span(low: Any, high: Any, shares: Array, count: int) -> Array:
+    """Return logarithms between those of two ends, shape (scenarios, shares)."""
+    low, high = np.reshape(np.log(low), (-1, 1)), np.reshape(np.log(high), (-1, 1))
+    return np.broadcast_to(low + shares * (high - low), (count, len(shares)))
+
+
+def features(s: Columns, plan: Plan) -> dict[str, Array]:
+    """Return the numbers of nominal models that a policy may be told, shape (scenarios,) each, not standardised."""
+    material, work, machine = s.material, s.workpiece, s.machine
+    speed, feed, life = plan.speed[:, MIDDLE], plan.feed[:, MIDDLE], plan.life[:, MIDDLE]
+    travel = speed * feed * 1000.0 / (np.pi * work.diameter) / 60.0  # feed per second [mm/s]
+    told: dict[str, Any] = {}
+    for law in ("thrust_force", "power", "wear"):
+        for factor in ("cutting_speed", "feed", "depth_of_cut", "wear" if law != "wear" else "time"):
+            told[f"{law}_{factor}_exponent"] = getattr(getattr(material, law), factor)
+    told["taylor_exponent"] = material.wear.time / material.wear.cutting_speed
+    for law, limit in (("thrust_force", s.limits.thrust_force), ("power", s.limits.power)):
+        exponents = getattr(material, law)
+        at_best = exponents.cutting_speed * np.log(speed) + exponents.feed * np.log(feed)
+        told[f"log_{law}_load"] = at_best + log_response_at(s, law, USED_LIVES[MIDDLE]) - np.log(limit)
+    logs = {
+        "life": life,
+        "removal_rate": plan.removal_rate,
+        "edge_price": s.economics.edge_cost,
+        "edge_change_time": s.economics.edge_change_time,
+        "edge_strength": s.tool.edge_strength / s.limits.thrust_force,
+        "wear_factor_spread": s.tool.wear_factor_spread,
+        "depth_bar_spread": work.depth_bar_spread / work.depth_of_cut,
+        "depth_along_spread": work.depth_along_spread / work.depth_of_cut,
+        "hardness_bar_spread": work.hardness_bar_spread,
+        "hardness_along_spread": work.hardness_along_spread,
+        "bar_time": work.bar_length / travel,
+        "depth_correlation_time": work.depth_correlation_length / travel,
+        "hardness_correlation_time": work.hardness_correlation_length / travel,
+        "feed_time_constant": machine.feed_time_constant,
+        "spindle_time_constant": machine.spindle_time_constant,
+        "diameter": work.diameter,
+        "depth_of_cut": work.depth_of_cut,
+        "speed_over_base_speed": speed / np.maximum(s.base_cutting_speed, 1.0),
+        "speed_over_fastest": speed / s.cutting_speed_max,
+    }
+    told |= {f"log_{name}": np.log(np.maximum(value, 1e-6)) for name, value in logs.items()}
+    for k, used in enumerate(USED_LIVES):
+        told[f"speed_at_{used}"] = np.log(plan.speed[:, k] / machine.cutting_speed_min)
+        told[f"feed_at_{used}"] = np.log(plan.feed[:, k] / machine.feed_min)
+        told[f"log_life_at_{used}"] = np.log(plan.life[:, k])
+    return {name: np.broadcast_to(value, plan.removal_rate.shape) for name, value in told.items()}
