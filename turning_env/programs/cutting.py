@@ -1,0 +1,174 @@
+"""Play the moves of a part program with a scenario's laws: times, loads, wear and tool life, slice by slice.
+
+All values are nominal: they ignore model mismatch and the spread of edges and bars. Drives and axes follow at once.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env.programs.moves import Moves
+from turning_env.programs.stock import MIN_DEPTH, Removal, Values
+from turning_env.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What a scenario does not say of a machine (assumptions)."""
+
+    max_spindle_speed: float = 4000.0  # [rev/min]
+    rapid: float = 10_000.0
+    """Rapid traverse [mm/min]."""
+    tool_change: float = 2.0  # [s]
+
+
+@dataclass(frozen=True)
+class Situation:
+    """A program's slices with all that does not change with feed and speed: arrays of one length."""
+
+    scenario: Scenario
+    machine: Machine
+    moves: Moves
+    removal: Removal
+    kinds: NDArray[np.str_] = field(init=False)
+    feed: Values = field(init=False)
+    """Feed as programmed [mm/rev], or [mm/min] where ``per_revolution`` is false."""
+    speed: Values = field(init=False)
+    """Speed as programmed [m/min], or [rev/min] where ``constant_speed`` is false."""
+    per_revolution: NDArray[np.bool_] = field(init=False)
+    constant_speed: NDArray[np.bool_] = field(init=False)
+    max_spindle: Values = field(init=False)
+    other_time: Values = field(init=False)
+    """Time that feed and speed do not change: rapid moves, dwells, tool changes [s]."""
+    tool: NDArray[np.str_] = field(init=False)
+    line: NDArray[np.int64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        moves, slices = self.moves.moves, self.removal.slices
+        changed = [before.tool != after.tool for before, after in zip(moves[:-1], moves[1:], strict=True)]
+        waits = np.array([move.time for move in moves]) + self.machine.tool_change * np.array([False, *changed])
+        firsts = np.diff(slices.move, prepend=-1) > 0
+        kinds = np.array([move.kind for move in moves])[slices.move]
+        rapid = np.where(kinds == "rapid", 60.0 * slices.length / self.machine.rapid, 0.0)
+        given = {
+            "kinds": kinds,
+            "feed": np.array([move.feed.value for move in moves])[slices.move],
+            "speed": np.array([move.speed.value for move in moves])[slices.move],
+            "per_revolution": np.array([move.per_revolution for move in moves])[slices.move],
+            "constant_speed": np.array([move.constant_cutting_speed for move in moves])[slices.move],
+            "max_spindle": np.minimum([move.max_spindle_speed for move in moves], self.machine.max_spindle_speed)[slices.move],
+            "other_time": rapid + np.where(firsts, waits[slices.move], 0.0),
+            "tool": np.array([move.tool for move in moves])[slices.move],
+            "line": np.array([move.line for move in moves])[slices.move],
+        }
+        for name, values in given.items():
+            object.__setattr__(self, name, values)
+
+    @cached_property
+    def fed(self) -> NDArray[np.bool_]:
+        """Whether a slice is run at feed."""
+        return np.isin(self.kinds, ("feed", "thread"))
+
+    @cached_property
+    def engaged(self) -> NDArray[np.bool_]:
+        """Whether a slice cuts metal."""
+        return (self.kinds == "feed") & (self.removal.slices.depth > MIN_DEPTH)
+
+
+@dataclass(frozen=True)
+class Play:
+    """Arrays over the slices; loads are 0 in air."""
+
+    time: Values
+    """[s]"""
+    cutting_speed: Values
+    """At the tool's tip [m/min]."""
+    feed: Values  # [mm/rev]
+    spindle_speed: Values  # [rev/min]
+    used_life: Values
+    """Share of an edge's life that the slice uses [-]."""
+    wear: Values
+    """Flank wear of the slice's edge after it [mm]."""
+    thrust_force: Values  # [N]
+    power: Values  # [kW]
+    force_share: Values
+    """Over the scenario's limit [-]."""
+    power_share: Values
+
+    @property
+    def load(self) -> Values:
+        """The higher of the shares of force and power [-]."""
+        return np.maximum(self.force_share, self.power_share)
+
+
+def motion(situation: Situation, feed: Values, speed: Values) -> tuple[Values, Values, Values, Values]:
+    """Return time [s], cutting speed [m/min], feed [mm/rev] and spindle speed [rev/min] of the slices."""
+    s = situation
+    around = 2.0 * math.pi * np.maximum(s.removal.slices.radius, 1e-6) / 1000.0  # [m/rev]
+    turns = np.minimum(np.where(s.constant_speed, speed / around, speed), s.max_spindle)
+    turns = np.where(s.fed, np.maximum(turns, 1e-9), 0.0)
+    per_turn = np.where(s.per_revolution, feed, feed / np.where(s.fed, turns, 1.0))
+    velocity = np.where(s.fed, per_turn * turns, 1.0)
+    time = s.other_time + np.where(s.fed, 60.0 * s.removal.slices.length / velocity, 0.0)
+    return time, turns * around, np.where(s.fed, per_turn, 0.0), turns
+
+
+def play(situation: Situation, wear: float | Mapping[str, float], feed: Values | None = None, speed: Values | None = None) -> Play:
+    """Play the slices in their order; every tool has an edge of its own.
+
+    Args:
+        situation: the slices.
+        wear: flank wear of the edges at the start [mm].
+        feed: feeds in place of those programmed, in the same units.
+        speed: speeds in place of those programmed.
+    """
+    s, scenario = situation, situation.scenario
+    feed, speed = (s.feed if feed is None else feed), (s.speed if speed is None else speed)
+    time, cutting_speed, per_turn, turns = motion(s, feed, speed)
+    on = s.engaged
+    life = np.zeros(len(time))
+    life[on] = time_in_metal(s, time)[on] / tool_life(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on])
+    exponent, criterion = scenario.material.wear.time, scenario.tool.wear_criterion
+    worn = np.zeros(len(time))
+    for tool in dict.fromkeys(s.tool.tolist()):
+        mine = s.tool == tool
+        start = wear if isinstance(wear, float) else wear[tool]
+        worn[mine] = criterion * ((start / criterion) ** (1.0 / exponent) + np.cumsum(life[mine])) ** exponent
+    force, power = np.zeros(len(time)), np.zeros(len(time))
+    force[on], power[on] = loads(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on], worn[on])
+    limits = scenario.limits
+    return Play(
+        *(time, cutting_speed, per_turn, turns, life, worn, force, power),
+        *(force / limits.thrust_force, power / limits.power),
+    )
+
+
+def time_in_metal(situation: Situation, time: Values) -> Values:
+    """Return the times without rapid moves, dwells and tool changes [s]."""
+    return time - situation.other_time
+
+
+def tool_life(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values) -> Values:
+    """Return the cutting time from a fresh edge to the wear criterion [s]."""
+    law = scenario.material.wear
+    after_a_minute = law(_within_laws(scenario, cutting_speed), feed, depth)
+    return np.asarray(60.0 * (scenario.tool.wear_criterion / after_a_minute) ** (1.0 / law.time))
+
+
+def loads(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values, wear: Values) -> tuple[Values, Values]:
+    """Return thrust force [N] and spindle power [kW].
+
+    Power falls with the cutting speed to 0, as at the centre of a face.
+    """
+    speed = _within_laws(scenario, cutting_speed)
+    power = scenario.material.power(speed, feed, depth, wear=wear) * np.minimum(cutting_speed / speed, 1.0)
+    return scenario.material.thrust_force(speed, feed, depth, wear=wear), power
+
+
+def _within_laws(scenario: Scenario, cutting_speed: Values) -> Values:
+    """Return the cutting speed at which the laws are evaluated: not below the machine's lowest (assumption)."""
+    return np.maximum(cutting_speed, scenario.machine.cutting_speed_min)
