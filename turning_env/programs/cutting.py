@@ -4,7 +4,6 @@ All values are nominal: they ignore model mismatch and the spread of edges and b
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -14,6 +13,10 @@ from numpy.typing import NDArray
 from turning_env.programs.moves import Moves
 from turning_env.programs.stock import MIN_DEPTH, Removal, Values
 from turning_env.scenario import Scenario
+
+
+FINISHING_DEPTH = 0.5
+"""Depth of cut up to which a cut is finishing: its feed makes the surface, and stays [mm] (assumption)."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,7 @@ def motion(situation: Situation, feed: Values, speed: Values) -> tuple[Values, V
     return time, turns * around, np.where(s.fed, per_turn, 0.0), turns
 
 
-def play(situation: Situation, wear: float | Mapping[str, float], feed: Values | None = None, speed: Values | None = None) -> Play:
+def play(situation: Situation, wear: float, feed: Values | None = None, speed: Values | None = None) -> Play:
     """Play the slices in their order; every tool has an edge of its own.
 
     Args:
@@ -136,8 +139,7 @@ def play(situation: Situation, wear: float | Mapping[str, float], feed: Values |
     worn = np.zeros(len(time))
     for tool in dict.fromkeys(s.tool.tolist()):
         mine = s.tool == tool
-        start = wear if isinstance(wear, float) else wear[tool]
-        worn[mine] = criterion * ((start / criterion) ** (1.0 / exponent) + np.cumsum(life[mine])) ** exponent
+        worn[mine] = criterion * ((wear / criterion) ** (1.0 / exponent) + np.cumsum(life[mine])) ** exponent
     force, power = np.zeros(len(time)), np.zeros(len(time))
     force[on], power[on] = loads(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on], worn[on])
     limits = scenario.limits

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from turning_env.programs.cutting import Play, Situation, loads
+from turning_env.programs.cutting import FINISHING_DEPTH, Play, Situation, loads
 from turning_env.programs.stock import Values, volume
 
 MIN_WASTE = 1.0
@@ -40,7 +40,7 @@ class BlockRow:
     used_life: float
     """Share of an edge's life [-]."""
     saves: float
-    """Time that the highest feed within the limits would save at the same speed [s]."""
+    """Time that the highest feed within the limits would save at the same speed [s]; 0 for finishing."""
 
     @property
     def remark(self) -> str:
@@ -112,7 +112,8 @@ def rows(situation: Situation, played: Play) -> list[BlockRow]:
         on = group[situation.engaged[group]]
         cut = on if on.size else group
         limit = float(fastest[on].min()) if on.size else 0.0
-        share = float(played.feed[on].max()) / limit if on.size and limit > 0.0 else 1.0
+        rough = on.size and float(slices.depth[on].max()) > FINISHING_DEPTH
+        share = float(played.feed[on].max()) / limit if rough else 1.0
         made.append(
             BlockRow(
                 line=int(situation.line[group[0]]),
