@@ -106,10 +106,13 @@ class _Search:
             if move.kind != "feed":
                 continue
             mine = s.removal.slices.move == number
-            if move.per_revolution and (key := self._key("F", move.feed.span, move.line, where)):
-                feeds[mine] = keys.setdefault(key, len(keys))
-            if move.constant_cutting_speed and (key := self._key("S", move.speed.span, move.line, where)):
-                speeds[mine] = keys.setdefault(key, len(keys))
+            for address, setting, changes, of in (
+                ("F", move.feed, move.per_revolution, feeds),
+                ("S", move.speed, move.constant_cutting_speed, speeds),
+            ):
+                key = self._key(address, setting.span, move.line, where) if changes else None
+                if key is not None and (key[2] is not None or s.engaged[mine].any()):  # nothing is put into blocks in air
+                    of[mine] = keys.setdefault(key, len(keys))
         if not keys:
             raise NcError("the program has no F word in mm/rev and no S word under G96, so nothing can be adapted")
         self.keys = list(keys)
@@ -124,7 +127,7 @@ class _Search:
         self.fixed = {
             key: float(s.feed[feeds == key].max())
             for key in np.unique(feeds[feeds >= 0])
-            if float(s.removal.slices.depth[(feeds == key) & s.engaged].max(initial=0.0)) <= finishing_depth
+            if s.finishing(feeds == key, finishing_depth)
         }
         # Loads are judged at the wear that the program leaves, tool by tool, so that they hold at the end too.
         self.wear = np.zeros(len(s.removal.slices.move))
@@ -178,7 +181,7 @@ class _Search:
     def _feeds(self, values: Values, cuts: NDArray[np.int64], speeds: Values, price: float, assign: bool = True) -> Values:
         """Return the cost [s] of each row of speeds with the best feeds; set these feeds if there is one row."""
         s, scenario = self.situation, self.situation.scenario
-        machine, material, limits = scenario.machine, scenario.material, scenario.limits
+        material, limits, (low, high) = scenario.material, scenario.limits, s.feed_range
         radius, length, depth, on = (a[cuts] for a in (s.removal.slices.radius, s.removal.slices.length, s.removal.slices.depth, s.engaged))
         around = 2.0 * math.pi * np.maximum(radius, 1e-6) / 1000.0
         turns = np.minimum(np.where(s.constant_speed[cuts], speeds / around, speeds), s.max_spindle[cuts])
@@ -186,7 +189,7 @@ class _Search:
         deep = np.where(on, depth, 1.0)
         unit = np.ones_like(speed)
         force, power = loads(scenario, speed, unit, deep, self.wear[cuts])
-        allowed = np.full(speed.shape, machine.feed_max)
+        allowed = np.full(speed.shape, high)
         for load, limit, law in ((force, limits.thrust_force, material.thrust_force), (power, limits.power, material.power)):
             if law.feed > 0.0:
                 allowed = np.where(on, np.minimum(allowed, (limit / load) ** (1.0 / law.feed)), allowed)
@@ -208,10 +211,10 @@ class _Search:
             if key in self.fixed:
                 feed = np.full(len(speed), self.fixed[key])
             else:
-                feed = np.full(len(speed), machine.feed_max)
+                feed = np.full(len(speed), high)
                 if exponent > 1.0 and price > 0.0:
                     feed = np.minimum(feed, (time / np.maximum(price * life * (exponent - 1.0), 1e-300)) ** (1.0 / exponent))
-                feed = np.maximum(np.minimum(feed, cap), machine.feed_min)
+                feed = np.maximum(np.minimum(feed, cap), low)
             costs += time / feed + price * life * feed ** (exponent - 1.0) + 1e6 * np.maximum(feed / cap - 1.0, 0.0)
             if assign:
                 values[key] = self._rounded_feed(feed[0], key)
@@ -222,7 +225,7 @@ class _Search:
         if key in self.fixed:
             return feed
         step = self.scales[key] * 10.0 ** -(FEED_DECIMALS if self.scales[key] == 1.0 else FEED_DECIMALS_INCH)
-        return max(math.floor(feed / step + 1e-9), math.ceil(self.situation.scenario.machine.feed_min / step - 1e-9)) * step
+        return max(math.floor(feed / step + 1e-9), math.ceil(self.situation.feed_range[0] / step - 1e-9)) * step
 
     def _settings(self, values: Values) -> tuple[Values, Values]:
         return np.where(self.feed_of >= 0, values[self.feed_of], self.situation.feed), self._speed(values)

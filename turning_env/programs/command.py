@@ -1,6 +1,7 @@
 """The command ``python -m turning_env program``: read, play and adapt a part program of the user's own."""
 
 import argparse
+import math
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -50,7 +51,7 @@ def program(options: argparse.Namespace) -> int:
         notes.append(f"no --stock is given: {name} is taken")
     removal = stock.remove(run, polygon, dict(options.tool or ()))
     notes += removal.notes
-    machine = cutting.Machine(options.max_spindle, options.rapid, options.tool_change)
+    machine = cutting.Machine(options.max_spindle, options.rapid, options.tool_change, options.max_feed or math.inf)
     situation = cutting.Situation(scenario, machine, run, removal)
     played = cutting.play(situation, wear)
     rows = report.rows(situation, played)
@@ -133,6 +134,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                         help="adapt feeds and speeds: in the words that stand in the program, or in every block")  # fmt: skip
     parser.add_argument("--life", type=number_within(0.01, 100.0, ""), default=1.0, metavar="X",
                         help="tool life that the adapted program may use, over that used before (default: %(default)g)")  # fmt: skip
+    parser.add_argument("--max-feed", type=number_within(0.001, 10.0, "mm/rev"), metavar="X",
+                        help="highest feed that the inserts take [mm/rev] (default: the scenario's highest)")  # fmt: skip
     parser.add_argument("--finishing", type=number_within(0.0, 100.0, "mm"), default=0.5, metavar="X",
                         help="feeds of cuts up to this depth stay, because they make the surface [mm] (default: %(default)g)")  # fmt: skip
     parser.add_argument("--out", type=Path, metavar="FILE", help=f"adapted program to write; its name must hold {MARK}")

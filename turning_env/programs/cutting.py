@@ -27,6 +27,8 @@ class Machine:
     rapid: float = 10_000.0
     """Rapid traverse [mm/min]."""
     tool_change: float = 2.0  # [s]
+    max_feed: float = math.inf
+    """Highest feed that the inserts take [mm/rev]; the scenario's machine has its own."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,21 @@ class Situation:
     def engaged(self) -> NDArray[np.bool_]:
         """Whether a slice cuts metal."""
         return (self.kinds == "feed") & (self.removal.slices.depth > MIN_DEPTH)
+
+
+    @cached_property
+    def feed_range(self) -> tuple[float, float]:
+        """Lowest and highest feed that may be chosen [mm/rev]."""
+        machine = self.scenario.machine
+        return machine.feed_min, max(min(machine.feed_max, self.machine.max_feed), machine.feed_min)
+
+    def finishing(self, mine: NDArray[np.bool_], depth: float) -> bool:
+        """Return whether at most half of the way of slices in metal is deeper than ``depth`` [mm], or a grooving tool cuts them."""
+        mine = mine & self.engaged
+        slices = self.removal.slices
+        deep = float(slices.length[mine & (slices.depth > depth)].sum())
+        grooving = any(self.removal.tools[tool].startswith("groove") for tool in set(self.tool[mine].tolist()))
+        return grooving or deep <= 0.5 * float(slices.length[mine].sum())
 
 
 @dataclass(frozen=True)

@@ -112,7 +112,9 @@ def rows(situation: Situation, played: Play) -> list[BlockRow]:
         on = group[situation.engaged[group]]
         cut = on if on.size else group
         limit = float(fastest[on].min()) if on.size else 0.0
-        rough = on.size and float(slices.depth[on].max()) > FINISHING_DEPTH
+        mine = np.zeros(len(time), np.bool_)
+        mine[on] = True
+        rough = on.size and not situation.finishing(mine, FINISHING_DEPTH)
         share = float(played.feed[on].max()) / limit if rough else 1.0
         made.append(
             BlockRow(
@@ -139,17 +141,17 @@ def rows(situation: Situation, played: Play) -> list[BlockRow]:
 def highest_feed(situation: Situation, played: Play) -> Values:
     """Return the highest feed within the machine's range and the limits of force and power, at the played speed [mm/rev]."""
     scenario = situation.scenario
-    machine, material, limits = scenario.machine, scenario.material, scenario.limits
-    highest = np.full(len(played.time), machine.feed_max)
+    material, limits, (low, high) = scenario.material, scenario.limits, situation.feed_range
+    highest = np.full(len(played.time), high)
     on = situation.engaged
     speed, depth, wear = played.cutting_speed[on], situation.removal.slices.depth[on], played.wear[on]
-    reference = np.full(speed.shape, machine.feed_max)
+    reference = np.full(speed.shape, high)
     force, power = loads(scenario, speed, reference, depth, wear)
     for load, limit, law in ((force, limits.thrust_force, material.thrust_force), (power, limits.power, material.power)):
         if law.feed > 0.0:
-            allowed = machine.feed_max * (limit / load) ** (1.0 / law.feed)
+            allowed = high * (limit / load) ** (1.0 / law.feed)
             highest[on] = np.minimum(highest[on], allowed)
-    return np.maximum(highest, machine.feed_min)
+    return np.maximum(highest, low)
 
 
 def table(blocks: Sequence[BlockRow]) -> str:

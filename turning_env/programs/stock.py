@@ -29,7 +29,7 @@ MAX_SLICES, SLICE = 40, 1.0
 """Largest number of slices of a move; length of a slice below it [mm]."""
 MIN_DEPTH = 1e-3
 """Depth of cut below which a move is taken as in air [mm]."""
-COLLISION = 0.05
+COLLISION = 0.5
 """Area that a rapid move may sweep in metal without a note [mm2]."""
 _EDGE = 25.0
 """Length of the insert's edges [mm]; longer than a real one's, as the holder follows it."""
@@ -47,6 +47,9 @@ TOOLS: dict[str, tuple[Point, ...]] = {
     "copying": _insert(60.0, 95.0),
 }
 """Inserts by the kind of work: corners of 80 degrees for turning towards the chuck and facing; 35 degrees for copying."""
+
+
+DEFAULT_TOOL = "outside"
 
 
 def tool_shape(kind: str) -> tuple[Point, ...]:
@@ -186,6 +189,8 @@ class Removal:
     """The polygon before the first move."""
     part: Any
     """The polygon after the last move."""
+    tools: Mapping[str, str]
+    """Kinds of the tools."""
     notes: tuple[str, ...]
 
 
@@ -209,10 +214,11 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
     for name in tools:
         if name not in known:
             raise NcError(f"tool {name!r} is not in the program, which has {', '.join(known)}")
-    shapes = {name: np.array(tool_shape(tools.get(name, "outside"))) for name in known}
+    shapes = {name: np.array(tool_shape(tools.get(name, DEFAULT_TOOL))) for name in known}
     rows: list[tuple[int, float, float, float, float]] = []
     notes = []
     left = stock
+    threading = {move.tool for move in moves.moves if move.kind == "thread"}  # what they cut is not computed
     for index, move in enumerate(moves.moves):
         here = move.path.start
         shape = shapes[move.tool]
@@ -223,7 +229,7 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
             areas = moments = np.zeros(count)
             if move.kind in ("feed", "rapid"):
                 areas, moments, swept = _swept(left, shape, here, end, shares)
-                if move.kind == "rapid" and areas[-1] > COLLISION:
+                if move.kind == "rapid" and areas[-1] > COLLISION and move.tool not in threading:
                     notes.append(f"line {move.line}: a rapid move sweeps {areas[-1]:.2f} mm2 of metal")
                 if move.kind == "feed" and areas[-1] > 0.0:
                     left = shapely.difference(left, swept)
@@ -238,7 +244,8 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
             rows.append((index, 0.0, abs(here[1]), 0.0, 0.0))
     columns = np.array(rows).T
     slices = Slices(columns[0].astype(np.int64), *(np.maximum(column, 0.0) for column in columns[1:]))
-    return Removal(slices, stock, left, tuple(dict.fromkeys(notes)))
+    kinds = {name: tools.get(name, DEFAULT_TOOL) for name in known}
+    return Removal(slices, stock, left, kinds, tuple(dict.fromkeys(notes)))
 
 
 def _swept(stock: Any, shape: Values, start: Point, end: Point, shares: Values) -> tuple[Values, Values, Any]:
@@ -256,5 +263,7 @@ def _swept(stock: Any, shape: Values, start: Point, end: Point, shares: Values) 
     else:
         cut = shapely.intersection(near, shapely.convex_hull(shapely.multipoints(shapely.points(both))))
     areas = shapely.area(cut)
-    heights = shapely.get_y(shapely.centroid(cut))
-    return areas, areas * np.where(areas > 0.0, np.nan_to_num(heights), 0.0), whole
+    moments = np.zeros(len(shares))
+    some = areas > 0.0
+    moments[some] = areas[some] * shapely.get_y(shapely.centroid(cut[some]))
+    return areas, moments, whole
