@@ -20,8 +20,8 @@ from turning_env.programs.stock import Values
 FEED_DECIMALS, FEED_DECIMALS_INCH = 3, 5
 _LIFE_MARGIN = 0.998
 """Share of the allowed life that is planned for, as words are rounded."""
-_MAX_PRICE = 1e7
-"""Highest price of an edge's life that is tried [s]."""
+_MIN_PRICE, _MAX_PRICE = 1.0, 1e6
+"""Range of prices of an edge's life that are tried [s]."""
 _CANDIDATES = 61
 
 Where = Literal["words", "blocks"]
@@ -71,18 +71,7 @@ def adapt(
         NcError: no F word per revolution and no S word of a constant cutting speed can be changed.
     """
     search = _Search(situation, wear, where, finishing_depth)
-    before = search.before
-    allowed = life * float(before.used_life.sum()) * _LIFE_MARGIN
-    values = search.best(0.0)
-    if search.life(values) > allowed:
-        low, high = 1e-3, _MAX_PRICE
-        for _ in range(24):
-            price = math.sqrt(low * high)
-            if search.life(search.best(price)) > allowed:
-                low = price
-            else:
-                high = price
-        values = search.best(high)
+    values = search.within_life(life * _LIFE_MARGIN)
     text, changes = search.written(values)
     program = divide(text, situation.moves.program.dialect)
     moves = run(program, go_on)
@@ -141,8 +130,28 @@ class _Search:
             return None if span is None else (address, self.text.count("\n", 0, span[0]) + 1, span)
         return address, line, None
 
-    def best(self, price: float) -> Values:
-        """Return the value of every key that makes time + price * used life least."""
+    def within_life(self, share: float) -> Values:
+        """Return the value of every key that makes the program shortest while no tool uses more than a share of its life before."""
+        tools = self.situation.tool
+        prices = np.zeros(len(tools))
+        for tool in dict.fromkeys(tools.tolist()):
+            mine = tools == tool
+            allowed = share * float(self.before.used_life[mine].sum())
+            low, high, price = _MIN_PRICE, _MAX_PRICE, 0.0
+            while high > 1.2 * low and allowed > 0.0:
+                prices[mine] = price
+                if self.used_life(self.best(prices))[mine].sum() > allowed:
+                    low = max(price, low)
+                elif price == 0.0:
+                    high = 0.0
+                else:
+                    high = price
+                price = math.sqrt(low * high)
+            prices[mine] = high if allowed > 0.0 else 0.0
+        return self.best(prices)
+
+    def best(self, price: Values) -> Values:
+        """Return the value of every key that makes time + price * used life least; a price for every slice."""
         s = self.situation
         values = np.zeros(len(self.keys))
         speeds = [key for key in range(len(self.keys)) if self.keys[key][0] == "S"]
@@ -160,7 +169,7 @@ class _Search:
     def _speed(self, values: Values) -> Values:
         return np.where(self.speed_of >= 0, values[self.speed_of], self.situation.speed)
 
-    def _choose(self, values: Values, key: int, price: float) -> None:
+    def _choose(self, values: Values, key: int, price: Values) -> None:
         """Set the speed of a key, and the feeds that go with it."""
         machine = self.situation.scenario.machine
         mine = self.speed_of == key
@@ -178,11 +187,13 @@ class _Search:
         values[key] = chosen * scale
         self._feeds(values, cuts, self._speed(values)[cuts][np.newaxis], price)
 
-    def _feeds(self, values: Values, cuts: NDArray[np.int64], speeds: Values, price: float, assign: bool = True) -> Values:
+    def _feeds(self, values: Values, cuts: NDArray[np.int64], speeds: Values, price: Values, assign: bool = True) -> Values:
         """Return the cost [s] of each row of speeds with the best feeds; set these feeds if there is one row."""
         s, scenario = self.situation, self.situation.scenario
         material, limits, (low, high) = scenario.material, scenario.limits, s.feed_range
-        radius, length, depth, on = (a[cuts] for a in (s.removal.slices.radius, s.removal.slices.length, s.removal.slices.depth, s.engaged))
+        radius, length, depth, on = (
+            a[cuts] for a in (s.removal.slices.radius, s.removal.slices.length, s.removal.slices.depth, s.engaged)
+        )
         around = 2.0 * math.pi * np.maximum(radius, 1e-6) / 1000.0
         turns = np.minimum(np.where(s.constant_speed[cuts], speeds / around, speeds), s.max_spindle[cuts])
         speed = turns * around
@@ -194,7 +205,7 @@ class _Search:
             if law.feed > 0.0:
                 allowed = np.where(on, np.minimum(allowed, (limit / load) ** (1.0 / law.feed)), allowed)
         minutes = 60.0 * length / turns  # time at 1 mm/rev [s]
-        lives = np.where(on, minutes / tool_life(scenario, speed, unit, deep), 0.0)
+        lives = np.where(on, price[cuts] * minutes / tool_life(scenario, speed, unit, deep), 0.0)  # priced [s]
         exponent = material.wear.feed / material.wear.time
         costs = np.zeros(len(speed))
         keys = self.feed_of[cuts]
@@ -205,17 +216,17 @@ class _Search:
             if key < 0:  # no word to change
                 feeds = s.feed[cuts][mine]
                 per_turn = np.where(s.per_revolution[cuts][mine], feeds, feeds / turns[:, mine])
-                costs += (minutes[:, mine] / per_turn + price * lives[:, mine] * per_turn ** (exponent - 1.0)).sum(axis=1)
+                costs += (minutes[:, mine] / per_turn + lives[:, mine] * per_turn ** (exponent - 1.0)).sum(axis=1)
                 costs += 1e6 * np.maximum((per_turn / allowed[:, mine]).max(axis=1) - 1.0, 0.0)
                 continue
             if key in self.fixed:
                 feed = np.full(len(speed), self.fixed[key])
             else:
                 feed = np.full(len(speed), high)
-                if exponent > 1.0 and price > 0.0:
-                    feed = np.minimum(feed, (time / np.maximum(price * life * (exponent - 1.0), 1e-300)) ** (1.0 / exponent))
+                if exponent > 1.0:
+                    feed = np.minimum(feed, (time / np.maximum(life * (exponent - 1.0), 1e-300)) ** (1.0 / exponent))
                 feed = np.maximum(np.minimum(feed, cap), low)
-            costs += time / feed + price * life * feed ** (exponent - 1.0) + 1e6 * np.maximum(feed / cap - 1.0, 0.0)
+            costs += time / feed + life * feed ** (exponent - 1.0) + 1e6 * np.maximum(feed / cap - 1.0, 0.0)
             if assign:
                 values[key] = self._rounded_feed(feed[0], key)
         return costs
@@ -230,9 +241,9 @@ class _Search:
     def _settings(self, values: Values) -> tuple[Values, Values]:
         return np.where(self.feed_of >= 0, values[self.feed_of], self.situation.feed), self._speed(values)
 
-    def life(self, values: Values) -> float:
-        """Return the tool life that the program would use [-]."""
-        return float(play(self.situation, self.start_wear, *self._settings(values)).used_life.sum())
+    def used_life(self, values: Values) -> Values:
+        """Return the share of an edge's life that every slice would use [-]."""
+        return play(self.situation, self.start_wear, *self._settings(values)).used_life
 
     def written(self, values: Values) -> tuple[str, tuple[Change, ...]]:
         """Return the text with the values in its words, and the words that changed."""
@@ -257,4 +268,3 @@ class _Search:
         for first, last, text in sorted(edits, reverse=True):
             made = made[:first] + text + made[last:]
         return made, tuple(sorted(changes, key=lambda change: change.line))
-

@@ -134,7 +134,7 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
         if (header := _SUB_PROGRAM[dialect].match(stripped)) and (dialect == "fanuc" or header.end() == len(stripped)):
             found = next(group for group in header.groups() if group)
             found = str(int(found)) if dialect == "fanuc" else found
-            if found != name:
+            if not (header.lastindex == 2 and found == name):  # PROC may repeat the name of its part
                 if found in parts:
                     raise NcError(f"line {number}: {stripped!r} stands a second time, first in line {defined_at[found]}")
                 name, parts[found], defined_at[found] = found, [], number

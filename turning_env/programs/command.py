@@ -56,7 +56,9 @@ def program(options: argparse.Namespace) -> int:
     played = cutting.play(situation, wear)
     rows = report.rows(situation, played)
     totals = report.summary(situation, played)
-    adapted = adapt.adapt(situation, wear, options.adapt, options.life, options.finishing, options.go_on) if options.adapt else None
+    adapted = (
+        adapt.adapt(situation, wear, options.adapt, options.life, options.finishing, options.go_on) if options.adapt else None
+    )
     if options.figure:
         plot_style.save(picture.draw(situation, played, f"{options.program.name}, {scenario.name}"), options.figure)
     if adapted is not None and options.out:
@@ -66,7 +68,11 @@ def program(options: argparse.Namespace) -> int:
     results |= {"totals": asdict(totals), "blocks": report.as_records(rows), "notes": notes}
     if adapted is not None:
         after = report.summary(adapted.situation, adapted.played)
-        results["adapted"] = {"totals": asdict(after), "changes": [asdict(change) for change in adapted.changes], "warning": WARNING}
+        results["adapted"] = {
+            "totals": asdict(after),
+            "changes": [asdict(change) for change in adapted.changes],
+            "warning": WARNING,
+        }
     if options.json:
         print_json(results)
         return 0
@@ -97,7 +103,9 @@ def _check_out(options: argparse.Namespace) -> None:
         raise NcError("--out needs --adapt: only an adapted program is written")
     if MARK not in options.out.suffixes:
         wanted = options.program.with_suffix(f"{MARK}{options.program.suffix}").name
-        raise NcError(f"--out {options.out}: its name must hold {MARK}, such as {wanted}, so that nobody takes it for a tried program")
+        raise NcError(
+            f"--out {options.out}: its name must hold {MARK}, such as {wanted}, so that nobody takes it for a tried program"
+        )
     if options.out.exists() and not options.overwrite:
         raise NcError(f"{options.out} exists; --overwrite replaces it")
 
@@ -129,7 +137,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         low = 0.0 if unit == "s" else 1.0
         parser.add_argument(option, type=number_within(low, high, unit), default=default, metavar="X",
                             help=f"{text} [{unit}] (default: %(default)g)")  # fmt: skip
-    parser.add_argument("--go-on", action="store_true", help="leave out lines that are not understood, instead of refusing the program")
+    parser.add_argument(
+        "--go-on", action="store_true", help="leave out lines that are not understood, instead of refusing the program"
+    )
     parser.add_argument("--adapt", choices=("words", "blocks"),
                         help="adapt feeds and speeds: in the words that stand in the program, or in every block")  # fmt: skip
     parser.add_argument("--life", type=number_within(0.01, 100.0, ""), default=1.0, metavar="X",

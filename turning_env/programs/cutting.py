@@ -83,7 +83,6 @@ class Situation:
         """Whether a slice cuts metal."""
         return (self.kinds == "feed") & (self.removal.slices.depth > MIN_DEPTH)
 
-
     @cached_property
     def feed_range(self) -> tuple[float, float]:
         """Lowest and highest feed that may be chosen [mm/rev]."""

@@ -338,7 +338,9 @@ class _Control:
                 continue
             if self.fanuc and "." not in word.text and word.value and not self.whole_noted:
                 self.whole_noted = True
-                self._note(f"{word.address}{word.text} has no decimal point: whole numbers are read as {self._unit()}, not as 0.001")
+                self._note(
+                    f"{word.address}{word.text} has no decimal point: whole numbers are read as {self._unit()}, not as 0.001"
+                )
             incremental = word.address in ("U", "W") or (not self.absolute and word.mode != "AC") or word.mode == "IC"
             if word.address in ("X", "U"):
                 x = self._scaled_x(word.value, incremental) + (x if incremental else 0.0)
@@ -469,7 +471,9 @@ class _Control:
             self._finish(lines, begins, ends + 1, start)
             return max(index, ends) + 1
         if self.depth <= 0.0:
-            raise _Problem(f"G{72 if facing else 71} needs the depth of its passes: a block before it with {'W' if facing else 'U'}")
+            raise _Problem(
+                f"G{72 if facing else 71} needs the depth of its passes: a block before it with {'W' if facing else 'U'}"
+            )
         contour = self._contour(lines, begins, ends + 1)
         u, w = line.number_of("U") or 0.0, line.number_of("W") or 0.0
         told = Roughing(self.depth, self.retraction, (w * self.length_scale, self._scaled_x(u, True)), facing)
@@ -586,14 +590,18 @@ class _Control:
             if word is None:
                 raise _Problem("M98 needs the sub-program: P")
             digits = word.text.split(".")[0]
-            count, name = (int(digits[:-4]), digits[-4:]) if len(digits) > 4 else (int(line.number_of("L") or 1), digits)
+            count, name = (int(digits[:-4]), digits[-4:]) if len(digits) > 4 else (self._count(line, "L"), digits)
             self._call(str(int(name)), count)
         elif not self.fanuc:
             for word in words:
                 name = f"L{word.text}" if word.address == "L" else word.address
                 if word.address == "L" or (word.value is None and not word.text and name in self.program.parts):
-                    self._call(name, int(line.number_of("P") or 1))
+                    self._call(name, self._count(line, "P"))
         return None
+
+    def _count(self, line: Line, address: str) -> int:
+        count = line.number_of(address)
+        return 1 if count is None else int(count)
 
     def _call(self, name: str, count: int) -> None:
         if name not in self.program.parts or name == self.program.main:
@@ -608,5 +616,3 @@ class _Control:
             self._run(self.program.parts[name])
         self.calls -= 1
         self.line = line
-
-

@@ -46,14 +46,21 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
     above.set_ylabel("X, radius [mm]")
     above.set_title(title, loc="left", fontsize="medium")
     above.legend(
-        handles=[Patch(color=LIGHT, label="stock"), Patch(color="#B0B0B0", label="part"), Line2D([], [], color=GREY, lw=0.8, ls=":", label="rapid")],
+        handles=[
+            Patch(color=LIGHT, label="stock"),
+            Patch(color="#B0B0B0", label="part"),
+            Line2D([], [], color=GREY, lw=0.8, ls=":", label="rapid"),
+        ],
         loc="upper right",
         fontsize="small",
     )
     figure.colorbar(lines, ax=above, label="load [% of its limit]", shrink=0.8, extend="max")
     ends = np.cumsum(played.time)
     times = np.repeat(np.concatenate(([0.0], ends)), 2)[1:-1]
-    for name, share, colour, style in (("thrust force", played.force_share, ORANGE, "-"), ("power", played.power_share, BLUE, "-")):
+    for name, share, colour, style in (
+        ("thrust force", played.force_share, ORANGE, "-"),
+        ("power", played.power_share, BLUE, "-"),
+    ):
         below.plot(times, 100.0 * np.repeat(share, 2), color=colour, linestyle=style, linewidth=1.0, label=name)
     below.axhline(100.0, **LIMIT, label="limit")
     below.set_xlim(0.0, max(ends[-1], 1e-3))

@@ -71,7 +71,9 @@ class Summary:
 
     def lines(self) -> list[str]:
         """Return the totals as text."""
-        times = f"{self.time_in_metal:.1f} s in metal, {self.time_at_feed_in_air:.1f} s at feed in air, {self.other_time:.1f} s other"
+        times = (
+            f"{self.time_in_metal:.1f} s in metal, {self.time_at_feed_in_air:.1f} s at feed in air, {self.other_time:.1f} s other"
+        )
         load = f"highest load: {100 * self.max_load:.0f} % of a limit; {self.overload_time:.1f} s above a limit"
         edges = [
             f"{tool}: {100 * life:.2f} % of an edge's life, {1.0 / life:.0f} parts per edge"
@@ -94,7 +96,9 @@ def summary(situation: Situation, played: Play) -> Summary:
         removed_by_polygons=(volume(removal.stock) - volume(removal.part)) / 1000.0,
         max_load=float(played.load.max()),
         overload_time=float(time[played.load > 1.0].sum()),
-        used_life={tool: float(played.used_life[situation.tool == tool].sum()) for tool in dict.fromkeys(situation.tool.tolist())},
+        used_life={
+            tool: float(played.used_life[situation.tool == tool].sum()) for tool in dict.fromkeys(situation.tool.tolist())
+        },
     )
 
 
@@ -163,14 +167,22 @@ def table(blocks: Sequence[BlockRow]) -> str:
         low, high = (f"{value:.4g}" for value in row.diameters)
         cells.append(
             (
-                *(str(row.line), str(row.cycle_pass or ""), row.tool, f"{row.depth:.2f}", low if low == high else f"{low}-{high}"),
+                *(
+                    str(row.line),
+                    str(row.cycle_pass or ""),
+                    row.tool,
+                    f"{row.depth:.2f}",
+                    low if low == high else f"{low}-{high}",
+                ),
                 *(f"{row.cutting_speed:.0f}", f"{row.feed:.3f}", f"{row.time:.1f}", f"{row.removed:.1f}"),
                 *(f"{100 * row.force_share:.0f}", f"{100 * row.power_share:.0f}", f"{100 * row.used_life:.2f}"),
                 f" {row.text}  {row.remark}".rstrip(),
             )
         )
     widths = [max(len(row[k]) for row in cells) for k in range(len(heads) - 1)]
-    return "\n".join("  ".join([*(cell.rjust(width) for cell, width in zip(row, widths, strict=False)), row[-1]]).rstrip() for row in cells)
+    return "\n".join(
+        "  ".join([*(cell.rjust(width) for cell, width in zip(row, widths, strict=False)), row[-1]]).rstrip() for row in cells
+    )
 
 
 def findings(blocks: Sequence[BlockRow], count: int = 5) -> list[str]:
@@ -180,7 +192,9 @@ def findings(blocks: Sequence[BlockRow], count: int = 5) -> list[str]:
     if over:
         lines = ", ".join(dict.fromkeys(str(row.line) for row in over))
         worst = max(max(row.force_share, row.power_share) for row in over)
-        found.append(f"overload: {'lines' if ',' in lines else 'line'} {lines}; the highest load is {100 * worst:.0f} % of its limit")
+        found.append(
+            f"overload: {'lines' if ',' in lines else 'line'} {lines}; the highest load is {100 * worst:.0f} % of its limit"
+        )
     wasted: dict[int, float] = {}
     air: dict[int, float] = {}
     for row in blocks:
@@ -196,4 +210,3 @@ def findings(blocks: Sequence[BlockRow], count: int = 5) -> list[str]:
 def as_records(blocks: Sequence[BlockRow]) -> list[dict[str, Any]]:
     """Return rows for JSON."""
     return [asdict(row) | {"remark": row.remark} for row in blocks]
-

@@ -17,6 +17,7 @@ from turning_env.programs.report import summary
 from turning_env.programs.stock import volume
 
 WEAR = 0.15
+QUICK = ("inch_bar", "grooves_in_sub_program", "feed_per_minute", "welle", "gewinde", "abspanen")
 
 
 @pytest.mark.skipif(not INSTALLED, reason="LinuxCNC is not installed")
@@ -49,7 +50,7 @@ def test_removed_metal_is_the_difference_of_the_polygons(name: str) -> None:
     assert removal.notes == ()
 
 
-@pytest.mark.parametrize("name", COLLECTION)
+@pytest.mark.parametrize("name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in COLLECTION])
 @pytest.mark.parametrize("where", ["words", "blocks"])
 def test_an_adapted_program_differs_in_words_of_feed_and_speed_alone(name: str, where: str) -> None:
     situation = case(name).situation()
@@ -71,6 +72,7 @@ def test_an_adapted_program_differs_in_words_of_feed_and_speed_alone(name: str, 
     assert second.wear.max() <= first.wear.max() * 1.001
 
 
+@pytest.mark.slow
 def test_the_collection_takes_a_tenth_less_time_at_equal_limits() -> None:
     before = after = 0.0
     for name in COLLECTION:
