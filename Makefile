@@ -21,7 +21,7 @@ PYTEST = .venv/bin/pytest -n 2 --dist worksteal
 
 # Extras by set-up: `make leaderboard` and the like need the first, tests, examples and the site also the second.
 RUN_EXTRAS = benchmark
-TEST_EXTRAS = distributed render ecosystem docs test
+TEST_EXTRAS = distributed render ecosystem docs programs test
 PIP = .venv/bin/python -m pip --disable-pip-version-check
 # Python compiles what it imports; compiled beforehand, the rest would be a tenth of the disk space.
 INSTALL = $(PIP) install --no-compile --only-binary :all: -c constraints.txt

@@ -131,7 +131,7 @@ class _Search:
         return address, line, None
 
     def within_life(self, share: float) -> Values:
-        """Return the value of every key that makes the program shortest while no tool uses more than a share of its life before."""
+        """Return the values that make the program shortest while no tool uses more than a share of what it used before."""
         tools = self.situation.tool
         prices = np.zeros(len(tools))
         for tool in dict.fromkeys(tools.tolist()):
@@ -235,7 +235,7 @@ class _Search:
         """Return a feed as it can be written: rounded down, but not below the machine's lowest."""
         if key in self.fixed:
             return feed
-        step = self.scales[key] * 10.0 ** -(FEED_DECIMALS if self.scales[key] == 1.0 else FEED_DECIMALS_INCH)
+        step = float(self.scales[key] * 10.0 ** -(FEED_DECIMALS if self.scales[key] == 1.0 else FEED_DECIMALS_INCH))
         return max(math.floor(feed / step + 1e-9), math.ceil(self.situation.feed_range[0] / step - 1e-9)) * step
 
     def _settings(self, values: Values) -> tuple[Values, Values]:

@@ -4,6 +4,7 @@ Every word keeps its place in the text, so that a program can be written back wi
 """
 
 import re
+import string
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -25,6 +26,8 @@ _SINUMERIK_WORD = re.compile(
     )""",
     re.VERBOSE,
 )
+_UPPER = {ord(letter): letter.upper() for letter in string.ascii_lowercase}
+"""Only letters of words: others may become two, which would shift places."""
 _SIGNS_OF_SINUMERIK = re.compile(
     r"^\s*%_N_|^\s*;\$PATH|\b(?:CYCLE\d+|MSG)\s*\(|\b(?:DIAMON|DIAMOF|DIAM90|PROC|RET|G500|G700|G710)\b|\b(?:LIMS|CR)\s*=|\bT\s*=\s*\"",
     re.MULTILINE,
@@ -129,7 +132,7 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
     parts: dict[str, list[Line]] = {"": []}
     name, offset, defined_at = "", 0, {"": 0}
     for number, whole in enumerate(raw, 1):
-        code = _without_comments(whole.upper(), dialect)
+        code = _without_comments(whole.translate(_UPPER), dialect)
         stripped = re.sub(r"^/?\s*N\d+\s+(?=PROC\b)", "", code.strip())
         if (header := _SUB_PROGRAM[dialect].match(stripped)) and (dialect == "fanuc" or header.end() == len(stripped)):
             found = next(group for group in header.groups() if group)
@@ -186,7 +189,7 @@ def _word(match: re.Match[str], offset: int) -> Word:
         return Word(name, None, groups["string"], span("string"))
     if groups["arguments"] is not None:
         start = match.start("arguments") + offset
-        arguments = []
+        arguments: list[tuple[str, tuple[int, int]]] = []
         for found in re.finditer(r'(?:"[^"]*"|[^,"])*(?:,|$)', groups["arguments"]):
             if found.start() == len(groups["arguments"]) and arguments and not groups["arguments"].endswith(","):
                 break

@@ -122,8 +122,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("program", type=Path, metavar="FILE", help="part program")
     parser.add_argument("--scenario", required=True, metavar="SCENARIO", help="preset or TOML file with the laws and limits")
     parser.add_argument("--stock", metavar="STOCK",
-                        help="bar:DIAMETERxLENGTH or tube:OUTERxINNERxLENGTH [mm], with +FACE for metal before Z0; or a DXF or CSV file "
-                        "(default: a bar that the program fits in)")  # fmt: skip
+                        help="bar:DIAMETERxLENGTH or tube:OUTERxINNERxLENGTH [mm], with +FACE for metal before Z0; or a DXF or "
+                        "CSV file (default: a bar that the program fits in)")  # fmt: skip
     parser.add_argument("--tool", action="append", type=_tool, metavar="NAME=KIND",
                         help="kind of a tool: outside (default), inside, copying, groove:WIDTH; can be repeated")  # fmt: skip
     parser.add_argument("--dialect", choices=("fanuc", "sinumerik"), help="default: by the program's own words")
@@ -143,11 +143,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--adapt", choices=("words", "blocks"),
                         help="adapt feeds and speeds: in the words that stand in the program, or in every block")  # fmt: skip
     parser.add_argument("--life", type=number_within(0.01, 100.0, ""), default=1.0, metavar="X",
-                        help="tool life that the adapted program may use, over that used before (default: %(default)g)")  # fmt: skip
+                        help="tool life that the adapted program may use, over that before (default: %(default)g)")  # fmt: skip
     parser.add_argument("--max-feed", type=number_within(0.001, 10.0, "mm/rev"), metavar="X",
-                        help="highest feed that the inserts take [mm/rev] (default: the scenario's highest)")  # fmt: skip
+                        help="highest feed of the inserts [mm/rev] (default: the scenario's)")  # fmt: skip
     parser.add_argument("--finishing", type=number_within(0.0, 100.0, "mm"), default=0.5, metavar="X",
-                        help="feeds of cuts up to this depth stay, because they make the surface [mm] (default: %(default)g)")  # fmt: skip
+                        help="feeds up to this depth of cut stay: they make the surface [mm] (default: %(default)g)")  # fmt: skip
     parser.add_argument("--out", type=Path, metavar="FILE", help=f"adapted program to write; its name must hold {MARK}")
     parser.add_argument("--overwrite", action="store_true", help="replace an existing file")
     parser.add_argument("--figure", type=picture_path, metavar="FILE", help="picture of stock, passes and load: PNG, SVG or PDF")

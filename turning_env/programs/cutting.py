@@ -3,6 +3,7 @@
 All values are nominal: they ignore model mismatch and the spread of edges and bars. Drives and axes follow at once.
 """
 
+import itertools
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 from turning_env.programs.moves import Moves
 from turning_env.programs.stock import MIN_DEPTH, Removal, Values
 from turning_env.scenario import Scenario
-
 
 FINISHING_DEPTH = 0.5
 """Depth of cut up to which a cut is finishing: its feed makes the surface, and stays [mm] (assumption)."""
@@ -54,7 +54,7 @@ class Situation:
 
     def __post_init__(self) -> None:
         moves, slices = self.moves.moves, self.removal.slices
-        changed = [before.tool != after.tool for before, after in zip(moves[:-1], moves[1:], strict=True)]
+        changed = [before.tool != after.tool for before, after in itertools.pairwise(moves)]
         waits = np.array([move.time for move in moves]) + self.machine.tool_change * np.array([False, *changed])
         firsts = np.diff(slices.move, prepend=-1) > 0
         kinds = np.array([move.kind for move in moves])[slices.move]
@@ -81,7 +81,7 @@ class Situation:
     @cached_property
     def engaged(self) -> NDArray[np.bool_]:
         """Whether a slice cuts metal."""
-        return (self.kinds == "feed") & (self.removal.slices.depth > MIN_DEPTH)
+        return np.asarray((self.kinds == "feed") & (self.removal.slices.depth > MIN_DEPTH))
 
     @cached_property
     def feed_range(self) -> tuple[float, float]:
@@ -90,7 +90,7 @@ class Situation:
         return machine.feed_min, max(min(machine.feed_max, self.machine.max_feed), machine.feed_min)
 
     def finishing(self, mine: NDArray[np.bool_], depth: float) -> bool:
-        """Return whether at most half of the way of slices in metal is deeper than ``depth`` [mm], or a grooving tool cuts them."""
+        """Return whether at most half of the way in metal is deeper than ``depth`` [mm], or a grooving tool cuts."""
         mine = mine & self.engaged
         slices = self.removal.slices
         deep = float(slices.length[mine & (slices.depth > depth)].sum())

@@ -3,6 +3,7 @@
 Positions are Z and X, X as a radius. What is not understood is named with its line; nothing is skipped silently.
 """
 
+import contextlib
 import copy
 import math
 from collections.abc import Sequence
@@ -141,17 +142,15 @@ class _Control:
     calls: int = 0
     whole_noted: bool = False
     cycle_pass: int = 0
-    line: Line = Line(0, "", (), 0)
+    line: Line = field(default_factory=lambda: Line(0, "", (), 0))
 
     @property
     def fanuc(self) -> bool:
         return self.program.dialect == "fanuc"
 
     def run_program(self) -> None:
-        try:
+        with contextlib.suppress(_End):
             self._run(self.program.parts[self.program.main])
-        except _End:
-            pass
 
     def _run(self, lines: Sequence[Line], start: int = 0, end: int | None = None) -> None:
         """Run lines from an index to another; a cycle names the index at which the program goes on."""
@@ -201,9 +200,8 @@ class _Control:
         for word in words:
             if word.address == "G" and word.value is not None:
                 codes.add(word.value)
-            elif word.value is not None or word.text:
-                if word.address not in known:
-                    raise _Problem(f"the address {word.address}{'=' if len(word.address) > 1 else ''} is not understood")
+            elif (word.value is not None or word.text) and word.address not in known:
+                raise _Problem(f"the address {word.address}{'=' if len(word.address) > 1 else ''} is not understood")
         for code in sorted(codes - self._understood()):
             raise _Problem(f"G{code:g} is not understood")
         motions = codes & {0, 1, 2, 3, 32, 33}
@@ -360,10 +358,7 @@ class _Control:
         if self.motion is None:
             raise _Problem("coordinates stand before the first G0 or G1")
         start, end = (self.z, self.x), self._target(line)
-        if self.motion in (2, 3):
-            path = self._arc(line, start, end)
-        else:
-            path = Path(start, end, rapid=self.motion == 0)
+        path = self._arc(line, start, end) if self.motion in (2, 3) else Path(start, end, rapid=self.motion == 0)
         if self.motion in (32, 33):
             lead = line.first("F", "K") if self.fanuc else line.first("K", "I")
             if lead is None or not lead.value:

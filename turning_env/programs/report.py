@@ -155,7 +155,7 @@ def highest_feed(situation: Situation, played: Play) -> Values:
         if law.feed > 0.0:
             allowed = high * (limit / load) ** (1.0 / law.feed)
             highest[on] = np.minimum(highest[on], allowed)
-    return np.maximum(highest, low)
+    return np.asarray(np.maximum(highest, low))
 
 
 def table(blocks: Sequence[BlockRow]) -> str:

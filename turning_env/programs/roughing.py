@@ -4,6 +4,7 @@ Passes are parallel to the axis of the feed, from the stock to the contour, foll
 escape and return moves differ in details; they are in air.
 """
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -95,7 +96,7 @@ def passes(contour: Sequence[Path], start: Point, told: Roughing) -> list[list[P
     along = -1.0 if points[-1][feed] < points[0][feed] else 1.0
     rise = points[-1][infeed] - points[0][infeed]
     down = -math.copysign(1.0, rise if abs(rise) > 1e-6 else start[infeed] - points[0][infeed])
-    for first, second in zip(points, points[1:], strict=False):
+    for first, second in itertools.pairwise(points):
         if (second[feed] - first[feed]) * along < -1e-6 or (second[infeed] - first[infeed]) * down > 1e-6:
             raise ValueError("the contour turns back on one axis: a contour with pockets or relief cuts is not understood")
     bottom, top = points[0][infeed], start[infeed]
@@ -141,7 +142,7 @@ def passes(contour: Sequence[Path], start: Point, told: Roughing) -> list[list[P
 
 def _reach(points: Sequence[Point], level: float, feed: int, infeed: int, down: float) -> float:
     """Return where a pass meets the contour, on the axis of the feed."""
-    for first, second in zip(points, points[1:], strict=False):
+    for first, second in itertools.pairwise(points):
         low, high = first[infeed], second[infeed]
         if (high - level) * -down >= 0.0:
             share = (level - low) / (high - low) if high != low else 0.0

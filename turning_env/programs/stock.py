@@ -98,7 +98,7 @@ def read_stock(text: str) -> Any:
 
 
 def _csv_points(path: Path) -> list[Point]:
-    points = []
+    points: list[Point] = []
     with path.open(encoding="utf-8-sig", newline="") as stream:
         for number, row in enumerate(csv.reader(stream), 1):
             if not any(cell.strip() for cell in row) or row[0].lstrip().startswith("#"):
@@ -122,8 +122,8 @@ def _dxf_lines(path: Path) -> list[list[Point]]:
         import ezdxf.path
     path.stat()
     try:
-        drawing = ezdxf.readfile(path)  # type: ignore[attr-defined]
-    except (ezdxf.DXFError, OSError) as error:  # type: ignore[attr-defined]
+        drawing = ezdxf.readfile(path)
+    except (ezdxf.DXFError, OSError) as error:
         raise NcError(f"{path}: is no DXF drawing: {error}") from None
     units = {0: 1.0, 1: 25.4, 4: 1.0, 5: 10.0, 6: 1000.0}.get(drawing.units)
     if units is None:

@@ -29,8 +29,8 @@ class Case:
     moves: Moves
     removal: Removal
 
-    def situation(self, machine: Machine = Machine()) -> Situation:
-        return Situation(SCENARIO, machine, self.moves, self.removal)
+    def situation(self, machine: Machine | None = None) -> Situation:
+        return Situation(SCENARIO, machine or Machine(), self.moves, self.removal)
 
 
 @functools.cache

@@ -9,6 +9,8 @@ import pytest
 
 pytest.importorskip("shapely")
 
+import itertools
+
 from tests.turning_env.programs.collection import COLLECTION, FOLDER, SCENARIO, case
 from turning_env.__main__ import main
 from turning_env.programs.blocks import divide, read_program_file
@@ -195,7 +197,7 @@ def test_passes_of_a_cycle_leave_the_contour_and_its_allowance() -> None:
 
 def test_a_contour_with_a_pocket_is_refused() -> None:
     corners = [(0.0, 10.0), (-5.0, 10.0), (-10.0, 8.0), (-20.0, 20.0)]
-    contour = [ToolPath(first, second) for first, second in zip(corners, corners[1:], strict=False)]
+    contour = [ToolPath(first, second) for first, second in itertools.pairwise(corners)]
     with pytest.raises(ValueError, match="pockets"):
         passes(contour, (2.0, 22.0), Roughing(2.0, 1.0, (0.0, 0.0)))
 
