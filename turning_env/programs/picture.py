@@ -18,6 +18,9 @@ with needed():
 from turning_env.workshop.plot_style import BLUE, GREY, LIGHT, LIMIT, ORANGE, VERMILLION
 
 _LOADS = LinearSegmentedColormap.from_list("loads", ["#9ECAE1", BLUE, ORANGE, VERMILLION])
+_PART = "#B0B0B0"
+_ABOVE: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3, "fontsize": "small", "frameon": False}
+"""Place of a legend: above its panel."""
 _TOP = 1.5
 """Load at which the colours end."""
 
@@ -27,7 +30,7 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=(3, 2))
     removal = situation.removal
-    for polygon, colour in ((removal.stock, LIGHT), (removal.part, "#B0B0B0")):
+    for polygon, colour in ((removal.stock, LIGHT), (removal.part, _PART)):
         for piece in shapely.get_parts(polygon):
             above.fill(*piece.exterior.xy, color=colour, linewidth=0)
             for hole in piece.interiors:
@@ -44,16 +47,13 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
     above.set_aspect("equal")
     above.set_xlabel("Z [mm]")
     above.set_ylabel("X, radius [mm]")
-    above.set_title(title, loc="left", fontsize="medium")
-    above.legend(
-        handles=[
-            Patch(color=LIGHT, label="stock"),
-            Patch(color="#B0B0B0", label="part"),
-            Line2D([], [], color=GREY, lw=0.8, ls=":", label="rapid"),
-        ],
-        loc="upper right",
-        fontsize="small",
-    )
+    figure.suptitle(title, x=0.01, horizontalalignment="left", fontsize="medium")
+    marks = [
+        Patch(color=LIGHT, label="stock"),
+        Patch(color=_PART, label="part"),
+        Line2D([], [], color=GREY, lw=0.8, ls=":", label="rapid"),
+    ]
+    above.legend(handles=marks, **_ABOVE)
     figure.colorbar(lines, ax=above, label="load [% of its limit]", shrink=0.8, extend="max")
     ends = np.cumsum(played.time)
     times = np.repeat(np.concatenate(([0.0], ends)), 2)[1:-1]
@@ -67,7 +67,7 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
     below.set_ylim(bottom=0.0)
     below.set_xlabel("time [s]")
     below.set_ylabel("load [% of its limit]")
-    below.legend(loc="upper right", ncols=3, fontsize="small")
+    below.legend(**_ABOVE)
     below.spines[["top", "right"]].set_visible(False)
     return figure
 

@@ -9,43 +9,43 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from tests.turning_env.programs.collection import COLLECTION, WITHOUT_CYCLES, case
+from examples.adapt_programs import COLLECTION, WEAR, path_of, situation_of
 from tests.turning_env.programs.linuxcnc import INSTALLED, Canonical, canonical, translated
 from turning_env.programs.adapt import adapt
 from turning_env.programs.cutting import Machine, motion, play
 from turning_env.programs.report import summary
 from turning_env.programs.stock import volume
 
-WEAR = 0.15
+WITHOUT_CYCLES = [name for name, entry in COLLECTION.items() if not entry.get("cycles")]
 QUICK = ("inch_bar", "grooves_in_sub_program", "feed_per_minute", "welle", "gewinde", "abspanen")
 
 
 @pytest.mark.skipif(not INSTALLED, reason="LinuxCNC is not installed")
 @pytest.mark.parametrize("name", WITHOUT_CYCLES)
 def test_moves_and_times_are_those_of_linuxcnc(name: str, tmp_path: Path) -> None:
-    mine = case(name)
-    reference = canonical(translated(mine.path.read_text(), mine.moves.program.dialect), tmp_path)
+    situation = situation_of(name, Machine(max_spindle_speed=1e9, tool_change=0.0))
+    moves = situation.moves
+    reference = canonical(translated(path_of(name).read_text(), moves.program.dialect), tmp_path)
     expected: list[Canonical] = []
     here = reference[0].end  # the first moves to where our tool stands before the program
     for move in reference[1:]:
         if move.kind == "dwell" or move.centre is not None or math.dist(here, move.end) > 1e-6:
             expected.append(move)
             here = move.end
-    assert len(mine.moves.moves) == len(expected)
-    for ours, theirs in zip(mine.moves.moves, expected, strict=True):
+    assert len(moves.moves) == len(expected)
+    for ours, theirs in zip(moves.moves, expected, strict=True):
         assert ours.path.end == pytest.approx(theirs.end, abs=1e-3), ours.line
         assert (ours.path.centre is None) == (theirs.centre is None)
         if theirs.centre is not None:
             assert ours.path.centre == pytest.approx(theirs.centre, abs=1e-3)
             assert ours.path.clockwise == theirs.clockwise
-    situation = mine.situation(Machine(max_spindle_speed=1e9, tool_change=0.0))
     time = motion(situation, situation.feed, situation.speed)[0].sum()
     assert time == pytest.approx(sum(move.time for move in expected), rel=0.02)
 
 
 @pytest.mark.parametrize("name", COLLECTION)
 def test_removed_metal_is_the_difference_of_the_polygons(name: str) -> None:
-    removal = case(name).removal
+    removal = situation_of(name).removal
     assert removal.slices.volume.sum() == pytest.approx(volume(removal.stock) - volume(removal.part), rel=1e-3)
     assert removal.notes == ()
 
@@ -53,7 +53,7 @@ def test_removed_metal_is_the_difference_of_the_polygons(name: str) -> None:
 @pytest.mark.parametrize("name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in COLLECTION])
 @pytest.mark.parametrize("where", ["words", "blocks"])
 def test_an_adapted_program_differs_in_words_of_feed_and_speed_alone(name: str, where: str) -> None:
-    situation = case(name).situation()
+    situation = situation_of(name)
     adapted = adapt(situation, WEAR, where)  # type: ignore[arg-type]
     before = situation.moves.program.text
     number = r"\d+\.?\d*"
@@ -76,7 +76,7 @@ def test_an_adapted_program_differs_in_words_of_feed_and_speed_alone(name: str, 
 def test_the_collection_takes_a_tenth_less_time_at_equal_limits() -> None:
     before = after = 0.0
     for name in COLLECTION:
-        situation = case(name).situation(Machine(max_feed=0.4))
+        situation = situation_of(name, Machine(max_feed=0.4))
         first = summary(situation, play(situation, WEAR))
         second = adapt(situation, WEAR)
         if first.max_load <= 1.0:  # others do not keep the limits
@@ -86,14 +86,14 @@ def test_the_collection_takes_a_tenth_less_time_at_equal_limits() -> None:
 
 
 def test_finishing_keeps_its_feed() -> None:
-    situation = case("stepped_shaft").situation()
+    situation = situation_of("stepped_shaft")
     adapted = adapt(situation, WEAR)
     assert "F0.12" in adapted.text
     assert not any(change.before == "F0.12" for change in adapted.changes)
 
 
 def test_an_overload_is_found_and_removed() -> None:
-    situation = case("flange").situation()
+    situation = situation_of("flange")
     first = play(situation, WEAR)
     assert set(situation.line[first.load > 1.0]) == {23}
     adapted = adapt(situation, WEAR, "blocks")

@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ pytest.importorskip("shapely")
 
 import itertools
 
-from tests.turning_env.programs.collection import COLLECTION, FOLDER, SCENARIO, case
+from examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, path_of, situation_of
 from turning_env.__main__ import main
 from turning_env.programs.blocks import divide, read_program_file
 from turning_env.programs.cutting import Machine, Situation, motion, play
@@ -178,15 +179,13 @@ def test_coordinates_of_sinumerik(line: str, end: tuple[float, float]) -> None:
 
 def test_passes_of_a_cycle_leave_the_contour_and_its_allowance() -> None:
     for name in ("roughing_g71", "facing_g72", "abspanen", "bohrung_labels"):
-        removal = case(name).removal
-        rough = [move for move in case(name).moves.moves if move.cycle_pass > 0]
+        removal, moves_of = situation_of(name).removal, situation_of(name).moves.moves
+        rough = [move for move in moves_of if move.cycle_pass > 0]
         assert max(move.cycle_pass for move in rough) > 3
-        depths = removal.slices.depth[
-            np.isin(removal.slices.move, [k for k, m in enumerate(case(name).moves.moves) if m.cycle_pass])
-        ]
+        depths = removal.slices.depth[np.isin(removal.slices.move, [k for k, m in enumerate(moves_of) if m.cycle_pass])]
         told = 2.5 if name in ("roughing_g71", "abspanen") else 2.0
         assert depths.max() <= told * 1.02 + 0.35  # along the contour a corner stands a little higher
-    part = case("roughing_g71").removal.part
+    part = situation_of("roughing_g71").removal.part
     assert part.bounds[3] == 50.0
     radii = {-15.0: 25.0, -50.0: 30.0, -70.0: 35.0}
     import shapely
@@ -306,7 +305,7 @@ def test_wear_follows_the_law_of_a_constant_cut() -> None:
 def options(name: str, *more: str) -> list[str]:
     entry = COLLECTION[name]
     tools = [f"--tool={tool}={kind}" for tool, kind in entry.get("tools", {}).items()]
-    return ["program", str(case(name).path), "--scenario", "rough_turning", "--stock", entry["stock"], *tools, *more]
+    return ["program", str(path_of(name)), "--scenario", "rough_turning", "--stock", entry["stock"], *tools, *more]
 
 
 @pytest.mark.slow
@@ -322,7 +321,7 @@ def test_the_command_plays_and_adapts(tmp_path: Path, capsys: pytest.CaptureFixt
     found = json.loads(capsys.readouterr().out)
     assert found["adapted"]["totals"]["time"] < 0.9 * found["totals"]["time"]
     again = run(read_program_file(out))
-    assert [move.path for move in again.moves] == [move.path for move in case("welle").moves.moves]
+    assert [move.path for move in again.moves] == [move.path for move in situation_of("welle").moves.moves]
     assert main(options("welle")) == 0
     printed = capsys.readouterr().out
     assert f"cycle time: {found['totals']['time']:.1f} s" in printed
@@ -348,6 +347,24 @@ def test_mistakes_end_in_one_line_and_status_2(more: list[str], capsys: pytest.C
     assert captured.out == ""
     assert captured.err.startswith("error: ")
     assert captured.err.count("\n") == 1
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setitem(sys.modules, "shapely", None)
+    for module in ("adapt", "cutting", "report", "stock"):
+        monkeypatch.delitem(sys.modules, f"turning_env.programs.{module}", raising=False)
+        monkeypatch.delattr(f"turning_env.programs.{module}", raising=False)
+    assert main(options("welle")) == 2
+    assert "pip install" in capsys.readouterr().err
+
+
+def test_letters_that_grow_in_capitals_do_not_shift_words(tmp_path: Path) -> None:
+    path, out = tmp_path / "a.mpf", tmp_path / "a.simulated.mpf"
+    path.write_bytes(path_of("welle").read_bytes().replace(b"rougher", "großes Maß, schöner Stahl µ".encode("latin-1")))
+    assert main(["program", str(path), "--scenario", "rough_turning", "--adapt", "words", "--out", str(out)]) == 0
+    changed = [(old, new) for old, new in zip(path.read_bytes().split(), out.read_bytes().split(), strict=True) if old != new]
+    assert changed
+    assert all(old[:1] == new[:1] and old[:1] in b"FS" for old, new in changed)
 
 
 def test_without_words_to_change_nothing_is_adapted(tmp_path: Path) -> None:
