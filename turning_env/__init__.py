@@ -53,3 +53,5 @@ for _id, (_entry_point, _preset) in _ENTRY_POINTS.items():
         vector_entry_point="turning_env.vector_env:RoughTurningVectorEnv",
         kwargs={"scenario": _preset},
     )
+
+gymnasium.register("RoughTurning-Program-v0", entry_point="turning_env.programs.environment:ProgramEnv")  # needs a program

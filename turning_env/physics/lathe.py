@@ -23,7 +23,7 @@ from turning_env.physics.report import clear_sums
 from turning_env.physics.sensors import follow_process, read_sensors
 from turning_env.physics.surface import draw_reference, roughness
 from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock
-from turning_env.physics.workpiece import look_up_fields, position_in_row, probe_next_bar
+from turning_env.physics.workpiece import limit_of_section, look_up_fields, position_in_row, probe_next_bar
 
 _MIN_DEPTH = 1e-6  # [mm] keeps the logarithm of a depth that is not cut within its range
 _MIN_LIFE = 1e-300  # [-] likewise of an edge that has not cut
@@ -157,6 +157,10 @@ def command(state, work, actions, first, last, parameters):
         speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
         state.commanded_cutting_speed[i] = min(max(speed, p.cutting_speed_min), p.cutting_speed_max)
         state.commanded_feed[i] = min(max(feed, p.feed_min), p.feed_max)
+    if p.has_section_speeds:
+        for i in range(first, last):
+            limit = limit_of_section(p, state.path[i])
+            state.commanded_cutting_speed[i] = min(state.commanded_cutting_speed[i], limit)
 
 
 @compiled_separately

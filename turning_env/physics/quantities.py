@@ -297,6 +297,11 @@ def _bar_pitch(s: Scenario) -> float:
     return s.workpiece.bar_length + s.workpiece.approach
 
 
+def _section_starts(s: Scenario) -> Any:
+    lengths = s.workpiece.section_lengths
+    return np.pad(np.cumsum((0.0, *lengths))[:-1], (0, MAX_DEPTHS - len(lengths)))
+
+
 def _timeless(s: Scenario) -> bool:
     """Return whether changing an edge takes no time, and its price holds that time."""
     return s.control.edge_changes == "end"
@@ -367,6 +372,17 @@ PARAMETERS = (
         np.float64,
         (MAX_DEPTHS,),
     ),
+    P("section_starts", "mm", "where sections of given lengths start", _section_starts, np.float64, (MAX_DEPTHS,)),
+    P("has_section_lengths", "-", "the sections' lengths are given", lambda s: bool(s.workpiece.section_lengths), np.bool_),
+    P(
+        "section_speeds",
+        "m/min",
+        "highest cutting speeds of the sections",
+        lambda s: np.pad(s.workpiece.section_speeds, (0, MAX_DEPTHS - len(s.workpiece.section_speeds))),
+        np.float64,
+        (MAX_DEPTHS,),
+    ),
+    P("has_section_speeds", "-", "the sections limit the cutting speed", lambda s: bool(s.workpiece.section_speeds), np.bool_),
     *_same("bar_length", "approach", "depth_of_cut", "depth_ripple", "depth_bar_spread", "depth_along_spread"),
     P("depth_ripples_per_turn", "1/rev", "waves of the depth's ripple", lambda s: 1.0 / s.workpiece.depth_ripple_period),
     P("depth_nodes_per_length", "1/mm", "nodes of depth", lambda s: 1.0 / s.workpiece.depth_correlation_length),
