@@ -7,8 +7,8 @@ length apart and has unit variance everywhere.
 
 Relative hardness is log-normal, so it stays positive. The depth of cut is the nominal depth plus the allowance's
 deviation, and never falls below 1 % of nominal (assumption: a blank that measures under size is still just scraped).
-The nominal depth may step along a bar, and the depth ripple with the spindle's turns (run-out). A tool path of several diameters is
-a bar of sections with lengths, depths (0 in air) and highest cutting speeds of their own. A pass of several cuts what stands
+The nominal depth may step along a bar, and the depth ripple with the spindle's turns (run-out). A tool path of several diameters
+is a bar of sections with lengths, depths (0 in air) and highest cutting speeds of their own. A pass of several cuts what stands
 between its floor and its ceiling. A blank may carry a skin, harder and more abrasive than the metal beneath: hardness and
 wear are means over the cut's depth (assumption), so that a shallow cut, nearly all skin, is the worst.
 """

@@ -65,7 +65,9 @@ class ToolPath:
         metal = {name: float(slices.volume[situation.tool == name].sum()) for name in removal.tools}
         tool = tool or max(metal, key=metal.__getitem__)
         if metal.get(tool, 0.0) <= 0.0:
-            raise NcError(f"tool {tool!r} cuts nothing; the tools that do are {', '.join(k for k, v in metal.items() if v > 0.0)}")
+            raise NcError(
+                f"tool {tool!r} cuts nothing; the tools that do are {', '.join(k for k, v in metal.items() if v > 0.0)}"
+            )
         mine = np.flatnonzero(situation.fed & (situation.tool == tool))
         depth = np.where(slices.depth[mine] > max(MIN_DEPTH, _MIN_SECTION), slices.depth[mine], 0.0)
         radius = np.maximum(slices.radius[mine], 0.5)
