@@ -29,8 +29,8 @@ _MIN_SECTION = 0.01
 class ToolPath:
     """What one tool of a program does to its stock, and the scenario that it makes.
 
-    The path is stretched by the ratio of the tip's diameter to a mean diameter, so that it takes the right time and removes the right
-    metal at that one diameter. It holds the moves at feed; rapid moves, dwells and tool changes take no time.
+    The path is stretched by the ratio of the tip's diameter to a mean diameter, so that its time and metal at that one diameter
+    are right. It holds the moves at feed; rapid moves, dwells and tool changes take no time.
     """
 
     def __init__(
@@ -65,9 +65,8 @@ class ToolPath:
         metal = {name: float(slices.volume[situation.tool == name].sum()) for name in removal.tools}
         tool = tool or max(metal, key=metal.__getitem__)
         if metal.get(tool, 0.0) <= 0.0:
-            raise NcError(
-                f"tool {tool!r} cuts nothing; the tools that do are {', '.join(k for k, v in metal.items() if v > 0.0)}"
-            )
+            cutting = ", ".join(name for name, removed in metal.items() if removed > 0.0) or "none"
+            raise NcError(f"tool {tool!r} cuts nothing; the tools that do: {cutting}")
         mine = np.flatnonzero(situation.fed & (situation.tool == tool))
         depth = np.where(slices.depth[mine] > max(MIN_DEPTH, _MIN_SECTION), slices.depth[mine], 0.0)
         radius = np.maximum(slices.radius[mine], 0.5)

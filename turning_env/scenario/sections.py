@@ -147,10 +147,9 @@ class Workpiece(Section):
                 raise ValueError(f"{name} has {len(values)} numbers, but depth_profile {len(self.depth_profile)}")
             if any(value <= 0.0 for value in values):
                 raise ValueError(f"{name} must be above 0")
-        if self.section_lengths and abs(sum(self.section_lengths) / self.bar_length - 1.0) > 1e-6:
-            raise ValueError(
-                f"section_lengths add up to {sum(self.section_lengths):g} mm, but bar_length is {self.bar_length:g} mm"
-            )
+        total = sum(self.section_lengths)
+        if self.section_lengths and abs(total / self.bar_length - 1.0) > 1e-6:
+            raise ValueError(f"section_lengths add up to {total:g} mm, but bar_length is {self.bar_length:g} mm")
         if 0.0 in self.depth_profile and not (self.section_lengths and any(self.depth_profile)):
             raise ValueError("a depth of 0, air, needs section_lengths and another depth above 0")
         return self

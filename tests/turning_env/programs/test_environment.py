@@ -18,7 +18,6 @@ EVEN: dict[str, Any] = {
     "machine": {"feed_time_constant": 0.0, "spindle_time_constant": 0.0},
     "workpiece": dict.fromkeys(("depth_bar_spread", "depth_along_spread", "hardness_bar_spread", "hardness_along_spread"), 0.0),
 }
-PROGRAM = "G99 G50 S1000\nG96 S150 M3\nG0 X95. Z0.\nG1 Z-60. F0.3\nG0 X102. Z0.5\nX40.\nG1 Z-30. F0.2\n"
 
 
 def arguments(name: str) -> dict[str, Any]:
@@ -55,17 +54,12 @@ def test_the_programmed_values_take_the_programs_time(name: str) -> None:
 
 
 def test_the_spindle_limits_the_cutting_speed_at_small_diameters(tmp_path: Path) -> None:
-    (tmp_path / "a.nc").write_text(PROGRAM)
-    path = ToolPath(tmp_path / "a.nc", EVEN, "bar:100x80")
-    assert min(path.scenario.workpiece.section_speeds) == pytest.approx(np.pi * 40.0)
-    env = RoughTurningEnv(path.scenario)
+    (tmp_path / "a.nc").write_text("G99 G50 S1000\nG96 S150 M3\nG0 X40. Z0.5\nG1 Z-30. F0.2\n")
+    env = RoughTurningEnv(ToolPath(tmp_path / "a.nc", EVEN, "bar:43x80").scenario)
     env.reset(seed=0)
-    thin = []
-    for _ in range(100):
-        *_, info = env.step(np.ones(2, np.float32))
-        if info["path"] % path.ends[-1] > path.ends[60]:
-            thin.append(info["commanded_cutting_speed"])
-    assert max(thin[1:5]) == pytest.approx(np.pi * 40.0)
+    for _ in range(5):
+        *_, info = env.step(np.array([1.0, 0.0], np.float32))
+    assert info["commanded_cutting_speed"] == pytest.approx(np.pi * 40.0)
 
 
 def test_a_tool_path_is_a_scenario_of_every_batch() -> None:
