@@ -2,6 +2,8 @@
 
 import json
 import math
+import re
+import shlex
 import sys
 from pathlib import Path
 
@@ -13,6 +15,7 @@ pytest.importorskip("shapely")
 import itertools
 
 from examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, path_of, situation_of
+from tests.walking import ROOT
 from turning_env.__main__ import main
 from turning_env.programs.blocks import divide, read_program_file
 from turning_env.programs.cutting import Machine, Situation, motion, play
@@ -347,6 +350,22 @@ def test_mistakes_end_in_one_line_and_status_2(more: list[str], capsys: pytest.C
     assert captured.out == ""
     assert captured.err.startswith("error: ")
     assert captured.err.count("\n") == 1
+
+
+def test_the_page_prints_what_the_commands_print(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (ROOT / "docs" / "your_own_program.md").read_text("utf-8")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    played = 0
+    for command, printed in re.findall(r"```bash\npython -m turning_env ([^\n]*)\n```\n\n```text\n(.*?)```", page, re.DOTALL):
+        assert main(shlex.split(command.partition(" --figure")[0])) == 0
+        found = capsys.readouterr().out.splitlines()
+        played += 1
+        for line in printed.splitlines():
+            assert line == "..." or line in found
+    assert played == 2
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
