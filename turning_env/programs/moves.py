@@ -14,7 +14,7 @@ from turning_env.programs.blocks import Line, PartProgram, Word
 from turning_env.programs.program import NcError
 from turning_env.programs.roughing import Path, Point, Roughing, passes
 
-MAX_MOVES, MAX_CALLS = 100_000, 8
+MAX_MOVES, MAX_BLOCKS, MAX_CALLS = 100_000, 200_000, 8
 MAX_NAMED = 20
 """Largest number of lines that an error names."""
 HOME: Point = (200.0, 200.0)
@@ -141,6 +141,8 @@ class _Control:
     retraction: float = 0.5
     calls: int = 0
     whole_noted: bool = False
+    blocks: list[int] = field(default_factory=lambda: [0])
+    """Number of blocks run, also in contours."""
     cycle_pass: int = 0
     line: Line = field(default_factory=lambda: Line(0, "", (), 0))
 
@@ -158,6 +160,11 @@ class _Control:
         end = len(lines) if end is None else end
         while index < end:
             self.line = line = lines[index]
+            self.blocks[0] += 1
+            if len(self.moves) > MAX_MOVES or self.blocks[0] > MAX_BLOCKS:
+                raise NcError(
+                    f"line {line.number}: more than {MAX_MOVES} moves or {MAX_BLOCKS} blocks are run; are calls repeated?"
+                )
             try:
                 follows = self._block(line, lines, index)
             except _Problem as problem:
@@ -166,8 +173,6 @@ class _Control:
             if follows == -1:  # the end of a sub-program
                 return
             index = index + 1 if follows is None else follows
-            if len(self.moves) > MAX_MOVES:
-                raise NcError(f"line {line.number}: the program makes more than {MAX_MOVES} moves; does it call itself?")
 
     def _note(self, text: str) -> None:
         self.notes.setdefault(self.line.number, text)
@@ -269,6 +274,8 @@ class _Control:
             seconds = 60.0 * word.value / speed
         else:
             raise _Problem("G4 needs its time: F or S")
+        if seconds < 0.0:
+            raise _Problem(f"the dwell is {seconds:g} s, but must not be below 0")
         here = Path((self.z, self.x), (self.z, self.x))
         self._add(here, "dwell", seconds)
         return True
@@ -478,6 +485,7 @@ class _Control:
     def _contour(self, lines: Sequence[Line], first: int, last: int) -> list[Path]:
         """Return the moves of contour blocks, without the one that leads to the contour."""
         inner = copy.copy(self)
+        inner._go_deeper()
         inner.moves, inner.cycle_pass = [], 0
         inner.feed = Setting(inner.feed.value or 1.0)
         inner.speed = Setting(inner.speed.value or 1.0)
@@ -501,7 +509,9 @@ class _Control:
     def _finish(self, lines: Sequence[Line], first: int, last: int, start: Point) -> None:
         line = self.line
         kept = self.feed, self.motion
+        self._go_deeper()
         self._run(lines, first, last)
+        self.calls -= 1
         self.line = line
         self.feed, self.motion = kept
         self._add(Path((self.z, self.x), start, rapid=True), "rapid")
@@ -585,6 +595,8 @@ class _Control:
             if word is None:
                 raise _Problem("M98 needs the sub-program: P")
             digits = word.text.split(".")[0]
+            if not digits.isdigit():
+                raise _Problem(f"P{word.text} is no sub-program")
             count, name = (int(digits[:-4]), digits[-4:]) if len(digits) > 4 else (self._count(line, "L"), digits)
             self._call(str(int(name)), count)
         elif not self.fanuc:
@@ -594,6 +606,11 @@ class _Control:
                     self._call(name, self._count(line, "P"))
         return None
 
+    def _go_deeper(self) -> None:
+        if self.calls >= MAX_CALLS:
+            raise NcError(f"line {self.line.number}: sub-programs or contours call each other more than {MAX_CALLS} deep")
+        self.calls += 1
+
     def _count(self, line: Line, address: str) -> int:
         count = line.number_of(address)
         return 1 if count is None else int(count)
@@ -601,12 +618,10 @@ class _Control:
     def _call(self, name: str, count: int) -> None:
         if name not in self.program.parts or name == self.program.main:
             raise _Problem(f"the sub-program {name} is not in this file; its sub-programs are {self._parts()}")
-        if self.calls >= MAX_CALLS:
-            raise NcError(f"line {self.line.number}: sub-programs call each other more than {MAX_CALLS} deep")
         if not 0 < count <= 9999:
             raise _Problem(f"a sub-program is called {count} times, but must be called 1 to 9999 times")
         line = self.line
-        self.calls += 1
+        self._go_deeper()
         for _ in range(count):
             self._run(self.program.parts[name])
         self.calls -= 1

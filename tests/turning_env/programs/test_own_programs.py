@@ -1,7 +1,9 @@
 """Users' programs: what is read, what is named with its line, stocks, tools, cycles and the command."""
 
+import contextlib
 import json
 import math
+import random
 import re
 import shlex
 import sys
@@ -100,7 +102,9 @@ def test_programs_and_their_sub_programs_are_run(text: str, ends: str) -> None:
         (FANUC, "M98 P7", "M98 P7 L0", 10, "0 times"),
         (FANUC, "M98 P7", "G71 P100 Q200", 10, "N100 to N200"),
         (FANUC, "M98 P7", "G71 U2. R1.\nG71 P90 Q100", 11, "contour"),
+        (FANUC, "M98 P7", "M98 P-7", 10, "no sub-program"),
         (FANUC, "M98 P7", "G4", 10, "time"),
+        (FANUC, "M98 P7", "G4 P-5", 10, "not be below 0"),
         (FANUC, "M98 P7", "G32 Z-5.", 10, "lead"),
         (SINUMERIK, '"KONTUR"', '"CONTOUR"', 5, "'CONTOUR' is not in this file"),
         (SINUMERIK, '"KONTUR",2,', '"KONTUR",0,', 5, "above 0"),
@@ -139,12 +143,46 @@ def test_all_lines_that_are_not_understood_are_named_at_once_or_left_out() -> No
         ("G0 X10. Z5.", "no feed move"),
         ("O1\nG0 X1.\nO2\nM99\nO2\nM99", "line 5"),
         ("O1\nM98 P2\nM30\nO2\nM98 P2\nM99", "more than 8 deep"),
+        ("O1\nM98 P2 L9999\nM30\nO2\nM98 P3 L9999\nM99\nO3\nM99", "blocks are run"),
+        (SINUMERIK.replace("N80 Z-20", 'N80 CYCLE95("KONTUR",2)'), "more than 8 deep"),
         ("G0 X1.\n" * 50_001, "lines"),
     ],
 )
-def test_programs_that_are_none_are_refused(text: str, named: str) -> None:
+def test_programs_that_are_none_are_refused(text: str, named: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("turning_env.programs.moves.MAX_BLOCKS", 1000)
     with pytest.raises(NcError, match=named):
         moves(text)
+
+
+def test_damaged_programs_are_read_or_refused() -> None:
+    rng = random.Random(7)
+    pieces = (
+        "G71",
+        "P100",
+        "M98 P7",
+        "Z-1e5",
+        "S0",
+        "R1e9",
+        "I0 K0",
+        "G2",
+        "(",
+        ";",
+        "-",
+        "0",
+        "CYCLE95(",
+        '"',
+        "U-5.",
+        "AC(",
+        "PROC A",
+        "ß",
+    )
+    for _ in range(150):
+        text = path_of(rng.choice(list(COLLECTION))).read_text()
+        for _ in range(rng.randint(1, 5)):
+            place = rng.randrange(len(text))
+            text = text[:place] + rng.choice(pieces) + text[place + rng.randrange(6) :]
+        with contextlib.suppress(NcError):
+            run(divide(text), go_on=rng.random() < 0.5)
 
 
 def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
