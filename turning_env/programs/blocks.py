@@ -29,8 +29,9 @@ _SINUMERIK_WORD = re.compile(
 _UPPER = {ord(letter): letter.upper() for letter in string.ascii_lowercase}
 """Only letters of words: others may become two, which would shift places."""
 _SIGNS_OF_SINUMERIK = re.compile(
-    r"^\s*%_N_|^\s*;\$PATH|\b(?:CYCLE\d+|MSG)\s*\(|\b(?:DIAMON|DIAMOF|DIAM90|PROC|RET|G500|G700|G710)\b|\b(?:LIMS|CR)\s*=|\bT\s*=\s*\"",
-    re.MULTILINE,
+    r"""^\s*%_N_ | ^\s*;\$PATH | \b(?:CYCLE\d+|MSG)\s*\( | \b(?:LIMS|CR)\s*= | \bT\s*=\s*" | \bT\d+[ ]+D\d+\b |
+    \b(?:DIAMON|DIAMOF|DIAM90|PROC|RET|M17|G500|G700|G710)\b""",
+    re.MULTILINE | re.VERBOSE,
 )
 _SUB_PROGRAM = {
     "fanuc": re.compile(r"[O:]\s*(\d{1,8})"),

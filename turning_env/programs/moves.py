@@ -141,6 +141,7 @@ class _Control:
     retraction: float = 0.5
     calls: int = 0
     whole_noted: bool = False
+    radius_noted: bool = False
     blocks: list[int] = field(default_factory=lambda: [0])
     """Number of blocks run, also in contours."""
     cycle_pass: int = 0
@@ -209,13 +210,16 @@ class _Control:
                 raise _Problem(f"the address {word.address}{'=' if len(word.address) > 1 else ''} is not understood")
         for code in sorted(codes - self._understood()):
             raise _Problem(f"G{code:g} is not understood")
+        if codes & {41, 42} and not self.radius_noted:
+            self.radius_noted = True
+            self._note("the tool's tip follows the contour, as with a nose radius that the control compensates")
         motions = codes & {0, 1, 2, 3, 32, 33}
         if len(motions) > 1:
             raise _Problem(f"{' and '.join(f'G{code:g}' for code in sorted(motions))} exclude each other")
         return codes
 
     def _understood(self) -> set[float]:
-        common = {0, 1, 2, 3, 4, 33, 53, 90, 91, 94, 95, 96, 97}
+        common = {0, 1, 2, 3, 4, 33, 41, 42, 53, 90, 91, 94, 95, 96, 97}
         own = {7, 8, 20, 21, 28, 30, 32, 50, 70, 71, 72, 92, 98, 99} if self.fanuc else {25, 26, 70, 71, 74, 75, 700, 710}
         return common | own | _IGNORED_G[self.program.dialect]
 
@@ -317,7 +321,8 @@ class _Control:
 
     def _tool(self, line: Line) -> None:
         word = line.first("T", "T1")
-        if word is not None:
+        cancels = word is not None and self.fanuc and len(word.text) >= 3 and word.text.endswith("00")  # the offset, not the tool
+        if word is not None and not (cancels and self.tool.startswith(f"T{word.text[:-2]}")):
             self.tool = word.text if word.value is None else f"T{word.text}"
         for word in line.words:
             if word.address in ("M", "M1") and word.value is not None:
@@ -458,7 +463,9 @@ class _Control:
             self.depth = depth.value * (0.001 if fine else 1.0) * self.length_scale
         if first is None or last is None:
             if 70 in codes or depth is None:
-                raise _Problem(f"G{min(codes & {70, 71, 72}):g} needs the first and last block of the contour: P and Q")
+                code = f"G{min(codes & {70, 71, 72}):g}"
+                other = "" if 72 in codes else f"; in SINUMERIK programs {code} is a unit: --dialect sinumerik"
+                raise _Problem(f"{code} needs the first and last block of the contour: P and Q{other}")
             if (retraction := line.number_of("R")) is not None:
                 self.retraction = retraction * self.length_scale
             return index + 1

@@ -201,6 +201,17 @@ def test_the_same_word_means_what_its_dialect_says() -> None:
     assert moves("DIAMON G700 G95 G97 S500\nG0 X2 Z0\nG1 Z-1 F0.01").moves[-1].feed.value == pytest.approx(0.254)
 
 
+def test_an_offset_that_is_cancelled_changes_no_tool() -> None:
+    made = moves(FANUC.replace("N90 M30", "N81 G0 X100. T0100\nN82 T0200\nG0 X101.\nN90 M30"))
+    assert [move.tool for move in made.moves[-2:]] == ["T0101", "T0200"]
+
+
+def test_a_compensated_nose_radius_and_the_clash_of_g71_are_named() -> None:
+    assert "nose radius" in moves(FANUC.replace("G1 Z-20.", "G42 G1 Z-20.")).notes[0]
+    with pytest.raises(NcError, match="--dialect sinumerik"):
+        moves("G90 G71\nG0 X50. Z2.")
+
+
 @pytest.mark.parametrize(
     ("line", "end"),
     [
