@@ -3,10 +3,12 @@
 All values are nominal: they ignore model mismatch and the spread of edges and bars. Drives and axes follow at once.
 """
 
-import itertools
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,47 +33,36 @@ class Machine:
     """Highest feed that the inserts take [mm/rev]; the scenario's machine has its own."""
 
 
-@dataclass(frozen=True)
 class Situation:
-    """A program's slices with all that does not change with feed and speed: arrays of one length."""
+    """A program on its stock with a scenario: the slices, and all of them that does not change with feed and speed.
 
-    scenario: Scenario
-    machine: Machine
-    moves: Moves
-    removal: Removal
-    kinds: NDArray[np.str_] = field(init=False)
-    feed: Values = field(init=False)
-    """Feed as programmed [mm/rev], or [mm/min] where ``per_revolution`` is false."""
-    speed: Values = field(init=False)
-    """Speed as programmed [m/min], or [rev/min] where ``constant_speed`` is false."""
-    per_revolution: NDArray[np.bool_] = field(init=False)
-    constant_speed: NDArray[np.bool_] = field(init=False)
-    max_spindle: Values = field(init=False)
-    other_time: Values = field(init=False)
-    """Time that feed and speed do not change: rapid moves, dwells, tool changes [s]."""
-    tool: NDArray[np.str_] = field(init=False)
-    line: NDArray[np.int64] = field(init=False)
+    Attributes:
+        kinds, tool, line: Kind of move, tool and line of the file of every slice.
+        feed: As programmed [mm/rev], or [mm/min] where ``per_revolution`` is false.
+        speed: As programmed [m/min], or [rev/min] where ``constant_speed`` is false.
+        max_spindle: Highest spindle speed of program and machine [rev/min].
+        other_time: Time that feed and speed do not change: rapid moves, dwells, tool changes [s].
+    """
 
-    def __post_init__(self) -> None:
-        moves, slices = self.moves.moves, self.removal.slices
-        changed = [before.tool != after.tool for before, after in itertools.pairwise(moves)]
-        waits = np.array([move.time for move in moves]) + self.machine.tool_change * np.array([False, *changed])
-        firsts = np.diff(slices.move, prepend=-1) > 0
-        kinds = np.array([move.kind for move in moves])[slices.move]
-        rapid = np.where(kinds == "rapid", 60.0 * slices.length / self.machine.rapid, 0.0)
-        given = {
-            "kinds": kinds,
-            "feed": np.array([move.feed.value for move in moves])[slices.move],
-            "speed": np.array([move.speed.value for move in moves])[slices.move],
-            "per_revolution": np.array([move.per_revolution for move in moves])[slices.move],
-            "constant_speed": np.array([move.constant_cutting_speed for move in moves])[slices.move],
-            "max_spindle": np.minimum([move.max_spindle_speed for move in moves], self.machine.max_spindle_speed)[slices.move],
-            "other_time": rapid + np.where(firsts, waits[slices.move], 0.0),
-            "tool": np.array([move.tool for move in moves])[slices.move],
-            "line": np.array([move.line for move in moves])[slices.move],
-        }
-        for name, values in given.items():
-            object.__setattr__(self, name, values)
+    def __init__(self, scenario: Scenario, machine: Machine, moves: Moves, removal: Removal) -> None:
+        self.scenario, self.machine, self.moves, self.removal = scenario, machine, moves, removal
+        slices, all_moves = removal.slices, moves.moves
+
+        def of(values: Iterable[Any]) -> NDArray[Any]:
+            return np.array(list(values))[slices.move]
+
+        self.kinds = of(move.kind for move in all_moves)
+        self.tool = of(move.tool for move in all_moves)
+        self.line = of(move.line for move in all_moves)
+        self.feed = of(move.feed.value for move in all_moves)
+        self.speed = of(move.speed.value for move in all_moves)
+        self.per_revolution = of(move.per_revolution for move in all_moves)
+        self.constant_speed = of(move.constant_cutting_speed for move in all_moves)
+        self.max_spindle = np.minimum(of(move.max_spindle_speed for move in all_moves), machine.max_spindle_speed)
+        changed = [False, *(before.tool != after.tool for before, after in pairwise(all_moves))]
+        waits = of(move.time + machine.tool_change * change for move, change in zip(all_moves, changed, strict=True))
+        rapid = np.where(self.kinds == "rapid", 60.0 * slices.length / machine.rapid, 0.0)
+        self.other_time = rapid + np.where(np.diff(slices.move, prepend=-1) > 0, waits, 0.0)
 
     @cached_property
     def fed(self) -> NDArray[np.bool_]:
@@ -167,7 +158,7 @@ def play(situation: Situation, wear: float, feed: Values | None = None, speed: V
 
 def time_in_metal(situation: Situation, time: Values) -> Values:
     """Return the times without rapid moves, dwells and tool changes [s]."""
-    return time - situation.other_time
+    return np.asarray(time - situation.other_time)
 
 
 def tool_life(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values) -> Values:
