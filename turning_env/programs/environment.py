@@ -165,11 +165,13 @@ class ProgramEnv(RoughTurningEnv):
         self._path = float(info["path"])
         return observation, info
 
-    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, Any]:
-        machine = self.scenario.machine
-        override = 0.5 * MAX_OVERRIDE * (np.clip(float(action[0]), -1.0, 1.0) + 1.0)
-        feed = np.float64(override * self.tool_path.programmed(self._path)[1])
-        mapped = np.clip(set_point_action(feed, machine.feed_min, machine.feed_max), -1.0, 1.0)  # type: ignore[arg-type]
-        observation, reward, terminated, truncated, info = super().step(np.array((action[1], mapped), np.float32))
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Any]:
+        if np.shape(action) == (2,):  # others are refused below
+            machine = self.scenario.machine
+            override = 0.5 * MAX_OVERRIDE * (np.clip(float(action[0]), -1.0, 1.0) + 1.0)
+            feed = override * self.tool_path.programmed(self._path)[1]
+            mapped = set_point_action(np.float64(feed), machine.feed_min, machine.feed_max)  # type: ignore[arg-type]
+            action = np.array((action[1], np.clip(mapped, -1.0, 1.0)), np.float32)
+        observation, reward, terminated, truncated, info = super().step(action)
         self._path = float(info["path"])
         return observation, reward, terminated, truncated, info

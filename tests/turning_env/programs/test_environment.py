@@ -6,6 +6,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 
 pytest.importorskip("shapely")
 
@@ -86,6 +87,15 @@ def test_given_lengths_that_are_equal_change_nothing() -> None:
             *_, info = env.step(np.ones(1, np.float32))
         infos.append(info)
     assert infos[0] == infos[1]
+
+
+def test_the_environment_keeps_to_gymnasiums_rules() -> None:
+    env = gymnasium.make("turning_env:RoughTurning-Program-v0", **arguments("welle"))
+    check_env(env.unwrapped, skip_render_check=True)
+    env.reset(seed=0)
+    for wrong in ([0.0], [0.0, np.nan], 0.0, "ab"):
+        with pytest.raises((TypeError, ValueError)):
+            env.unwrapped.step(wrong)
 
 
 @pytest.mark.parametrize(
