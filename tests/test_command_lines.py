@@ -24,6 +24,12 @@ MISTAKES: dict[str, list[str]] = {
     "turning_env schema": ["more"],
     "turning_env warm-up": ["more"],
     "turning_env current": ["nothing.csv", "."],
+    "turning_env program": [
+        "nothing.mpf --scenario rough_turning",
+        ". --scenario rough_turning",
+        "nothing.mpf --scenario rough_turning --adapt nothing",
+        "nothing.mpf --scenario rough_turning --tool T1",
+    ],
     "turning_env score": ["nothing.onnx", "nothing:policy", "math:pi", "nothing.onnx --env nothing", "math:cos --seeds 0"],
     "leaderboard.pack": ["--results nothing"],
     "turning_env calibrate": ["nothing.csv --out made.toml", ". --out made.toml", "nothing.csv --out made.toml --confidence 2"],

@@ -66,3 +66,4 @@ gymnasium.register(
     vector_entry_point="turning_env.family_env:FamilyVectorEnv",
     kwargs={"family": "shop"},
 )
+gymnasium.register("RoughTurning-Program-v0", entry_point="turning_env.programs.environment:ProgramEnv")  # needs a program

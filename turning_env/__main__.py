@@ -1,4 +1,4 @@
-"""Show scenarios, calibrate them from measurements, predict cuts, score policies, and compile in advance.
+"""Show scenarios, calibrate them from measurements, predict cuts, play part programs, score policies, and compile in advance.
 
 python -m turning_env presets
 python -m turning_env show forging
@@ -7,6 +7,7 @@ python -m turning_env calibrate cuts.csv --out my_tool.toml
 python -m turning_env whatif my_tool.toml --cutting-speed 150 --feed 0.3 --wear 0.2
 python -m turning_env map my_tool.toml --wear 0.2 --out map.png
 python -m turning_env current current.csv
+python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120
 python -m turning_env score my_agent.onnx
 python -m turning_env warm-up
 """
@@ -27,6 +28,8 @@ from turning_env import IDS, score
 from turning_env.console import MISTAKE, described, exits, number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_env.physics.quantities import action_size
+from turning_env.programs.command import add_options, program
+from turning_env.programs.program import NcError
 from turning_env.scenario import Scenario, ScenarioError, presets
 from turning_env.workshop import WorkshopError, whatif
 from turning_env.workshop.measurements import COLUMNS, EDGE, read_measurements
@@ -103,6 +106,8 @@ def main(arguments: list[str] | None = None) -> int:
         "--out", type=picture_path, required=True, metavar="FILE", help="picture to write: PNG, SVG or PDF, by its suffix"
     )
 
+    add_options(command(program, "play and adapt a part program", scenario=False))
+
     scored = command(_score, "play a policy and rank it among those that ship", scenario=False)
     scored.add_argument("policy", metavar="POLICY", help="ONNX file, or module:object")
     scored.add_argument("--env", choices=IDS, default="RoughTurning-v0", metavar="ID", help="environment (default: %(default)s)")
@@ -111,7 +116,7 @@ def main(arguments: list[str] | None = None) -> int:
     command(_warm_up, "compile everything now, for example for a container image", scenario=False)
 
     options = parser.parse_args(arguments)
-    return exits(ScenarioError, WorkshopError)(options.run)(options)
+    return exits(ScenarioError, WorkshopError, NcError)(options.run)(options)
 
 
 def _number(column: str) -> Callable[[str], float]:

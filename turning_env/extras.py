@@ -7,6 +7,7 @@ from types import TracebackType
 
 EXTRAS = {
     "workshop": ("matplotlib", "scipy"),
+    "programs": ("ezdxf", "shapely"),
     "render": ("PIL", "pygame"),
     "sb3": ("stable_baselines3",),
     "torchrl": ("tensordict", "torchrl"),

@@ -28,7 +28,7 @@ from turning_env.physics.spindle import allowed_share, heat_up, idle_power
 from turning_env.physics.surface import draw_reference, roughness
 from turning_env.physics.swarf import clear_chips, start_swarf, tangle
 from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock, with_tertiary_wear
-from turning_env.physics.workpiece import look_up_fields, position_in_row, probe_next_bar
+from turning_env.physics.workpiece import limit_of_section, look_up_fields, position_in_row, probe_next_bar
 
 _MIN_DEPTH = 1e-6  # [mm] keeps the logarithm of a depth that is not cut within its range
 _MIN_LIFE = 1e-300  # [-] likewise of an edge that has not cut
@@ -172,6 +172,10 @@ def command(state, work, actions, first, last, parameters):
         speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
         state.commanded_cutting_speed[i] = min(max(speed, own.cutting_speed_min), own.reachable_cutting_speed)
         state.commanded_feed[i] = min(max(feed, own.feed_min), own.feed_max)
+    if p.has_section_speeds:
+        for i in range(first, last):
+            limit = limit_of_section(at(p, i), state.path[i])
+            state.commanded_cutting_speed[i] = min(state.commanded_cutting_speed[i], limit)
 
 
 @compiled_separately

@@ -326,6 +326,11 @@ def _unless_zero(value: Any) -> Any:
     return np.where(np.equal(value, 0.0), np.inf, value)
 
 
+def _section_starts(s: Scenario) -> Any:
+    lengths = s.workpiece.section_lengths
+    return np.pad(np.cumsum((0.0, *lengths))[:-1], (0, MAX_DEPTHS - len(lengths)))
+
+
 def _timeless(s: Scenario) -> bool:
     """Return whether changing an edge takes no time, and its price holds that time."""
     return s.control.edge_changes == "end"
@@ -423,6 +428,17 @@ PARAMETERS = (
         np.float64,
         (MAX_DEPTHS,),
     ),
+    P("section_starts", "mm", "where sections of given lengths start", _section_starts, np.float64, (MAX_DEPTHS,)),
+    P("has_section_lengths", "-", "the sections' lengths are given", lambda s: bool(s.workpiece.section_lengths), np.bool_),
+    P(
+        "section_speeds",
+        "m/min",
+        "highest cutting speeds of the sections",
+        lambda s: np.pad(s.workpiece.section_speeds, (0, MAX_DEPTHS - len(s.workpiece.section_speeds))),
+        np.float64,
+        (MAX_DEPTHS,),
+    ),
+    P("has_section_speeds", "-", "the sections limit the cutting speed", lambda s: bool(s.workpiece.section_speeds), np.bool_),
     *_same("bar_length", "approach", "depth_of_cut", "depth_ripple", "depth_bar_spread", "depth_along_spread"),
     P("ripples", "-", "the depth ripples", lambda s: s.workpiece.depth_ripple > 0, np.bool_),
     P("has_skin", "-", "blanks have a skin", lambda s: s.mismatch.skin_thickness > 0, np.bool_),

@@ -7,8 +7,9 @@ length apart and has unit variance everywhere.
 
 Relative hardness is log-normal, so it stays positive. The depth of cut is the nominal depth plus the allowance's
 deviation, and never falls below 1 % of nominal (assumption: a blank that measures under size is still just scraped).
-The nominal depth may step along a bar, and the depth ripple with the spindle's turns (run-out). A pass of several cuts what
-stands between its floor and its ceiling. A blank may carry a skin, harder and more abrasive than the metal beneath: hardness and
+The nominal depth may step along a bar, and the depth ripple with the spindle's turns (run-out). A tool path of several diameters
+is a bar of sections with lengths, depths (0 in air) and highest cutting speeds of their own. A pass of several cuts what stands
+between its floor and its ceiling. A blank may carry a skin, harder and more abrasive than the metal beneath: hardness and
 wear are means over the cut's depth (assumption), so that a shallow cut, nearly all skin, is the worst.
 """
 
@@ -28,6 +29,27 @@ def position_in_row(parameters, path):
     bar = np.floor(path * parameters.bars_per_path)
     along = path - bar * parameters.bar_pitch - parameters.approach
     return bar * parameters.bar_length + max(along, 0.0), along >= 0.0
+
+
+@compiled
+def section_at(parameters, along):
+    """Return the section at a place along the bar [mm]."""
+    p = parameters
+    section = 0
+    if p.has_section_lengths:
+        for k in range(1, p.depth_sections):
+            section += 1 if along >= p.section_starts[k] else 0
+        return section
+    section = int(along * p.bars_per_cut * p.depth_sections)
+    return min(section, p.depth_sections - 1)
+
+
+@compiled
+def limit_of_section(parameters, path):
+    """Return the highest cutting speed [m/min] at a path coordinate [mm]."""
+    p = parameters
+    cut, _ = position_in_row(p, path)
+    return p.section_speeds[section_at(p, max(cut - np.floor(cut * p.bars_per_cut) * p.bar_length, 0.0))]
 
 
 @compiled
@@ -67,8 +89,7 @@ def look_up_fields(state, work, first, last, parameters):
         work.nominal_depth[i] = at(p, i).depth_of_cut
     if p.depth_sections > 0:
         for i in range(first, last):
-            section = int(work.along[i] * at(p, i).bars_per_cut * p.depth_sections)
-            work.nominal_depth[i] = p.depth_profile[min(section, p.depth_sections - 1)]
+            work.nominal_depth[i] = p.depth_profile[section_at(at(p, i), work.along[i])]
     for i in range(first, last):
         blend_nodes(state, work, i, p)
     if p.ripples:
@@ -169,7 +190,8 @@ def noise_along(work, i, cells, left, right, nodes_per_length):
 @compiled
 def limit_depth(state, work, i):
     """Limit the depth of cut [mm] to the metal between the pass's floor and ceiling; a blank keeps a little depth."""
-    blank = max(work.blank_depth[i], MIN_DEPTH_SHARE * work.nominal_depth[i])
+    nominal = work.nominal_depth[i]
+    blank = max(work.blank_depth[i], MIN_DEPTH_SHARE * nominal) if nominal > 0.0 else 0.0
     work.blank_depth[i] = blank
     depth = min(blank, state.pass_ceiling[i]) - state.pass_floor[i]
     state.depth_of_cut[i] = depth if work.engaged[i] > 0.0 else state.depth_of_cut[i]

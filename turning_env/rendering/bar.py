@@ -152,7 +152,10 @@ class BarView:
         if not workpiece.depth_profile:
             return workpiece.depth_of_cut
         first, last = max(across.start, 0.0), min(across.end, workpiece.bar_length)
-        section = int((first + share * (last - first)) / workpiece.bar_length * len(workpiece.depth_profile))
+        place = first + share * (last - first)
+        section = int(place / workpiece.bar_length * len(workpiece.depth_profile))
+        if workpiece.section_lengths:
+            section = int(np.searchsorted(np.cumsum(workpiece.section_lengths), place, "right"))
         return workpiece.depth_profile[min(section, len(workpiece.depth_profile) - 1)]
 
     def _draw_tool(self, frame: ui.Pixels, history: History, tip: int) -> None:

@@ -12,7 +12,7 @@ from pydantic import field_validator, model_validator
 from turning_env.scenario.power_law import PowerLaw
 from turning_env.scenario.section import Section, quantity
 
-MAX_DEPTHS = 16
+MAX_DEPTHS = 64
 """Largest number of sections of different depth along a bar."""
 MAX_PASSES = 6
 """Largest number of passes of a part."""
@@ -167,6 +167,10 @@ class Workpiece(Section):
     depth_of_cut: float = quantity(2.5, 0.01, 50, "mm", "nominal depth of cut; with parts, the nominal allowance")
     depth_profile: tuple[float, ...] = ()
     """Nominal depths of cut of sections of equal length along every bar [mm], 0.01 to 50; empty: ``depth_of_cut`` throughout."""
+    section_lengths: tuple[float, ...] = ()
+    """Lengths of these sections [mm], which add up to ``bar_length``; a section of depth 0 is air. Empty: equal lengths."""
+    section_speeds: tuple[float, ...] = ()
+    """Highest cutting speeds of these sections [m/min], where the spindle's limit counts. Empty: the machine's highest."""
     depth_bar_spread: float = quantity(0.25, 0, 20, "mm", "standard deviation of depth of cut from bar to bar")
     depth_along_spread: float = quantity(0.30, 0, 20, "mm", "standard deviation of depth of cut along a bar")
     depth_correlation_length: float = quantity(
@@ -182,7 +186,7 @@ class Workpiece(Section):
     hardness_along_spread: float = quantity(0.05, 0, 1, "-", "log standard deviation of hardness along a bar")
     hardness_correlation_length: float = quantity(40, 0.1, 1e5, "mm", "correlation length of hardness along a bar (assumption)")
 
-    @field_validator("depth_profile", mode="before")
+    @field_validator("depth_profile", "section_lengths", "section_speeds", mode="before")
     @classmethod
     def _as_tuple(cls, value: Any) -> Any:
         return tuple(value) if isinstance(value, list) else value
@@ -193,9 +197,24 @@ class Workpiece(Section):
         if len(value) > MAX_DEPTHS:
             raise ValueError(f"{len(value)} sections are more than the allowed {MAX_DEPTHS}")
         for depth in value:
-            if not 0.01 <= depth <= 50:
+            if depth != 0.0 and not 0.01 <= depth <= 50:
                 raise ValueError(f"{depth} is outside the allowed range 0.01 to 50 mm")
         return value
+
+    @model_validator(mode="after")
+    def _sections_agree(self) -> Self:
+        for name in ("section_lengths", "section_speeds"):
+            values = getattr(self, name)
+            if values and len(values) != len(self.depth_profile):
+                raise ValueError(f"{name} has {len(values)} numbers, but depth_profile {len(self.depth_profile)}")
+            if any(value <= 0.0 for value in values):
+                raise ValueError(f"{name} must be above 0")
+        total = sum(self.section_lengths)
+        if self.section_lengths and abs(total / self.bar_length - 1.0) > 1e-6:
+            raise ValueError(f"section_lengths add up to {total:g} mm, but bar_length is {self.bar_length:g} mm")
+        if 0.0 in self.depth_profile and not (self.section_lengths and any(self.depth_profile)):
+            raise ValueError("a depth of 0, air, needs section_lengths and another depth above 0")
+        return self
 
 
 class Control(Section):

@@ -117,7 +117,7 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) 
 
 def _extrapolations(fits: dict[str, Fit], base: Scenario) -> Iterator[str]:
     """Yield a warning for each quantity at which the base scenario uses laws outside the fitted range."""
-    machine, depths = base.machine, base.workpiece.depth_profile or (base.workpiece.depth_of_cut,)
+    machine, depths = base.machine, tuple(filter(None, base.workpiece.depth_profile)) or (base.workpiece.depth_of_cut,)
     used = {
         "cutting_speed": (machine.cutting_speed_min, machine.cutting_speed_max),
         "feed": (machine.feed_min, machine.feed_max),

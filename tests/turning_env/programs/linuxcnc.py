@@ -1,0 +1,153 @@
+"""LinuxCNC's interpreter ``rs274`` as the reference for moves and times: programs in its dialect, and what it makes of them."""
+
+import math
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+INSTALLED = shutil.which("rs274") is not None
+HOME = "G0 X400 Z200"
+INCH, FOOT = 25.4, 0.3048
+
+
+@dataclass(frozen=True)
+class Canonical:
+    """A move: kind, end and centre as Z and X (radius) [mm], sense, and its duration [s]."""
+
+    kind: str
+    end: tuple[float, float]
+    centre: tuple[float, float] | None
+    clockwise: bool
+    time: float
+
+
+def translated(text: str, dialect: str) -> str:
+    """Return the program in LinuxCNC's dialect, by substitutions of words."""
+    limit = re.findall(r"(?:G50 S|LIMS=)(\d+)", text)
+    lines = [HOME]
+    if dialect == "fanuc":
+        for line in text.splitlines():
+            line = re.sub(r"\([^)]*\)", "", line)
+            line = re.sub(r"\bG98\b", "G94", re.sub(r"\bG99\b", "G95", line))
+            line = re.sub(r"^G50 S\d+$", "", line)
+            line = re.sub(r"^(N\d+ )?G50 S\d+$", "", line)
+            line = re.sub(r"\bT(\d+)\b", r"T\1 M6", line)
+            line = re.sub(r"\bG4 P(\d+)$", lambda found: f"G4 P{int(found[1]) / 1000}", line)
+            line = HOME if line.startswith("G28") else line
+            if re.search(r"\b[UW]-?\d", line):
+                line = f"G91 {re.sub('U', 'X', re.sub('W', 'Z', line))}\nG90"
+            lines.append(line)
+        body = "\n".join(lines)
+        body = re.sub(r"(?m)^%$", "", body)
+        head = re.search(r"(?m)^O(\d+).*$", body)
+        assert head is not None
+        body = body.replace(head[0], "", 1)
+        start = "G7 G90 G18 G21 G95"
+    else:
+        for line in text.splitlines():
+            line = re.sub(r";.*", "", line)
+            line = re.sub(r"^%_N_L(\d+)_SPF$", r"O\1", re.sub(r"^%_N_\w+_MPF$", "", line))
+            line = re.sub(r"\bRET\b|\bM17\b", "M99", line)
+            line = re.sub(r"\bL(\d+)(?: P(\d+))?$", lambda found: f"M98 P{found[1]} L{found[2] or 1}", line)
+            line = re.sub(r"\bG4 F", "G4 P", re.sub(r'MSG\("[^"]*"\)', "", line))
+            line = re.sub(r'T="[^"]*"', "T1", line)
+            line = re.sub(r"\bT(\d+)( D\d+)?( M6)?", r"T\1 M6", line)
+            line = re.sub(r"CR=", "R", re.sub(r" LIMS=\d+", "", line))
+            line = re.sub(r"^(N\d+) G26 S\d+$", r"\1", line)
+            line = line.replace("G710", "G21").replace("G700", "G20").replace("G71", "G21").replace("G70", "G20")
+            line = line.replace("DIAMON", "G7").replace("DIAMOF", "G8")
+            lines.append(line)
+        body = "\n".join(lines)
+        start = "G7 G90 G18 G21 G95"
+    if limit:
+        numbers = iter(limit)
+        current = next(numbers)
+        body = re.sub(r"G96 S", lambda found: f"G96 D{current if len(set(limit)) == 1 else _next(limit, body, found)} S", body)
+    return f"O1\n{start}\n{body}\n"
+
+
+def _next(limits: list[str], body: str, found: re.Match[str]) -> str:
+    return limits[min(body[: found.start()].count("G96 S"), len(limits) - 1)]
+
+
+def canonical(program: str, folder: Path) -> list[Canonical]:
+    """Return the moves that ``rs274`` makes of a program."""
+    (folder / "program.ngc").write_text(program)
+    tools = [1, 2, 3, 4, 5, 101, 202, 303, 404]
+    (folder / "tool.tbl").write_text("".join(f"T{tool} P{tool} X0 Z0 D0\n" for tool in tools))
+    finished = subprocess.run(
+        ["rs274", "-g", "-t", "tool.tbl", "program.ngc"], cwd=folder, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert finished.returncode == 0, finished.stdout[-400:] + finished.stderr[-400:]
+    return _moves(finished.stdout)
+
+
+def _moves(output: str) -> list[Canonical]:
+    """Follow the canonical commands, and integrate the times with 500 steps per move."""
+    moves = []
+    here = 0.0, 0.0
+    scale, per_turn, feed, lead, limit, speed, spindle_scale = 1.0, False, 0.0, 0.0, 0.0, 0.0, 1.0
+    for name, given in re.findall(r"(\w+)\(([^)]*)\)", output):
+        values = [float(value) for value in re.findall(r"-?\d+\.?\d*", given)]
+        if name == "USE_LENGTH_UNITS":
+            scale = INCH if "INCHES" in given else 1.0
+            spindle_scale = FOOT if "INCHES" in given else 1.0
+        elif name == "SET_FEED_MODE":
+            per_turn = values[1] == 1.0
+        elif name == "SET_FEED_RATE":
+            feed = values[0] * scale
+        elif name == "SET_SPINDLE_MODE":
+            limit = values[1]
+        elif name == "SET_SPINDLE_SPEED":
+            speed = values[1]
+        elif name == "START_SPEED_FEED_SYNC":
+            lead = values[0] * scale
+        elif name == "STOP_SPEED_FEED_SYNCH":
+            lead = 0.0
+        elif name == "DWELL":
+            moves.append(Canonical("dwell", here, None, False, values[0]))
+        elif name in ("STRAIGHT_TRAVERSE", "STRAIGHT_FEED", "ARC_FEED"):
+            centre, clockwise = None, False
+            if name == "ARC_FEED":
+                z, x, centre_z, centre_x, turns = values[:5]
+                centre, clockwise = (centre_z * scale, centre_x * scale), turns < 0
+            else:
+                x, _, z = values[:3]
+            end = z * scale, x * scale
+            rapid = name == "STRAIGHT_TRAVERSE"
+            time = 60.0 * math.dist(here, end) / 10_000.0
+            if not rapid:
+                turning = speed * (spindle_scale if limit else 1.0)
+                time = _feed_time(here, end, centre, clockwise, lead or feed, per_turn or lead > 0.0, limit, turning)
+            moves.append(Canonical("rapid" if rapid else "feed", end, centre, clockwise, time))
+            here = end
+    return moves
+
+
+def _feed_time(
+    start: tuple[float, float],
+    end: tuple[float, float],
+    centre: tuple[float, float] | None,
+    clockwise: bool,
+    feed: float,
+    per_turn: bool,
+    limit: float,
+    speed: float,
+) -> float:
+    steps = 500
+    if centre is None:
+        length = math.dist(start, end)
+        radii = [start[1] + (k + 0.5) / steps * (end[1] - start[1]) for k in range(steps)]
+    else:
+        radius = math.dist(start, centre)
+        first, last = (math.atan2(p[1] - centre[1], p[0] - centre[0]) for p in (start, end))
+        turn = (first - last) % (2 * math.pi) if clockwise else (last - first) % (2 * math.pi)
+        length = radius * turn
+        sign = -1.0 if clockwise else 1.0
+        radii = [centre[1] + radius * math.sin(first + sign * turn * (k + 0.5) / steps) for k in range(steps)]
+    if not per_turn:
+        return 60.0 * length / feed
+    turns = [min(1000.0 * speed / (2 * math.pi * max(abs(r), 1e-6)), limit) if limit else speed for r in radii]
+    return sum(60.0 * length / steps / (feed * each) for each in turns)

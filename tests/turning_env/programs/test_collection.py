@@ -1,0 +1,118 @@
+"""The collection: the same moves and times as LinuxCNC, the metal of the polygons, and shorter times at equal limits."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("shapely")
+
+from examples.adapt_programs import COLLECTION, WEAR, path_of, situation_of
+from tests.turning_env.programs.linuxcnc import INSTALLED, Canonical, canonical, translated
+from turning_env.programs.adapt import adapt
+from turning_env.programs.blocks import divide
+from turning_env.programs.cutting import Machine, motion, play
+from turning_env.programs.moves import run
+from turning_env.programs.report import summary
+from turning_env.programs.stock import volume
+
+WITHOUT_CYCLES = [name for name, entry in COLLECTION.items() if not entry.get("cycles")]
+QUICK = ("inch_bar", "grooves_in_sub_program", "feed_per_minute", "welle", "gewinde", "abspanen")
+
+
+@pytest.mark.skipif(not INSTALLED, reason="LinuxCNC is not installed")
+@pytest.mark.parametrize("name", WITHOUT_CYCLES)
+def test_moves_and_times_are_those_of_linuxcnc(name: str, tmp_path: Path) -> None:
+    situation = situation_of(name, Machine(max_spindle_speed=1e9, tool_change=0.0))
+    moves = situation.moves
+    reference = canonical(translated(path_of(name).read_text(), moves.program.dialect), tmp_path)
+    expected: list[Canonical] = []
+    here = reference[0].end  # the first moves to where our tool stands before the program
+    for move in reference[1:]:
+        if move.kind == "dwell" or move.centre is not None or math.dist(here, move.end) > 1e-6:
+            expected.append(move)
+            here = move.end
+    assert len(moves.moves) == len(expected)
+    for ours, theirs in zip(moves.moves, expected, strict=True):
+        assert ours.path.end == pytest.approx(theirs.end, abs=1e-3), ours.line
+        assert (ours.path.centre is None) == (theirs.centre is None)
+        if theirs.centre is not None:
+            assert ours.path.centre == pytest.approx(theirs.centre, abs=1e-3)
+            assert ours.path.clockwise == theirs.clockwise
+    time = motion(situation, situation.feed, situation.speed)[0].sum()
+    assert time == pytest.approx(sum(move.time for move in expected), rel=0.02)
+
+
+CONTOUR = "G1 Z-30.\nG2 X60. Z-35. R5.\nG1 Z-60.\nX80. Z-80.\n"
+SET_UP = "G96 D2500 S150 M3\nF0.28 G0 X102. Z2.\n"
+
+
+@pytest.mark.skipif(not INSTALLED, reason="LinuxCNC is not installed")
+def test_passes_of_g71_are_those_of_linuxcnc(tmp_path: Path) -> None:
+    start = "G7 G90 G18 G21 G95\nT101 M6\n"
+    theirs = canonical(f"{start}O100 sub\nG0 X50.\n{CONTOUR}X102.\nO100 endsub\n{SET_UP}G71 Q100 I2.5 R0.5 D0\nM30\n", tmp_path)
+    ours = run(divide(f"G99\n{SET_UP}G71 U2.5 R0.5\nG71 P1 Q2\nN1 G0 X50.\n{CONTOUR}N2 X102.\nM30"))
+    ends = [move.end for move in theirs if move.kind == "feed"]
+    passes = [move.path.end for move in ours.moves if move.kind == "feed" and move.cycle_pass]
+    assert len(passes) > 10
+    assert all(min(math.dist(end, other) for other in ends) < 0.02 for end in passes)  # arcs are chords here
+
+
+@pytest.mark.parametrize("name", COLLECTION)
+def test_removed_metal_is_the_difference_of_the_polygons(name: str) -> None:
+    removal = situation_of(name).removal
+    assert removal.slices.volume.sum() == pytest.approx(volume(removal.stock) - volume(removal.part), rel=1e-3)
+    assert removal.notes == ()
+
+
+@pytest.mark.parametrize("name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in COLLECTION])
+@pytest.mark.parametrize("where", ["words", "blocks"])
+def test_an_adapted_program_differs_in_words_of_feed_and_speed_alone(name: str, where: str) -> None:
+    situation = situation_of(name)
+    adapted = adapt(situation, WEAR, where)  # type: ignore[arg-type]
+    before = situation.moves.program.text
+    number = r"\d+\.?\d*"
+    if where == "words":  # same lines, in which only numbers of F, S, and CYCLE95's feeds differ
+        pairs = list(zip(before.split("\n"), adapted.text.split("\n"), strict=True))
+        for old, new in pairs:
+            blank = rf"(?<=[FS]){number}" if "CYCLE95" not in old else number
+            assert re.sub(blank, "#", old) == re.sub(blank, "#", new)
+    else:
+        for old, new in zip(before.split("\n"), adapted.text.split("\n"), strict=True):
+            if "CYCLE95" not in old:
+                assert re.sub(rf" ?[FS]{number}", "", old) == re.sub(rf" ?[FS]{number}", "", new)
+    first, second = play(situation, WEAR), adapted.played
+    assert second.load.max() <= 1.001
+    assert second.used_life.sum() <= first.used_life.sum() * 1.001
+    assert second.wear.max() <= first.wear.max() * 1.001
+
+
+@pytest.mark.slow
+def test_the_collection_takes_a_tenth_less_time_at_equal_limits() -> None:
+    before = after = 0.0
+    for name in COLLECTION:
+        situation = situation_of(name, Machine(max_feed=0.4))
+        first = summary(situation, play(situation, WEAR))
+        second = adapt(situation, WEAR)
+        if first.max_load <= 1.0:  # others do not keep the limits
+            before += first.time
+            after += summary(second.situation, second.played).time
+    assert after < 0.9 * before
+
+
+def test_finishing_keeps_its_feed() -> None:
+    situation = situation_of("stepped_shaft")
+    adapted = adapt(situation, WEAR)
+    assert "F0.12" in adapted.text
+    assert not any(change.before == "F0.12" for change in adapted.changes)
+
+
+def test_an_overload_is_found_and_removed() -> None:
+    situation = situation_of("flange")
+    first = play(situation, WEAR)
+    assert set(situation.line[first.load > 1.0]) == {23}
+    adapted = adapt(situation, WEAR, "blocks")
+    assert np.all(adapted.played.load <= 1.001)
+    assert adapted.played.time.sum() < first.time.sum()
