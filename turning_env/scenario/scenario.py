@@ -33,7 +33,7 @@ from turning_env.scenario.sections import (
 )
 from turning_env.scenario.validation import complaints
 
-_SOURCE = "_source"  # beside the fields, as Pydantic would compare a private attribute
+_SOURCE, _CALIBRATION = "_source", "_calibration"  # beside the fields, as Pydantic would compare a private attribute
 _PRESETS = resources.files("turning_env.scenario") / "presets"
 _ALL_PRESETS = "python -m turning_env presets"
 
@@ -114,6 +114,11 @@ class Scenario(Section):
         file: Path | None = vars(self).get(_SOURCE)
         return file
 
+    @property
+    def calibration(self) -> Any:
+        """Return the table ``calibration`` of the file or its base: how the laws were measured (``workshop``). Not identity."""
+        return vars(self).get(_CALIBRATION)
+
     @classmethod
     def load(cls, source: "Source") -> "Scenario":
         """Return the scenario of a preset's name, a TOML file's path or a dict; return a ``Scenario`` unchanged.
@@ -185,7 +190,7 @@ class Scenario(Section):
         cls, values: dict[str, Any], source: str, name: str, folder: Path | None, below: tuple[str, ...]
     ) -> "Scenario":
         """Return the scenario of a table. A base's path is relative to ``folder``; without a folder, the base is a preset."""
-        base = values.pop("base", None)
+        base, calibration = values.pop("base", None), values.pop(_CALIBRATION[1:], None)
         if base is not None:
             if isinstance(base, str) and base in presets():
                 above = cls._preset(base, below)
@@ -198,8 +203,11 @@ class Scenario(Section):
                 instead = names_instead(base if isinstance(base, str) else "", presets(), _ALL_PRESETS)
                 raise ScenarioError(f"{source}: base: {_shown(base)} is neither a preset nor a TOML file; {instead}")
             values = _merged(above.model_dump(exclude={"name"}), values)
+            calibration = above.calibration if calibration is None else calibration
         try:
-            return cls.model_validate({"name": name} | values)
+            loaded = cls.model_validate({"name": name} | values)
+            vars(loaded)[_CALIBRATION] = calibration
+            return loaded
         except ValidationError as error:
             raise ScenarioError(f"{source}: " + "; ".join(_complaints(error))) from error
 

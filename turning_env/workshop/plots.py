@@ -1,5 +1,6 @@
 """Draw the residuals of a calibration, and the operating map of a scenario."""
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from turning_env.workshop.calibrate import Calibration
 from turning_env.workshop.fit import Fit
 from turning_env.workshop.measurements import COLUMNS
 from turning_env.workshop.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILLION
+from turning_env.workshop.prediction import predict, read_evidence
 from turning_env.workshop.whatif import Cuts, what_if
 
 MAX_POINTS = 20000
@@ -77,6 +79,10 @@ def draw_map(scenario: Scenario, wear: float, depth_of_cut: float | None = None,
     axes.set_facecolor(LIGHT)
     if cuts.within_limits.any():
         axes.contourf(speeds, feeds, cuts.within_limits.astype(float), levels=(0.5, 1.5), colors=[_ALLOWED])
+    evidence = read_evidence(scenario)
+    beyond = predict(scenario, evidence, cuts, of_wear=True).extrapolated
+    if beyond.any():
+        axes.contourf(speeds, feeds, beyond.astype(float), levels=(0.5, 1.5), colors="none", hatches=["...."])
     _draw_removal_rate(axes, cuts)
     _draw_tool_life(axes, cuts)
     for name, (_, _, colour, dashes) in _LIMITS.items():
@@ -105,6 +111,11 @@ def draw_map(scenario: Scenario, wear: float, depth_of_cut: float | None = None,
         Line2D([], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out"),
         Line2D([], [], color="black", marker="o", linestyle="none", label="highest removal rate"),
     ]
+    if beyond.any():
+        handles.append(Patch(facecolor="white", edgecolor=GREY, hatch="....", label="extrapolated: not measured there"))
+    if evidence.warnings:
+        text = "\n".join(textwrap.wrap(f"{len(evidence.warnings)} warnings, the first: {evidence.warnings[0]}", 110))
+        figure.supxlabel(text, fontsize="small", color=VERMILLION)
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
