@@ -6,6 +6,7 @@ python -m turning_env schema
 python -m turning_env calibrate cuts.csv --out my_tool.toml
 python -m turning_env whatif my_tool.toml --cutting-speed 150 --feed 0.3 --wear 0.2
 python -m turning_env map my_tool.toml --wear 0.2 --out map.png
+python -m turning_env advise my_tool.toml
 python -m turning_env current current.csv
 python -m turning_env score my_agent.onnx
 python -m turning_env warm-up
@@ -107,6 +108,17 @@ def main(arguments: list[str] | None = None) -> int:
         "--out", type=picture_path, required=True, metavar="FILE", help="picture to write: PNG, SVG or PDF, by its suffix"
     )
 
+    advice = command(_advise, "advise speed, feed and edge changes, in parts and money")
+    advice.add_argument("--agent", action="append", default=[], metavar="POLICY",
+                        help="ONNX file or module:object to compare with fixed parameters; may be repeated")  # fmt: skip
+    advice.add_argument("--rule", default="optimiser", metavar="NAME", help="rule of a clone to compare (default: %(default)s)")
+    advice.add_argument("--hours", type=number_within(1, 8760, "h"), default=2000.0, metavar="H",
+                        help="hours of work in a year (default: %(default)s)")  # fmt: skip
+    advice.add_argument(
+        "--seeds", type=_count, default=16, metavar="N", help="edges to play with each policy; 0: none (default: 16)"
+    )
+    advice.add_argument("--json", action="store_true", help="print all results as JSON")
+
     scored = command(_score, "play a policy and rank it among those that ship", scenario=False)
     scored.add_argument("policy", metavar="POLICY", help="ONNX file, or module:object")
     scored.add_argument("--env", choices=IDS, default="RoughTurning-v0", metavar="ID", help="environment (default: %(default)s)")
@@ -144,6 +156,13 @@ def _numbers(column: str) -> Callable[[str], list[float]]:
         return [round(low + index * step, 12) for index in range(int(count))]
 
     return parse
+
+
+def _count(text: str) -> int:
+    """Return a number of edges to play, as an argparse type: 0, or 2 or more."""
+    if not text.isascii() or not text.isdigit() or int(text) == 1 or int(text) > 10_000:
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed: 0, or 2 to 10000")
+    return int(text)
 
 
 def _presets(_: argparse.Namespace) -> int:
@@ -300,6 +319,31 @@ def _map(options: argparse.Namespace) -> int:
     _warned(scenario)
     plot_style.save(plots.draw_map(scenario, options.wear, options.depth, options.hardness), options.out)
     print(options.out)
+    return 0
+
+
+def _advise(options: argparse.Namespace) -> int:
+    """Recommend speed and feed for most metal, least cost per part and the longest run, fixed and over the edge's life.
+
+    Then play them, and what adapts to bars and edges, on the simulated lathe, and print what a year of each costs. Set
+    economics.machine_rate, operator_rate, insert_price and edges_per_insert in SCENARIO to get money.
+
+    python -m turning_env advise my_tool.toml
+    python -m turning_env advise my_tool.toml --agent my_agent.onnx --hours 4000
+    """
+    from turning_env.workshop.advise import advise, summary
+    from turning_env.workshop.advise_play import play_all
+
+    scenario = Scenario.load(options.scenario)
+    evidence = _warned(scenario)
+    found = advise(scenario, evidence)
+    played = play_all(scenario, found, options.agent, options.rule, options.hours, options.seeds) if options.seeds else None
+    if options.json:
+        print_json({"advice": [each._asdict() for each in found], "played": played})
+        return 0
+    print(*summary(scenario, found), sep="\n")
+    if played:
+        print("", *played.summary(), sep="\n")
     return 0
 
 

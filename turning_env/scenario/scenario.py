@@ -212,8 +212,21 @@ class Scenario(Section):
             raise ScenarioError(f"{source}: " + "; ".join(_complaints(error))) from error
 
     def to_toml(self) -> str:
-        """Return the whole scenario as TOML; ``Scenario.load`` reads back an equal scenario."""
-        return tomli_w.dumps(self.model_dump())
+        """Return the whole scenario as TOML, with units as comments; ``Scenario.load`` reads back an equal scenario."""
+        section, lines = "", []
+        for line in tomli_w.dumps(self.model_dump()).splitlines():
+            section = line[1:-1] if line.startswith("[") else section
+            unit = self._unit(section, line.partition(" = ")[0])
+            lines.append(f"{line} # {unit}" if unit and line[-1] not in "[{" else line)
+        return "\n".join(lines) + "\n"
+
+    def _unit(self, section: str, key: str) -> str:
+        """Return the unit of a number of a section, empty if it has none."""
+        table: Any = attrgetter(section)(self) if section else self
+        field = type(table).model_fields.get(key)
+        extra = field.json_schema_extra if field else None
+        unit = str(extra["unit"]) if isinstance(extra, dict) else ""
+        return "" if unit in ("-", "response") else unit.replace("money", self.economics.currency)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the whole scenario as a TOML file, whole or not at all; make its folder if it is missing."""

@@ -144,9 +144,10 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) 
                 known = f"{estimate.value:.3g} +- {half:.2g}"
                 yield f"{response}: the exponent of {name} is hardly known, {known}: vary it more, or read more edges"
     if (wear := fits.get("wear")) and wear.factors["time"].size:
-        own = tool_life(wear, base.tool.wear_criterion)
         rate = base.material.wear(**(wear.factors | {"time": 1.0}))
-        ratio = float(np.median(own / (base.tool.wear_criterion / rate) ** (1.0 / base.material.wear.time)))
+        with np.errstate(all="ignore"):
+            life = (base.tool.wear_criterion / rate) ** (1.0 / base.material.wear.time)
+            ratio = float(np.median(tool_life(wear, base.tool.wear_criterion) / life))
         if ratio > SLOWER:
             yield f"wear: edges last {ratio:.3g} times as long as the base's: is time in seconds?"
     yield from _extrapolations(fits, base)

@@ -152,6 +152,9 @@ def law_problems(fits: Mapping[str, Fit], wear_criterion: float) -> Iterator[str
             taylor = wear.law.time / wear.law.cutting_speed if wear.law.cutting_speed else np.inf
             if not low <= taylor <= high:
                 yield f"wear: the Taylor exponent n in V T^n = C is {taylor:.3g}, where {low:g} to {high:g} is plausible"
+        if wear.law.time <= 0:
+            yield f"wear: does not grow with time: exponent {wear.law.time:.3g}"
+            return
         life = tool_life(wear, wear_criterion)
         what = f"tool life to {wear_criterion:g} mm at measured settings"
         yield from _outside(
@@ -160,13 +163,14 @@ def law_problems(fits: Mapping[str, Fit], wear_criterion: float) -> Iterator[str
             life,
             *TOOL_LIFE,
             wear.lines,
-            wear.factors | {"wear": wear.measured, "life": life, "wear_power": np.full(len(life), 1.0 / wear.law.time)},
+            wear.factors
+            | {"wear": wear.measured, "life": life, "wear_power": np.full(len(life), min(1.0 / wear.law.time, 100.0))},
         )
 
 
 def tool_life(wear: Fit, wear_criterion: float) -> Values:
     """Return the fitted tool life [min] at the settings of each row, to a wear criterion [mm]."""
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", under="ignore"):
         return np.asarray(wear.factors["time"] * (wear_criterion / wear.predicted) ** (1.0 / wear.law.time))
 
 
@@ -265,7 +269,7 @@ def _strangeness(columns: Mapping[str, Values]) -> float:
     total = 0.0
     for name, (typical, decades) in TYPICAL.items():
         known = values.get(name, np.empty(0))
-        known = known[np.isfinite(known)]
+        known = known[np.isfinite(known) & (known > 0)]
         if known.size:
             total += float(((np.log10(known / typical) / decades) ** 2).mean())
     return total
