@@ -44,7 +44,7 @@ class Readings(NamedTuple):
 
     def of(self, rows: NDArray[np.bool_]) -> "Readings":
         """Return some of the rows."""
-        return Readings(*(column[rows] for column in self))
+        return Readings(self.pair[rows], self.edge[rows], self.design[rows], self.wear[rows])
 
 
 class Variances(NamedTuple):
@@ -109,7 +109,11 @@ def mean_law(pairs: list[Readings], variances: Variances) -> tuple[Values, Value
         fitted += float(whitened[:, 3] @ whitened[:, 3])
         log_determinant += 2.0 * float(np.log(np.diag(root)).sum())
     mean = np.linalg.solve(information, target)
-    return mean, np.linalg.inv(information), fitted - float(target @ mean) + log_determinant
+    return (
+        np.asarray(mean, np.float64),
+        np.asarray(np.linalg.inv(information), np.float64),
+        fitted - float(target @ mean) + log_determinant,
+    )
 
 
 def estimate(readings: Readings) -> Variances:
@@ -117,7 +121,11 @@ def estimate(readings: Readings) -> Variances:
     pairs = pairs_of(readings)
     start = np.array([-0.5, 0.0, -0.7, 0.0, 0.0, -2.0, -2.0, -2.0])
     bounds = [(-5.0, 3.0), (-3.0, 3.0), (-5.0, 3.0), (-3.0, 3.0), (-3.0, 3.0), (-5.0, 3.0), (-6.0, 1.0), (-6.0, 1.0)]
-    found = optimize.minimize(lambda numbers: mean_law(pairs, unpacked(numbers))[2], start, method="L-BFGS-B", bounds=bounds)
+
+    def loss(numbers: Values) -> float:
+        return mean_law(pairs, unpacked(numbers))[2]
+
+    found = optimize.minimize(loss, start, method="L-BFGS-B", bounds=bounds)
     return unpacked(found.x)
 
 
@@ -160,6 +168,17 @@ def coverage(readings: Readings) -> dict[str, float]:
     }
 
 
+def _line(time: Values, start: float, rate: float) -> Values:
+    """Return the logarithm of a straight line over the logarithm of time."""
+    return np.asarray(np.log(np.exp(start) + np.exp(rate + time)))
+
+
+def _aicc(residuals: Values, parameters: int) -> float:
+    count = len(residuals)
+    variance = max(float(residuals @ residuals) / count, 1e-12)
+    return count * float(np.log(variance)) + 2 * parameters * count / (count - parameters - 1)
+
+
 def curves(readings: Readings) -> dict[str, float]:
     """Compare the power law with a straight line and with three phases on edges with many readings, by AICc."""
     better = {"line": 0, "three_phases": 0}
@@ -169,18 +188,10 @@ def curves(readings: Readings) -> dict[str, float]:
         rows = readings.of(readings.edge == edge)
         time, count = rows.design[:, 2], len(rows.wear)
         found = [np.polynomial.Polynomial.fit(time, rows.wear, degree) for degree in (1, 2, 3)]
-        line = optimize.curve_fit(
-            lambda t, a, b: np.log(np.exp(a) + np.exp(b + t)), time, rows.wear, (rows.wear[0], -4.0), maxfev=20000
-        )[0]
-        residuals = [
-            rows.wear - found[0](time),
-            rows.wear - np.log(np.exp(line[0]) + np.exp(line[1] + time)),
-            rows.wear - found[2](time),
-        ]
-        aicc = [
-            count * np.log(max(float(r @ r) / count, 1e-12)) + 2 * k * count / (count - k - 1)
-            for r, k in zip(residuals, (3, 3, 5), strict=True) if count > k + 1
-        ]  # fmt: skip
+        start = (rows.wear[0], -4.0)
+        line = optimize.curve_fit(_line, time, rows.wear, start, maxfev=20000)[0]
+        predicted = ((found[0](time), 3), (_line(time, *line), 3), (found[2](time), 5))
+        aicc = [_aicc(rows.wear - centre, parameters) for centre, parameters in predicted if count > parameters + 1]
         aicc += [np.inf] * (3 - len(aicc))
         better["line"] += aicc[1] < aicc[0] - 2
         better["three_phases"] += aicc[2] < aicc[0] - 2
@@ -222,12 +233,15 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"exponent of time {law['time'][0]:.2f}, {law['time'][1]:.2f} from pair to pair")
     print(f"exponent of cutting speed {law['cutting_speed'][0]:.2f}, {law['cutting_speed'][1]:.2f} from pair to pair")
     print(f"edges differ by {spread['edge']:.2f}, readings by {spread['reading']:.2f} (standard deviations of log wear)")
+    print(f"95 % intervals hold {100 * held['inside']:.1f} % of the readings of edges left out")
     print(
-        f"95 % intervals hold {100 * held['inside']:.1f} % of the readings of edges left out, a factor of {held['typical_factor']:.2f} wide"
+        f"  {100 * held['below']:.1f} % are below, {100 * held['above']:.1f} % above; half-width: a factor of {held['typical_factor']:.2f}"
     )
-    print(f"  below them {100 * held['below']:.1f} %, above them {100 * held['above']:.1f} %")
-    print(f"{curve['edges']} edges of {LONG} readings or more: a line is better for {100 * curve['line_better']:.0f} %, "
-          f"three phases for {100 * curve['three_phases_better']:.0f} %; {100 * curve['bending_up']:.0f} % bend upwards in logarithms")  # fmt: skip
+    print(f"{curve['edges']} edges of {LONG} readings or more, against the power law by AICc less 2:")
+    print(
+        f"  a line is better for {100 * curve['line_better']:.0f} %, three phases for {100 * curve['three_phases_better']:.0f} %"
+    )
+    print(f"  {100 * curve['bending_up']:.0f} % bend upwards in logarithms")
     return 0
 
 

@@ -111,12 +111,15 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
     if not tables[-1].within_limits.any():
         raise WorkshopError(
             f"no speed and feed keep limits.thrust_force, {scenario.limits.thrust_force:g} N, and limits.power, "
-            f"{scenario.limits.power:g} kW, with an edge worn to {bounds[-1]:g} mm: reduce workpiece.depth_of_cut or raise a limit"
+            f"{scenario.limits.power:g} kW, with an edge worn to {bounds[-1]:g} mm: reduce workpiece.depth_of_cut"
         )
     found = []
     for aim in AIMS:
         for scheduled in (False, True):
-            found.append(_best(scenario, evidence, aim, tables if scheduled else tables[-1:]))
+            # An edge may be changed before it is worn out, because a fresher one cuts faster.
+            ends = [SLICES] if aim == "longest run" else [n for n in range(1, SLICES + 1) if tables[n - 1].within_limits.any()]
+            plans = [_best(scenario, evidence, aim, tables[:end] if scheduled else tables[end - 1 : end]) for end in ends]
+            found.append(min(plans, key=lambda plan: plan.cost if aim == "least cost" else -plan.removal_rate))
     return found
 
 
@@ -175,8 +178,7 @@ def _advice(
         for time, index in zip(minutes, choice, strict=True)
     )
     cycle = (life + sum(idles)) / parts
-    depth = scenario.workpiece.depth_of_cut
-    volume = np.pi * scenario.workpiece.diameter * depth * scenario.workpiece.bar_length / 1000.0
+    volume = part_volume(scenario)
     steps = tuple(
         Step(float(table.wear.flat[i]), float(table.cutting_speed.flat[i]), float(table.feed.flat[i]), time)
         for table, i, time in zip(tables, choice, minutes, strict=True)
@@ -192,6 +194,12 @@ def _advice(
         cost=prices.minute * (cycle + prices.change_time / parts) + prices.edge / parts,
         extrapolated=extrapolated,
     )
+
+
+def part_volume(scenario: Scenario) -> float:
+    """Return the metal cut from a part [cm3]."""
+    work = scenario.workpiece
+    return float(np.pi * work.diameter * work.depth_of_cut * work.bar_length / 1000.0)
 
 
 def _part_time(scenario: Scenario, cuts: Cuts) -> Values:
@@ -211,20 +219,29 @@ def summary(scenario: Scenario, found: list[Advice]) -> Iterator[str]:
         f"{scenario.name}: bars of {work.diameter:g} mm, {work.bar_length:g} mm long, {work.depth_of_cut:g} mm deep; "
         f"edges worn out at {scenario.tool.wear_criterion:g} mm"
     )
-    unit = prices.unit
-    yield f"a minute costs {prices.minute:.3g} {unit}, an edge {prices.edge:.3g} {unit}, a change of edge {prices.change_time:g} min"
+    unit, change = prices.unit, f"a change takes {prices.change_time:g} min"
+    yield f"a minute costs {prices.minute:.3g} {unit}, an edge {prices.edge:.3g} {unit}; {change}"
     yield ""
-    heads = ("", "speed", "feed", "tool life", "parts per edge", "change after", "cycle", "MRR", "cost per part")
-    units = ("", "m/min", "mm/rev", "min", "", "parts", "min", "cm3/min", unit)
+    heads = ("", "speed", "feed", "tool life", "parts per edge", "change after", "at wear", "cycle", "MRR", "cost per part")
+    units = ("", "m/min", "mm/rev", "min", "", "parts", "mm", "min", "cm3/min", unit)
     rows = [heads, units]
     for each in found:
         speeds, feeds = ([getattr(step, name) for step in each.steps] for name in ("cutting_speed", "feed"))
         kind = "fixed" if len(each.steps) == 1 else "schedule"
-        rows.append((
-            f"{each.aim}, {kind}", _span(speeds, ".0f"), _span(feeds, ".3f"), _interval(each.life, ".1f"), _interval(each.parts, ".1f"),
-            str(each.change_after), f"{each.cycle_time:.2f}", f"{each.removal_rate:.1f}",
-            f"{each.cost:.3f}" + (" *" if each.extrapolated else ""),
-        ))  # fmt: skip
+        rows.append(
+            (
+                f"{each.aim}, {kind}",
+                _span(speeds, ".0f"),
+                _span(feeds, ".3f"),
+                _interval(each.life, ".1f"),
+                _interval(each.parts, ".1f"),
+                str(each.change_after),
+                f"{each.steps[-1].wear:.2f}",
+                f"{each.cycle_time:.2f}",
+                f"{each.removal_rate:.1f}",
+                f"{each.cost:.3f}" + (" *" if each.extrapolated else ""),
+            )
+        )
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         yield "  ".join(
@@ -236,10 +253,8 @@ def summary(scenario: Scenario, found: list[Advice]) -> Iterator[str]:
             yield f"schedule for {each.aim}: cutting time of the edge, speed, feed, wear at the end"
             begun = 0.0
             for step in each.steps:
-                yield (
-                    f"  {begun:6.1f} to {begun + step.minutes:6.1f} min  {step.cutting_speed:6.0f} m/min  {step.feed:.3f} mm/rev  "
-                    f"{step.wear:.3f} mm"
-                )
+                times = f"{begun:6.1f} to {begun + step.minutes:6.1f} min"
+                yield f"  {times}  {step.cutting_speed:6.0f} m/min  {step.feed:.3f} mm/rev  {step.wear:.3f} mm"
                 begun += step.minutes
     if any(each.extrapolated for each in found):
         yield "* extrapolated: a setting lies outside what was measured"

@@ -3,6 +3,7 @@
 import importlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from turning_env.scoring.policy import Actions, Observations
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate
 from turning_env.workshop import WorkshopError
-from turning_env.workshop.advise import Advice, Prices, Step
+from turning_env.workshop.advise import Advice, Prices, Step, part_volume
 
 MARGINS = (1.0, 0.92, 0.85, 0.78, 0.72, 0.66, 0.6, 0.5, 0.4)
 """Factors of the recommended feed, of which the first is used that keeps the scenario's limits often enough."""
@@ -66,11 +67,17 @@ class Played:
             ("", "%", "cm3/min", "%", self.unit, f"{self.unit} (95 %)"),
         ]
         for year in self.years:
-            rows.append((
-                year.name, f"{100 * year.feed_factor:.0f}", f"{year.removal_rate:.1f}", f"{100 * year.overload:.1f}" + " !" * (not year.feasible),
-                f"{year.cost.value:.0f} ({year.cost.low:.0f}-{year.cost.high:.0f})",
-                "" if year is first else f"{year.saved.value:.0f} ({year.saved.low:.0f} to {year.saved.high:.0f})",
-            ))  # fmt: skip
+            saved = "" if year is first else f"{year.saved.value:.0f} ({year.saved.low:.0f} to {year.saved.high:.0f})"
+            rows.append(
+                (
+                    year.name,
+                    f"{100 * year.feed_factor:.0f}",
+                    f"{year.removal_rate:.1f}",
+                    f"{100 * year.overload:.1f}" + " !" * (not year.feasible),
+                    f"{year.cost.value:.0f} ({year.cost.low:.0f}-{year.cost.high:.0f})",
+                    saved,
+                )
+            )
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         for row in rows:
             yield "  ".join(
@@ -82,7 +89,7 @@ class Played:
         yield from self.notes
 
 
-class _Clock:
+class Clock:
     """Sets speed and feed by the cutting time of the edge."""
 
     def __init__(self, scenario: Scenario, steps: Sequence[Step], factor: float, num_envs: int) -> None:
@@ -123,13 +130,13 @@ def play_all(scenario: Scenario, advice: Sequence[Advice], agents: Sequence[str]
     """
     prices, seeds = Prices.of(scenario), held_out_seeds(edges)
     own = _for_one_edge(scenario, scenario.control.action)
-    setting = _for_one_edge(scenario, "set_point")
     played: list[tuple[str, float, Episodes]] = []
     notes = []
     for each in advice:
         if each.aim == "least cost":
             name = "fixed parameters" if len(each.steps) == 1 else "schedule by time"
-            played.append((name, *_with_margin(setting, each.steps, seeds)))
+            # Its edge is changed by the clock, so an episode lasts as long as an edge.
+            played.append((name, *_with_margin(clocked(scenario, each), each.steps, seeds)))
     for agent in agents:
         try:
             played.append((agent, 1.0, play(as_factory(agent), own, seeds)))
@@ -147,10 +154,15 @@ def play_all(scenario: Scenario, advice: Sequence[Advice], agents: Sequence[str]
     return _compared(scenario, prices, played, hours, notes)
 
 
-def _for_one_edge(scenario: Scenario, action: str) -> Scenario:
+def clocked(scenario: Scenario, advice: Advice) -> Scenario:
+    """Return the scenario with episodes as long as a recommendation uses an edge. Plain bars have no return between them."""
+    return _for_one_edge(scenario, "set_point", advice.parts[0] * (advice.cycle_time - scenario.machine.return_time))
+
+
+def _for_one_edge(scenario: Scenario, action: str, minutes: float = LONGEST) -> Scenario:
     """Return the scenario with episodes of one edge each."""
     values = scenario.model_dump()
-    values["control"] |= {"action": action, "edge_changes": "end", "time_limit": LONGEST}
+    values["control"] |= {"action": action, "edge_changes": "end", "time_limit": minutes}
     values["workpiece"] |= {"bars": 0}
     return Scenario.model_validate(values)
 
@@ -158,7 +170,7 @@ def _for_one_edge(scenario: Scenario, action: str) -> Scenario:
 def _with_margin(scenario: Scenario, steps: Sequence[Step], seeds: Sequence[int]) -> tuple[float, Episodes]:
     """Return the highest feed factor of ``MARGINS`` that keeps the limits often enough, and its episodes."""
     for factor in MARGINS:
-        episodes = play(lambda num_envs, factor=factor: _Clock(scenario, steps, factor, num_envs), scenario, seeds, tell=True)  # type: ignore[misc]
+        episodes = play(partial(Clock, scenario, steps, factor), scenario, seeds, tell=True)
         if _overload(episodes) <= scenario.limits.overload_allowance:
             break
     return factor, episodes
@@ -174,9 +186,10 @@ def _compared(
     """Return each policy's costs of cutting the same metal."""
     costs, minutes, volumes = {}, {}, {}
     for name, _, episodes in played:
-        edges = np.where(episodes["truncated"] > 0, episodes["used_life"], episodes["edges_used"])
+        edges = 1.0  # an episode ends when its edge is worn out, broken or, by the clock, changed
         downtime = scenario.economics.breakage_downtime * episodes["edges_broken"]
-        minutes[name] = episodes["time"] / 60.0 + prices.change_time * edges + downtime
+        returns = scenario.machine.return_time * episodes["removed"] / part_volume(scenario)
+        minutes[name] = episodes["time"] / 60.0 + returns + prices.change_time * edges + downtime
         costs[name] = prices.minute * minutes[name] + prices.edge * edges
         volumes[name] = episodes["removed"]
     # Hours of machine time if there is no money.
