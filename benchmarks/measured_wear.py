@@ -234,9 +234,8 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"exponent of cutting speed {law['cutting_speed'][0]:.2f}, {law['cutting_speed'][1]:.2f} from pair to pair")
     print(f"edges differ by {spread['edge']:.2f}, readings by {spread['reading']:.2f} (standard deviations of log wear)")
     print(f"95 % intervals hold {100 * held['inside']:.1f} % of the readings of edges left out")
-    print(
-        f"  {100 * held['below']:.1f} % are below, {100 * held['above']:.1f} % above; half-width: a factor of {held['typical_factor']:.2f}"
-    )
+    print(f"  {100 * held['below']:.1f} % are below, {100 * held['above']:.1f} % above")
+    print(f"  their ends typically lie a factor of {held['typical_factor']:.2f} from the prediction")
     print(f"{curve['edges']} edges of {LONG} readings or more, against the power law by AICc less 2:")
     print(
         f"  a line is better for {100 * curve['line_better']:.0f} %, three phases for {100 * curve['three_phases_better']:.0f} %"

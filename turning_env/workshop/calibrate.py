@@ -17,7 +17,15 @@ from turning_env.workshop import WorkshopError
 from turning_env.workshop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
 from turning_env.workshop.measurements import COLUMNS, Measurements
 from turning_env.workshop.next_cuts import NextCuts, next_cuts
-from turning_env.workshop.plausibility import RobustFit, law_problems, outliers, robust_fit, row_problems, tool_life
+from turning_env.workshop.plausibility import (
+    RobustFit,
+    law_problems,
+    outliers,
+    robust_fit,
+    row_problems,
+    tool_life,
+    unusual_edges,
+)
 from turning_env.workshop.prediction import BEYOND
 
 WIDE = 0.5
@@ -115,7 +123,7 @@ def calibrate(
         raise WorkshopError(
             f"the fitted laws are no material: {error.errors()[0]['msg'].removeprefix('Value error, ')}"
         ) from error
-    warnings = tuple(_warnings(fits, measurements, base))
+    warnings = (*unusual_edges(fits, robust), *_warnings(fits, measurements, base))
     advised = next_cuts(fits, base)
     return Calibration(fits, robust, kept, material, tuple(problems), warnings, advised, measurements.readings, confidence)
 

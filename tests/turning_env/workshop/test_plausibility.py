@@ -168,6 +168,20 @@ def test_the_robust_law_is_that_of_the_other_rows() -> None:
     assert forced.problems
 
 
+def test_an_unusual_edge_is_no_typing_error() -> None:
+    def change(columns: dict[str, np.ndarray]) -> None:
+        for name in ("cutting_speed", "feed", "depth_of_cut"):
+            columns[name][:4] = columns[name][0]
+        columns["time"][:4] = (2.0, 4.0, 8.0, 14.0)
+        columns["wear"][:4] = 2.5 * MATERIAL.wear(
+            *(columns[name][:4] for name in ("cutting_speed", "feed", "depth_of_cut", "time"))
+        )
+        del columns["thrust_force"], columns["power"]
+
+    found = calibrate(measured(change), Scenario())
+    assert any("lines 2 to 5" in warning for warning in found.warnings)
+
+
 def test_warnings_travel_with_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "cuts.csv").write_text(scaled("power", 1000))
     made = str(tmp_path / "made.toml")
