@@ -117,6 +117,7 @@ def main(arguments: list[str] | None = None) -> int:
     advice.add_argument(
         "--seeds", type=_count, default=16, metavar="N", help="edges to play with each policy; 0: none (default: 16)"
     )
+    advice.add_argument("--sheet", type=picture_path, metavar="FILE", help="page to pin to the machine: PDF, PNG or SVG")
     advice.add_argument("--json", action="store_true", help="print all results as JSON")
 
     scored = command(_score, "play a policy and rank it among those that ship", scenario=False)
@@ -337,6 +338,10 @@ def _advise(options: argparse.Namespace) -> int:
     scenario = Scenario.load(options.scenario)
     evidence = _warned(scenario)
     found = advise(scenario, evidence)
+    if options.sheet:
+        from turning_env.workshop import plot_style, sheet
+
+        plot_style.save(sheet.draw_sheet(scenario, evidence, found), options.sheet)
     played = play_all(scenario, found, options.agent, options.rule, options.hours, options.seeds) if options.seeds else None
     if options.json:
         print_json({"advice": [each._asdict() for each in found], "played": played})
@@ -344,6 +349,8 @@ def _advise(options: argparse.Namespace) -> int:
     print(*summary(scenario, found), sep="\n")
     if played:
         print("", *played.summary(), sep="\n")
+    if options.sheet:
+        print(options.sheet)
     return 0
 
 

@@ -84,3 +84,10 @@ def test_the_command_prints_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["advise", "rough_turning", "--seeds", "0", "--json"]) == 0
     assert len(json.loads(capsys.readouterr().out)["advice"]) == 2 * len(AIMS)
     assert main(["advise", "batch_casting", "--seeds", "0"]) == 2
+
+
+@pytest.mark.slow
+def test_the_sheet_is_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["advise", "rough_turning", "--seeds", "0", "--sheet", str(tmp_path / "sheet.pdf")]) == 0
+    assert (tmp_path / "sheet.pdf").read_bytes().count(b"/Type /Page ") == 1
+    assert str(tmp_path / "sheet.pdf") in capsys.readouterr().out
