@@ -85,6 +85,7 @@ MISTAKES: dict[str, list[str]] = {
     "benchmarks.growth": ["made.txt", "made.png --most 0"],
     "benchmarks.overload_price": ["--seeds 0", "--seeds x"],
     "benchmarks.peers": ["--repeats 0", "--seconds x"],
+    "benchmarks.measured_wear": ["nothing", "nothing --json"],
     "benchmarks.mutants": ["--count x", "--out ."],
     "benchmarks.audit": ["--constraints nothing"],
     "benchmarks.soak": ["--kills 0", "--only nothing", "--steps 1"],

@@ -6,6 +6,7 @@ python -m turning_env schema
 python -m turning_env calibrate cuts.csv --out my_tool.toml
 python -m turning_env whatif my_tool.toml --cutting-speed 150 --feed 0.3 --wear 0.2
 python -m turning_env map my_tool.toml --wear 0.2 --out map.png
+python -m turning_env advise my_tool.toml
 python -m turning_env current current.csv
 python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120
 python -m turning_env score my_agent.onnx
@@ -19,13 +20,13 @@ import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 
 from turning_env import IDS, score
-from turning_env.console import MISTAKE, described, exits, number_within, picture_path, print_json
+from turning_env.console import FAILED, MISTAKE, described, exits, number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_env.physics.quantities import action_size
 from turning_env.programs.command import add_options, program
@@ -33,6 +34,9 @@ from turning_env.programs.program import NcError
 from turning_env.scenario import Scenario, ScenarioError, presets
 from turning_env.workshop import WorkshopError, whatif
 from turning_env.workshop.measurements import COLUMNS, EDGE, read_measurements
+
+if TYPE_CHECKING:
+    from turning_env.workshop.prediction import Evidence
 
 MAX_CUTS = 100_000
 """Largest number of rows in a table of cuts."""
@@ -58,13 +62,14 @@ def main(arguments: list[str] | None = None) -> int:
     command(_schema, "print the JSON schema of a scenario file", scenario=False)
 
     calibrate = command(_calibrate, "fit the laws to cuts measured on a machine", scenario=False)
-    calibrate.add_argument("measurements", metavar="CSV", help="one cut per row")
+    calibrate.add_argument("measurements", metavar="SHEET", help="CSV or XLSX, one cut per row")
     calibrate.add_argument("--out", type=Path, required=True, metavar="TOML", help="scenario file to write")
     calibrate.add_argument("--base", default="rough_turning", metavar="SCENARIO",
                            help="preset or TOML file for everything that is not fitted (default: %(default)s)")  # fmt: skip
     calibrate.add_argument("--confidence", type=number_within(0.5, 0.9999, ""), default=0.95, metavar="P",
                            help="confidence level of the intervals (default: %(default)s)")  # fmt: skip
     calibrate.add_argument("--strict", action="store_true", help="fail if the exponent of a column cannot be estimated")
+    calibrate.add_argument("--force", action="store_true", help="go on with rows and laws that cannot be true")
     calibrate.add_argument("--overwrite", action="store_true", help="replace an existing TOML file")
     calibrate.add_argument("--plot", type=picture_path, metavar="FILE", help="file for a plot of the residuals: PNG, SVG or PDF")
     calibrate.add_argument("--report", type=Path, metavar="JSON", help="file for all results")
@@ -105,6 +110,18 @@ def main(arguments: list[str] | None = None) -> int:
     chart.add_argument(
         "--out", type=picture_path, required=True, metavar="FILE", help="picture to write: PNG, SVG or PDF, by its suffix"
     )
+
+    advice = command(_advise, "advise speed, feed and edge changes, in parts and money")
+    advice.add_argument("--agent", action="append", default=[], metavar="POLICY",
+                        help="ONNX file or module:object to compare with fixed parameters; may be repeated")  # fmt: skip
+    advice.add_argument("--rule", default="optimiser", metavar="NAME", help="rule of a clone to compare (default: %(default)s)")
+    advice.add_argument("--hours", type=number_within(1, 8760, "h"), default=2000.0, metavar="H",
+                        help="hours of work in a year (default: %(default)s)")  # fmt: skip
+    advice.add_argument(
+        "--seeds", type=_count, default=16, metavar="N", help="edges to play with each policy; 0: none (default: 16)"
+    )
+    advice.add_argument("--sheet", type=picture_path, metavar="FILE", help="page to pin to the machine: PDF, PNG or SVG")
+    advice.add_argument("--json", action="store_true", help="print all results as JSON")
 
     add_options(command(program, "play and adapt a part program", scenario=False))
 
@@ -147,6 +164,13 @@ def _numbers(column: str) -> Callable[[str], list[float]]:
     return parse
 
 
+def _count(text: str) -> int:
+    """Return a number of edges to play, as an argparse type: 0, or 2 or more."""
+    if not text.isascii() or not text.isdigit() or int(text) == 1 or int(text) > 10_000:
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed: 0, or 2 to 10000")
+    return int(text)
+
+
 def _presets(_: argparse.Namespace) -> int:
     """Print the names of the presets, one per line.
 
@@ -171,6 +195,7 @@ def _schema(_: argparse.Namespace) -> int:
     python -m turning_env schema
     """
     schema = Scenario.model_json_schema()
+    schema["properties"]["calibration"] = {"type": "object", "description": "How the laws were measured; calibrate writes it."}
     schema["properties"]["base"] = {
         "anyOf": [{"enum": list(presets())}, {"type": "string", "pattern": r"\.toml$"}],
         "description": "The preset, or the TOML file seen from this one's folder, whose values the file changes.",
@@ -182,27 +207,34 @@ def _schema(_: argparse.Namespace) -> int:
 def _calibrate(options: argparse.Namespace) -> int:
     """Fit the laws of wear, thrust force and power to measured cuts, and write a scenario with them.
 
-    The CSV has one cut per row and the columns below. Cells may be empty. A row is used for every law whose columns it fills.
+    The sheet has one cut per row and the columns below. Cells may be empty. A row is used for every law whose columns it fills.
+    Symbols such as vc, f and ap, German names and units in brackets are understood. Status 1: rows or laws cannot be true.
 
     COLUMNS
 
     python -m turning_env calibrate cuts.csv --out my_tool.toml --plot residuals.png
     """
-    from turning_env.workshop.calibrate import calibrate, report, summary, write_scenario
+    from turning_env.workshop.calibrate import Implausible, calibrate, report, summary
+    from turning_env.workshop.fitted_file import write_scenario
 
     if options.plot:  # before anything is written, as Matplotlib may be missing
         from turning_env.workshop import plot_style, plots
     if options.out.exists() and not options.overwrite:
         raise WorkshopError(f"{options.out} exists; --overwrite replaces it")
     base = Scenario.load(options.base)
-    found = calibrate(read_measurements(options.measurements), base, options.confidence, options.strict)
+    try:
+        found = calibrate(read_measurements(options.measurements), base, options.confidence, options.strict, options.force)
+    except Implausible as error:
+        print(*(f"implausible: {problem}" for problem in error.problems), sep="\n", file=sys.stderr)
+        print("error: nothing was written: correct the rows above; --force goes on with them", file=sys.stderr)
+        return FAILED
     write_scenario(found, options.base, Path(options.measurements).name, options.out)
     if options.plot:
         plot_style.save(plots.draw_residuals(found), options.plot)
     results = json.dumps(report(found, options.measurements, options.base), indent=1, allow_nan=False)
     if options.report:
         replace_file(options.report, lambda partial: partial.write_text(results + "\n", "utf-8"))
-    for warning in found.warnings:
+    for warning in (*found.problems, *found.warnings):
         print(f"warning: {warning}", file=sys.stderr)
     if options.json:
         print(results)
@@ -234,8 +266,8 @@ def _current(options: argparse.Namespace) -> int:
 def _whatif(options: argparse.Namespace) -> int:
     """Print a table of cuts, one row for every combination of the listed values.
 
-    All values are nominal: they ignore how bars and edges differ. The table assumes that speed, feed and depth have been constant
-    since the edge was fresh.
+    Fitted laws give 95 % intervals for an edge that was not measured; a star marks cuts beyond what was measured. The table
+    assumes that speed, feed and depth have been constant since the edge was fresh.
 
     python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2:0.4:0.1 --wear 0.2
     """
@@ -258,8 +290,25 @@ def _whatif(options: argparse.Namespace) -> int:
             print(f"warning: {option} is outside the machine's {low:g} to {high:g} {unit}", file=sys.stderr)
     depth, hardness, age, speed, feed = np.meshgrid(*axes, indexing="ij")
     given = {"time": age} if options.time else {"wear": age}
-    print(options.form(whatif.what_if(scenario, speed, feed, depth, hardness, **given)))
+    evidence = _warned(scenario)
+    cuts = whatif.what_if(scenario, speed, feed, depth, hardness, **given)
+    if evidence.laws:
+        from turning_env.workshop.prediction import predict
+
+        print(options.form(cuts, predict(scenario, evidence, cuts, of_wear=options.time is None)))
+    else:
+        print(options.form(cuts))
     return 0
+
+
+def _warned(scenario: Scenario) -> "Evidence":
+    """Print the warnings that travel with a scenario's fitted laws; return what is known of these."""
+    from turning_env.workshop.prediction import Evidence, read_evidence
+
+    evidence = read_evidence(scenario) if scenario.calibration is not None else Evidence()
+    for warning in evidence.warnings:
+        print(f"warning: {evidence.source}: {warning}", file=sys.stderr)
+    return evidence
 
 
 def _map(options: argparse.Namespace) -> int:
@@ -273,8 +322,40 @@ def _map(options: argparse.Namespace) -> int:
         raise WorkshopError(f"--wear is {options.wear:g}, but an edge is worn out at tool.wear_criterion, {criterion:g} mm")
     from turning_env.workshop import plot_style, plots
 
+    _warned(scenario)
     plot_style.save(plots.draw_map(scenario, options.wear, options.depth, options.hardness), options.out)
     print(options.out)
+    return 0
+
+
+def _advise(options: argparse.Namespace) -> int:
+    """Recommend speed and feed for most metal, least cost per part and the longest run, fixed and over the edge's life.
+
+    Then play them, and what adapts to bars and edges, on the simulated lathe, and print what a year of each costs. Set
+    economics.machine_rate, operator_rate, insert_price and edges_per_insert in SCENARIO to get money.
+
+    python -m turning_env advise my_tool.toml
+    python -m turning_env advise my_tool.toml --agent my_agent.onnx --hours 4000
+    """
+    from turning_env.workshop.advise import advise, summary
+    from turning_env.workshop.advise_play import play_all
+
+    scenario = Scenario.load(options.scenario)
+    evidence = _warned(scenario)
+    found = advise(scenario, evidence)
+    if options.sheet:
+        from turning_env.workshop import plot_style, sheet
+
+        plot_style.save(sheet.draw_sheet(scenario, evidence, found), options.sheet)
+    played = play_all(scenario, found, options.agent, options.rule, options.hours, options.seeds) if options.seeds else None
+    if options.json:
+        print_json({"advice": [each._asdict() for each in found], "played": played})
+        return 0
+    print(*summary(scenario, found), sep="\n")
+    if played:
+        print("", *played.summary(), sep="\n")
+    if options.sheet:
+        print(options.sheet)
     return 0
 
 

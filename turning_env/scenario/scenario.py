@@ -36,7 +36,7 @@ from turning_env.scenario.sections import (
 )
 from turning_env.scenario.validation import complaints
 
-_SOURCE = "_source"  # beside the fields, as Pydantic would compare a private attribute
+_SOURCE, _CALIBRATION = "_source", "_calibration"  # beside the fields, as Pydantic would compare a private attribute
 _PRESETS = resources.files("turning_env.scenario") / "presets"
 _ALL_PRESETS = "python -m turning_env presets"
 
@@ -192,6 +192,11 @@ class Scenario(Section):
         file: Path | None = vars(self).get(_SOURCE)
         return file
 
+    @property
+    def calibration(self) -> Any:
+        """Return the table ``calibration`` of the file or its base: how the laws were measured (``workshop``). Not identity."""
+        return vars(self).get(_CALIBRATION)
+
     @classmethod
     def load(cls, source: "Source") -> "Scenario":
         """Return the scenario of a preset's name, a TOML file's path or a dict; return a ``Scenario`` unchanged.
@@ -263,7 +268,7 @@ class Scenario(Section):
         cls, values: dict[str, Any], source: str, name: str, folder: Path | None, below: tuple[str, ...]
     ) -> "Scenario":
         """Return the scenario of a table. A base's path is relative to ``folder``; without a folder, the base is a preset."""
-        base = values.pop("base", None)
+        base, calibration = values.pop("base", None), values.pop(_CALIBRATION[1:], None)
         if base is not None:
             if isinstance(base, str) and base in presets():
                 above = cls._preset(base, below)
@@ -276,14 +281,30 @@ class Scenario(Section):
                 instead = names_instead(base if isinstance(base, str) else "", presets(), _ALL_PRESETS)
                 raise ScenarioError(f"{source}: base: {_shown(base)} is neither a preset nor a TOML file; {instead}")
             values = _merged(above.model_dump(exclude={"name"}), values)
+            calibration = above.calibration if calibration is None else calibration
         try:
-            return cls.model_validate({"name": name} | values)
+            loaded = cls.model_validate({"name": name} | values)
+            vars(loaded)[_CALIBRATION] = calibration
+            return loaded
         except ValidationError as error:
             raise ScenarioError(f"{source}: " + "; ".join(complaints_of(error))) from error
 
     def to_toml(self) -> str:
-        """Return the whole scenario as TOML; ``Scenario.load`` reads back an equal scenario."""
-        return tomli_w.dumps(self.model_dump())
+        """Return the whole scenario as TOML, with units as comments; ``Scenario.load`` reads back an equal scenario."""
+        section, lines = "", []
+        for line in tomli_w.dumps(self.model_dump()).splitlines():
+            section = line[1:-1] if line.startswith("[") else section
+            unit = self._unit(section, line.partition(" = ")[0])
+            lines.append(f"{line} # {unit}" if unit and line[-1] not in "[{" else line)
+        return "\n".join(lines) + "\n"
+
+    def _unit(self, section: str, key: str) -> str:
+        """Return the unit of a number of a section, empty if it has none."""
+        table: Any = attrgetter(section)(self) if section else self
+        field = type(table).model_fields.get(key)
+        extra = field.json_schema_extra if field else None
+        unit = str(extra["unit"]) if isinstance(extra, dict) else ""
+        return "" if unit in ("-", "response") else unit.replace("money", self.economics.currency)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the whole scenario as a TOML file, whole or not at all; make its folder if it is missing."""

@@ -296,7 +296,7 @@ class Mismatch(Section):
 
 
 class Economics(Section):
-    """Prices in machine time: money divided by the machine's hourly rate."""
+    """Prices in machine time, which the reward counts: money divided by the machine's hourly rate; and money, for ``advise``."""
 
     reference_removal_rate: float = quantity(
         115, 0.001, 1e5, "cm3/min", "removal rate that just pays for machine time (assumption)"
@@ -313,6 +313,19 @@ class Economics(Section):
     overload_price: float = quantity(
         10, 0, 1e4, "-", "price of a relative excess of 1 over a limit, in s of machine time per s (assumption)"
     )
+    currency: str = "EUR"
+    """Unit of money of the prices below, 1 to 8 characters."""
+    machine_rate: float = quantity(0, 0, 1e9, "money/h", "hourly rate of the machine; 0: advice counts machine time, not money")
+    operator_rate: float = quantity(0, 0, 1e9, "money/h", "hourly rate of the operator, on top of the machine's")
+    insert_price: float = quantity(0, 0, 1e9, "money", "price of an insert; 0: edge_cost of machine time per edge")
+    edges_per_insert: float = quantity(4, 1, 100, "edges", "usable edges of an insert")
+
+    @field_validator("currency")
+    @classmethod
+    def _currency_short(cls, value: str) -> str:
+        if not 1 <= len(value) <= 8 or not value.isprintable():
+            raise ValueError(f"{value!r} is not allowed: only 1 to 8 printable characters")
+        return value
 
 
 class FeedLimit(PowerLaw):

@@ -4,29 +4,44 @@ The command is ``python -m turning_env calibrate``; docs/your_own_machine.md is 
 """
 
 import difflib
-import os
-import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomli_w
 from pydantic import ValidationError
 
-from turning_env.files import replace_file
-from turning_env.scenario import Scenario, presets
-from turning_env.scenario.scenario import name_of_file
+from turning_env.scenario import Scenario
 from turning_env.scenario.sections import Material
 from turning_env.workshop import WorkshopError
 from turning_env.workshop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
 from turning_env.workshop.measurements import COLUMNS, Measurements
+from turning_env.workshop.next_cuts import NextCuts, next_cuts
+from turning_env.workshop.plausibility import (
+    RobustFit,
+    law_problems,
+    outliers,
+    robust_fit,
+    row_problems,
+    tool_life,
+    unusual_edges,
+)
+from turning_env.workshop.prediction import BEYOND
 
-BEYOND = 0.01
-"""Relative distance beyond the measured range above which a law counts as extrapolated [-]."""
 WIDE = 0.5
 """Half-width of an exponent's interval above which a warning calls the exponent hardly known [-]."""
+
+
+SLOWER = 30.0
+"""Ratio of the fitted tool life to the base's above which a warning asks for the unit of time [-]."""
+
+
+class Implausible(WorkshopError):
+    """Measurements or laws that cannot be true, with the rows and the likely cause."""
+
+    def __init__(self, problems: Sequence[str]):
+        super().__init__("; ".join(problems))
+        self.problems = tuple(problems)
 
 
 @dataclass(frozen=True)
@@ -35,10 +50,18 @@ class Calibration:
 
     fits: dict[str, Fit]
     """Fitted laws, by what they predict."""
+    robust: dict[str, RobustFit]
+    """The same laws, fitted so that a few wrong rows hardly count."""
     kept: dict[str, str]
     """Laws kept from the base, with the reason."""
     material: Material
+    problems: tuple[str, ...]
+    """What cannot be true, if the calibration was forced."""
     warnings: tuple[str, ...]
+    next_cuts: NextCuts | None
+    """Cuts to measure next; None if no law can be known better."""
+    readings: tuple[str, ...]
+    """How each column of the sheet was read."""
     confidence: float
     """Confidence level of all intervals [-]."""
 
@@ -49,7 +72,9 @@ class Calibration:
         return round(edges.spread, 4) if edges and edges.spread <= 1.0 else None
 
 
-def calibrate(measurements: Measurements, base: Scenario, confidence: float = 0.95, strict: bool = False) -> Calibration:
+def calibrate(
+    measurements: Measurements, base: Scenario, confidence: float = 0.95, strict: bool = False, force: bool = False
+) -> Calibration:
     """Fit every law that has rows; take the other laws, and exponents that cannot be estimated, from the base.
 
     Args:
@@ -57,15 +82,23 @@ def calibrate(measurements: Measurements, base: Scenario, confidence: float = 0.
         base: Scenario with the laws to start from and the ranges for which extrapolation is warned of.
         confidence: Confidence level of the intervals [-], above 0 and below 1.
         strict: Raise an error if the exponent of a column cannot be estimated.
+        force: Go on with measurements and laws that cannot be true.
 
     Raises:
+        Implausible: A row, or a fitted law, cannot be true.
         WorkshopError: No law has rows, one has too few, or the fitted laws are out of range.
     """
+    problems = list(row_problems(measurements))
     fits: dict[str, Fit] = {}
     kept: dict[str, str] = {}
     for response in FACTORS:
         if complete_rows(response, measurements).any():
-            fits[response] = fit(response, measurements, getattr(base.material, response), confidence)
+            try:
+                fits[response] = fit(response, measurements, getattr(base.material, response), confidence)
+            except WorkshopError as error:
+                if problems and not force:  # the likely reason
+                    raise Implausible(problems) from error
+                raise
         else:
             needed = [name for name in (response, *FACTORS[response]) if name != "hardness"]
             absent = [name for name in needed if name not in measurements.columns]
@@ -77,16 +110,22 @@ def calibrate(measurements: Measurements, base: Scenario, confidence: float = 0.
         wrong += [f"{response}: {why}" for factor, why in fitted.assumed.items() if factor in measurements.columns]
     if strict and wrong:
         raise WorkshopError("not all can be fitted, as --strict demands: " + "; ".join(wrong))
+    robust = {response: robust_fit(fitted) for response, fitted in fits.items()}
+    problems += outliers(fits, robust)
+    if not problems or force:  # wrong rows make laws wrong, too
+        problems += law_problems(fits, base.tool.wear_criterion)
+    if problems and not force:
+        raise Implausible(problems)
     laws = {response: fitted.law.model_dump() for response, fitted in fits.items()}
     try:
         material = Material.model_validate(base.material.model_dump() | laws)
     except ValidationError as error:
-        raise WorkshopError(f"the fitted laws are no material: {_message(error)}") from error
-    return Calibration(fits, kept, material, tuple(_warnings(fits, measurements, base)), confidence)
-
-
-def _message(error: ValidationError) -> str:
-    return error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise WorkshopError(
+            f"the fitted laws are no material: {error.errors()[0]['msg'].removeprefix('Value error, ')}"
+        ) from error
+    warnings = (*unusual_edges(fits, robust), *_warnings(fits, measurements, base))
+    advised = next_cuts(fits, base)
+    return Calibration(fits, robust, kept, material, tuple(problems), warnings, advised, measurements.readings, confidence)
 
 
 def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) -> Iterator[str]:
@@ -112,6 +151,13 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) 
             if name != "coefficient" and half > WIDE:
                 known = f"{estimate.value:.3g} +- {half:.2g}"
                 yield f"{response}: the exponent of {name} is hardly known, {known}: vary it more, or read more edges"
+    if (wear := fits.get("wear")) and wear.factors["time"].size:
+        rate = base.material.wear(**(wear.factors | {"time": 1.0}))
+        with np.errstate(all="ignore"):
+            life = (base.tool.wear_criterion / rate) ** (1.0 / base.material.wear.time)
+            ratio = float(np.median(tool_life(wear, base.tool.wear_criterion) / life))
+        if ratio > SLOWER:
+            yield f"wear: edges last {ratio:.3g} times as long as the base's: is time in seconds?"
     yield from _extrapolations(fits, base)
 
 
@@ -141,6 +187,7 @@ def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
     """Return all results in a form for JSON, with the names of the measurements' file and of the base."""
     return {
         "measurements": source,
+        "columns": list(calibration.readings),
         "base": base,
         "confidence": calibration.confidence,
         "laws": {
@@ -151,6 +198,8 @@ def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
                 "scatter": fitted.scatter,
                 "edges": fitted.edges and {"count": fitted.edges.count, "spread": fitted.edges.spread},
                 "largest_residual": dict(zip(("line", "relative"), fitted.largest_residual(), strict=True)),
+                "robust": calibration.robust[response].exponents,
+                "outliers": fitted.lines[calibration.robust[response].outlying].tolist(),
                 "fitted": {name: estimate._asdict() for name, estimate in fitted.estimates.items()},
                 "assumed": {name: {"value": getattr(fitted.law, name), "reason": why} for name, why in fitted.assumed.items()},
                 "law": fitted.law.model_dump(),
@@ -158,12 +207,15 @@ def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
             for response, fitted in calibration.fits.items()
         },
         "kept_from_base": calibration.kept,
+        "problems": list(calibration.problems),
         "warnings": list(calibration.warnings),
+        "next_cuts": calibration.next_cuts and calibration.next_cuts._asdict(),
     }
 
 
 def summary(calibration: Calibration) -> Iterator[str]:
     """Yield all results as lines of text."""
+    yield f"columns: {', '.join(calibration.readings)}"
     for response, fitted in calibration.fits.items():
         line, residual = fitted.largest_residual()
         yield f"{response}: {quality(fitted)}"
@@ -171,72 +223,18 @@ def summary(calibration: Calibration) -> Iterator[str]:
         if fitted.edges:
             yield f"  {fitted.edges.count} edges, which differ by {100 * fitted.edges.spread:.2g} % (one standard deviation)"
         for name, estimate in fitted.estimates.items():
-            yield f"  {name:<14}{estimate.value:>12.6g}   {estimate.low:.6g} to {estimate.high:.6g}"
+            robust = calibration.robust[response].exponents.get(name)
+            beside = "" if robust is None else f"   robust {robust:.6g}"
+            yield f"  {name:<14}{estimate.value:>12.6g}   {estimate.low:.6g} to {estimate.high:.6g}{beside}"
         for name, why in fitted.assumed.items():
             yield f"  {name:<14}{getattr(fitted.law, name):>12.6g}   assumed: {why}"
     for response, why in calibration.kept.items():
         yield f"{response}: as in the base, {why}"
+    if calibration.next_cuts:
+        yield from calibration.next_cuts.summary()
 
 
 def quality(fitted: Fit) -> str:
     """Return a fit's number of rows, explained variance and scatter, for people."""
     explained = "" if fitted.r_squared is None else f"R2 {fitted.r_squared:.5f}, "
     return f"{len(fitted.lines)} rows, {explained}scatter {100 * fitted.scatter:.2g} %"
-
-
-def write_scenario(calibration: Calibration, base: str, source: str, out: Path) -> Scenario:
-    """Write and return a scenario with the values that the base states, but the fitted laws.
-
-    Args:
-        calibration: The fitted laws.
-        base: A preset, or a scenario file whose values are copied, without name and comments.
-        source: Name of the measurements' file, for the comment.
-        out: File to write, whole or not at all; its name without the suffix becomes the scenario's name.
-
-    Raises:
-        WorkshopError: The fitted laws do not suit the base.
-        OSError: The file cannot be written.
-    """
-    spread = calibration.wear_factor_spread
-    tool = {} if spread is None else {"wear_factor_spread": spread}
-    values = Scenario.load(base).model_dump() | {"name": name_of_file(out), "material": calibration.material.model_dump()}
-    values["tool"] |= tool
-    try:
-        scenario = Scenario.model_validate(values)
-    except ValidationError as error:
-        raise WorkshopError(f"{out}: {_message(error)}") from error
-    stated: dict[str, Any] = {"base": base}
-    if base not in presets():
-        stated = tomllib.loads(Path(base).read_text("utf-8-sig"))
-        stated.pop("name", None)
-        if (above := stated.get("base")) and above not in presets():  # a file, named from the folder of the one that states it
-            stated["base"] = os.path.relpath(Path(base).parent / above, out.parent)
-        material = {name: law for name, law in stated.pop("material", {}).items() if name not in calibration.fits}
-        stated |= {"material": material} if material else {}
-    if tool:
-        stated["tool"] = stated.get("tool", {}) | tool
-    text = "\n".join(_toml_lines(calibration, stated, source))
-    replace_file(out, lambda partial: partial.write_text(text, "utf-8"))
-    return scenario
-
-
-def _toml_lines(calibration: Calibration, stated: dict[str, Any], source: str) -> Iterator[str]:
-    interval = f"{100 * calibration.confidence:g} % interval"
-    yield f"# Fitted by `python -m turning_env calibrate` to {source!a}; each fitted number is followed by its {interval}."
-    for response, why in calibration.kept.items():
-        yield f"# The law of {response} is the base's: {why}."
-    if calibration.wear_factor_spread is not None:
-        yield "# tool.wear_factor_spread is the deviation of edges from the law of wear."
-    yield ""
-    yield tomli_w.dumps(stated)
-    for response, fitted in calibration.fits.items():
-        yield f"[material.{response}]"
-        yield f"# {quality(fitted)}."
-        for name, value in fitted.law.model_dump().items():
-            comment = ""
-            if name in fitted.estimates:
-                comment = f" # {fitted.estimates[name].low:.6g} to {fitted.estimates[name].high:.6g}"
-            elif name in fitted.assumed:
-                comment = f" # assumed: {fitted.assumed[name]}"
-            yield f"{name} = {value!r}{comment}"
-        yield ""

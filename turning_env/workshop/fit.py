@@ -81,8 +81,12 @@ class Fit:
     """Factors whose exponents are the base law's, with the reason."""
     r_squared: float | None
     """Share of the variance of the response's logarithm that the law explains [-]; None if the response never varies."""
+    covariance: Values
+    """Covariance of the coefficient's logarithm and the fitted exponents, in the order of ``estimates``."""
     scatter: float
     """Standard deviation of the residuals' logarithms, adjusted for the degrees of freedom [-]."""
+    reading_scatter: float
+    """Standard deviation of the logarithm of one reading of an edge that was not measured [-]."""
     degrees: int
     """Degrees of freedom of the residuals: number of rows - number of fitted parameters."""
     factors: dict[str, Values]
@@ -145,7 +149,8 @@ def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: f
     references = {"depth_of_cut": np.log(base.reference_depth_of_cut)}
     design = np.array([logs[name] - references.get(name, 0.0) for name in fitted]).reshape(len(fitted), count).T
     edges = None if measurements.edges is None else _edge_effect(target, design, measurements.edges[present])
-    intercept, slopes, errors = _least_squares(target, design, edges)
+    intercept, slopes, covariance, within = _least_squares(target, design, edges)
+    errors = np.sqrt(np.diag(covariance))
     law = _validated(response, base, {"coefficient": float(np.exp(intercept))} | dict(zip(fitted, slopes.tolist(), strict=True)))
 
     degrees = count - 1 - len(fitted)
@@ -165,7 +170,9 @@ def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: f
         estimates=estimates,
         assumed=assumed,
         r_squared=1.0 - float(residuals @ residuals) / variation if np.ptp(log_measured) >= MIN_VARIATION else None,
+        covariance=covariance,
         scatter=float(np.sqrt(residuals @ residuals / degrees)),
+        reading_scatter=float(np.hypot(within, edges.spread if edges else 0.0)),
         degrees=degrees,
         factors=factors,
         measured=measured,
@@ -262,8 +269,8 @@ def _group_means(values: Values, group: NDArray[np.int64]) -> Values:
     return np.asarray((sums.T / np.bincount(group)).T[group])
 
 
-def _least_squares(target: Values, design: Values, edges: EdgeEffect | None) -> tuple[float, Values, Values]:
-    """Return intercept, slopes, and the standard errors of both, shape (1 + factors,)."""
+def _least_squares(target: Values, design: Values, edges: EdgeEffect | None) -> tuple[float, Values, Values, float]:
+    """Return intercept, slopes, the covariance of both, shape (1 + factors, 1 + factors), and the rows' own scatter."""
     centre = design.mean(axis=0)  # subtracted, so that the numbers do not depend on how far from 1 the factors lie
     columns = np.column_stack([target, np.ones(len(target)), design - centre])
     if edges is not None:
@@ -272,9 +279,16 @@ def _least_squares(target: Values, design: Values, edges: EdgeEffect | None) -> 
     inverse = np.linalg.pinv(columns)
     solution = inverse @ target
     residuals = target - columns @ solution
-    covariance = inverse @ inverse.T * (residuals @ residuals) / (len(target) - columns.shape[1])
-    back = np.concatenate([[1.0], -centre])
-    return float(back @ solution), solution[1:], np.sqrt([back @ covariance @ back, *np.diag(covariance)[1:]])
+    variance = float(residuals @ residuals) / (len(target) - columns.shape[1])
+    back = np.eye(columns.shape[1])
+    back[0, 1:] = -centre
+    solution = back @ solution
+    return (
+        float(solution[0]),
+        solution[1:],
+        np.asarray(back @ (inverse @ inverse.T * variance) @ back.T),
+        float(np.sqrt(variance)),
+    )
 
 
 def _validated(response: str, base: PowerLaw, values: dict[str, float]) -> PowerLaw:

@@ -1,5 +1,6 @@
 """Draw the residuals of a calibration, and the operating map of a scenario."""
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 
 from turning_env.scenario import Scenario
 from turning_env.workshop.calibrate import Calibration
-from turning_env.workshop.fit import Fit
+from turning_env.workshop.fit import SETTINGS, Fit
 from turning_env.workshop.measurements import COLUMNS
 from turning_env.workshop.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILLION
+from turning_env.workshop.prediction import read_evidence
 from turning_env.workshop.whatif import Cuts, what_if
 
 MAX_POINTS = 20000
@@ -25,7 +27,7 @@ _LIMITS: dict[str, tuple[str, str, str, Any]] = {
     "power": ("power", "kW", BLUE, (0, (6, 1.5))),
 }
 """Name, unit, colour and dashes of each limit."""
-_ALLOWED = "#DCEFE6"
+_ALLOWED, _DOTS = "#DCEFE6", "#999999"
 
 
 def draw_residuals(calibration: Calibration) -> Figure:
@@ -68,15 +70,31 @@ def draw_map(scenario: Scenario, wear: float, depth_of_cut: float | None = None,
         depth_of_cut: [mm]; the scenario's nominal depth if None.
         hardness: Hardness of the bar over nominal [-].
     """
+    figure = Figure(figsize=(8.6, 6.4), layout="constrained")
+    handles = draw_map_on(figure.subplots(), scenario, wear, depth_of_cut, hardness)
+    if warnings := read_evidence(scenario).warnings:
+        text = "\n".join(textwrap.wrap(f"{len(warnings)} warnings, the first: {warnings[0]}", 110))
+        figure.suptitle(text, fontsize="small", color=VERMILLION)
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def draw_map_on(
+    axes: Axes, scenario: Scenario, wear: float, depth_of_cut: float | None = None, hardness: float = 1.0
+) -> list[Any]:
+    """Draw the map on axes, and return the handles of its legend: see ``draw_map``."""
     machine = scenario.machine
     speeds = np.linspace(machine.cutting_speed_min, machine.cutting_speed_max, GRID)
     feeds = np.linspace(machine.feed_min, machine.feed_max, GRID)
     cuts = what_if(scenario, speeds, feeds[:, np.newaxis], depth_of_cut, hardness, wear=wear)
-    figure = Figure(figsize=(8.6, 6.4), layout="constrained")
-    axes = figure.subplots()
     axes.set_facecolor(LIGHT)
     if cuts.within_limits.any():
         axes.contourf(speeds, feeds, cuts.within_limits.astype(float), levels=(0.5, 1.5), colors=[_ALLOWED])
+    beyond = _beyond_measured(scenario, cuts)
+    if beyond.any():
+        dots = axes.contourf(speeds, feeds, beyond.astype(float), levels=(0.5, 1.5), colors="none", hatches=["."])
+        dots.set_edgecolor(_DOTS)
+        dots.set_linewidth(0.0)
     _draw_removal_rate(axes, cuts)
     _draw_tool_life(axes, cuts)
     for name, (_, _, colour, dashes) in _LIMITS.items():
@@ -97,7 +115,7 @@ def draw_map(scenario: Scenario, wear: float, depth_of_cut: float | None = None,
         Line2D([], [], color=colour, linewidth=2.2, linestyle=dashes, label=f"{what} at its limit, {limit:g} {unit}")
         for limit, (what, unit, colour, dashes) in zip(limits, _LIMITS.values(), strict=True)
     ]
-    handles = [
+    handles: list[Any] = [
         Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"),
         Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"),
         *lines,
@@ -105,8 +123,18 @@ def draw_map(scenario: Scenario, wear: float, depth_of_cut: float | None = None,
         Line2D([], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out"),
         Line2D([], [], color="black", marker="o", linestyle="none", label="highest removal rate"),
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
-    return figure
+    if beyond.any():
+        handles.append(Patch(facecolor="white", edgecolor=_DOTS, hatch="..", label="extrapolated: not measured there"))
+    return handles
+
+
+def _beyond_measured(scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
+    """Return where speed, feed, depth or hardness lies outside the range in which a law was measured."""
+    beyond = np.zeros(cuts.wear.shape, bool)
+    for law in read_evidence(scenario).laws.values():
+        settings = {name: law.measured[name] for name in SETTINGS if name in law.measured}
+        beyond |= law.model_copy(update={"measured": settings}).extrapolates(cuts._asdict())
+    return beyond
 
 
 def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:

@@ -119,7 +119,7 @@ rows = st.tuples(*[st.sampled_from(["", "0.999", "1", "1.0001", "2", "4"])] * 9)
 def test_poor_rows_give_a_scenario_or_an_error(table: list[str], strict: bool, capsys: pytest.CaptureFixture[str]) -> None:
     Path("cuts.csv").write_text("\n".join([NAMES, *table]))
     Path("my_tool.toml").unlink(missing_ok=True)
-    status = calibrate("--json", "--confidence", "0.9999", *["--strict"] * strict, measurements="cuts.csv")
+    status = calibrate("--force", "--json", "--confidence", "0.9999", *["--strict"] * strict, measurements="cuts.csv")
     printed = capsys.readouterr()
     if status == 0:
         laws = json.loads(printed.out)["laws"]

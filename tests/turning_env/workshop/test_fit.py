@@ -127,7 +127,7 @@ TRIALS = 100
 @pytest.mark.slow
 def test_unnamed_edges_that_differ_are_noticed_and_chance_is_not() -> None:
     def noticed(spread: float) -> int:
-        warnings = [calibrate(replace(with_edges(spread, seed), edges=None), BASE).warnings for seed in range(TRIALS)]
+        warnings = [calibrate(replace(with_edges(spread, seed), edges=None), BASE, force=True).warnings for seed in range(TRIALS)]
         return sum(any("wear: rows at the same settings deviate together" in text for text in each) for each in warnings)
 
     assert noticed(0.1) > 0.95 * TRIALS
@@ -188,7 +188,9 @@ def test_extrapolation_and_wide_intervals_are_warned_of(example: Calibration) ->
     assert deep.replace("2.5 mm", "1 to 2 mm") in calibrate(measured, stepped).warnings
     measured = cuts(PowerLaw(coefficient=0.3, cutting_speed=0.8), 12, 0.05)
     measured.columns["feed"] = np.where(np.arange(12) < 6, 0.3, 0.305)
-    assert any("power: the exponent of feed is hardly known" in warning for warning in calibrate(measured, BASE).warnings)
+    assert any(
+        "power: the exponent of feed is hardly known" in warning for warning in calibrate(measured, BASE, force=True).warnings
+    )
 
 
 def test_laws_out_of_range_are_refused() -> None:
@@ -197,7 +199,7 @@ def test_laws_out_of_range_are_refused() -> None:
     with pytest.raises(
         WorkshopError, match=r"power: exponent of wear, as fitted: 10\.5.* is outside the allowed range -10 to 10"
     ):
-        calibrate(measured, BASE)
+        calibrate(measured, BASE, force=True)
     shrinking = table(cutting_speed=100, feed=0.3, depth_of_cut=2, time=[1, 2, 4, 8], wear=[0.3, 0.2, 0.15, 0.1])
     with pytest.raises(WorkshopError, match="but wear must grow with time"):
-        calibrate(shrinking, BASE)
+        calibrate(shrinking, BASE, force=True)

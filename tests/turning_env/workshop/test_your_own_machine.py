@@ -35,7 +35,7 @@ def test_the_tutorial_works_from_first_to_last(
     quoted = [line[4:] for line in PAGE.splitlines() if line.startswith("    ")]
     table = (ROOT / "docs" / "examples" / "cuts.csv").read_text("utf-8")
     assert all(line in printed or line in table for line in quoted)
-    for made in ("my_tool.toml", "residuals.png", "report.json", "map.png"):
+    for made in ("my_tool.toml", "residuals.png", "report.json", "map.png", "sheet.pdf"):
         assert Path(made).stat().st_size > 0
     assert "power = 5.5" in Path("my_tool.toml").read_text()
 

@@ -1,0 +1,93 @@
+"""``python -m turning_env advise``: what it recommends keeps the limits, and its numbers are those of a play."""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from turning_env import Scenario
+from turning_env.__main__ import main
+from turning_env.scenario import ScenarioError
+from turning_env.scoring.play import play
+from turning_env.workshop import WorkshopError
+from turning_env.workshop.advise import AIMS, Prices, advise, part_volume, summary
+from turning_env.workshop.advise_play import Clock, clocked, play_all
+from turning_env.workshop.prediction import Evidence
+from turning_env.workshop.whatif import what_if
+
+EVEN = {
+    "workpiece": {"depth_bar_spread": 0.0, "depth_along_spread": 0.0, "hardness_bar_spread": 0.0, "hardness_along_spread": 0.0},
+    "tool": {"wear_factor_spread": 0.0, "edge_strength_spread": 0.0},
+    "machine": {"feed_time_constant": 0.0, "spindle_time_constant": 0.0},
+}
+MONEY = {"machine_rate": 60.0, "operator_rate": 30.0, "insert_price": 12.0, "edges_per_insert": 4.0, "currency": "CHF"}
+
+
+def test_recommendations_keep_the_limits() -> None:
+    scenario = Scenario()
+    found = advise(scenario, Evidence())
+    assert [(each.aim, len(each.steps) > 1) for each in found] == [(aim, kind) for aim in AIMS for kind in (False, True)]
+    for each in found:
+        for step in each.steps:
+            assert what_if(scenario, step.cutting_speed, step.feed, wear=step.wear * (1 - 1e-9)).within_limits
+        assert each.parts[1] < each.parts[0] < each.parts[2]
+    metal, cost, run = found[::2], found[2:4], found[4:]
+    assert metal[0].removal_rate == max(each.removal_rate for each in metal)
+    assert cost[0].cost <= min(each.cost for each in metal)
+    assert run[0].life[0] == max(each.life[0] for each in metal)
+    assert all(schedule.cost <= fixed.cost + 1e-9 for fixed, schedule in [(found[2], found[3])])
+
+
+def test_prices_are_money_only_with_a_rate() -> None:
+    assert Prices.of(Scenario()) == ("min", 1.0, 3.0, 2.0)
+    assert Prices.of(Scenario.load({"economics": MONEY})) == ("CHF", 1.5, 3.0, 2.0)
+    with pytest.raises(WorkshopError, match=r"machine_rate is 0"):
+        Prices.of(Scenario.load({"economics": {"insert_price": 3.0}}))
+    with pytest.raises(ScenarioError, match="currency"):
+        Scenario.load({"economics": {"currency": ""}})
+    dear = Scenario.load({"economics": MONEY | {"insert_price": 400.0}})
+    cheap = Scenario.load({"economics": MONEY})
+    assert advise(dear, Evidence())[2].life[0] > advise(cheap, Evidence())[2].life[0]
+    assert "CHF" in "\n".join(summary(cheap, advise(cheap, Evidence())))
+
+
+def test_impossible_limits_are_named() -> None:
+    with pytest.raises(WorkshopError, match=r"limits\.thrust_force, 10 N"):
+        advise(Scenario.load({"limits": {"thrust_force": 10.0}}), Evidence())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [2, 3])
+def test_numbers_are_those_of_a_play(index: int) -> None:
+    scenario = Scenario.load(EVEN)
+    advice = advise(scenario, Evidence())[index]
+    episodes = play(partial(Clock, scenario, advice.steps, 1.0), clocked(scenario, advice), [1], tell=True)
+    assert episodes["removed"][0] / part_volume(scenario) == pytest.approx(advice.parts[0], rel=0.03)
+    assert episodes["wear"][0] == pytest.approx(advice.steps[-1].wear, rel=0.03)
+
+
+@pytest.mark.slow
+def test_a_year_is_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scenario = Scenario.load({"economics": MONEY})
+    played = play_all(scenario, advise(scenario, Evidence()), [], "fixed_handbook", 1000.0, 2)
+    assert [year.name for year in played.years] == ["fixed parameters", "schedule by time", "rule fixed_handbook"]
+    assert played.years[0].saved.value == 0
+    for year in played.years[1:]:
+        assert year.saved.value == pytest.approx(played.years[0].cost.value - year.cost.value)
+    assert played.years[0].cost.value > 1000 * 90  # the hours, and edges
+    with pytest.raises(WorkshopError, match="--rule nothing"):
+        play_all(scenario, advise(scenario, Evidence()), [], "nothing", 1000.0, 2)
+
+
+def test_the_command_prints_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["advise", "rough_turning", "--seeds", "0", "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["advice"]) == 2 * len(AIMS)
+    assert main(["advise", "batch_casting", "--seeds", "0"]) == 2
+
+
+@pytest.mark.slow
+def test_the_sheet_is_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["advise", "rough_turning", "--seeds", "0", "--sheet", str(tmp_path / "sheet.pdf")]) == 0
+    assert (tmp_path / "sheet.pdf").read_bytes().count(b"/Type /Page ") == 1
+    assert str(tmp_path / "sheet.pdf") in capsys.readouterr().out

@@ -1,0 +1,214 @@
+"""Play recommendations and what adapts to bars and edges on the simulated lathe, and compare their costs by the year."""
+
+import importlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env.scenario import Scenario
+from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.overload import severe_share
+from turning_env.scoring.play import Episodes, play, play_spec
+from turning_env.scoring.policy import Actions, Observations
+from turning_env.scoring.seeds import held_out_seeds
+from turning_env.scoring.statistics import Bootstrap, Estimate
+from turning_env.workshop import WorkshopError
+from turning_env.workshop.advise import Advice, Prices, Step, part_volume
+
+MARGINS = (1.0, 0.92, 0.85, 0.78, 0.72, 0.66, 0.6, 0.5, 0.4)
+"""Factors of the recommended feed, of which the first is used that keeps the scenario's limits often enough."""
+LONGEST = 600.0
+"""Largest time of an edge that is played [min]."""
+
+
+@dataclass(frozen=True)
+class Year:
+    """One policy's year."""
+
+    name: str
+    feed_factor: float
+    """Factor of the recommended feed that keeps the limits in play [-]; 1 for a policy that chooses by itself."""
+    removal_rate: float
+    """Metal per minute, edge changes included [cm3/min]."""
+    overload: float
+    """Share of cutting time in overload [-]."""
+    feasible: bool
+    """Whether this share is allowed."""
+    cost: Estimate
+    """Cost of a year of the fixed parameters' metal."""
+    saved: Estimate
+    """Cost of this year less than with fixed parameters."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """Results of all policies, the fixed parameters first."""
+
+    unit: str
+    """Currency, or "h" of machine time."""
+    hours: float
+    """Hours of a year, in which the fixed parameters' metal is cut."""
+    edges: int
+    """Edges played with each policy."""
+    years: list[Year]
+    notes: list[str]
+    """What was not played, and why."""
+
+    def summary(self) -> Iterator[str]:
+        """Yield lines of text."""
+        first = self.years[0]
+        yield f"played on {self.edges} simulated edges each; a year is the metal of {self.hours:g} h with fixed parameters"
+        rows = [
+            ("", "feed", "MRR", "overload", "cost of a year", "saved in a year"),
+            ("", "%", "cm3/min", "%", self.unit, f"{self.unit} (95 %)"),
+        ]
+        for year in self.years:
+            saved = "" if year is first else f"{year.saved.value:.0f} ({year.saved.low:.0f} to {year.saved.high:.0f})"
+            rows.append(
+                (
+                    year.name,
+                    f"{100 * year.feed_factor:.0f}",
+                    f"{year.removal_rate:.1f}",
+                    f"{100 * year.overload:.1f}" + " !" * (not year.feasible),
+                    f"{year.cost.value:.0f} ({year.cost.low:.0f}-{year.cost.high:.0f})",
+                    saved,
+                )
+            )
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        for row in rows:
+            yield "  ".join(
+                cell.ljust(width) if n == 0 else cell.rjust(width)
+                for n, (cell, width) in enumerate(zip(row, widths, strict=True))
+            ).rstrip()
+        if not all(year.feasible for year in self.years):
+            yield "! in overload longer than limits.overload_allowance: not to be used"
+        yield from self.notes
+
+
+class Clock:
+    """Sets speed and feed by the cutting time of the edge."""
+
+    def __init__(self, scenario: Scenario, steps: Sequence[Step], factor: float, num_envs: int) -> None:
+        machine = scenario.machine
+        self._ends = 60.0 * np.cumsum([step.minutes for step in steps])[:-1]
+        speed, feed = (np.array([getattr(step, name) for step in steps]) for name in ("cutting_speed", "feed"))
+        feed = np.clip(factor * feed, machine.feed_min, machine.feed_max)
+        self._actions = np.column_stack([
+            2.0 * (speed - machine.cutting_speed_min) / (machine.cutting_speed_max - machine.cutting_speed_min) - 1.0,
+            2.0 * (feed - machine.feed_min) / (machine.feed_max - machine.feed_min) - 1.0,
+        ]).clip(-1.0, 1.0).astype(np.float32)  # fmt: skip
+        self._age: NDArray[np.float64] = np.zeros(num_envs)
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        self._age[mask] = 0.0
+
+    def tell(self, infos: dict[str, Any]) -> None:
+        if "engaged_time" in infos:
+            self._age += infos["engaged_time"]
+
+    def act(self, observations: Observations) -> Actions:
+        return np.asarray(self._actions[np.searchsorted(self._ends, self._age, side="right")])
+
+
+def play_all(scenario: Scenario, advice: Sequence[Advice], agents: Sequence[str], rule: str, hours: float, edges: int) -> Played:
+    """Play the fixed parameters and the schedule of least cost, agents, and a rule if this is a clone.
+
+    Args:
+        scenario: The lathe, with the model mismatch that it states.
+        advice: Returned by ``advise``.
+        agents: ONNX files or ``module:object``; they must take the scenario's observations and actions.
+        rule: A rule of ``baselines``, played if that package can be imported.
+        hours: Hours of work in a year.
+        edges: Number of edges, one per seed.
+
+    Raises:
+        WorkshopError: An agent or the rule cannot play this scenario.
+    """
+    prices, seeds = Prices.of(scenario), held_out_seeds(edges)
+    own = _for_one_edge(scenario, scenario.control.action)
+    played: list[tuple[str, float, Episodes]] = []
+    notes = []
+    for each in advice:
+        if each.aim == "least cost":
+            name = "fixed parameters" if len(each.steps) == 1 else "schedule by time"
+            # Its edge is changed by the clock, so an episode lasts as long as an edge.
+            played.append((name, *_with_margin(clocked(scenario, each), each.steps, seeds)))
+    for agent in agents:
+        try:
+            played.append((agent, 1.0, play(as_factory(agent), own, seeds)))
+        except (TypeError, ValueError) as error:
+            raise WorkshopError(f"--agent {agent}: {error}") from error
+    try:
+        catalogue = importlib.import_module("baselines.catalogue")
+    except ModuleNotFoundError:
+        notes.append("rules were not played: they are in a clone, from whose folder this command can play them")
+    else:
+        try:
+            played.append((f"rule {rule}", 1.0, play_spec(catalogue.spec(rule, own), own, seeds)))
+        except (KeyError, ValueError) as error:
+            raise WorkshopError(f"--rule {rule}: {error.args[0]}") from error
+    return _compared(scenario, prices, played, hours, notes)
+
+
+def clocked(scenario: Scenario, advice: Advice) -> Scenario:
+    """Return the scenario with episodes as long as a recommendation uses an edge. Plain bars have no return between them."""
+    return _for_one_edge(scenario, "set_point", advice.parts[0] * (advice.cycle_time - scenario.machine.return_time))
+
+
+def _for_one_edge(scenario: Scenario, action: str, minutes: float = LONGEST) -> Scenario:
+    """Return the scenario with episodes of one edge each."""
+    values = scenario.model_dump()
+    values["control"] |= {"action": action, "edge_changes": "end", "time_limit": minutes}
+    values["workpiece"] |= {"bars": 0}
+    return Scenario.model_validate(values)
+
+
+def _with_margin(scenario: Scenario, steps: Sequence[Step], seeds: Sequence[int]) -> tuple[float, Episodes]:
+    """Return the highest feed factor of ``MARGINS`` that keeps the limits often enough, and its episodes."""
+    for factor in MARGINS:
+        episodes = play(partial(Clock, scenario, steps, factor), scenario, seeds, tell=True)
+        if _overload(episodes) <= scenario.limits.overload_allowance:
+            break
+    return factor, episodes
+
+
+def _overload(episodes: Episodes) -> float:
+    return severe_share(episodes["severe_overload_time"], episodes["engaged_time"])
+
+
+def _compared(
+    scenario: Scenario, prices: Prices, played: list[tuple[str, float, Episodes]], hours: float, notes: list[str]
+) -> Played:
+    """Return each policy's costs of cutting the same metal."""
+    costs, minutes, volumes = {}, {}, {}
+    for name, _, episodes in played:
+        edges = 1.0  # an episode ends when its edge is worn out, broken or, by the clock, changed
+        downtime = scenario.economics.breakage_downtime * episodes["edges_broken"]
+        returns = scenario.machine.return_time * episodes["removed"] / part_volume(scenario)
+        minutes[name] = episodes["time"] / 60.0 + returns + prices.change_time * edges + downtime
+        costs[name] = prices.minute * minutes[name] + prices.edge * edges
+        volumes[name] = episodes["removed"]
+    # Hours of machine time if there is no money.
+    scale = 1.0 / 60.0 if prices.unit == "min" else 1.0
+    bootstrap, first = Bootstrap(len(next(iter(costs.values())))), played[0][0]
+
+    def year(name: str, mean: Any) -> Any:
+        """Return the cost of a year's metal from means over seeds."""
+        metal = 60.0 * hours * mean(volumes[first]) / mean(minutes[first])
+        return scale * metal * mean(costs[name]) / mean(volumes[name])
+
+    def resampled(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return bootstrap.means(values[np.newaxis], "")
+
+    years = []
+    for name, factor, episodes in played:
+        cost = Estimate.of(year(name, np.mean), year(name, resampled))
+        saved = Estimate.of(year(first, np.mean) - year(name, np.mean), year(first, resampled) - year(name, resampled))
+        overload = _overload(episodes)
+        rate = float(volumes[name].sum() / minutes[name].sum())
+        years.append(Year(name, factor, rate, overload, overload <= scenario.limits.overload_allowance, cost, saved))
+    return Played("h" if prices.unit == "min" else prices.unit, hours, len(volumes[first]), years, notes)
