@@ -37,9 +37,11 @@ MISTAKES: dict[str, list[str]] = {
         "nothing --cutting-speed 100 --feed 0.3 --wear 0.2",
         "forging --cutting-speed x --feed 0.3 --wear 0.2",
     ],
+    "turning_env advise": ["nothing", ". --seeds 1", "forging --hours 0", "forging --seeds -1"],
     "turning_env map": ["nothing --wear 0.2 --out made.png", "forging --wear 0.2 --out made.txt"],
     "papers.reproduce": ["more"],
     "baselines.tune": ["--scenario nothing", "--rules nobody", "--trials 0", "--seeds 0", "--jobs 0", "--trials x"],
+    "papers.reproduce.part_programming_cases": ["more"],
     "papers.figures": ["--only nothing", "--format gif"],
     **{
         f"train.{name}": ["--scenario nothing", "--env nothing", "--seed -1", "--steps 0", "--steps 1 --runs file"]

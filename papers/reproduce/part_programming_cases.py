@@ -14,7 +14,9 @@ coefficients of handbooks. Three kinds of control turn the same blanks in each:
 Every kind has the margin to the limits, of ``MARGINS``, with which it costs least, as all must allow for hardness.
 """
 
-from collections.abc import Iterator
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from tqdm import tqdm
@@ -25,6 +27,7 @@ from baselines.two_limits import ECONOMIC_OPTIMUM, AdaptiveRule, Along, along
 from papers import changed
 from papers.reproduce.checks import Check, at_most, claim, table
 from turning_env import PowerLaw, Scenario
+from turning_env.console import described, exits
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import PolicyFactory
 from turning_env.scoring.seeds import tuning_seeds
@@ -180,5 +183,13 @@ def comparison() -> Iterator[str]:
     yield from table(("cost of a blank [min] (margin)", "planned", "real-time control", "part programming", "psi"), rows)
 
 
-if __name__ == "__main__":
+@exits()
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the comparison; return the exit status."""
+    argparse.ArgumentParser(prog="python -m papers.reproduce.part_programming_cases", **described(__doc__)).parse_args(arguments)
     print(*comparison(), sep="\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
