@@ -300,7 +300,7 @@ class Scenario(Section):
 
     def _unit(self, section: str, key: str) -> str:
         """Return the unit of a number of a section, empty if it has none."""
-        section = section.removeprefix("nominal").removeprefix(".")  # told values have the units of the true ones
+        section = section.removeprefix("nominal_model").removeprefix(".")  # told values have the units of the true ones
         table: Any = attrgetter(section)(self) if section else self
         field = type(table).model_fields.get(key)
         extra = field.json_schema_extra if field else None
