@@ -75,6 +75,7 @@ def _run(options: argparse.Namespace) -> None:
             run.play_all(runs, options.fresh, over)
         except run.PoliciesFailed as error:
             failed.append(error)
+        run.write_learning_curves(runs[0], options.agents)
     try:
         leaderboards = read_leaderboards(options.results, {each.folder: each.task for each in runs})
     except ResultError as error:
