@@ -6,9 +6,10 @@ import pytest
 
 from baselines.catalogue import names
 from leaderboard import verify
-from leaderboard.oracles import CLAIRVOYANT, oracles
+from leaderboard.oracles import oracles
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import MANIFEST_FILE, SUFFIX, Manifest, read_part, read_result, result_files
+from leaderboard.standings import CLAIRVOYANT
 from leaderboard.verify import Selection
 from train.agents import onnx_policy
 from turning_env import IDS, SPLITS, Scenario
