@@ -90,9 +90,11 @@ def main(arguments: list[str] | None = None) -> int:
     level_help = "draw a horizontal line at this return [s]"
     parser.add_argument("--level", action="append", default=[], metavar="NAME=VALUE", help=level_help)
     parser.add_argument("--against", choices=list(AXES), default="steps", help="horizontal axis (default: %(default)s)")
+    again_help = "say that the runs repeat the trainings of the agents' files with the same settings"
+    parser.add_argument("--again", action="store_true", help=again_help)
     parsed = parser.parse_args(arguments)
     levels = dict(map(_level, parsed.level))
-    found = read(parsed.sources, parsed.against)
+    found = read(parsed.sources, parsed.against, parsed.again)
     if parsed.out.suffix == ".json":
         if parsed.against != "steps":
             raise ValueError(f"{parsed.out} would hold curves over steps: leave out --against {parsed.against}")

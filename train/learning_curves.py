@@ -38,9 +38,11 @@ class Training(_Part):
     last: float
     mean_return: list[float] = Field(min_length=1)
     """Mean return [s] at equal distances from ``first`` to ``last``."""
+    again: bool = False
+    """Whether the agent's file comes from an earlier training with the same settings."""
 
     @classmethod
-    def of(cls, run: Run, against: str = "steps") -> Self:
+    def of(cls, run: Run, against: str = "steps", again: bool = False) -> Self:
         """Return the learning curve of a run.
 
         Raises:
@@ -51,7 +53,7 @@ class Training(_Part):
             raise ValueError(f"no episode has ended yet in the training in {run.folder}")
         x = [row[against] for row in rows]
         returns = np.interp(np.linspace(x[0], x[-1], POINTS), x, [row["mean_return"] for row in rows])
-        return cls(first=x[0], last=x[-1], mean_return=[float(f"{value:.{_DIGITS}g}") for value in returns])
+        return cls(first=x[0], last=x[-1], mean_return=[float(f"{value:.{_DIGITS}g}") for value in returns], again=again)
 
     def at(self, x: Floats) -> Floats:
         """Return the mean returns at ``x``."""
@@ -80,7 +82,10 @@ class Trainings(_Part):
 
     def write(self, path: Path) -> None:
         """Write a file, all of it or nothing: a line per training."""
-        lines = [f"  {json.dumps(label)}: {each.model_dump_json()}" for label, each in sorted(self.trainings.items())]
+        lines = [
+            f"  {json.dumps(label)}: {each.model_dump_json(exclude_defaults=True)}"
+            for label, each in sorted(self.trainings.items())
+        ]
         head = f' "env_id": {json.dumps(self.env_id)},\n "scenario": {self.scenario.model_dump_json()},\n "trainings": {{\n'
         text = "{\n" + head + ",\n".join(lines) + "\n }\n}\n"
         replace_file(path, lambda partial: partial.write_text(text, "utf-8"))
@@ -91,6 +96,8 @@ class Curve:
     """Learning curve of one algorithm: arrays of shape (POINTS,)."""
 
     seeds: int
+    again: bool
+    """Whether some were trained again: see ``Training``."""
     x: Floats
     """Environment steps, or training time [s]."""
     mean: Floats
@@ -101,7 +108,7 @@ class Curve:
     """Upper end, likewise."""
 
 
-def read(sources: Sequence[Path], against: str = "steps") -> Trainings:
+def read(sources: Sequence[Path], against: str = "steps", again: bool = False) -> Trainings:
     """Return the learning curves of run folders and of files of learning curves, in the order of the sources.
 
     Raises:
@@ -121,7 +128,10 @@ def read(sources: Sequence[Path], against: str = "steps") -> Trainings:
             first = runs.setdefault(run.algorithm, run)
             if run.parameters != first.parameters:
                 raise ValueError(f"{first.folder} and {source} are trainings with different hyperparameters")
-            task, new = (run.env_id, ScenarioId.of(run.scenario)), {f"{run.algorithm}-seed{run.seed}": Training.of(run, against)}
+            task, new = (
+                (run.env_id, ScenarioId.of(run.scenario)),
+                {f"{run.algorithm}-seed{run.seed}": Training.of(run, against, again)},
+            )
         tasks.setdefault(task, source)
         if len(tasks) > 1:
             one, other = tasks.values()
@@ -157,7 +167,7 @@ def curve(name: str, group: Sequence[Training]) -> Curve:
     x = np.linspace(start, end, POINTS)
     values = np.array([each.at(x) for each in group])
     low, high = interval(values)
-    return Curve(len(group), x, values.mean(axis=0), low, high)
+    return Curve(len(group), any(each.again for each in group), x, values.mean(axis=0), low, high)
 
 
 def interval(values: Floats) -> tuple[Floats, Floats]:

@@ -218,7 +218,7 @@ function showLearning(place) {
     const step = Math.round((value - curve.first) / (curve.last - curve.first) * (curve.mean.length - 1));
     return step in curve.mean ? [key("span", "learned", curve.colour, named(curve.name), ` ${told(curve, step)}`)] : [];
   });
-  const legend = curves.map(curve => key("li", "learned", curve.colour, named(curve.name), `, ${curve.seeds} training seed${curve.seeds > 1 ? "s" : ""}`));
+  const legend = curves.map(curve => key("li", "learned", curve.colour, named(curve.name), `, ${curve.seeds} training seed${curve.seeds > 1 ? "s" : ""}${curve.again ? ", trained again" : ""}`));
   onWidth(place, () => {
     const made = chart({
       title: "return per training episode [s]",

@@ -102,7 +102,8 @@ def learning_data(leaderboard: Leaderboard) -> dict[str, Any] | None:
         return None
     linear, ticks = learning_curves.scale(found.values())
     curves = [
-        {"name": name, "colour": policy_look(name)[0], "seeds": each.seeds, "first": each.x[0] / 1e6, "last": each.x[-1] / 1e6}
+        {"name": name, "colour": policy_look(name)[0], "seeds": each.seeds, "again": each.again}
+        | {"first": each.x[0] / 1e6, "last": each.x[-1] / 1e6}
         | {part: [float(f"{value:.4g}") for value in getattr(each, part)] for part in ("mean", "low", "high")}
         for name, each in found.items()
     ]
