@@ -6,7 +6,8 @@
 
 A line is the mean over an algorithm's training seeds, its band the 95 % bootstrap interval over them. Returns are those of the
 training episodes, in which the agent explores. ``--level`` adds a horizontal line for comparison, such as a controller's return.
-An ``--out`` that ends in .json gets the curves themselves, thinned, a line per training. Such files can be drawn, too.
+An ``--out`` that ends in .json gets the curves themselves, thinned, a line per training. Such files can be drawn, too, or given
+with run folders, which replace the curves of the same name.
 """
 
 import argparse

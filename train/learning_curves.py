@@ -109,38 +109,36 @@ class Curve:
 
 
 def read(sources: Sequence[Path], against: str = "steps", again: bool = False) -> Trainings:
-    """Return the learning curves of run folders and of files of learning curves, in the order of the sources.
+    """Return the learning curves of files and of run folders, which take the place of curves of the same name in the files.
 
     Raises:
         ValueError: a source holds no learning curve, or they cannot be compared. The message names them.
     """
-    found: dict[str, Training] = {}
+    in_files, in_runs = dict[str, Training](), dict[str, Training]()
     tasks: dict[tuple[str, ScenarioId], Path] = {}
     runs: dict[str, Run] = {}
     for source in sources:
         if source.suffix == ".json":
             if against != "steps":
                 raise ValueError(f"{source} holds learning curves over steps: give run folders for --against {against}")
-            held = Trainings.read(source)
+            held, known = Trainings.read(source), in_files
             task, new = (held.env_id, held.scenario), held.trainings
         else:
-            run = Run.read(source)
+            run, known = Run.read(source), in_runs
             first = runs.setdefault(run.algorithm, run)
             if run.parameters != first.parameters:
                 raise ValueError(f"{first.folder} and {source} are trainings with different hyperparameters")
-            task, new = (
-                (run.env_id, ScenarioId.of(run.scenario)),
-                {f"{run.algorithm}-seed{run.seed}": Training.of(run, against, again)},
-            )
+            task = (run.env_id, ScenarioId.of(run.scenario))
+            new = {f"{run.algorithm}-seed{run.seed}": Training.of(run, against, again)}
         tasks.setdefault(task, source)
         if len(tasks) > 1:
             one, other = tasks.values()
             raise ValueError(f"{one} and {other} are trainings on different tasks")
-        if twice := found.keys() & new:
+        if twice := known.keys() & new:
             raise ValueError(f"{min(twice)} is given more than once")
-        found |= new
+        known.update(new)
     (env_id, scenario), *_ = tasks
-    return Trainings(env_id=env_id, scenario=scenario, trainings=found)
+    return Trainings(env_id=env_id, scenario=scenario, trainings=in_files | in_runs)
 
 
 def curves(trainings: Mapping[str, Training]) -> dict[str, Curve]:

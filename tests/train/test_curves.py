@@ -54,7 +54,13 @@ def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(tmp
         assert curves.main([*sources, "--out", str(picture)]) == 0
     assert pictures[0].read_bytes() == pictures[1].read_bytes()
     assert curves.main([str(file), str(a_run(tmp_path, 0, line(5.0), "sac")), "--out", str(file)]) == 0
-    assert list(learning_curves.Trainings.read(file).trainings) == ["ppo-seed0", "ppo-seed1", "sac-seed0"]
+    assert curves.main([str(file), str(a_run(tmp_path / "new", 1, line(7.0))), "--out", str(file), "--again"]) == 0
+    trainings = learning_curves.Trainings.read(file).trainings
+    assert [(name, each.mean_return[-1], each.again) for name, each in trainings.items()] == [
+        ("ppo-seed0", -100.0, False),
+        ("ppo-seed1", 700.0, True),
+        ("sac-seed0", 500.0, False),
+    ]
     assert sum("-seed" in row for row in file.read_text("utf-8").splitlines()) == 3
 
 
@@ -95,7 +101,7 @@ def test_mistakes_are_named_and_nothing_is_written(tmp_path: Path, capsys: pytes
         ([first, longer, *never], f"{first} and {longer} are trainings with different hyperparameters"),
         ([first, elsewhere, *never], "are trainings on different tasks"),
         ([first, first, *never], "ppo-seed0 is given more than once"),
-        ([first, tmp_path / learning_curves.FILE, *never], "ppo-seed0 is given more than once"),
+        ([*[tmp_path / learning_curves.FILE] * 2, *never], "ppo-seed0 is given more than once"),
         ([tmp_path / "other.json", *never], f"{tmp_path / 'other.json'} holds no learning curves"),
         ([tmp_path / learning_curves.FILE, *never, "--against", "wall_time"], "give run folders"),
         ([first, "--against", "wall_time", "--out", str(tmp_path / "never.json")], "leave out --against wall_time"),
