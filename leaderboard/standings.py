@@ -9,9 +9,8 @@ import numpy as np
 from leaderboard.result import Result, digest_of
 from leaderboard.shipped import is_own
 from turning_env import Scenario
-from turning_env.scoring.overload import CONFIDENCE, ratio
 from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean
+from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean, rank_key
 
 CLAIRVOYANT, CAUSAL = "clairvoyant", "causal"
 """Names of the bound and of the oracle."""
@@ -102,7 +101,7 @@ def _rank(results: Sequence[Result]) -> list[Standing]:
     rules = {name: float(np.mean(played[name]["return"])) for name, group in groups.items() if group[0].policy.kind == "rule"}
     means = {name: bootstrap.means(episodes["return"], name) for name, episodes in played.items()}
     standings = [_standing(name, group, played, rules, bootstrap, means) for name, group in groups.items()]
-    return sorted(standings, key=lambda each: (each.kind == "oracle", not each.feasible, -each.mean_return.value, each.name))
+    return sorted(standings, key=lambda each: (rank_key(each.kind, each.feasible, each.mean_return.value), each.name))
 
 
 def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
@@ -174,8 +173,7 @@ def _standing(
         return Estimate.of(float(gain / gap), gains / gaps)
 
     engaged, severe = episodes["engaged_time"], episodes["severe_overload_time"]
-    severe_shares = ratio(bootstrap.means(severe, name), bootstrap.means(engaged, name))
-    severe_limit = float(np.quantile(severe_shares, CONFIDENCE))
+    severe_limit = bootstrap.severe_limit(severe, engaged, name)
     removed, minutes, edges = episodes["removed"], total_minutes(episodes, scenario), episodes["edges_used"]
     return Standing(
         name=name,
