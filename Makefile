@@ -55,12 +55,17 @@ leaderboard: .venv/run
 	$(TRAIN) --seed 0
 	$(RUN) --agents $(AGENT)0
 
-# Train all agents that ship anew, two at a time, and export them.
+# Train all agents that ship anew, two at a time, and export them and their learning curves (a very short training has none).
 agents: .venv/run
 	printf '%s\n' $(foreach agent,$(AGENTS),$(foreach seed,$(SEEDS),$(agent)/$(seed))) | xargs -P 2 -I{} sh -c '\
 		set -e -- $$(echo {} | tr / " "); \
 		run=$$(.venv/bin/python -m train.$$2 --env $$1 --seed $$3 --runs $(RUNS) $(if $(STEPS),--steps $(STEPS))); \
 		.venv/bin/python -m train.export $$run --out $(SHIPPED)/$$1/$$(basename $$(dirname $$(dirname $$run)))'
+	set -e; for folder in $$(cd $(SHIPPED) && ls -d */*/); do \
+		runs=$$(ls -d $(RUNS)/$$folder*-seed[0-9] 2> /dev/null) || continue; \
+		.venv/bin/python -m train.curves $$(ls $(SHIPPED)/$${folder}learning_curves.json 2> /dev/null) $$runs \
+			--out $(SHIPPED)/$${folder}learning_curves.json || true; \
+	done
 
 # Play every policy that ships, and write the agents' cards.
 results: .venv/run

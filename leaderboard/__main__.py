@@ -75,6 +75,7 @@ def _run(options: argparse.Namespace) -> None:
             run.play_all(runs, options.fresh, over)
         except run.PoliciesFailed as error:
             failed.append(error)
+        run.write_learning_curves(runs[0], options.agents)
     try:
         leaderboards = read_leaderboards(options.results, {each.folder: each.task for each in runs})
     except ResultError as error:
@@ -279,7 +280,7 @@ def _parser() -> argparse.ArgumentParser:
     who.add_argument("--jobs", type=positive, default=1, metavar="N", help="number of processes (default: 1)")
     who.add_argument("--scheduler", metavar="URL", help="play on the workers of a Dask cluster, such as tcp://host:8786")
 
-    add = command(_run, "play policies, then show and page", results, printed, environment, agents, elsewhere)
+    add = command(_run, "play policies, print the ranking and write the page", results, printed, environment, agents, elsewhere)
     which = "number of held-out seeds (default: 256), or a file of private seeds; give these --results of their own"
     add("--seeds", type=_seeds_or_file, default="256", metavar="SEEDS", help=which)
     add("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all that are tuned for the scenario)")
@@ -287,12 +288,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--policy", type=_module_and_object, metavar="MODULE:OBJECT", help=which)
     add("--name", type=_name, help="name of your own agents or policy (default: their own, after my_ if a shipped agent has it)")
     add("--keep-names", action="store_true", help="let agents take the names of those that come with the project")
-    which = "processor time that an agent's file may use for all seeds, or else is skipped (default: 600)"
+    which = "processor time [s] that an agent's file may use for all seeds; a slower one is skipped (default: 600)"
     add("--agent-time", type=positive, metavar="SECONDS", help=which)
     add("--splits", action="store_true", help=f"also play the splits: {', '.join(SPLITS)}")
     which = "number of held-out seeds on each split (default: 32)"
     add("--split-seeds", type=_seeds, default="32", metavar="SEEDS", help=which)
-    add("--fresh", action="store_true", help="play again even if results exist")
+    add("--fresh", action="store_true", help="play again, even if results exist")
 
     add = command(_show, "print the ranking", results, printed)
     add("--env", choices=IDS, help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)")
@@ -308,8 +309,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--seeds", type=positive, metavar="N", help="play only the first N seeds of each result")
     which = "play nothing: compare versions, scenario values, parameters and agents' files"
     add("--check", action="store_true", help=which)
-    add("--fresh", action="store_true", help="play again what came back before an interruption, too")
-    memory, which = Path("results/verified.json"), "file that remembers what came back until all has"
+    add("--fresh", action="store_true", help="also play again what was verified before an interruption")
+    memory, which = Path("results/verified.json"), "file of the results verified so far, so that the same command resumes"
     add("--memory", type=Path, default=memory, metavar="FILE", help=f"{which} (default: {memory})")
 
     command(_cards, "write the model card of every agent", project, agents_folder)

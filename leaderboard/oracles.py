@@ -7,11 +7,10 @@ import numpy as np
 
 from baselines.oracles import clairvoyant, perfect_state
 from baselines.rule import TOLERANCE
+from leaderboard.standings import CAUSAL, CLAIRVOYANT
 from turning_env import Scenario
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
 from turning_env.scoring.policy import PolicySpec
-
-CLAIRVOYANT, CAUSAL = "clairvoyant", "causal"
 
 
 def oracles(scenario: Scenario) -> list[PolicySpec]:

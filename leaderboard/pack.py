@@ -16,7 +16,7 @@ from leaderboard.result import MANIFEST_FILE, Manifest, ResultError, read_part, 
 from turning_env import IDS
 from turning_env.console import described, exits
 from turning_env.files import replace_file
-from turning_env.scoring.shipped import FOLDER, Played, as_text, unpacked
+from turning_env.scoring.packed import FOLDER, Played, as_text, unpacked
 
 
 def played(folder: Path) -> list[Played]:

@@ -1,8 +1,10 @@
 """The leaderboard of one environment on one scenario, as read from its folder."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from leaderboard import shipped
 from leaderboard.result import (
     MANIFEST_FILE,
     TRAJECTORIES_FILE,
@@ -14,11 +16,14 @@ from leaderboard.result import (
     read_part,
     read_results,
     result_files,
+    result_folder,
     tell_once,
 )
 from leaderboard.standings import Standing, names_of, rank
 from leaderboard.trajectories import Trajectories
+from train.learning_curves import FILE, Training, Trainings
 from turning_env import IDS
+from turning_env.scoring.policy import ScenarioId
 
 
 @dataclass(frozen=True)
@@ -31,6 +36,8 @@ class Leaderboard:
     trajectories: Trajectories | None
     left_out: list[Path]
     """Files of results on other tasks."""
+    trainings: Mapping[str, Training] = field(default_factory=dict)
+    """Learning curves of agents that were trained on the task's scenario, by their policies' labels."""
 
     @property
     def names(self) -> dict[str, str]:
@@ -63,12 +70,14 @@ def read_leaderboard(folder: Path, task: Task | None = None) -> Leaderboard:
     if chosen not in by_task:
         raise ResultError(f"{folder} holds no results on task {chosen[:12]}")
     results = list(by_task[chosen].values())
+    task = results[0].task
     return Leaderboard(
-        task=results[0].task,
+        task=task,
         results=results,
         standings=rank(results),
         trajectories=_trajectories(folder, results),
         left_out=[path for digest, others in by_task.items() if digest != chosen for path in others],
+        trainings=_trainings(folder, results),
     )
 
 
@@ -112,6 +121,32 @@ def _place(folder: Path) -> tuple[int, str, bool, str]:
     """Sort key of a leaderboard's folder."""
     env_id, scenario, ids = folder.parent.name, folder.name, list(IDS)
     return ids.index(env_id) if env_id in ids else len(ids), env_id, scenario != IDS.get(env_id), scenario
+
+
+def _trainings(folder: Path, results: list[Result]) -> dict[str, Training]:
+    """Read learning curves: those of the project's agents stand beside these, one's own in the folder."""
+    task = results[0].task
+    theirs = read_trainings(result_folder(shipped.AGENTS, task.env_id, task.scenario.name), task)
+    own, policies = read_trainings(folder, task), {result.policy.label: result.policy for result in results}
+    return {
+        label: curve
+        for found, are_own in ((theirs, False), (own, True))
+        for label, curve in found.items()
+        if label in policies and shipped.is_own(policies[label]) == are_own
+    }
+
+
+def read_trainings(folder: Path, task: Task) -> dict[str, Training]:
+    """Read a folder's learning curves of trainings on a task's scenario; a file that cannot be used is named and left out."""
+    path = folder / FILE
+    try:
+        found = Trainings.read(path) if path.exists() else None
+    except ValueError as error:
+        tell_once(f"skipped: {error}")
+        return {}
+    if found is None or (found.env_id, found.scenario) != (task.env_id, ScenarioId.of(task.scenario)):
+        return {}
+    return found.trainings
 
 
 def _trajectories(folder: Path, results: list[Result]) -> Trajectories | None:

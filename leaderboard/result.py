@@ -13,8 +13,9 @@ import json
 import lzma
 import sys
 from contextlib import suppress
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -251,21 +252,24 @@ def read_part(kind: type[PartType], path: Path) -> PartType:
         ResultError: the file cannot be read, or something in it is not allowed.
     """
     try:
-        return kind.model_validate(json.loads(_content(path)))
+        with path.open("rb") as file:
+            part: PartType = _parsed(kind, file.read(MAX_BYTES + 1), path.name.endswith(".xz"))
+        return part
     except ValidationError as error:
         raise ResultError(f"{path}: {_complaint(error)}") from error
     except (OSError, ValueError, RecursionError, lzma.LZMAError, EOFError) as error:
         raise ResultError(f"{path} cannot be read: {error}") from error
 
 
-def _content(path: Path) -> bytes:
-    if not path.name.endswith(".xz"):
-        return path.read_bytes()
-    with lzma.open(path, format=lzma.FORMAT_XZ) as stream:
-        content = stream.read(MAX_BYTES + 1)
+@lru_cache(256)
+def _parsed(kind: type[PartType], content: bytes, compressed: bool) -> PartType:
+    """Parse a file's content once, as a run reads it several times."""
+    if compressed:
+        with lzma.open(BytesIO(content), format=lzma.FORMAT_XZ) as stream:
+            content = stream.read(MAX_BYTES + 1)
     if len(content) > MAX_BYTES:
         raise ValueError(f"it holds more than {MAX_BYTES} bytes")
-    return content
+    return kind.model_validate(json.loads(content))
 
 
 def write_part(part: Part, path: Path) -> None:

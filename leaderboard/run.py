@@ -9,8 +9,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 from leaderboard import shipped
-from leaderboard.oracles import CAUSAL, CLAIRVOYANT, oracles
-from leaderboard.ranking import read_if_usable, read_leaderboard
+from leaderboard.oracles import oracles
+from leaderboard.ranking import read_if_usable, read_leaderboard, read_trainings
 from leaderboard.result import (
     TRAJECTORIES_FILE,
     Result,
@@ -23,11 +23,15 @@ from leaderboard.result import (
     write_result,
     write_whole,
 )
+from leaderboard.standings import CAUSAL, CLAIRVOYANT
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories, Trajectory, record
+from train.agents import onnx_policy
 from train.agents.agent_file import ONNX_SUFFIX, check_fits
 from train.agents.sandbox import LIMITS, TooSlow
+from train.learning_curves import FILE, Training, Trainings
+from train.run import Run
 from turning_env import Scenario
-from turning_env.files import exclusive_lock, shared_lock
+from turning_env.files import digest_of_files, exclusive_lock, shared_lock
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import Episodes, play_spec
 from turning_env.scoring.policy import PolicySpec, ScenarioId
@@ -194,8 +198,6 @@ def agent(path: Path, scenario: Scenario, seconds: int | None = None) -> PolicyS
     """
     try:
         if path.suffix == ONNX_SUFFIX or (any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()):
-            from train.agents import onnx_policy
-
             spec = onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
         else:
             from train.agents import run_folder  # imports torch, which takes seconds
@@ -319,6 +321,23 @@ def _finished(run: TaskRun) -> set[str]:
     return finished
 
 
+def write_learning_curves(run: TaskRun, paths: Sequence[Path]) -> None:
+    """Write the learning curves of agents that were given as folders of training runs, if they were trained on the run's task."""
+    played, learned = {spec.sha256: spec.label for spec in run.policies if spec.kind == "agent"}, dict[str, Training]()
+    for training in (Run.read(path) for path in paths if (path / "run.json").exists()):
+        label = played.get(digest_of_files(training.folder, training.folder.rglob("*")))
+        if label and (training.env_id, training.scenario) == (run.task.env_id, run.task.scenario):
+            try:
+                learned[label] = Training.of(training)
+            except ValueError as error:
+                tell_once(f"no learning curve: {error}")
+    with exclusive_lock(run.folder.parent, wait=True):
+        before = read_trainings(run.folder, run.task)
+        after = {label: each for label, each in before.items() if label not in played.values()} | learned
+        if after != before:
+            Trainings(env_id=run.task.env_id, scenario=ScenarioId.of(run.task.scenario), trainings=after).write(run.folder / FILE)
+
+
 def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> list[ResultError]:
     """Record missing trajectories of policies on the first seeds; return the errors of those that cannot play."""
     complaints = []
@@ -326,19 +345,20 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
     # One training seed stands for an agent: the first given.
     able = {names[spec.label]: spec for spec in reversed(run.policies) if spec.kind != "oracle"}
     missing = [place for place in wanted if place[0] in able and (fresh or place not in trajectories or _is_code(able[place[0]]))]
-    pieces = [((name, seed), (able[name], run.task.scenario, seed)) for name, seed in missing]
+    seeds: dict[str, list[int]] = {}
+    for name, seed in missing:
+        seeds.setdefault(name, []).append(seed)
+    pieces = [(name, (able[name], run.task.scenario, its)) for name, its in seeds.items()]
     try:
-        with tqdm(total=len(pieces), unit="trajectory", dynamic_ncols=True, disable=None) as bar:
-            for place, trajectory in spread(over, _trajectory, pieces):
-                if isinstance(trajectory, ResultError):
-                    complaints.append(trajectory)
-                else:
-                    trajectories[place] = trajectory
-                bar.update()
+        with tqdm(total=len(missing), unit="trajectory", dynamic_ncols=True, disable=None) as bar:
+            for name, recorded in spread(over, _trajectories, pieces):
+                trajectories |= {(name, each.seed): each for each in recorded if isinstance(each, Trajectory)}
+                complaints += [each for each in recorded if isinstance(each, ResultError)]
+                bar.update(len(seeds[name]))
     finally:  # keep what is finished, and what another run has recorded meanwhile
         with exclusive_lock(run.folder.parent, wait=True):
-            _, wanted, recorded = _recorded(run)
-            trajectories = recorded | trajectories
+            _, wanted, recorded_before = _recorded(run)
+            trajectories = recorded_before | trajectories
             episodes = [trajectories[place] for place in wanted if place in trajectories]
             after = Trajectories(task=run.task.digest, episodes=episodes)
             if read_if_usable(Trajectories, run.folder / TRAJECTORIES_FILE) != after:
@@ -354,9 +374,14 @@ def _recorded(run: TaskRun) -> tuple[dict[str, str], list[tuple[str, int]], dict
     return names, wanted, {(names[episode.policy.label], episode.seed): episode for episode in episodes}
 
 
-def _trajectory(piece: tuple[PolicySpec, Scenario, int]) -> Trajectory | ResultError:
-    spec, scenario, seed = piece
+def _trajectories(piece: tuple[PolicySpec, Scenario, Sequence[int]]) -> list[Trajectory | ResultError]:
+    """Record one episode per seed, or why the policy cannot play it: no further one is tried."""
+    spec, scenario, seeds = piece
+    recorded = list[Trajectory | ResultError]()
     try:
-        return record(spec, scenario, seed)
+        with onnx_policy.in_one_process(spec.make, len(seeds)) as make:
+            for seed in seeds:
+                recorded.append(record(spec, scenario, seed, make))
     except ValueError as error:
-        return ResultError(f"{spec.label} cannot play seed {seed}: {error}")
+        recorded.append(ResultError(f"{spec.label} cannot play seed {seeds[len(recorded)]}: {error}"))
+    return recorded

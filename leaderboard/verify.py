@@ -31,6 +31,7 @@ from leaderboard.result import (
     write_whole,
 )
 from leaderboard.shipped import agent_files
+from leaderboard.standings import CLAIRVOYANT
 from train.agents import onnx_policy
 from train.agents.agent_file import ONNX_SUFFIX
 from train.agents.sandbox import LIMITS
@@ -244,7 +245,7 @@ def _beyond_the_bound(results: Mapping[Path, Result]) -> list[str]:
     complaints, read_bound = [], cache(read_result)
     for path, result in results.items():
         try:
-            bound = read_bound(path.with_name(f"{oracles.CLAIRVOYANT}{SUFFIX}"))
+            bound = read_bound(path.with_name(f"{CLAIRVOYANT}{SUFFIX}"))
         except ResultError:  # ``check`` tells of it, or there is no bound
             continue
         if bound.task.digest != result.task.digest:

@@ -13,7 +13,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from leaderboard import columns, generalisation
-from leaderboard.page.charts import chart_data
+from leaderboard.page.charts import chart_data, learning_data
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import write_whole
 from leaderboard.standings import highest
@@ -70,6 +70,7 @@ def _section(leaderboard: Leaderboard) -> dict[str, Any]:
         "leaderboard": leaderboard,
         "versions": leaderboard.results[0].versions,
         "chart_data": chart_data(leaderboard),
+        "learning_data": learning_data(leaderboard),
         "best_rules": _best_rules(leaderboard),
         "policies": {
             standing.name: [result.policy for result in leaderboard.results if names[result.policy.label] == standing.name]

@@ -49,48 +49,21 @@ function trajectoryOf(data, policy, seed) {
   return { label: data.policies[policy].label, colour: data.policies[policy].colour, steps: found.steps, series };
 }
 
-function panel(subject, trajectories, axis, axisName, width) {
-  const xs = trajectories.flatMap(trajectory => [least(trajectory.series[axis]), most(trajectory.series[axis])]);
-  const values = trajectories.flatMap(trajectory => [...trajectory.series[subject.series], ...(subject.reference ? trajectory.series[subject.reference] : [])]);
-  const ends = [...present(values), ...(subject.limit === null ? [] : [subject.limit]), ...(subject.from_zero ? [0] : [])];
-  const room = 0.05 * (most(ends) - least(ends)) || 1;
-  const [low, high] = [subject.from_zero ? 0 : least(ends) - room, most(ends) + room];
-  const [start, end] = [least([0, ...xs]), most(xs)];
+// Axes, and a readout of what `read` tells where the pointer is. `share` places a value between the lowest and the highest.
+function chart({ title, label, axisName, width, height = HEIGHT, ends: [start, end], levels, share, read }) {
   const x = value => LEFT + ((value - start) / (end - start || 1)) * (width - LEFT - RIGHT);
-  const y = value => HEIGHT - BOTTOM - ((value - low) / (high - low)) * (HEIGHT - TOP - BOTTOM);
-
-  const title = `${subject.heading} [${subject.unit}]`;
-  const extent = trajectory => {
-    const seen = trajectory.series[subject.series];
-    return `${trajectory.label} from ${written(least(seen))} to ${written(most(seen))}`;
-  };
-  const limit = subject.limit === null ? "" : `; limit ${written(subject.limit)}`;
-  const label = `${title} over ${axisName}: ${trajectories.map(extent).join("; ")}${limit}`;
-  const svg = drawing("svg", { viewBox: `0 0 ${width} ${HEIGHT}`, height: HEIGHT, role: "img", "aria-label": label });
-  for (const tick of ticks(low, high, 4)) {
+  const y = value => height - BOTTOM - share(value) * (height - TOP - BOTTOM);
+  const svg = drawing("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img", "aria-label": label });
+  for (const tick of levels) {
     svg.append(drawing("line", { class: "grid", x1: LEFT, x2: width - RIGHT, y1: y(tick), y2: y(tick) }));
     svg.append(drawing("text", { x: LEFT - 6, y: y(tick) + 4, "text-anchor": "end" }, written(tick)));
   }
   for (const tick of ticks(start, end, Math.max(2, Math.floor(width / 80)))) {
-    svg.append(drawing("line", { class: "grid", x1: x(tick), x2: x(tick), y1: HEIGHT - BOTTOM, y2: HEIGHT - BOTTOM + 4 }));
-    svg.append(drawing("text", { x: x(tick), y: HEIGHT - BOTTOM + 16, "text-anchor": "middle" }, written(tick)));
+    svg.append(drawing("line", { class: "grid", x1: x(tick), x2: x(tick), y1: height - BOTTOM, y2: height - BOTTOM + 4 }));
+    svg.append(drawing("text", { x: x(tick), y: height - BOTTOM + 16, "text-anchor": "middle" }, written(tick)));
   }
-  svg.append(drawing("text", { x: width - RIGHT, y: HEIGHT - 5, "text-anchor": "end" }, axisName));
-  const line = (trajectory, name, look) => {
-    let moves = "", joined = false;
-    trajectory.series[name].forEach((value, place) => {
-      if (!isNaN(value)) moves += `${joined ? "L" : "M"}${x(trajectory.series[axis][place]).toFixed(1)} ${y(value).toFixed(1)}`;
-      joined = !isNaN(value);
-    });
-    svg.append(drawing("path", { class: look, d: moves }, "", trajectory.colour));
-  };
-  if (subject.reference) line(trajectories[0], subject.reference, "followed");
-  trajectories.forEach((trajectory, place) => line(trajectory, subject.series, LOOKS[place]));
-  if (subject.limit !== null) {
-    svg.append(drawing("path", { class: "limit", d: `M${LEFT} ${y(subject.limit)}H${width - RIGHT}` }));
-  }
-  // The values where the pointer is: of each trajectory, those of the recorded step that is nearest.
-  const pointer = svg.appendChild(drawing("line", { class: "pointer", y1: TOP, y2: HEIGHT - BOTTOM, visibility: "hidden" }));
+  svg.append(drawing("text", { x: width - RIGHT, y: height - 5, "text-anchor": "end" }, axisName));
+  const pointer = svg.appendChild(drawing("line", { class: "pointer", y1: TOP, y2: height - BOTTOM, visibility: "hidden" }));
   const readout = element("p", { className: "readout" });
   const point = value => {
     pointer.setAttribute("visibility", value === null ? "hidden" : "visible");
@@ -98,20 +71,82 @@ function panel(subject, trajectories, axis, axisName, width) {
     if (value === null) return;
     pointer.setAttribute("x1", x(value));
     pointer.setAttribute("x2", x(value));
-    const read = (trajectory, name) => {
+    readout.append(element("span", { textContent: `at ${written(value, 3)}:` }), ...read(value));
+  };
+  const valueAt = event => {
+    const part = (event.offsetX - LEFT) / (svg.clientWidth - LEFT - RIGHT);
+    return start + Math.min(Math.max(part, 0), 1) * (end - start);
+  };
+  return { figure: element("figure", {}, element("figcaption", { textContent: title }), readout, svg), svg, x, y, point, valueAt };
+}
+
+// Where the pointer is in one chart, all tell their values.
+function followPointer(charts) {
+  for (const { svg, valueAt } of charts) {
+    const follow = event => { const value = valueAt(event); for (const each of charts) each.point(value); };
+    svg.addEventListener("pointermove", follow);
+    svg.addEventListener("pointerdown", follow);
+    svg.addEventListener("pointerleave", () => { for (const each of charts) each.point(null); });
+  }
+}
+
+// Draw again when the width changes.
+function onWidth(place, redraw) {
+  let drawn = 0;
+  new ResizeObserver(() => {
+    if (!place.clientWidth || place.clientWidth === drawn) return;
+    drawn = place.clientWidth;
+    redraw();
+  }).observe(place);
+}
+
+function panel(subject, trajectories, axis, axisName, width) {
+  const xs = trajectories.flatMap(trajectory => [least(trajectory.series[axis]), most(trajectory.series[axis])]);
+  const values = trajectories.flatMap(trajectory => [...trajectory.series[subject.series], ...(subject.reference ? trajectory.series[subject.reference] : [])]);
+  const extents = [...present(values), ...(subject.limit === null ? [] : [subject.limit]), ...(subject.from_zero ? [0] : [])];
+  const room = 0.05 * (most(extents) - least(extents)) || 1;
+  const [low, high] = [subject.from_zero ? 0 : least(extents) - room, most(extents) + room];
+
+  const title = `${subject.heading} [${subject.unit}]`;
+  const extent = trajectory => {
+    const seen = trajectory.series[subject.series];
+    return `${trajectory.label} from ${written(least(seen))} to ${written(most(seen))}`;
+  };
+  const limit = subject.limit === null ? "" : `; limit ${written(subject.limit)}`;
+  // The values of the recorded step that is nearest.
+  const read = value => {
+    const of = (trajectory, name) => {
       const distances = trajectory.series[axis].map(each => Math.abs(each - value));
       const found = trajectory.series[name][distances.indexOf(least(distances))];
       return isNaN(found) ? "in air" : written(found, 3);
     };
-    readout.append(element("span", { textContent: `at ${written(value, 3)}:` }));
-    trajectories.forEach((trajectory, place) => readout.append(key("span", LOOKS[place], trajectory.colour, named(trajectory.label), ` ${read(trajectory, subject.series)}`)));
-    if (subject.reference) readout.append(key("span", "followed", "", `reference ${read(trajectories[0], subject.reference)}`));
+    const told = trajectories.map((trajectory, place) => key("span", LOOKS[place], trajectory.colour, named(trajectory.label), ` ${of(trajectory, subject.series)}`));
+    return subject.reference ? [...told, key("span", "followed", "", `reference ${of(trajectories[0], subject.reference)}`)] : told;
   };
-  const valueAt = event => {
-    const share = (event.offsetX - LEFT) / (svg.clientWidth - LEFT - RIGHT);
-    return start + Math.min(Math.max(share, 0), 1) * (end - start);
+  const made = chart({
+    title,
+    label: `${title} over ${axisName}: ${trajectories.map(extent).join("; ")}${limit}`,
+    axisName,
+    width,
+    ends: [least([0, ...xs]), most(xs)],
+    levels: ticks(low, high, 4),
+    share: value => (value - low) / (high - low),
+    read,
+  });
+  const line = (trajectory, name, look) => {
+    let moves = "", joined = false;
+    trajectory.series[name].forEach((value, place) => {
+      if (!isNaN(value)) moves += `${joined ? "L" : "M"}${made.x(trajectory.series[axis][place]).toFixed(1)} ${made.y(value).toFixed(1)}`;
+      joined = !isNaN(value);
+    });
+    made.svg.append(drawing("path", { class: look, d: moves }, "", trajectory.colour));
   };
-  return { figure: element("figure", {}, element("figcaption", { textContent: title }), readout, svg), svg, point, valueAt };
+  if (subject.reference) line(trajectories[0], subject.reference, "followed");
+  trajectories.forEach((trajectory, place) => line(trajectory, subject.series, LOOKS[place]));
+  if (subject.limit !== null) {
+    made.svg.append(drawing("path", { class: "limit", d: `M${LEFT} ${made.y(subject.limit)}H${width - RIGHT}` }));
+  }
+  return made;
 }
 
 function key(name, look, colour, ...words) {
@@ -167,18 +202,41 @@ function showTrajectories(place, data) {
     const width = Math.max(200, Math.floor(parseFloat(columns[0]) || 0));
     const drawn = data.subjects.map(subject => panel(subject, trajectories, axis.value, data.axes[axis.value], width));
     panels.append(...drawn.map(each => each.figure));
-    for (const { svg, valueAt } of drawn) {
-      const follow = event => { const value = valueAt(event); for (const each of drawn) each.point(value); };
-      svg.addEventListener("pointermove", follow);
-      svg.addEventListener("pointerdown", follow);
-      svg.addEventListener("pointerleave", () => { for (const each of drawn) each.point(null); });
-    }
+    followPointer(drawn);
   };
   for (const select of [seed, second, axis]) select.addEventListener("change", redraw);
-  let drawn = 0;
-  new ResizeObserver(() => {
-    if (!place.clientWidth || place.clientWidth === drawn) return;
-    drawn = place.clientWidth;
-    redraw();
-  }).observe(place);
+  onWidth(place, redraw);
+}
+
+// Learning curves. Returns are linear up to a bound and logarithmic beyond, because the first returns are far away.
+function showLearning(place) {
+  const { linear, ticks: levels, curves } = JSON.parse(place.querySelector("script").textContent);
+  const bent = value => Math.sign(value) * (Math.abs(value) < linear ? Math.abs(value) / linear : 1 + Math.log10(Math.abs(value) / linear));
+  const [low, high] = [least(curves.flatMap(curve => curve.low)), most(curves.flatMap(curve => curve.high))];
+  const told = (curve, step) => `${written(curve.mean[step], 3)}${curve.seeds > 1 ? ` (${written(curve.low[step], 3)} to ${written(curve.high[step], 3)})` : ""}`;
+  const read = value => curves.flatMap(curve => {
+    const step = Math.round((value - curve.first) / (curve.last - curve.first) * (curve.mean.length - 1));
+    return step in curve.mean ? [key("span", "learned", curve.colour, named(curve.name), ` ${told(curve, step)}`)] : [];
+  });
+  const legend = curves.map(curve => key("li", "learned", curve.colour, named(curve.name), `, ${curve.seeds} training seed${curve.seeds > 1 ? "s" : ""}${curve.again ? ", trained again" : ""}`));
+  onWidth(place, () => {
+    const made = chart({
+      title: "return per training episode [s]",
+      label: `Return per training episode [s] over environment steps; at the end ${curves.map(curve => `${curve.name} ${told(curve, curve.mean.length - 1)}`).join("; ")}`,
+      axisName: "environment steps [million]",
+      width: place.clientWidth,
+      height: 320,
+      ends: [0, most(curves.map(curve => curve.last))],
+      levels: levels.filter(level => low <= level && level <= high),
+      share: value => (bent(value) - bent(low)) / (bent(high) - bent(low) || 1),
+      read,
+    });
+    for (const curve of curves) {
+      const points = values => values.map((value, step) => `${made.x(curve.first + step / (values.length - 1) * (curve.last - curve.first)).toFixed(1)} ${made.y(value).toFixed(1)}`);
+      made.svg.append(drawing("path", { class: "band", d: `M${[...points(curve.low), ...points(curve.high).reverse()].join("L")}` }, "", curve.colour));
+      made.svg.append(drawing("path", { class: "learned", d: `M${points(curve.mean).join("L")}` }, "", curve.colour));
+    }
+    followPointer([made]);
+    place.replaceChildren(element("ul", { className: "legend" }, ...legend), made.figure);
+  });
 }

@@ -15,10 +15,12 @@ from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Task, read_result, result_folder, write_result
 from tests.leaderboard.conftest import ENV_ID, MakeResult, play_all
 from tests.train import onnx_agents
-from train.agents import onnx_policy, sandbox
+from train.agents import onnx_policy, run_folder, sandbox
 from train.agents.sandbox import Limits
 from train.export import export_torch
+from train.learning_curves import FILE, Training, Trainings
 from turning_env import Scenario
+from turning_env.scoring.policy import ScenarioId
 from turning_env.scoring.seeds import held_out_seeds
 
 SHORT = onnx_agents.SCENARIO
@@ -58,6 +60,35 @@ def test_an_own_agent_stands_beside_the_shipped_one(words: list[str], tmp_path: 
     assert main(["verify", *where, "--policies", "my_ppo"]) == 0
     assert main([*words, "--agents", str(mine), "--name", "second"]) == 0
     assert {"my_ppo", "second", "ppo"} <= {standing.name for standing in read_leaderboard(folder).standings}
+
+
+def test_learning_curves_of_own_runs_stand_beside_those_of_shipped_agents(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(run_folder, "load_actor", lambda run: onnx_agents.memoryless(run.seed))
+    theirs, mine = result_folder(shipped.AGENTS, ENV_ID, SHORT.name), onnx_agents.run(tmp_path / "run", seed=1)
+    trained = Training(first=1.0, last=5.0, mean_return=[-9.0, -1.0])
+    curves = {"ppo-seed0": trained, "ppo-seed7": trained}
+    Trainings(env_id=ENV_ID, scenario=ScenarioId.of(SHORT), trainings=curves).write(theirs / FILE)
+    mine.begin()
+    mine.learning_curve.write_text("steps,wall_time,mean_return\n10,1,-30\n20,2,-10\n", "utf-8")
+    folder = result_folder(tmp_path / "results", ENV_ID, SHORT.name)
+
+    def shown() -> dict[str, Training]:
+        return dict(read_leaderboard(folder).trainings)
+
+    assert main([*words, "--agents", str(mine.folder), "--name", "mine"]) == 0
+    assert shown().keys() == {"ppo-seed0", "mine-seed1"}
+    assert (shown()["mine-seed1"].first, shown()["mine-seed1"].mean_return[-1]) == (10.0, -10.0)
+    assert main([*words, "fixed_handbook"]) == 0
+    assert shown().keys() == {"ppo-seed0", "mine-seed1"}
+    # Another agent of that name, without a curve.
+    assert main([*words, "--agents", str(onnx_agents.write(tmp_path / "file", seed=1)), "--name", "mine"]) == 0
+    assert shown().keys() == {"ppo-seed0"}
+    mine.learning_curve.write_text("steps,wall_time,mean_return\nten,1,-30\n", "utf-8")
+    assert main([*words, "--agents", str(mine.folder), "--name", "mine"]) == 0
+    assert "no learning curve" in capsys.readouterr().err
+    assert shown().keys() == {"ppo-seed0"}
 
 
 def test_names_that_clash_are_refused_with_advice(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

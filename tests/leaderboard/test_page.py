@@ -5,6 +5,7 @@ import math
 import re
 import zlib
 from base64 import b64decode, b64encode
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,11 +14,12 @@ import pytest
 
 from leaderboard import page, table
 from leaderboard.columns import groups
-from leaderboard.page.charts import GAP, LEVELS, chart_data, pack, quantise
+from leaderboard.page.charts import GAP, LEVELS, chart_data, learning_data, pack, quantise
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import Task, result_folder, write_result
 from leaderboard.standings import rank
 from tests.leaderboard.conftest import ENV_ID, MakeResult, play_all, spec
+from train.learning_curves import Training
 from turning_env import Scenario
 from turning_env.workshop.plot_style import policy_look, policy_looks
 
@@ -124,6 +126,18 @@ def test_trajectories_are_those_of_the_standings_with_the_recorded_seeds(leaderb
         "power": leaderboard.task.scenario.limits.power,
         "wear": leaderboard.task.scenario.tool.wear_criterion,
     }
+
+
+def test_learning_curves_are_averaged_over_training_seeds(leaderboard: Leaderboard) -> None:
+    assert learning_data(leaderboard) is None
+    trainings = {f"ppo-seed{seed}": Training(first=0.0, last=2e6, mean_return=[-900.0, -10.0 * seed]) for seed in (0, 1)}
+    data = learning_data(replace(leaderboard, trainings=trainings))
+    assert data is not None
+    (curve,) = data["curves"]
+    assert (curve["name"], curve["seeds"], curve["colour"], curve["last"]) == ("ppo", 2, policy_look("ppo")[0], 2.0)
+    assert [curve[part][-1] for part in ("low", "mean", "high")] == [-10.0, -5.0, 0.0]
+    assert {0.0, -1000.0} <= set(data["ticks"])
+    assert '<div class="learning">' in page.render([replace(leaderboard, trainings=trainings)])
 
 
 def test_packed_values_come_back() -> None:

@@ -15,6 +15,7 @@ from leaderboard.result import Task
 from leaderboard.standings import rank
 from leaderboard.trajectories import Trajectories, record
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
+from train.learning_curves import Training
 from turning_env.scoring.policy import PolicySpec
 
 HOSTILE = "</script><img src=x onerror=\"document.title='owned'\">'&amp;"
@@ -50,7 +51,8 @@ def leaderboard(task: Task, make_result: MakeResult) -> Leaderboard:
         for seed in recorded.get(result.policy.name, ())
     ]
     trajectories = Trajectories(task=task.digest, episodes=[]).model_copy(update={"episodes": episodes})
-    return Leaderboard(task, results, rank(results), trajectories, [])
+    curves = {f"ppo-seed{seed}": Training(first=0.0, last=2e6, mean_return=[-900.0, -seed]) for seed in (0, 1)}
+    return Leaderboard(task, results, rank(results), trajectories, [], curves)
 
 
 @pytest.fixture(scope="module")
@@ -226,6 +228,17 @@ def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open) -> None:
     expect(inner.locator(".panels svg text").last).to_have_text("path [mm]")
     expect(inner.get_by_role("table").get_by_role("row")).to_have_count(3)
     assert "limit" in str(inner.get_by_role("img", name="thrust force [N] over path [mm]").get_attribute("aria-label"))
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+def test_learning_curves_tell_their_values(opened: Open, width: int) -> None:
+    shown = opened(width=width)
+    chart = shown.get_by_role("img", name="Return per training episode")
+    expect(chart.locator(".learned")).to_have_count(1)
+    expect(shown.locator(".learning:visible .legend")).to_have_text("ppo, 2 training seeds")
+    chart.hover(position={"x": box_of(chart)["width"] - 11, "y": 60})
+    expect(shown.locator(".learning:visible .readout")).to_have_text(re.compile("at (1.99|2):.*ppo \u22120.5 \\(\u22121 to 0\\)"))
+    assert width_beyond(shown) == 0
 
 
 def test_the_keyboard_is_enough(opened: Open) -> None:

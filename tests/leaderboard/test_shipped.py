@@ -6,11 +6,13 @@ import pytest
 
 from baselines.catalogue import names
 from leaderboard import verify
-from leaderboard.oracles import CLAIRVOYANT, oracles
-from leaderboard.ranking import read_leaderboard
+from leaderboard.oracles import oracles
+from leaderboard.ranking import read_leaderboard, read_trainings
 from leaderboard.result import MANIFEST_FILE, SUFFIX, Manifest, read_part, read_result, result_files
+from leaderboard.standings import CLAIRVOYANT
 from leaderboard.verify import Selection
 from train.agents import onnx_policy
+from train.learning_curves import FILE, Trainings
 from turning_env import IDS, SPLITS, Scenario
 from turning_env.scoring.policy import ScenarioId
 
@@ -23,6 +25,17 @@ AGENTS_OF_ALL_KINDS = ["ppo-seed0", "recurrent_ppo-seed1", "lagrangian_ppo-seed2
 
 def test_every_result_is_valid() -> None:
     assert verify.check(RESULTS, AGENTS, Selection()) == []
+
+
+def test_learning_curves_are_those_of_agents_beside_them() -> None:
+    files = sorted(AGENTS.glob(f"*/*/{FILE}"))
+    assert files
+    for path in files:
+        found, folder = Trainings.read(path), path.parent
+        assert (found.env_id, found.scenario) == (folder.parent.name, ScenarioId.of(Scenario.load(folder.name)))
+        assert found.trainings.keys() <= {file.stem for file in folder.glob("*.onnx")}
+        task = read_part(Manifest, RESULTS / folder.relative_to(AGENTS) / MANIFEST_FILE).task
+        assert read_trainings(folder, task) == found.trainings
 
 
 @pytest.mark.slow

@@ -225,7 +225,7 @@ def test_command_line(with_agent: Path, capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_earning_too_much_is_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(oracles, "CLAIRVOYANT", "oracle")
+    monkeypatch.setattr(verify, "CLAIRVOYANT", "oracle")
     path = file_of(shipped, RULE)
     returns = read_result(path).episodes["return"]
     rewrite(path, {"return": [*returns[:-1], 1e6]})

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tests.train import onnx_agents
 from train.agents import agent_file, onnx_policy, sandbox
-from train.agents.sandbox import GuardedPolicy, Limits
+from train.agents.sandbox import Child, GuardedPolicy, Limits
 from train.agents.session import OnnxPolicy, session_of
 
 NUM_ENVS = 6
@@ -29,7 +29,7 @@ def guarded(content: bytes, num_envs: int = NUM_ENVS, limits: Limits = sandbox.L
 
 
 def child_of(policy: GuardedPolicy) -> "subprocess.Popen[bytes]":
-    return policy._child._process
+    return policy.process._process
 
 
 @pytest.mark.slow
@@ -48,6 +48,19 @@ def test_it_acts_there_bit_for_bit_as_here(memory: bool) -> None:
 
 
 @pytest.mark.slow
+def test_one_process_plays_several_things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make = onnx_policy.load(onnx_agents.write(tmp_path, memory=True)).make
+    observations = np.random.default_rng(0).normal(size=(2, 11)).astype(np.float32)
+    expected, started = make(2).act(observations), list[Child]()
+    monkeypatch.setattr(sandbox, "Child", lambda *arguments: started.append(Child(*arguments)) or started[-1])
+    with onnx_policy.in_one_process(make, 3) as shared:
+        for _ in range(3):  # each without a memory of the one before
+            np.testing.assert_array_equal(shared(2).act(observations), expected)
+    assert len(started) == 1
+    with onnx_policy.in_one_process(OnnxPolicy, 3) as other:
+        assert other is OnnxPolicy
+
+
 def test_a_file_is_looked_at_and_tried_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*arguments: object) -> None:
         raise AssertionError("a stranger's file was looked into by this process")

@@ -9,7 +9,7 @@ policy = agent.make(1)
 
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -68,6 +68,23 @@ def opened(path: Path, limits: Limits) -> Iterator[PolicySpec]:
     file, process = _look(path, lambda content: examined(content, limits))
     with closing(process):
         yield _spec(file, lambda num_envs: GuardedPolicy(file, num_envs, process=process))
+
+
+@contextmanager
+def in_one_process(make: PolicyFactory, plays: int) -> Iterator[PolicyFactory]:
+    """Let an agent from a file play several things, one after another, in one process; another policy plays as ever.
+
+    Args:
+        make: makes the policy.
+        plays: number of things; the process may use as much as one each.
+    """
+    if not isinstance(make, _Maker):
+        yield make
+        return
+    file, limits = make.file, replace(make.limits, computing=plays * make.limits.computing)
+    process = GuardedPolicy(file, 1, limits).process
+    with closing(process):
+        yield lambda num_envs: GuardedPolicy(file, num_envs, process=process)
 
 
 def _look(path: Path, look: Callable[[bytes], Found]) -> Found:

@@ -146,17 +146,17 @@ class GuardedPolicy:
     def __init__(self, file: AgentFile, num_envs: int, limits: Limits = LIMITS, process: Child | None = None) -> None:
         spaces = file.metadata.observation_space, file.metadata.action_space
         self._observations, self._actions = ((num_envs, len(space.low)) for space in spaces)
-        self._child = process or Child(child.PLAY, limits)
+        self.process = process or Child(child.PLAY, limits)
         if process is None:
-            self._child.send(child.CONTENT, file.content)
-        self._child.send(child.SIZES, np.array([*self._observations, file.memory_size], np.int64).tobytes())
-        self._child.answer(0, starting=True)
+            self.process.send(child.CONTENT, file.content)
+        self.process.send(child.SIZES, np.array([*self._observations, file.memory_size], np.int64).tobytes())
+        self.process.answer(0, starting=True)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Forget the environments of the mask, shape (num_envs,)."""
         if mask.shape != self._observations[:1] or mask.dtype != np.bool_:
             raise ValueError(f"the mask must be bool of shape {self._observations[:1]}, got {mask.dtype} of {mask.shape}")
-        self._child.send(child.RESET, mask.tobytes())
+        self.process.send(child.RESET, mask.tobytes())
 
     def act(self, observations: Observations) -> Actions:
         """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32.
@@ -168,9 +168,9 @@ class GuardedPolicy:
         if observations.shape != self._observations or observations.dtype != np.float32:
             wanted = f"float32 of shape {self._observations}, got {observations.dtype} of {observations.shape}"
             raise ValueError(f"the agent cannot act on these observations: they must be {wanted}")
-        self._child.send(child.ACT, observations.tobytes())
+        self.process.send(child.ACT, observations.tobytes())
         size = 4 * self._actions[0] * self._actions[1]
-        content = self._child.answer(size)
+        content = self.process.answer(size)
         if len(content) != size:
             raise ValueError(f"gives {len(content)} bytes, which are not actions of shape {self._actions}")
         actions = np.frombuffer(content, np.float32).reshape(self._actions).copy()

@@ -10,11 +10,11 @@ import numpy as np
 
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.overload import CONFIDENCE, ratio
+from turning_env.scoring.overload import severe_share
+from turning_env.scoring.packed import Played, shipped
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.seeds import held_out_seeds
-from turning_env.scoring.shipped import Played, shipped
-from turning_env.scoring.statistics import Bootstrap, Estimate
+from turning_env.scoring.statistics import Bootstrap, Estimate, rank_key
 
 
 @dataclass(frozen=True)
@@ -130,8 +130,7 @@ def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequenc
     my_means = bootstrap.means(mine.returns, mine.name)
 
     def feasible(played: Played) -> bool:
-        shares = ratio(bootstrap.means(played.severe, played.name), bootstrap.means(played.engaged, played.name))
-        return bool(np.quantile(shares, CONFIDENCE) <= scenario.limits.overload_allowance)
+        return bootstrap.severe_limit(played.severe, played.engaged, played.name) <= scenario.limits.overload_allowance
 
     comparisons = []
     for each in others:
@@ -139,10 +138,11 @@ def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequenc
         mean = float(np.mean(each.returns))
         ahead = Estimate.of(float(np.mean(mine.returns)) - mean, my_means - means)
         comparisons.append(Comparison(each.name, each.kind, feasible(each), Estimate.of(mean, means), ahead))
-    comparisons.sort(key=lambda each: (each.kind == "oracle", not each.feasible, -each.mean_return.value, each.name))
+    comparisons.sort(key=lambda each: (rank_key(each.kind, each.feasible, each.mean_return.value), each.name))
     ranked = [each for each in comparisons if each.kind != "oracle"]
     mine_feasible, my_return = feasible(mine), Estimate.of(float(np.mean(mine.returns)), my_means)
-    better = sum((not each.feasible, -each.mean_return.value) < (not mine_feasible, -my_return.value) for each in ranked)
+    my_key = rank_key(mine.kind, mine_feasible, my_return.value)
+    better = sum(rank_key(each.kind, each.feasible, each.mean_return.value) < my_key for each in ranked)
     return Score(
         env_id=env_id,
         seeds=mine.returns.shape[1],
@@ -150,7 +150,7 @@ def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequenc
         ranked=len(ranked) + 1,
         mean_return=my_return,
         feasible=mine_feasible,
-        severe_share=float(ratio(mine.severe.sum(keepdims=True).ravel(), mine.engaged.sum(keepdims=True).ravel())[0]),
+        severe_share=severe_share(mine.severe.ravel(), mine.engaged.ravel()),
         comparisons=tuple(comparisons),
         episodes=episodes,
     )

@@ -11,7 +11,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.scoring.overload import CONFIDENCE, KEY, RESAMPLES
+from turning_env.scoring.overload import CONFIDENCE, KEY, RESAMPLES, ratio
 
 Floats = NDArray[np.float64]
 
@@ -61,6 +61,15 @@ class Bootstrap:
             resampled = values[training_seeds[chunk, :, None], self._seeds[chunk, None, :]]
             chunks.append(interquartile_mean(resampled.reshape(len(resampled), -1)))
         return np.concatenate(chunks)
+
+    def severe_limit(self, severe: Floats, engaged: Floats, policy: str) -> float:
+        """Return the upper limit of a policy's severe share: see ``overload.severe_limit``; shapes (training seeds, seeds)."""
+        return float(np.quantile(ratio(self.means(severe, policy), self.means(engaged, policy)), CONFIDENCE))
+
+
+def rank_key(kind: str, feasible: bool, mean_return: float) -> tuple[bool, bool, float]:
+    """Return the key by which policies are ranked: oracles last, feasible policies first, then the higher mean return."""
+    return kind == "oracle", not feasible, -mean_return
 
 
 def interquartile_mean(values: Floats) -> Floats:

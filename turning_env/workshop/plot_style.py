@@ -8,16 +8,14 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
-from matplotlib import rc_context, style
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.text import Text
-from PIL import Image
-
 from turning_env.files import replace_file
+
+if TYPE_CHECKING:  # imported where a figure is drawn: who needs only a colour need not wait for it
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SINGLE, DOUBLE = 89.0 / 25.4, 183.0 / 25.4
 """Widths of one column and of two [inch]."""
@@ -87,6 +85,8 @@ _PRINT: dict[str, Any] = {
 @contextmanager
 def for_print() -> Iterator[None]:
     """Apply the style within a ``with`` block, whatever the user's own settings; draw and save figures inside it."""
+    from matplotlib import style
+
     with style.context(["default", _PRINT]):
         yield
 
@@ -109,26 +109,30 @@ def policy_looks(names: Iterable[str]) -> list[tuple[str, Any]]:
     return looks
 
 
-def letter(axes: Axes, name: str) -> None:
+def letter(axes: "Axes", name: str) -> None:
     """Write the name of a panel above its left corner."""
     axes.set_title(name, loc="left", fontweight="bold")
 
 
-def readable(figure: Figure) -> Figure:
+def readable(figure: "Figure") -> "Figure":
     """Enlarge every text of a figure to at least ``MIN_FONT``, and return the figure."""
+    from matplotlib.text import Text
+
     for text in figure.findobj(Text):
         assert isinstance(text, Text)
         text.set_fontsize(max(text.get_fontsize(), MIN_FONT))
     return figure
 
 
-def save(figure: Figure, path: Path) -> None:
+def save(figure: "Figure", path: Path) -> None:
     """Write a figure, whole or not at all, in the format that the suffix names; the same figure gives the same bytes.
 
     Raises:
         ValueError: The suffix is none of ``FORMATS``.
         OSError: The file cannot be written.
     """
+    from matplotlib import rc_context
+
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
         raise ValueError(f"{path}: its suffix must be .{' or .'.join(FORMATS)}")
@@ -139,8 +143,10 @@ def save(figure: Figure, path: Path) -> None:
             replace_file(path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind]))
 
 
-def _save_png(figure: Figure, path: Path) -> None:
+def _save_png(figure: "Figure", path: Path) -> None:
     """Write PNG with a palette of 256 colours: a third of the bytes without a visible difference."""
+    from PIL import Image
+
     drawn = BytesIO()
     figure.savefig(drawn, format="png", dpi=DPI)
     with Image.open(drawn) as image:

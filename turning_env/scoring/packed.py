@@ -1,6 +1,6 @@
-"""The results that ship with this package: the episodes' returns of every policy on the leaderboard of every id.
+"""Results that ship with this package: the episodes' returns of every policy on the leaderboard of every id.
 
-One file per id, JSON compressed with xz, made from the leaderboard's results by ``python -m leaderboard pack`` in a clone.
+One file per id, JSON compressed with xz, made from the leaderboard's results by ``python -m leaderboard.pack`` in a clone.
 """
 
 import json
