@@ -50,6 +50,7 @@ def test_every_sum_is_that_of_the_single_environment() -> None:
 def test_every_preset_is_tuned_or_differs_from_one_that_is(preset: str) -> None:
     scenario = Scenario.load(preset)
     others = {"measured_wear": "paper", "override_torque": "override", "practitioner": "rough_turning"}
+    others |= dict.fromkeys(("batch_p20", "batch_k20", "batch_p30", "batch_p01", "batch_m20"), "batch_casting")
     base = "rough_turning" if preset in SPLITS else others.get(preset)
     tuned_on = Scenario.load(base) if base else None
     for name in names(scenario):
