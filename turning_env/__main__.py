@@ -7,6 +7,7 @@ python -m turning_env calibrate cuts.csv --out my_tool.toml
 python -m turning_env whatif my_tool.toml --cutting-speed 150 --feed 0.3 --wear 0.2
 python -m turning_env map my_tool.toml --wear 0.2 --out map.png
 python -m turning_env current current.csv
+python -m turning_env family shop --figure jobs.png
 python -m turning_env score my_agent.onnx
 python -m turning_env warm-up
 """
@@ -28,6 +29,7 @@ from turning_env.console import MISTAKE, described, exits, number_within, pictur
 from turning_env.files import replace_file
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario, ScenarioError, presets
+from turning_env.scenario.family import Family
 from turning_env.workshop import WorkshopError, whatif
 from turning_env.workshop.measurements import COLUMNS, EDGE, read_measurements
 
@@ -102,6 +104,12 @@ def main(arguments: list[str] | None = None) -> int:
     chart.add_argument(
         "--out", type=picture_path, required=True, metavar="FILE", help="picture to write: PNG, SVG or PDF, by its suffix"
     )
+
+    drawn = command(_family, "print or draw jobs of a family", scenario=False)
+    drawn.add_argument("family", metavar="FAMILY", help="family (shop), or its TOML file")
+    drawn.add_argument("--split", default="train", help="split of its jobs (default: %(default)s)")
+    drawn.add_argument("--jobs", type=int, default=12, metavar="N", help="number of jobs (default: %(default)s)")
+    drawn.add_argument("--figure", type=picture_path, metavar="FILE", help="picture of their operating maps: PNG, SVG or PDF")
 
     scored = command(_score, "play a policy and rank it among those that ship", scenario=False)
     scored.add_argument("policy", metavar="POLICY", help="ONNX file, or module:object")
@@ -270,6 +278,45 @@ def _map(options: argparse.Namespace) -> int:
 
     plot_style.save(plots.draw_map(scenario, options.wear, options.depth, options.hardness), options.out)
     print(options.out)
+    return 0
+
+
+def _family(options: argparse.Namespace) -> int:
+    """Print the first jobs of a family, and draw their operating maps.
+
+    The last columns compare truth and nominal model at the nominal model's best set point on a half-worn edge.
+
+    python -m turning_env family shop
+    python -m turning_env family shop --split unseen_materials --figure jobs.png
+    """
+    family = Family.load(options.family)
+    try:
+        jobs = [family.job(number, options.split) for number in range(options.jobs)]
+    except ValueError as error:
+        raise WorkshopError(str(error)) from error
+    print(f"{'job':<14} diameter  depth  power  force   speed      feed    removal     truth over nominal model")
+    print(f"{'':<14}     [mm]   [mm]   [kW]    [N] [m/min]  [mm/rev]  [cm3/min]  power  force  wear rate")
+    for job in jobs:
+        true, nominal, limits = job.scenario, job.scenario.nominal(), job.scenario.limits
+        cut = job.cutting_speed, job.feed, true.workpiece.depth_of_cut
+        wear = true.tool.wear_criterion * 0.5**nominal.material.wear.time
+        power, force = (
+            getattr(true.material, law)(*cut, wear=wear) / getattr(nominal.material, law)(*cut, wear=wear)
+            for law in ("power", "thrust_force")
+        )
+        rates = [
+            (each.material.wear(*cut) / each.tool.wear_criterion) ** (1.0 / each.material.wear.time) for each in (true, nominal)
+        ]
+        print(
+            f"{job.title:<14} {true.workpiece.diameter:8.0f}  {cut[2]:5.2f}  {limits.power:5.1f}  {limits.thrust_force:5.0f}"
+            f"  {cut[0]:6.0f}  {cut[1]:8.3f}  {true.economics.reference_removal_rate:9.0f}"
+            f"  {power:5.2f}  {force:5.2f}  {rates[0] / rates[1]:9.2f}"
+        )
+    if options.figure:
+        from turning_env.workshop import plot_style, plots
+
+        plot_style.save(plots.draw_jobs(jobs), options.figure)
+        print(options.figure)
     return 0
 
 

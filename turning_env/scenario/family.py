@@ -144,7 +144,11 @@ class Table(Section):
 
     def numbers(self, held_out: bool) -> Array:
         """Return the rows that are held out, or those that are not, shape (rows, columns)."""
-        return np.array([row for name, row in self.rows.items() if (name in self.held_out) == held_out])
+        return np.array([self.rows[name] for name in self.names(held_out)])
+
+    def names(self, held_out: bool) -> list[str]:
+        """Return the names of the rows that are held out, or of those that are not."""
+        return [name for name in self.rows if (name in self.held_out) == held_out]
 
 
 @cache
@@ -179,6 +183,8 @@ class Job(NamedTuple):
 
     split: str
     number: int
+    title: str
+    """Number, and the rows of the family's tables."""
     scenario: Scenario
     cutting_speed: float
     """The nominal model's best cutting speed on a half-worn edge [m/min]."""
@@ -323,7 +329,9 @@ class Family(Section):
         name = "-".join((self.name, split, str(number)))
         values = {"base": self.base, "name": name} | nested(true.items()) | {"nominal_model": nested(differing.items())}
         speed, feed = draw.plan.speed[i, MIDDLE], draw.plan.feed[i, MIDDLE]
-        return Job(split, number, Scenario.load(values), float(speed), float(feed), self.context(draw)[i])
+        names = [self.tables[name].names(name in self.splits[split])[places[i]] for name, places in draw.rows.items()]
+        title = ", ".join((str(number), *names))
+        return Job(split, number, title, Scenario.load(values), float(speed), float(feed), self.context(draw)[i])
 
     @property
     def context_names(self) -> tuple[str, ...]:
