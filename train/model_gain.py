@@ -58,7 +58,8 @@ class HindsightVecEnv(RoughTurningVecEnv):
         """Keep the hidden state, and return the rewards unchanged."""
         self.before = self._now
         self.after = np.stack([info_at_end_of_step(infos, name) for name in FIELDS])
-        self.changed = info_at_end_of_step(infos, "stopped_time") > 0.0
+        stopped, cut, engaged = (info_at_end_of_step(infos, name) for name in ("stopped_time", "cutting_time", "engaged_time"))
+        self.changed = (stopped > 0.0) & (60.0 * cut <= engaged * (1.0 + 1e-6))  # tangled chips also stop the machine
         commands_changes = self.vector_env.scenario.control.edge_changes == "commanded"
         self.failed = self.changed & ~(commands_changes & (self._actions[:, -1] > 0.0))
         self._now = np.stack([infos[name] for name in FIELDS])

@@ -39,7 +39,6 @@ SCENARIOS = {
     "surface_current": changed(
         Scenario.load("surface"), sensors={"force": "servo_current", "force_noise": 0.1}, surface={"reference_time": 0.1}
     ),
-    "failing": changed(Scenario(), **FAILING),
     "failing_shift": changed(Scenario.load("shift"), **FAILING),
     "failing_batch": changed(Scenario.load("batch_casting"), **FAILING),
     **{preset: Scenario.load(preset) for preset in sorted({*IDS.values(), *SPLITS, *OTHERS})},
