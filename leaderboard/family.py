@@ -13,11 +13,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from baselines.catalogue import spec
+from baselines.catalogue import RULES, spec
 from leaderboard.table import aligned
 from turning_env.console import described, exits, print_json
 from turning_env.scenario import Scenario, ScenarioError
 from turning_env.scenario.family import Family, Job
+from turning_env.scenario.section import names_instead
 from turning_env.scoring.family import HeldOptimum, play_jobs
 from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import PolicyFactory
@@ -58,6 +59,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--tuned-on", default="shift", help="scenario of their tuned parameters (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print every episode's return as JSON")
     options = parser.parse_args(arguments)
+    if options.jobs < 1 or options.episodes < 1:
+        parser.error("--jobs and --episodes must be at least 1")
+    for name in options.policies:
+        if name.removesuffix(TRUTH) not in RULES:
+            parser.error(f"there is no controller {name!r}; {names_instead(name, RULES, 'docs/controllers.md')}")
     family, tuned_on = Family.load(options.family), Scenario.load(options.tuned_on)
     results: dict[str, dict[str, Episodes]] = {}
     for split in options.split:
