@@ -39,6 +39,8 @@ MISTAKES: dict[str, list[str]] = {
     ],
     "turning_env advise": ["nothing", ". --seeds 1", "forging --hours 0", "forging --seeds -1"],
     "turning_env map": ["nothing --wear 0.2 --out made.png", "forging --wear 0.2 --out made.txt"],
+    "turning_env family": ["nothing", "shop --split nothing", "shop --figure made.txt", "shop --jobs 0"],
+    "leaderboard.family": ["--family nothing", "--split nothing", "--policies nobody", "--tuned-on nothing", "--jobs 0"],
     "papers.reproduce": ["more"],
     "baselines.tune": ["--scenario nothing", "--rules nobody", "--trials 0", "--seeds 0", "--jobs 0", "--trials x"],
     "papers.reproduce.part_programming_cases": ["more"],

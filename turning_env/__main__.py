@@ -9,6 +9,7 @@ python -m turning_env map my_tool.toml --wear 0.2 --out map.png
 python -m turning_env advise my_tool.toml
 python -m turning_env current current.csv
 python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120
+python -m turning_env family shop --figure jobs.png
 python -m turning_env score my_agent.onnx
 python -m turning_env warm-up
 """
@@ -25,13 +26,14 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 import numpy as np
 
-from turning_env import IDS, score
+from turning_env import FAMILY_ID, IDS, score
 from turning_env.console import FAILED, MISTAKE, described, exits, number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_env.physics.quantities import action_size
 from turning_env.programs.command import add_options, program
 from turning_env.programs.program import NcError
 from turning_env.scenario import Scenario, ScenarioError, presets
+from turning_env.scenario.family import Family
 from turning_env.workshop import WorkshopError, whatif
 from turning_env.workshop.measurements import COLUMNS, EDGE, read_measurements
 
@@ -124,6 +126,12 @@ def main(arguments: list[str] | None = None) -> int:
     advice.add_argument("--json", action="store_true", help="print all results as JSON")
 
     add_options(command(program, "play and adapt a part program", scenario=False))
+
+    drawn = command(_family, "print or draw jobs of a family", scenario=False)
+    drawn.add_argument("family", metavar="FAMILY", help="family (shop), or its TOML file")
+    drawn.add_argument("--split", default="train", help="split of its jobs (default: %(default)s)")
+    drawn.add_argument("--jobs", type=int, default=12, metavar="N", help="number of jobs (default: %(default)s)")
+    drawn.add_argument("--figure", type=picture_path, metavar="FILE", help="picture of their operating maps: PNG, SVG or PDF")
 
     scored = command(_score, "play a policy and rank it among those that ship", scenario=False)
     scored.add_argument("policy", metavar="POLICY", help="ONNX file, or module:object")
@@ -359,6 +367,47 @@ def _advise(options: argparse.Namespace) -> int:
     return 0
 
 
+def _family(options: argparse.Namespace) -> int:
+    """Print the first jobs of a family, and draw their operating maps.
+
+    The last columns compare truth and nominal model at the nominal model's best set point on a half-worn edge.
+
+    python -m turning_env family shop
+    python -m turning_env family shop --split unseen_materials --figure jobs.png
+    """
+    family = Family.load(options.family)
+    if options.jobs < 1:
+        raise WorkshopError(f"--jobs is {options.jobs}, but must be at least 1")
+    try:
+        jobs = [family.job(number, options.split) for number in range(options.jobs)]
+    except ValueError as error:
+        raise WorkshopError(str(error)) from error
+    print(f"{'job':<14} diameter  depth  power  force   speed      feed    removal     truth over nominal model")
+    print(f"{'':<14}     [mm]   [mm]   [kW]    [N] [m/min]  [mm/rev]  [cm3/min]  power  force  wear rate")
+    for job in jobs:
+        true, nominal, limits = job.scenario, job.scenario.nominal(), job.scenario.limits
+        cut = job.cutting_speed, job.feed, true.workpiece.depth_of_cut
+        wear = true.tool.wear_criterion * 0.5**nominal.material.wear.time
+        power, force = (
+            getattr(true.material, law)(*cut, wear=wear) / getattr(nominal.material, law)(*cut, wear=wear)
+            for law in ("power", "thrust_force")
+        )
+        rates = [
+            (each.material.wear(*cut) / each.tool.wear_criterion) ** (1.0 / each.material.wear.time) for each in (true, nominal)
+        ]
+        print(
+            f"{job.title:<14} {true.workpiece.diameter:8.0f}  {cut[2]:5.2f}  {limits.power:5.1f}  {limits.thrust_force:5.0f}"
+            f"  {cut[0]:6.0f}  {cut[1]:8.3f}  {true.economics.reference_removal_rate:9.0f}"
+            f"  {power:5.2f}  {force:5.2f}  {rates[0] / rates[1]:9.2f}"
+        )
+    if options.figure:
+        from turning_env.workshop import plot_style, plots
+
+        plot_style.save(plots.draw_jobs(jobs), options.figure)
+        print(options.figure)
+    return 0
+
+
 def _score(options: argparse.Namespace) -> int:
     """Play a policy on held-out seeds and rank it among the policies that ship.
 
@@ -390,12 +439,12 @@ def _warm_up(_: argparse.Namespace) -> int:
 
     python -m turning_env warm-up
     """
-    from turning_env import RoughTurningVectorEnv
     from turning_env.batch.driver import start_episodes, step_blocks
     from turning_env.rendering.fields import Fields, read_fields, read_passes
 
-    for env_id in IDS:
-        for envs in (gymnasium.make_vec(env_id, 1, vectorization_mode="sync"), RoughTurningVectorEnv(2, IDS[env_id])):
+    for env_id in (*IDS, FAMILY_ID):
+        for mode in ("sync", "vector_entry_point"):
+            envs = gymnasium.make_vec(env_id, 2, vectorization_mode=mode)
             envs.reset(seed=0)
             envs.step(envs.action_space.sample())
             envs.close()

@@ -144,7 +144,11 @@ class Table(Section):
 
     def numbers(self, held_out: bool) -> Array:
         """Return the rows that are held out, or those that are not, shape (rows, columns)."""
-        return np.array([row for name, row in self.rows.items() if (name in self.held_out) == held_out])
+        return np.array([self.rows[name] for name in self.names(held_out)])
+
+    def names(self, held_out: bool) -> list[str]:
+        """Return the names of the rows that are held out, or of those that are not."""
+        return [name for name in self.rows if (name in self.held_out) == held_out]
 
 
 @cache
@@ -179,6 +183,8 @@ class Job(NamedTuple):
 
     split: str
     number: int
+    title: str
+    """Number, and the rows of the family's tables."""
     scenario: Scenario
     cutting_speed: float
     """The nominal model's best cutting speed on a half-worn edge [m/min]."""
@@ -297,8 +303,12 @@ class Family(Section):
         return family
 
     def __reduce__(self) -> Any:
-        """Leave the draws out of copies."""
+        """Pickle the family without its jobs."""
         return Family.load, (self.portable(),)
+
+    def __deepcopy__(self, memo: Any = None) -> "Family":
+        """Return the family itself, which never changes."""
+        return self
 
     def portable(self) -> str | dict[str, Any]:
         """Return a source for ``load`` that JSON can hold: the name of a preset, or a dict."""
@@ -323,7 +333,9 @@ class Family(Section):
         name = "-".join((self.name, split, str(number)))
         values = {"base": self.base, "name": name} | nested(true.items()) | {"nominal_model": nested(differing.items())}
         speed, feed = draw.plan.speed[i, MIDDLE], draw.plan.feed[i, MIDDLE]
-        return Job(split, number, Scenario.load(values), float(speed), float(feed), self.context(draw)[i])
+        names = [self.tables[name].names(name in self.splits[split])[places[i]] for name, places in draw.rows.items()]
+        title = ", ".join((str(number), *names))
+        return Job(split, number, title, Scenario.load(values), float(speed), float(feed), self.context(draw)[i])
 
     @property
     def context_names(self) -> tuple[str, ...]:
@@ -337,13 +349,13 @@ class Family(Section):
 
     @cached_property
     def _standard(self) -> tuple[Array, Array]:
-        draws = [self.draw("train", chunk) for chunk in range(-(-min(_SAMPLE, self.jobs) // CHUNK))]
-        sample = np.concatenate([np.stack(list(draw.features.values()), axis=1) for draw in draws])
+        drawn = [self.draw("train", chunk) for chunk in range(-(-min(_SAMPLE, self.jobs) // CHUNK))]
+        sample = np.concatenate([np.stack(list(draw.features.values()), axis=1) for draw in drawn])
         spread = sample.std(axis=0)
         return sample.mean(axis=0), np.where(spread > 1e-6, spread, 1.0)
 
     @cached_property
-    def _draws(self) -> dict[tuple[str, int], Draw]:
+    def _known(self) -> dict[tuple[str, int], Draw]:
         return {}
 
     @cached_property
@@ -363,9 +375,9 @@ class Family(Section):
         """
         if split not in self.splits:
             raise ValueError(f"there is no split {split!r}; {names_instead(split, self.splits, 'the splits of the family')}")
-        if (split, chunk) not in self._draws:
-            self._draws[split, chunk] = self._drawn(split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64))
-        return self._draws[split, chunk]
+        if (split, chunk) not in self._known:
+            self._known[split, chunk] = self._drawn(split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64))
+        return self._known[split, chunk]
 
     def _drawn(self, split: str, numbers: NDArray[np.uint64]) -> Draw:
         attempts, pending = np.zeros(len(numbers), np.uint64), np.arange(len(numbers))

@@ -51,7 +51,7 @@ def play_spec(
 
 def play(
     make_policy: PolicyFactory,
-    scenario: Scenario,
+    scenario: Scenario | RoughTurningVectorEnv,
     seeds: Sequence[int],
     on_step: Callable[[int], None] = lambda ended: None,
     *,
@@ -61,7 +61,7 @@ def play(
 
     Args:
         make_policy: makes the policy for ``len(seeds)`` environments.
-        scenario: scenario to play.
+        scenario: scenario to play, or a batch of ``len(seeds)`` environments with SAME_STEP.
         seeds: seeds of the episodes.
         on_step: called after each step with the number of episodes that have ended.
         tell: whether to call ``tell(infos)`` before every ``act``; for oracles only.
@@ -73,7 +73,10 @@ def play(
         ValueError: the policy's actions have the wrong shape or are not finite.
     """
     num_envs = len(seeds)
-    env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
+    if isinstance(scenario, RoughTurningVectorEnv):
+        env = scenario
+    else:
+        env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
     policy = make_policy(num_envs)
     observations, infos = env.reset(seed=list(seeds))
     policy.reset(np.ones(num_envs, np.bool_))

@@ -1,6 +1,7 @@
 """Draw the residuals of a calibration, and the operating map of a scenario."""
 
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from turning_env.scenario import Scenario
+from turning_env.scenario.family import Job
 from turning_env.workshop.calibrate import Calibration
 from turning_env.workshop.fit import SETTINGS, Fit
 from turning_env.workshop.measurements import COLUMNS
@@ -22,6 +24,7 @@ MAX_POINTS = 20000
 """Number of residuals above which only every n-th is drawn."""
 GRID = 301
 """Number of cutting speeds, and of feeds, at which the map evaluates the laws."""
+JOBS_IN_A_ROW, JOB_GRID = 4, 121
 _LIMITS: dict[str, tuple[str, str, str, Any]] = {
     "thrust_force": ("thrust force", "N", ORANGE, "-"),
     "power": ("power", "kW", BLUE, (0, (6, 1.5))),
@@ -135,6 +138,40 @@ def _beyond_measured(scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
         settings = {name: law.measured[name] for name in SETTINGS if name in law.measured}
         beyond |= law.model_copy(update={"measured": settings}).extrapolates(cuts._asdict())
     return beyond
+
+
+def draw_jobs(jobs: Sequence[Job]) -> Figure:
+    """Draw a panel per job, four in a row: what is within limits at half an edge's life, by the nominal model and in truth."""
+    rows = -(-len(jobs) // JOBS_IN_A_ROW)
+    figure = Figure(figsize=(7.2, 1.9 * rows + 0.6), layout="constrained")
+    panels = figure.subplots(rows, JOBS_IN_A_ROW, squeeze=False).ravel()
+    for axes, job in zip(panels, jobs, strict=False):
+        nominal, machine = job.scenario.nominal(), job.scenario.machine
+        speeds = np.linspace(machine.cutting_speed_min, job.scenario.cutting_speed_max, JOB_GRID)
+        feeds = np.linspace(machine.feed_min, machine.feed_max, JOB_GRID)
+        wear = nominal.tool.wear_criterion * 0.5**nominal.material.wear.time
+        told, true = (
+            what_if(each, speeds, feeds[:, np.newaxis], wear=wear).within_limits.astype(float) for each in (nominal, job.scenario)
+        )
+        axes.set_facecolor(LIGHT)
+        if told.any():
+            axes.contourf(speeds, feeds, told, levels=(0.5, 1.5), colors=[_ALLOWED])
+        if 0.0 < true.mean() < 1.0:
+            axes.contour(speeds, feeds, true, levels=(0.5,), colors=VERMILLION, linewidths=1.6, linestyles=[(0, (5, 1.5))])
+        axes.plot(job.cutting_speed, job.feed, marker="o", markersize=6, color="black", clip_on=False, zorder=5)
+        axes.set_title(job.title, fontsize=8, loc="left")
+        axes.tick_params(labelsize=8)
+    for axes in panels[len(jobs) :]:
+        axes.set_axis_off()
+    figure.supxlabel("cutting speed [m/min]", fontsize=9)
+    figure.supylabel("feed [mm/rev]", fontsize=9)
+    handles = [
+        Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within limits by the nominal model"),
+        Line2D([], [], color=VERMILLION, linewidth=1.6, linestyle=(0, (5, 1.5)), label="limit in truth"),
+        Line2D([], [], color="black", marker="o", linestyle="none", label="best by the nominal model"),
+    ]
+    figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, fontsize=8)
+    return figure
 
 
 def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:

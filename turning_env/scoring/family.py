@@ -1,0 +1,78 @@
+"""Play policies on the jobs of a family, and compare them with two anchors per job.
+
+A controller is built for each job from its nominal model (``play_jobs``); an agent that plays all jobs is one policy for the
+family's batch (``play_family``). Seeds are those of the family's environments, so both meet the same bars.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from turning_env.action import towards
+from turning_env.family_env import Context, FamilyVectorEnv
+from turning_env.observation import read
+from turning_env.scenario.family import Family, Job
+from turning_env.scoring.play import Episodes, play
+from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
+from turning_env.scoring.statistics import Floats
+
+CHANGE_WEAR = 0.95
+"""Nominal wear over the criterion at which the anchor changes the edge."""
+
+
+@dataclass
+class HeldOptimum(Policy):
+    """The lower anchor: the nominal model's best set point on a half-worn edge, held fixed; edges are changed by nominal wear."""
+
+    job: Job
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the actions, shape (num_envs, 3), for observations, shape (num_envs, entries)."""
+        scenario = self.job.scenario
+        reading, every = read(observations, scenario), np.ones(len(observations))
+        change = reading.nominal_wear >= CHANGE_WEAR * scenario.tool.wear_criterion
+        return towards(reading, scenario, self.job.cutting_speed * every, self.job.feed * every, change)
+
+
+def job_seeds(family: Family, job: Job, episodes: int) -> list[int]:
+    """Return seeds with which a family's environment plays a job, each with other bars and edges."""
+    jobs = family.jobs if job.split == "train" else family.held_out_jobs
+    return [job.number + jobs * k for k in range(episodes)]
+
+
+def play_jobs(
+    family: Family,
+    jobs: Sequence[Job],
+    make: Callable[[Job], PolicyFactory],
+    episodes: int,
+    on_job: Callable[[int], None] = lambda played: None,
+) -> Episodes:
+    """Play episodes of every job with a policy that is made for it.
+
+    Returns:
+        An array of shape (jobs, episodes) for each of ``play.EPISODE_FIELDS``.
+    """
+    played = []
+    for job in jobs:
+        played.append(play(make(job), job.scenario, job_seeds(family, job, episodes)))
+        on_job(len(played))
+    return {name: np.stack([each[name] for each in played]) for name in played[0]}
+
+
+def play_family(
+    family: Family, jobs: Sequence[Job], make_policy: PolicyFactory, episodes: int, context: Context = "told"
+) -> Episodes:
+    """Play episodes of every job, all in one batch, with a policy that plays all jobs; see ``play_jobs``."""
+    (split,) = {job.split for job in jobs}
+    seeds = [seed for job in jobs for seed in job_seeds(family, job, episodes)]
+    env = FamilyVectorEnv(len(seeds), family, split, context, AutoresetMode.SAME_STEP)
+    return {name: values.reshape(len(jobs), episodes) for name, values in play(make_policy, env, seeds).items()}
+
+
+def relative(returns: Floats, low: Floats, high: Floats) -> Floats:
+    """Return the share of the gap between two anchors' mean returns of each job that returns close; shapes (jobs, episodes)."""
+    low, high = low.mean(axis=1, keepdims=True), high.mean(axis=1, keepdims=True)
+    share: Floats = (returns - low) / (high - low)
+    return share
