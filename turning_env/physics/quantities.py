@@ -16,7 +16,7 @@ from turning_env.physics.spindle import idle_power_at
 from turning_env.physics.wear import CLOCK_TIME, EQUIVALENT_TIME
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import POWER_LAW_RECORD
-from turning_env.scenario.sections import MAX_DEPTHS
+from turning_env.scenario.sections import MAX_DEPTHS, NO_LIMIT
 
 WIDTH = 32
 """Environments of a block. Every quantity of a block is one array over its environments, so that the compiled loops take several
@@ -338,7 +338,7 @@ def _timeless(s: Scenario) -> bool:
 
 def further_limits(s: Scenario) -> list[tuple[float, float, float, float]]:
     """Return the log response over limit at f = d = H = 1, and the exponents of f, d and H, of each further limit."""
-    laws = [law for law in (s.limits.radial_force, s.limits.torque, s.limits.roughness) if law.bounds]
+    laws = [law for law in (s.limits.radial_force, s.limits.torque, s.limits.roughness) if np.any(law.coefficient > NO_LIMIT)]
     return [(law.log_coefficient - np.log(law.most), law.feed, law.depth_of_cut, law.hardness) for law in laws]
 
 

@@ -328,13 +328,17 @@ class Economics(Section):
         return value
 
 
+NO_LIMIT = 1e-12
+"""Coefficient of a further limit that is none."""
+
+
 class FeedLimit(PowerLaw):
     """A further limit: a response that grows with feed, depth of cut and hardness, and its largest value. It bounds the feed.
 
     By default it is never reached. Form and use: adaptive part programming paper, "boundary conditions".
     """
 
-    coefficient: float = quantity(1e-12, 1e-12, 1e12, "response", "response at f = d/d0 = H = 1; at the default, no limit")
+    coefficient: float = quantity(NO_LIMIT, NO_LIMIT, 1e12, "response", "response at f = d/d0 = H = 1; at the default, no limit")
     most: float = quantity(1.0, 1e-9, 1e9, "response", "largest allowed response")
 
     @model_validator(mode="after")
@@ -349,7 +353,7 @@ class FeedLimit(PowerLaw):
     @property
     def bounds(self) -> bool:
         """Whether there is a limit."""
-        return self.coefficient > 1e-12
+        return self.coefficient > NO_LIMIT
 
 
 class Limits(Section):

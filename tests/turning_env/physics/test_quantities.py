@@ -12,6 +12,8 @@ from turning_env.physics.records import parameter_records
 FURTHER = ("radial_force", "torque", "roughness")
 # Read by what scores policies, and by what reads observations, not by the transition.
 ELSEWHERE = {"limits.overload_allowance"}
+# Prices of money, for advice alone.
+ELSEWHERE |= {f"economics.{name}" for name in ("machine_rate", "operator_rate", "insert_price", "edges_per_insert")}
 
 
 # Always 0.
