@@ -18,4 +18,4 @@ def test_it_prints_and_draws(tmp_path, capsys):
 
 
 def test_one_of_many_environments_takes_less_than_a_kilobyte():
-    assert growth.bytes_per_env(4096) < 1000
+    assert growth.bytes_per_env(4096) < 1024
