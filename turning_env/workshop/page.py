@@ -54,7 +54,20 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
     best = next(each.steps[0] for each in fixed if each.aim == "least cost")
     criterion = scenario.tool.wear_criterion
     set_speed = scenario.control.initial_cutting_speed if scenario.control.action == "override" else None
-    top_rate, top_price = max(120.0, 3 * economics.machine_rate), max(30.0, 3 * economics.insert_price)
+    depth, change = work.depth_of_cut, economics.edge_change_time
+    rates, price, edges = (economics.machine_rate, economics.operator_rate), economics.insert_price, economics.edges_per_insert
+    sliders = (
+        ("cutting_speed", "cutting speed", "m/min", machine.cutting_speed_min, machine.cutting_speed_max, best.cutting_speed),
+        ("feed", "feed", "mm/rev", machine.feed_min, machine.feed_max, best.feed),
+        ("depth_of_cut", "depth of cut", "mm", 0.2 * depth, 2.0 * depth, depth),
+        ("wear", "flank wear when the edge is changed", "mm", 0.05 * criterion, criterion, best.wear),
+        ("hardness", "hardness over nominal", "", 0.7, 1.3, 1.0),
+        ("machine_rate", "machine", "money/h", 0.0, max(120.0, 3.0 * rates[0]), rates[0]),
+        ("operator_rate", "operator", "money/h", 0.0, max(120.0, 3.0 * rates[1]), rates[1]),
+        ("insert_price", "insert", "money", 0.0, max(30.0, 3.0 * price), price),
+        ("edges_per_insert", "edges per insert", "", 1.0, max(16.0, edges), edges),
+        ("edge_change_time", "change of edge", "min", 0.0, max(10.0, 3.0 * change), change),
+    )
     return {
         "laws": {name: {key: float(law.record()[key]) for key in POWER_LAW_RECORD.names or ()} for name, law in laws.items()},
         "known": {
@@ -79,20 +92,5 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         "currency": economics.currency,
         "set_speed": set_speed,
         "advice": [{"aim": each.aim} | each.steps[0]._asdict() for each in fixed],
-        "sliders": [
-            _slider("cutting_speed", "cutting speed", "m/min", machine.cutting_speed_min, machine.cutting_speed_max, best.cutting_speed),
-            _slider("feed", "feed", "mm/rev", machine.feed_min, machine.feed_max, best.feed),
-            _slider("depth_of_cut", "depth of cut", "mm", 0.2 * work.depth_of_cut, 2 * work.depth_of_cut, work.depth_of_cut),
-            _slider("wear", "flank wear when the edge is changed", "mm", 0.05 * criterion, criterion, best.wear),
-            _slider("hardness", "hardness over nominal", "", 0.7, 1.3, 1.0),
-            _slider("machine_rate", "machine", "money/h", 0.0, top_rate, economics.machine_rate),
-            _slider("operator_rate", "operator", "money/h", 0.0, max(120.0, 3 * economics.operator_rate), economics.operator_rate),
-            _slider("insert_price", "insert", "money", 0.0, top_price, economics.insert_price),
-            _slider("edges_per_insert", "edges per insert", "", 1.0, max(16.0, economics.edges_per_insert), economics.edges_per_insert),
-            _slider("edge_change_time", "change of edge", "min", 0.0, max(10.0, 3 * economics.edge_change_time), economics.edge_change_time),
-        ],
-    }  # fmt: skip
-
-
-def _slider(name: str, label: str, unit: str, low: float, high: float, value: float) -> dict[str, Any]:
-    return {"name": name, "label": label, "unit": unit, "low": low, "high": high, "value": value}
+        "sliders": [dict(zip(("name", "label", "unit", "low", "high", "value"), each, strict=True)) for each in sliders],
+    }
