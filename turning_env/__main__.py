@@ -114,7 +114,7 @@ def main(arguments: list[str] | None = None) -> int:
     advice = command(_advise, "advise speed, feed and edge changes, in parts and money")
     advice.add_argument("--agent", action="append", default=[], metavar="POLICY",
                         help="ONNX file or module:object to compare with fixed parameters; may be repeated")  # fmt: skip
-    advice.add_argument("--rule", default="optimiser", metavar="NAME", help="rule of a clone to compare (default: %(default)s)")
+    advice.add_argument("--rule", metavar="NAME", help="rule of a clone to compare (default: the best that ships)")
     advice.add_argument("--hours", type=number_within(1, 8760, "h"), default=2000.0, metavar="H",
                         help="hours of work in a year (default: %(default)s)")  # fmt: skip
     advice.add_argument(
