@@ -129,7 +129,7 @@ def play_all(
         advice: Returned by ``advise``.
         agents: ONNX files or ``module:object``; they must take the scenario's observations and actions. If there are none, and a
             clone's agents were trained for this lathe, the best of these.
-        rule: A rule of ``baselines``, played if that package can be imported; if None, the best: see ``_best_rule``.
+        rule: A rule of ``baselines``, played if that package can be imported; if None, the best: see ``best_rule``.
         hours: Hours of work in a year.
         edges: Number of edges, one per seed.
 
@@ -151,7 +151,7 @@ def play_all(
         notes.append("rules were not played: they are in a clone, from whose folder this command can play them")
     else:
         try:
-            name, spec = _best_rule(catalogue, scenario, own) if rule is None else (rule, _tuned(catalogue, rule, own, scenario))
+            name, spec = best_rule(catalogue, scenario, own) if rule is None else (rule, catalogue.spec(rule, own, scenario))
         except (KeyError, ValueError) as error:
             raise WorkshopError(f"--rule {rule}: {error.args[0]}") from error
         played.append((f"rule {name}", 1.0, play_spec(spec, own, seeds)))
@@ -177,22 +177,13 @@ def _nearest(scenario: Scenario) -> tuple[str, Scenario, list[Shipped]]:
     return env_id, preset, sorted(feasible, key=lambda each: -float(each.returns.mean()))
 
 
-def _tuned(catalogue: Any, rule: str, own: Scenario, tuned_on: Scenario) -> PolicySpec:
-    """Return a rule as it was tuned for a scenario, to play that scenario with episodes of one edge."""
-    spec: PolicySpec = catalogue.spec(rule, own, tuned_on)
-    return spec
-
-
-def _best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, PolicySpec]:
-    """Return name and rule: the best that is tuned for the scenario or needs no tuning; else the best as tuned for the preset."""
-    _, preset, policies = _nearest(scenario)
-    for tuned_on in (scenario, preset):
-        for each in policies:
-            if each.kind == "rule":
-                # A rule that cannot play the scenario, or is not tuned for it, raises an error.
-                with suppress(ValueError):
-                    name = each.name if tuned_on is scenario else f"{each.name}, tuned for {preset.name}"
-                    return name, _tuned(catalogue, each.name, own, tuned_on)
+def best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, PolicySpec]:
+    """Return name and rule, to play ``own``: the best of those that are tuned for the scenario or need no tuning."""
+    _, _, policies = _nearest(scenario)
+    for each in policies:
+        if each.kind == "rule":
+            with suppress(ValueError):  # raised by a rule that cannot play the scenario, or is not tuned for it
+                return each.name, catalogue.spec(each.name, own, scenario)
     raise ValueError(f"no rule that ships can play {scenario.name!r}")
 
 
