@@ -155,7 +155,7 @@ def play_all(
         except (KeyError, ValueError) as error:
             raise WorkshopError(f"--rule {rule}: {error.args[0]}") from error
         played.append((f"rule {name}", 1.0, play_spec(spec, own, seeds)))
-        agents = agents or _shipped_agents(Path(catalogue.__file__).parents[1] / "agents", scenario)
+        agents = agents or _shipped_agents(Path(str(catalogue.__file__)).parents[1] / "agents", scenario)
     for agent in agents:
         try:
             played.append((f"agent {Path(agent).stem}", 1.0, play(as_factory(agent), own, seeds)))
