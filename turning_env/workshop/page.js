@@ -215,10 +215,10 @@ function drawMap(best) {
 const DIGITS = { cutting_speed: 1, feed: 3, depth_of_cut: 2, wear: 3, hardness: 2, edges_per_insert: 0 };
 const inputs = {};
 
-/** A number with four digits and without a power of ten. */
+/** A number with three digits or all before the point. */
 function shown(value) {
   if (!Number.isFinite(value)) return 'too large';
-  return Math.abs(value) >= 1000 ? String(Math.round(value)) : String(Number(value.toPrecision(4)));
+  return Math.abs(value) >= 100 ? String(Math.round(value)) : String(Number(value.toPrecision(3)));
 }
 
 function set(changes) {
