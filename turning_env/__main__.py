@@ -116,13 +116,14 @@ def main(arguments: list[str] | None = None) -> int:
     advice = command(_advise, "advise speed, feed and edge changes, in parts and money")
     advice.add_argument("--agent", action="append", default=[], metavar="POLICY",
                         help="ONNX file or module:object to compare with fixed parameters; may be repeated")  # fmt: skip
-    advice.add_argument("--rule", default="optimiser", metavar="NAME", help="rule of a clone to compare (default: %(default)s)")
+    advice.add_argument("--rule", metavar="NAME", help="rule of a clone to compare (default: the best that ships)")
     advice.add_argument("--hours", type=number_within(1, 8760, "h"), default=2000.0, metavar="H",
                         help="hours of work in a year (default: %(default)s)")  # fmt: skip
     advice.add_argument(
         "--seeds", type=_count, default=16, metavar="N", help="edges to play with each policy; 0: none (default: 16)"
     )
     advice.add_argument("--sheet", type=picture_path, metavar="FILE", help="page to pin to the machine: PDF, PNG or SVG")
+    advice.add_argument("--page", type=Path, metavar="HTML", help="offline page with sliders for settings and prices")
     advice.add_argument("--json", action="store_true", help="print all results as JSON")
 
     add_options(command(program, "play and adapt a part program", scenario=False))
@@ -355,6 +356,11 @@ def _advise(options: argparse.Namespace) -> int:
         from turning_env.workshop import plot_style, sheet
 
         plot_style.save(sheet.draw_sheet(scenario, evidence, found), options.sheet)
+    if options.page:
+        from turning_env.workshop.page import render
+
+        text = render(scenario, evidence, found)
+        replace_file(options.page, lambda partial: partial.write_text(text, "utf-8"))
     played = play_all(scenario, found, options.agent, options.rule, options.hours, options.seeds) if options.seeds else None
     if options.json:
         print_json({"advice": [each._asdict() for each in found], "played": played})
@@ -362,8 +368,7 @@ def _advise(options: argparse.Namespace) -> int:
     print(*summary(scenario, found), sep="\n")
     if played:
         print("", *played.summary(), sep="\n")
-    if options.sheet:
-        print(options.sheet)
+    print(*(path for path in (options.sheet, options.page) if path), sep="\n", end="\n" * bool(options.sheet or options.page))
     return 0
 
 

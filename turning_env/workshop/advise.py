@@ -119,7 +119,7 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
             # An edge may be changed before it is worn out, because a fresher one cuts faster.
             ends = [SLICES] if aim == "longest run" else [n for n in range(1, SLICES + 1) if tables[n - 1].within_limits.any()]
             plans = [_best(scenario, evidence, aim, tables[:end] if scheduled else tables[end - 1 : end]) for end in ends]
-            found.append(min(plans, key=lambda plan: plan.cost if aim == "least cost" else -plan.removal_rate))
+            found.append(min(plans, key=lambda each: each.cost if aim == "least cost" else -each.removal_rate))
     return found
 
 
@@ -152,20 +152,29 @@ def _best(scenario: Scenario, evidence: Evidence, aim: str, tables: list[Cuts]) 
             choice = [int(np.where(ok, c - price * m, np.inf).argmin()) for ok, c, m in zip(allowed, cost, metal, strict=True)]
             spent = stop + sum(float(c.flat[i]) for c, i in zip(cost, choice, strict=True))
             price = spent / sum(float(m.flat[i]) for m, i in zip(metal, choice, strict=True))
-    return _advice(scenario, evidence, prices, aim, tables, choice, times)
+    return plan(scenario, evidence, prices, aim, tables, choice, times)
 
 
-def _advice(
+def plan(
     scenario: Scenario, evidence: Evidence, prices: Prices, aim: str, tables: list[Cuts], choice: list[int], times: list[Values]
 ) -> Advice:
-    """Return what follows from the chosen settings."""
+    """Return what follows from the chosen settings.
+
+    Args:
+        scenario: The machine, material and limits.
+        evidence: What is known of the laws.
+        prices: Prices of machining.
+        aim: One of ``AIMS``.
+        tables: The cuts that are possible in each section of the edge's life, at the wear at its end.
+        choice: Index of the chosen cut in each table.
+        times: Cutting time of each cut in its section [min].
+    """
     part = _part_time(scenario, tables[0])
     minutes = [float(time.flat[index]) for time, index in zip(times, choice, strict=True)]
     life = sum(minutes)
     parts = sum(time / float(part.flat[index]) for time, index in zip(minutes, choice, strict=True))
     # Edges differ at least as much as the scenario says, even if no edges were named in the sheet.
-    spread = scenario.tool.wear_factor_spread / scenario.material.wear.time
-    half, extrapolated = float(stats.norm.ppf(0.5 + 0.5 * LEVEL)) * spread, False
+    half, extrapolated = life_spread(scenario), False
     for table, index in zip(tables, choice, strict=True):
         cut = Cuts(*(values.ravel()[index : index + 1] for values in table))
         prediction = predict(scenario, evidence, cut, of_wear=True)
@@ -194,6 +203,11 @@ def _advice(
         cost=prices.minute * (cycle + prices.change_time / parts) + prices.edge / parts,
         extrapolated=extrapolated,
     )
+
+
+def life_spread(scenario: Scenario) -> float:
+    """Return half the 95 % interval of an edge's life, in its logarithm, by the spread of edges that the scenario states [-]."""
+    return float(stats.norm.ppf(0.5 + 0.5 * LEVEL)) * scenario.tool.wear_factor_spread / scenario.material.wear.time
 
 
 def part_volume(scenario: Scenario) -> float:

@@ -2,19 +2,24 @@
 
 import importlib
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turning_env import IDS
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.overload import severe_share
 from turning_env.scoring.play import Episodes, play, play_spec
-from turning_env.scoring.policy import Actions, Observations
+from turning_env.scoring.policy import Actions, Observations, PolicySpec
 from turning_env.scoring.seeds import held_out_seeds
+from turning_env.scoring.shipped import Played as Shipped
+from turning_env.scoring.shipped import shipped
 from turning_env.scoring.statistics import Bootstrap, Estimate
 from turning_env.workshop import WorkshopError
 from turning_env.workshop.advise import Advice, Prices, Step, part_volume
@@ -114,14 +119,17 @@ class Clock:
         return np.asarray(self._actions[np.searchsorted(self._ends, self._age, side="right")])
 
 
-def play_all(scenario: Scenario, advice: Sequence[Advice], agents: Sequence[str], rule: str, hours: float, edges: int) -> Played:
+def play_all(
+    scenario: Scenario, advice: Sequence[Advice], agents: Sequence[str], rule: str | None, hours: float, edges: int
+) -> Played:
     """Play the fixed parameters and the schedule of least cost, agents, and a rule if this is a clone.
 
     Args:
         scenario: The lathe, with the model mismatch that it states.
         advice: Returned by ``advise``.
-        agents: ONNX files or ``module:object``; they must take the scenario's observations and actions.
-        rule: A rule of ``baselines``, played if that package can be imported.
+        agents: ONNX files or ``module:object``; they must take the scenario's observations and actions. If there are none, and a
+            clone's agents were trained for this lathe, the best of these.
+        rule: A rule of ``baselines``, played if that package can be imported; if None, the best: see ``best_rule``.
         hours: Hours of work in a year.
         edges: Number of edges, one per seed.
 
@@ -137,21 +145,54 @@ def play_all(scenario: Scenario, advice: Sequence[Advice], agents: Sequence[str]
             name = "fixed parameters" if len(each.steps) == 1 else "schedule by time"
             # Its edge is changed by the clock, so an episode lasts as long as an edge.
             played.append((name, *_with_margin(clocked(scenario, each), each.steps, seeds)))
-    for agent in agents:
-        try:
-            played.append((agent, 1.0, play(as_factory(agent), own, seeds)))
-        except (TypeError, ValueError) as error:
-            raise WorkshopError(f"--agent {agent}: {error}") from error
     try:
         catalogue = importlib.import_module("baselines.catalogue")
     except ModuleNotFoundError:
         notes.append("rules were not played: they are in a clone, from whose folder this command can play them")
     else:
         try:
-            played.append((f"rule {rule}", 1.0, play_spec(catalogue.spec(rule, own), own, seeds)))
+            name, spec = best_rule(catalogue, scenario, own) if rule is None else (rule, catalogue.spec(rule, own, scenario))
         except (KeyError, ValueError) as error:
             raise WorkshopError(f"--rule {rule}: {error.args[0]}") from error
+        played.append((f"rule {name}", 1.0, play_spec(spec, own, seeds)))
+        agents = agents or _shipped_agents(Path(str(catalogue.__file__)).parents[1] / "agents", scenario)
+    for agent in agents:
+        try:
+            played.append((f"agent {Path(agent).stem}", 1.0, play(as_factory(agent), own, seeds)))
+        except (TypeError, ValueError) as error:
+            raise WorkshopError(f"--agent {agent}: {error}") from error
     return _compared(scenario, prices, played, hours, notes)
+
+
+def _nearest(scenario: Scenario) -> tuple[str, Scenario, list[Shipped]]:
+    """Return the id most like a scenario, its preset, and its feasible policies that ship, best first.
+
+    They are ranked by their return on that id's leaderboard, so no seed that is played here decides which are played.
+    """
+    usual = "RoughTurning-Override-v0" if scenario.control.action == "override" else "RoughTurning-v0"
+    env_id = next((env_id for env_id, preset in IDS.items() if preset == scenario.name), usual)
+    preset = Scenario.load(IDS[env_id])
+    allowed = preset.limits.overload_allowance
+    feasible = [each for each in shipped(env_id) if severe_share(each.severe.ravel(), each.engaged.ravel()) <= allowed]
+    return env_id, preset, sorted(feasible, key=lambda each: -float(each.returns.mean()))
+
+
+def best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, PolicySpec]:
+    """Return name and rule, to play ``own``: the best of those that are tuned for the scenario or need no tuning."""
+    _, _, policies = _nearest(scenario)
+    for each in policies:
+        if each.kind == "rule":
+            with suppress(ValueError):  # raised by a rule that cannot play the scenario, or is not tuned for it
+                return each.name, catalogue.spec(each.name, own, scenario)
+    raise ValueError(f"no rule that ships can play {scenario.name!r}")
+
+
+def _shipped_agents(folder: Path, scenario: Scenario) -> list[str]:
+    """Return the file of the best agent that ships for exactly this lathe, if there is any; prices do not matter."""
+    env_id, preset, policies = _nearest(scenario)
+    meaning, other = (each.model_dump(exclude={"name", "economics"}) for each in (scenario, preset))
+    files = [folder / env_id / preset.name / f"{each.name}-seed0.onnx" for each in policies if each.kind == "agent"]
+    return [str(file) for file in files if file.is_file() and meaning == other and preset.control.edge_changes == "end"][:1]
 
 
 def clocked(scenario: Scenario, advice: Advice) -> Scenario:

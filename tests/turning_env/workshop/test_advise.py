@@ -6,16 +6,18 @@ from pathlib import Path
 
 import pytest
 
+from baselines import catalogue
 from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_env.scenario import ScenarioError
 from turning_env.scoring.play import play
 from turning_env.workshop import WorkshopError
 from turning_env.workshop.advise import AIMS, Prices, advise, part_volume, summary
-from turning_env.workshop.advise_play import Clock, clocked, play_all
+from turning_env.workshop.advise_play import Clock, best_rule, clocked, play_all
 from turning_env.workshop.prediction import Evidence
 from turning_env.workshop.whatif import what_if
 
+ROOT = Path(__file__).parents[3]
 EVEN = {
     "workpiece": {"depth_bar_spread": 0.0, "depth_along_spread": 0.0, "hardness_bar_spread": 0.0, "hardness_along_spread": 0.0},
     "tool": {"wear_factor_spread": 0.0, "edge_strength_spread": 0.0},
@@ -71,13 +73,34 @@ def test_numbers_are_those_of_a_play(index: int) -> None:
 def test_a_year_is_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario = Scenario.load({"economics": MONEY})
     played = play_all(scenario, advise(scenario, Evidence()), [], "fixed_handbook", 1000.0, 2)
-    assert [year.name for year in played.years] == ["fixed parameters", "schedule by time", "rule fixed_handbook"]
+    names = [year.name for year in played.years]
+    assert names[:3] == ["fixed parameters", "schedule by time", "rule fixed_handbook"]
+    assert names[3:] == ["agent analytic_gradient-seed0"]  # trained for this lathe, whatever its prices
     assert played.years[0].saved.value == 0
     for year in played.years[1:]:
         assert year.saved.value == pytest.approx(played.years[0].cost.value - year.cost.value)
     assert played.years[0].cost.value > 1000 * 90  # the hours, and edges
     with pytest.raises(WorkshopError, match="--rule nothing"):
         play_all(scenario, advise(scenario, Evidence()), [], "nothing", 1000.0, 2)
+
+
+@pytest.mark.slow
+def test_the_best_rule_and_an_agent_save(tmp_path: Path) -> None:
+    weaker = Scenario.load({"limits": {"power": 6.5}})
+    assert not [year for year in play_all(weaker, advise(weaker, Evidence()), [], None, 1000.0, 2).years if "agent" in year.name]
+    agent = ROOT / "agents" / "RoughTurning-v0" / "rough_turning" / "ppo-seed0.onnx"
+    years = play_all(weaker, advise(weaker, Evidence()), [str(agent)], None, 1000.0, 2).years
+    assert [year.name for year in years[2:]] == ["rule predictive", "agent ppo-seed0"]
+    assert years[2].saved.low > 0
+    other = ROOT / "agents" / "RoughTurning-Override-v0" / "override" / "ppo-seed0.onnx"
+    with pytest.raises(WorkshopError, match=r"--agent .*ppo-seed0"):
+        play_all(weaker, advise(weaker, Evidence())[2:3], [str(other)], "fixed_handbook", 1000.0, 2)
+
+
+def test_an_override_gets_the_best_rule_that_is_tuned() -> None:
+    same, other = Scenario.load("override"), Scenario.load({"base": "override", "limits": {"power": 6.0}})
+    assert best_rule(catalogue, same, same)[0] == "omative"
+    assert best_rule(catalogue, other, other)[0] == "modified_fuzzy_override"  # omative is not tuned for it
 
 
 def test_the_command_prints_json(capsys: pytest.CaptureFixture[str]) -> None:
