@@ -19,7 +19,9 @@ def main(arguments: list[str] | None = None) -> int:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     guard = commands.add_parser("shield", help="measure the shield in simulation", **described(_shield.__doc__))
-    guard.add_argument("--episodes", type=int, default=32, metavar="N", help="held-out seeds of every task (default: %(default)s)")
+    guard.add_argument(
+        "--episodes", type=int, default=32, metavar="N", help="held-out seeds of every task (default: %(default)s)"
+    )
     guard.add_argument("--env", nargs="+", choices=IDS, default=GUARDED, metavar="ID", help="tasks (default: all but Paper-v0)")
     guard.add_argument("--agents", type=Path, default=Path("agents"), metavar="FOLDER", help="agents (default: %(default)s)")
     guard.add_argument("--target", type=number_within(0.1, 2, "-"), default=Settings.target, metavar="X",

@@ -6,16 +6,16 @@ from typing import NamedTuple
 
 import gymnasium
 import numpy as np
+from gymnasium.vector import AutoresetMode
 
 from turning_env.control.shield import Settings, Shield
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.overload import severe_share
-from turning_env.scoring.play import play
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.shipped import shipped
+from turning_env.vector_env import RoughTurningVectorEnv
 
 
 class Row(NamedTuple):
@@ -32,6 +32,11 @@ class Row(NamedTuple):
     """[cm3/min]"""
     overridden: float
     """Share of decisions in which the shield changed the action [-]."""
+    handed_over: int
+    """Episodes that ended early because the shield handed over to the operator; the figures count until then."""
+
+
+SUMS = ("severe_overload_time", "engaged_time", "edges_broken", "removed", "time")
 
 
 class UniformRandom(Policy):
@@ -68,38 +73,48 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) ->
                 yield _row(env_id, scenario, name, make, settings if with_shield else None, episodes)
 
 
-def _row(env_id: str, scenario: Scenario, name: str, make: PolicyFactory, settings: Settings | None, episodes: int) -> Row:
-    guards: list[Shield] = []
-
-    def guarded(num_envs: int) -> Policy:
-        if settings is None:
-            return make(num_envs)
-        guards.append(Shield(make(num_envs), scenario, num_envs, settings))
-        return guards[0]
-
-    played = play(guarded, scenario, held_out_seeds(episodes))
-    counts = guards[0].counts if guards else {"passed": 1}
+def _row(env_id: str, scenario: Scenario, policy_name: str, make: PolicyFactory, settings: Settings | None, episodes: int) -> Row:
+    env = RoughTurningVectorEnv(episodes, scenario, AutoresetMode.SAME_STEP)
+    policy = make(episodes) if settings is None else Shield(make(episodes), scenario, episodes, settings)
+    observations, _ = env.reset(seed=held_out_seeds(episodes))
+    policy.reset(np.ones(episodes, np.bool_))
+    running, sums, handed_over = np.ones(episodes, np.bool_), dict.fromkeys(SUMS, 0.0), 0
+    while running.any():
+        actions = policy.act(observations)
+        if isinstance(policy, Shield):  # the operator has stopped the machine
+            handed_over += int((running & policy.handed_over).sum())
+            running &= ~policy.handed_over
+        observations, _, terminated, truncated, infos = env.step(actions)
+        ended = terminated | truncated
+        for name in SUMS:
+            values = np.where(ended, infos["final_info"][name], infos[name]) if ended.any() else infos[name]
+            sums[name] += float((values * running).sum())
+        if ended.any():
+            policy.reset(ended)
+            running &= ~ended
+    counts = policy.counts if isinstance(policy, Shield) else {"passed": 1}
     return Row(
         env_id,
-        name,
+        policy_name,
         settings is not None,
         episodes,
-        severe_share(played["severe_overload_time"], played["engaged_time"]),
-        int(played["edges_broken"].sum()),
-        float(60.0 * played["removed"].sum() / played["time"].sum()),
+        sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9),
+        int(sums["edges_broken"]),
+        60.0 * sums["removed"] / max(sums["time"], 1e-9),
         1.0 - counts["passed"] / sum(counts.values()),
+        handed_over,
     )
 
 
 def markdown(measured: list[Row]) -> str:
     """Return the rows as a table."""
     lines = [
-        "| Task | Policy | Shield | Over 5 % [% of cutting time] | Edges broken | Removal rate [cm3/min] | Overridden [%] |",
-        "|---|---|---|---|---|---|---|",
+        "| Task | Policy | Shield | Over 5 % [% of cutting time] | Edges broken | Removal rate [cm3/min] | Overridden [%] | Handed over |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     lines += [
         f"| {row.env_id} | {row.policy} | {'yes' if row.shielded else 'no'} | {100 * row.severe:.2f} | {row.edges_broken} "
-        f"| {row.removal_rate:.1f} | {f'{100 * row.overridden:.0f}' if row.shielded else ''} |"
+        f"| {row.removal_rate:.1f} | {f'{100 * row.overridden:.0f}' if row.shielded else ''} | {row.handed_over if row.shielded else ''} |"
         for row in measured
     ]
     return "\n".join(lines)

@@ -41,8 +41,10 @@ ENTRY = 2.0
 """Margin for a bar whose hardness and depth are unknown [standard deviations]."""
 PART_MARGIN = 2.5
 """Margin for a part, whose load is not observed before it is cut [standard deviations]."""
-FAST, SLOW = 0.6, 10.0
-"""Share of a new power reading in the estimate [-], and time constant of the ratio of force to power [s]."""
+SLOW = 10.0
+"""Time constant of the ratio of force to power [s]."""
+HOPELESS = 2.0
+"""Time without any cutting speed that keeps both limits, after which the operator takes over [s]."""
 MIN_WEAR = 0.05
 """Nominal wear over the criterion below which predictions hold it constant [-]."""
 PATIENCE = 10
@@ -83,18 +85,18 @@ class Shield(Policy):
         reasons: the last reason in each environment, a list of num_envs texts.
     """
 
-    def __init__(self, policy: Policy, scenario: Scenario, num_envs: int, settings: Settings = Settings()) -> None:  # noqa: B008
+    def __init__(self, policy: Policy, scenario: Scenario, num_envs: int, settings: Settings = Settings()) -> None:
         self._policy, self._scenario, self._settings = policy, scenario.nominal(), settings
         self.counts: Counter[str] = Counter()
         self.handed_over = np.zeros(num_envs, np.bool_)
         self.reasons = ["passed"] * num_envs
-        self._refused = np.zeros(num_envs, np.int64)
+        self._refused, self._hopeless = np.zeros((2, num_envs), np.int64)
         self._observer = _Observer(self._scenario, num_envs)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         self._policy.reset(mask)
         self.handed_over &= ~mask
-        self._refused[mask] = 0
+        self._refused[mask] = self._hopeless[mask] = 0
         self._observer.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
@@ -155,10 +157,16 @@ class Shield(Policy):
         control, machine, observer = self._scenario.control, self._scenario.machine, self._observer
         observer.follow(reading)
         asked_speed, asked = _commands(actions, reading, self._scenario)
-        low, high = observer.speeds(self._settings.target)
+        low, high, hopeless = observer.speeds(self._settings.target)
         speed = np.clip(asked_speed, low, high) if control.action != "override" else asked_speed
         speed = np.clip(speed, machine.cutting_speed_min, self._scenario.cutting_speed_max)
-        self._hand_over(reading.cutting & (low > high), "no cutting speed keeps both limits")
+        self._hopeless = np.where(hopeless, self._hopeless + 1, 0)
+        stuck = self._hopeless * control.interval >= HOPELESS
+        change_edge = None
+        if control.edge_changes == "commanded":  # a fresh edge helps before the operator must
+            change_edge = (actions[:, -1] > 0.0) | stuck
+            stuck &= self._hopeless * control.interval >= 2.0 * HOPELESS
+        self._hand_over(stuck, "no speed and feed keep the limits")
         target = self._settings.target
         by_power, by_force = np.minimum(observer.feeds(speed, target), observer.feeds(reading.cutting_speed, target))
         bound = np.minimum(by_power, by_force)
@@ -169,8 +177,9 @@ class Shield(Policy):
         feed = np.maximum(np.minimum(asked, np.minimum(bound, rise)), machine.feed_min)
         changed = (feed < asked * (1 - 1e-6)) | (np.abs(speed / asked_speed - 1.0) > 1e-6)
         by = np.where(rise < bound, "rise", np.where(by_power < by_force, "power", "force"))
-        change_edge = actions[:, -1] > 0.0 if control.edge_changes == "commanded" else None
         limited = towards(reading, self._scenario, speed, feed, change_edge)
+        if change_edge is not None:
+            changed |= change_edge & (actions[:, -1] <= 0.0)
         return np.where(changed[:, None], limited, actions), np.where(changed, by, "").astype(object)
 
     def _limited_parts(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[Any]]:
@@ -181,7 +190,9 @@ class Shield(Policy):
         blank = expected + PART_MARGIN * unsure
         harder = PART_MARGIN * np.hypot(work.hardness_bar_spread, work.hardness_along_spread)
         force, power = (np.exp(harder * law.hardness) for law in (scenario.material.thrust_force, scenario.material.power))
-        passes = np.minimum(1 + (0.5 * (actions[:, 0] + 1.0) * scenario.control.passes_max).astype(int), scenario.control.passes_max)
+        passes = np.minimum(
+            1 + (0.5 * (actions[:, 0] + 1.0) * scenario.control.passes_max).astype(int), scenario.control.passes_max
+        )
         depth = work.depth_of_cut * (1.0 + actions[:, 1]) / passes
         wear = np.full(len(depth), scenario.tool.wear_criterion)
         actions, limited = actions.copy(), np.zeros(len(depth), np.bool_)
@@ -202,7 +213,7 @@ def set_point(action: NDArray[Any], low: float, high: float) -> Values:
     return value
 
 
-def shielded(make_policy: PolicyFactory, scenario: Scenario, settings: Settings = Settings()) -> Callable[[int], Shield]:  # noqa: B008
+def shielded(make_policy: PolicyFactory, scenario: Scenario, settings: Settings = Settings()) -> Callable[[int], Shield]:
     """Return a function that makes the shielded policy for a number of environments."""
     return lambda num_envs: Shield(make_policy(num_envs), scenario, num_envs, settings)
 
@@ -220,16 +231,28 @@ class _Observer:
             power.hardness * np.hypot(work.hardness_bar_spread, work.hardness_along_spread),
         )
         self._slow = lag_share(interval, SLOW)
+        turns = scenario.control.initial_cutting_speed * 1000.0 / (np.pi * work.diameter) * interval / 60.0
+        path = turns * scenario.control.initial_feed
+        change = np.sqrt(2.0) * np.hypot(
+            power.depth_of_cut * work.depth_along_spread / work.depth_of_cut * path / work.depth_correlation_length,
+            power.hardness * work.hardness_along_spread * path / work.hardness_correlation_length,
+        ) + work.depth_ripple * np.minimum(2.0 * np.pi * turns / work.depth_ripple_period, 2.0)
+        # Gains of an alpha-beta filter (Kalman gain of a random walk; Benedict and Bordner's beta).
+        variance = 0.5 * (change**2 + np.sqrt(change**4 + 4.0 * change**2 * sensors.power_noise**2))
+        self._alpha = variance / (variance + sensors.power_noise**2) if variance > 0.0 else 1.0
+        self._beta = self._alpha**2 / (2.0 - self._alpha)
         self._taus = (sensors.power_time_constant, sensors.force_time_constant)
         self._profile = np.array(work.depth_profile or (work.depth_of_cut,))
         self._reach = interval + 4.0 * scenario.machine.feed_time_constant  # [s] until a new feed holds
-        zeros = np.zeros((7, num_envs))
-        self._power, self._mean, self._ratio, self._along, self._cutting_time, self._lag_power, self._lag_force = zeros
+        zeros = np.zeros((8, num_envs))
+        self._power, self._trend, self._mean, self._ratio, self._along, self._cutting_time, self._lag_power, self._lag_force = (
+            zeros
+        )
         self._known = np.zeros(num_envs, np.bool_)  # whether power has been read in this bar
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        for values in (self._power, self._mean, self._ratio, self._along, self._cutting_time, self._lag_power, self._lag_force):
-            values[mask] = 0.0
+        self._power[mask] = self._trend[mask] = self._mean[mask] = self._ratio[mask] = 0.0
+        self._along[mask] = self._cutting_time[mask] = self._lag_power[mask] = self._lag_force[mask] = 0.0
         self._known[mask] = False
 
     def follow(self, reading: Reading) -> None:
@@ -256,8 +279,10 @@ class _Observer:
             new_power = np.log(cut_power / self._lag_power)
             new_ratio = np.log(np.maximum(reading.thrust_force, 0.01 * force) / self._lag_force) - self._gain * new_power
         first = readable & ~self._known
-        share = np.where(first, 1.0, FAST)
-        self._power = np.where(readable, self._power + share * (new_power - self._power), self._power)
+        follows = readable & self._known
+        error = new_power - self._power - self._trend
+        self._power = np.where(follows, self._power + self._trend + self._alpha * error, np.where(first, new_power, self._power))
+        self._trend = np.where(follows, self._trend + self._beta * error, 0.0)
         self._mean = np.where(readable, self._mean + self._slow * (self._power - self._mean), self._mean)
         self._ratio = np.where(readable, self._ratio + self._slow * (new_ratio - self._ratio), self._ratio)
         self._known = np.where(reading.cutting, self._known | readable, False)
@@ -271,7 +296,7 @@ class _Observer:
 
     def _thetas(self) -> tuple[Values, Values]:
         """Return the logarithms of expected over nominal force and power."""
-        power = np.where(self._known, self._power, self._mean + self._between_bars)
+        power = np.where(self._known, self._power + np.maximum(self._trend, 0.0), self._mean + self._between_bars)
         return self._gain * power + self._ratio, power
 
     def feeds(self, speed: Values, target: float) -> tuple[Values, Values]:
@@ -279,14 +304,15 @@ class _Observer:
         force, power = self._thetas()
         return _feeds(self._scenario, speed, self._ahead, self._wear, np.exp(force), np.exp(power), target)
 
-    def speeds(self, target: float) -> tuple[Values, Values]:
-        """Return the lowest and the highest speed [m/min] at which the lowest feed keeps both limits."""
+    def speeds(self, target: float) -> tuple[Values, Values, NDArray[np.bool_]]:
+        """Return the lowest and the highest speed [m/min] at which the lowest feed keeps the limits, and whether there is none."""
         scenario, (force, power) = self._scenario, self._thetas()
         grid = np.geomspace(scenario.machine.cutting_speed_min, scenario.cutting_speed_max, 33)[:, None]
         by_power, by_force = _feeds(scenario, grid, self._ahead, self._wear, np.exp(force), np.exp(power), target)
         strong, fit = by_power >= scenario.machine.feed_min, by_force >= scenario.machine.feed_min
         low = np.where(fit.any(axis=0), grid[fit.argmax(axis=0), 0], grid[-1, 0])
-        return low, np.where(strong.any(axis=0), grid[len(grid) - 1 - strong[::-1].argmax(axis=0), 0], grid[0, 0])
+        high = np.where(strong.any(axis=0), grid[len(grid) - 1 - strong[::-1].argmax(axis=0), 0], grid[0, 0])
+        return low, high, self._known & ~(fit & strong).any(axis=0)
 
 
 def _commands(actions: Actions, reading: Reading, scenario: Scenario) -> tuple[Values, Values]:
@@ -301,7 +327,9 @@ def _commands(actions: Actions, reading: Reading, scenario: Scenario) -> tuple[V
         feed = set_point(last, machine.feed_min, machine.feed_max)
     else:
         speed, feed = reading.commanded_cutting_speed, set_point(first, 0.0, control.override_max * control.initial_feed)
-    return np.clip(speed, machine.cutting_speed_min, scenario.cutting_speed_max), np.clip(feed, machine.feed_min, machine.feed_max)
+    return np.clip(speed, machine.cutting_speed_min, scenario.cutting_speed_max), np.clip(
+        feed, machine.feed_min, machine.feed_max
+    )
 
 
 def _nominal(scenario: Scenario, speed: Values, feed: Values, depth: Values, wear: Values) -> tuple[Values, Values]:
@@ -327,6 +355,11 @@ def _feeds(
     limits, material = scenario.limits, scenario.material
     per_force, per_power = _nominal(scenario, speed, np.ones_like(depth), depth, wear)
     left = np.maximum(target * limits.power * capacity_at(scenario, speed) - idle_power_at(scenario, speed), 1e-6)
-    shares = (left / (power * per_power), material.power.feed), (target * limits.thrust_force / (force * per_force), material.thrust_force.feed)
-    by_power, by_force = (share ** (1.0 / exponent) if exponent > 0 else np.full_like(share, np.inf) for share, exponent in shares)
+    shares = (
+        (left / (power * per_power), material.power.feed),
+        (target * limits.thrust_force / (force * per_force), material.thrust_force.feed),
+    )
+    by_power, by_force = (
+        share ** (1.0 / exponent) if exponent > 0 else np.full_like(share, np.inf) for share, exponent in shares
+    )
     return by_power, by_force
