@@ -1,6 +1,7 @@
 """Guard policies, and run them on a real control.
 
 python -m turning_env.control shield --episodes 8
+python -m turning_env.control demo --out demo.png
 """
 
 import argparse
@@ -8,9 +9,11 @@ import sys
 from pathlib import Path
 
 from turning_env import IDS
-from turning_env.console import described, exits, number_within, print_json
+from turning_env.console import described, exits, number_within, picture_path, print_json
 from turning_env.control import measure
+from turning_env.control.linuxcnc import LinuxCncError, find_policy, picture, run, serve, serve_plant, table
 from turning_env.control.shield import Settings
+from turning_env.scenario import Scenario
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -29,8 +32,26 @@ def main(arguments: list[str] | None = None) -> int:
     guard.add_argument("--json", action="store_true", help="print JSON")
     guard.set_defaults(run=_shield)
 
+    show = commands.add_parser("demo", help="run policies through LinuxCNC", **described(_demo.__doc__))
+    show.add_argument("--policies", nargs="+", metavar="POLICY", help="programmed, a rule's name, module:object or ONNX files")
+    show.add_argument("--bars", type=int, default=2, metavar="N", help="bars per policy (default: %(default)s)")
+    show.add_argument("--out", type=picture_path, metavar="FILE", help="picture of override and load: PNG, SVG or PDF")
+    show.set_defaults(run=_demo)
+
+    answers = commands.add_parser("serve", help="answer a HAL component's pins with a policy", **described(_serve.__doc__))
+    answers.add_argument("--policy", required=True, metavar="POLICY", help="as for demo")
+    answers.set_defaults(run=_serve)
+
+    plant = commands.add_parser("plant", help="answer a HAL component's pins in place of a lathe", **described(_plant.__doc__))
+    plant.add_argument("--log", type=Path, required=True, metavar="CSV", help="file for every cycle")
+    plant.set_defaults(run=_plant)
+    for each in (show, plant):
+        each.add_argument("--seed", type=int, default=0, metavar="N", help="determines bars and edges (default: %(default)s)")
+    for each in (show, answers, plant):
+        each.add_argument("--scenario", default="override", metavar="NAME", help="preset or TOML file (default: %(default)s)")
+
     options = parser.parse_args(arguments)
-    return exits(ValueError)(options.run)(options)
+    return exits(ValueError, LinuxCncError, KeyError)(options.run)(options)
 
 
 GUARDED = [env_id for env_id in IDS if env_id != "RoughTurning-Paper-v0"]
@@ -47,6 +68,44 @@ def _shield(options: argparse.Namespace) -> int:
         print(f"{row.env_id}: {row.policy}{', shielded' if row.shielded else ''} played", file=sys.stderr)
         measured.append(row)
     print_json([row._asdict() for row in measured]) if options.json else print(measure.markdown(measured))
+    return 0
+
+
+def _demo(options: argparse.Namespace) -> int:
+    """Start LinuxCNC without a screen on a lathe without hardware, and run policies on the same bars.
+
+    python -m turning_env.control demo --out demo.png
+    python -m turning_env.control demo --policies programmed --bars 1
+    """
+    agent = measure.best_agent("RoughTurning-Override-v0", Path("agents"))
+    policies = options.policies or ["programmed", "fuzzy_override", *([str(agent)] if agent else [])]
+    scenario, runs = Scenario.load(options.scenario), {}
+    for policy in policies:
+        print(f"{policy} ...", file=sys.stderr)
+        name = Path(policy).stem if policy.endswith(".onnx") else policy
+        runs[name] = run(policy, options.scenario, options.bars, options.seed)
+    print(table(runs))
+    if options.out:
+        picture(runs, scenario, options.out)
+    return 0
+
+
+def _serve(options: argparse.Namespace) -> int:
+    """Answer lines of pins (JSON) with lines of commands; ``hal_bridge.py`` starts this.
+
+    python -m turning_env.control serve --policy programmed --scenario override
+    """
+    scenario = Scenario.load(options.scenario)
+    serve(scenario, find_policy(options.policy, scenario), Settings())
+    return 0
+
+
+def _plant(options: argparse.Namespace) -> int:
+    """Answer lines of pins (JSON) with the loads of a simulated process; ``hal_bridge.py`` starts this.
+
+    python -m turning_env.control plant --scenario override --log plant.csv
+    """
+    serve_plant(Scenario.load(options.scenario), options.seed, options.log)
     return 0
 
 

@@ -168,7 +168,10 @@ class Controller:
         observation = self.observe(readings)
         if not readings.in_feed:
             return self._commands(Status.IDLE, "no feed motion")
-        if readings.spindle_speed < 0.01 * self._scenario.machine.cutting_speed_min * 1000.0 / np.pi / self._scenario.workpiece.diameter:
+        if (
+            readings.spindle_speed
+            < 0.01 * self._scenario.machine.cutting_speed_min * 1000.0 / np.pi / self._scenario.workpiece.diameter
+        ):
             return Commands(0.0, 1.0, Status.OPERATOR, "spindle stopped")
         if self._shield.handed_over[0]:
             return Commands(0.0, 1.0, Status.OPERATOR, "handed over")
