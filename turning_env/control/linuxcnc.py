@@ -34,7 +34,8 @@ PYTHON = "/usr/bin/python3"
 PACKAGE = "linuxcnc-uspace"
 FEED_MOTION = 2
 """``motion.motion-type`` of a move at feed."""
-RPM = 60.0
+NOBODY = 65534
+"""User to whom LinuxCNC's motion falls back if root starts it."""
 
 CONTROLLER_PINS = {
     "in": {
@@ -218,7 +219,8 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
         _write_lathe(folder, loaded)
         (folder / "bars.ngc").write_text(program(loaded, bars))
         (folder / "fault.json").write_text(json.dumps(fault._asdict() if fault else None))
-        command = [sys.executable, "-m", "turning_env.control"]
+        places = os.pathsep.join((str(Path(__file__).parents[2]), os.getcwd()))  # this package, and a clone's
+        command = ["env", f"PYTHONPATH={places}", sys.executable, "-m", "turning_env.control"]
         common = ["--scenario", str(scenario)]
         _write_plan(folder / "turning.json", CONTROLLER_PINS, loaded.control.interval, {"adaptive-feed": safe, "spindle-override": 1.0, "status": int(Status.SAFE)},
                     [*command, "serve", "--policy", policy, *common])  # fmt: skip
@@ -238,7 +240,7 @@ def _write_plan(path: Path, pins: Mapping[str, Any], period: float, safe: Mappin
 
 def _write_lathe(folder: Path, scenario: Scenario) -> None:
     """Write the lathe's configuration; the drive's acceleration reaches the highest feed within its time constant."""
-    turns = scenario.control.initial_cutting_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) / RPM
+    turns = scenario.control.initial_cutting_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) / 60.0
     velocity = turns * scenario.machine.feed_max
     values = {
         "PYTHON": PYTHON,
@@ -254,13 +256,15 @@ def _write_lathe(folder: Path, scenario: Scenario) -> None:
             for name, value in values.items():
                 text = text.replace(f"{{{name}}}", value)
             (folder / source.name).write_text(text)
+    (folder / "panel.py").chmod(0o755)
 
 
 def _start(folder: Path, limit: float) -> str:
     """Start LinuxCNC on the folder's lathe, wait for its end, and leave nothing running; return its output."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path), "OMP_NUM_THREADS": "1"}
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")} | {"OMP_NUM_THREADS": "1"}
     if os.getuid() == 0:  # as root it wants to know which user it serves
-        environment |= {"RTAPI_UID": "65534", "RTAPI_FIFO_PATH": str(folder / "rtapi"), "HOME": str(folder)}
+        os.chown(folder, NOBODY, -1)
+        environment |= {"RTAPI_UID": str(NOBODY), "RTAPI_FIFO_PATH": str(folder / "rtapi"), "HOME": str(folder)}
     command = ["script", "-qec", shlex.join(["linuxcnc", str(folder / "lathe.ini")]), "/dev/null"]
     with (folder / "output").open("wb") as output:
         process = subprocess.Popen(
@@ -277,7 +281,7 @@ def _start(folder: Path, limit: float) -> str:
     return (folder / "output").read_text(errors="replace")
 
 
-def table(runs: Mapping[str, list[dict[str, float]]], scenario: Scenario) -> str:
+def table(runs: Mapping[str, list[dict[str, float]]]) -> str:
     """Return the runs as a Markdown table."""
     lines = [
         "| Policy | Cycle time [s/bar] | Mean power [kW] | Peak power [kW] | Over 5 % [% of cutting time] | Edges |",

@@ -1,3 +1,4 @@
+#!{PYTHON}
 """The display of the lathe: presses the buttons that an operator would, and ends with the program.
 
 Runs in the system's Python, which has LinuxCNC's modules.
@@ -6,14 +7,13 @@ Runs in the system's Python, which has LinuxCNC's modules.
 import json
 import os
 import signal
-import sys
 import time
 from pathlib import Path
 
 import hal
 import linuxcnc
 
-folder = Path(sys.argv[1])
+folder = Path(__file__).parent
 control, status, errors = linuxcnc.command(), linuxcnc.stat(), linuxcnc.error_channel()
 
 
