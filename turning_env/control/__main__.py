@@ -11,7 +11,7 @@ from pathlib import Path
 from turning_env import IDS
 from turning_env.console import described, exits, number_within, picture_path, print_json
 from turning_env.control import measure
-from turning_env.control.linuxcnc import LinuxCncError, find_policy, picture, run, serve, serve_plant, table
+from turning_env.control.linuxcnc import LinuxCncError, figures, find_policy, picture, run, serve, serve_plant, simulated, table
 from turning_env.control.shield import Settings
 from turning_env.scenario import Scenario
 
@@ -78,13 +78,14 @@ def _demo(options: argparse.Namespace) -> int:
     python -m turning_env.control demo --policies programmed --bars 1
     """
     agent = measure.best_agent("RoughTurning-Override-v0", Path("agents"))
-    policies = options.policies or ["programmed", "fuzzy_override", *([str(agent)] if agent else [])]
-    scenario, runs = Scenario.load(options.scenario), {}
+    policies = options.policies or ["programmed", "modified_fuzzy_override", *([str(agent)] if agent else [])]
+    scenario, runs, compared = Scenario.load(options.scenario), {}, {}
     for policy in policies:
         print(f"{policy} ...", file=sys.stderr)
         name = Path(policy).stem if policy.endswith(".onnx") else policy
         runs[name] = run(policy, options.scenario, options.bars, options.seed)
-    print(table(runs))
+        compared[name] = figures(runs[name]), simulated(policy, scenario, options.bars, options.seed)
+    print(table(compared))
     if options.out:
         picture(runs, scenario, options.out)
     return 0

@@ -23,11 +23,12 @@ import numpy as np
 
 from turning_env.control.core import Controller, Readings, Status
 from turning_env.control.plant import Plant
-from turning_env.control.shield import LOG, Settings
+from turning_env.control.shield import LOG, Settings, Shield
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import PolicyFactory
+from turning_env.vector_env import RoughTurningVectorEnv
 
 PYTHON = "/usr/bin/python3"
 """The Python that has LinuxCNC's modules."""
@@ -146,7 +147,7 @@ def _warm_up(controller: Controller) -> None:
 def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
     """Answer the plant's pins until standard input ends, and log every cycle to a file."""
     plant = Plant(scenario, seed)
-    plant.advance(0.01, 0.0, 100.0, False)
+    plant.advance(0.01, 0.0, 100.0, 0.0, False)
     plant = Plant(scenario, seed)
     work, before = scenario.workpiece, None
     current = scenario.sensors.force == "servo_current"
@@ -156,7 +157,11 @@ def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
             seconds = pins["time"] - before if before else 0.001
             before = pins["time"]
             hidden = plant.advance(
-                max(seconds, 1e-4), work.approach - pins["z"], abs(pins["spindle-speed"]), pins["motion-type"] == FEED_MOTION
+                max(seconds, 1e-4),
+                work.approach - pins["z"],
+                abs(pins["spindle-speed"]),
+                pins["feed-velocity"],
+                pins["motion-type"] == FEED_MOTION,
             )
             row = {
                 "time": pins["time"],
@@ -212,6 +217,7 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
     if shutil.which("linuxcnc") is None or not Path(PYTHON).exists():
         raise LinuxCncError(f"LinuxCNC is not installed: apt-get install --no-install-recommends {PACKAGE} (Debian) brings it")
     loaded = Scenario.load(scenario)
+    policy = str(Path(policy).resolve()) if Path(policy).is_file() else policy  # LinuxCNC runs in a folder of its own
     settings = Settings()
     safe = Controller(loaded, as_factory(lambda observations: observations), settings).safe_feed
     with tempfile.TemporaryDirectory(prefix="turning-") as name:
@@ -281,23 +287,64 @@ def _start(folder: Path, limit: float) -> str:
     return (folder / "output").read_text(errors="replace")
 
 
-def table(runs: Mapping[str, list[dict[str, float]]]) -> str:
-    """Return the runs as a Markdown table."""
+class Figures(NamedTuple):
+    """Figures of bars."""
+
+    time: float
+    """Time at feed per bar [s]."""
+    mean_power: float
+    """[kW]"""
+    severe: float
+    """Share of cutting time with an excess above the tolerance [-]."""
+    edges: float
+    """Edges used."""
+
+
+def figures(rows: list[dict[str, float]]) -> Figures:
+    """Return the figures of a run through LinuxCNC."""
+    feed = [row for row in rows if row["motion"] == FEED_MOTION]
+    engaged = sum(row["engaged_time"] for row in feed)
+    bars = len({row["bar"] for row in feed if row["engaged_time"] > 0.0})
+    mean = sum(row["power"] * row["engaged_time"] for row in feed) / engaged
+    severe = sum(row["severe_overload_time"] for row in feed) / engaged
+    return Figures(sum(row["seconds"] for row in feed) / bars, mean, severe, 1.0 + rows[-1]["edge"])
+
+
+def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
+    """Return the figures of the same shielded policy on the same bars in the simulation."""
+    control = scenario.control.model_copy(update={"edge_changes": "automatic"})
+    played = scenario.model_copy(update={"control": control, "workpiece": scenario.workpiece.model_copy(update={"bars": bars})})
+    env = RoughTurningVectorEnv(1, played)
+    guard = Shield(find_policy(policy, scenario)(1), scenario, 1)
+    observations, _ = env.reset(seed=[seed])
+    guard.reset(np.ones(1, np.bool_))
+    ended, sums, edges = False, np.zeros(4), 1.0
+    while not ended:
+        observations, _, terminated, truncated, info = env.step(guard.act(observations))
+        engaged = info["engaged_time"][0]
+        sums += (
+            info["time"][0] - info["stopped_time"][0],
+            engaged,
+            engaged * info["mean_power"][0],
+            info["severe_overload_time"][0],
+        )
+        edges += info["edges_broken"][0]
+        ended = bool(terminated[0] or truncated[0])
+    time_at_feed, engaged, energy, severe = sums
+    return Figures(time_at_feed / bars, energy / engaged, severe / engaged, edges)
+
+
+def table(runs: Mapping[str, tuple[Figures, Figures]]) -> str:
+    """Return figures through LinuxCNC and in the simulation as a Markdown table."""
     lines = [
-        "| Policy | Cycle time [s/bar] | Mean power [kW] | Peak power [kW] | Over 5 % [% of cutting time] | Edges |",
+        "| Policy, shielded | Where | Cycle time [s/bar] | Mean power [kW] | Over 5 % [% of cutting time] | Edges |",
         "|---|---|---|---|---|---|",
     ]
-    for name, rows in runs.items():
-        feed = [row for row in rows if row["motion"] == FEED_MOTION]
-        cutting = [row for row in feed if row["engaged_time"] > 0.0]
-        engaged = sum(row["engaged_time"] for row in cutting)
-        bars = len({row["bar"] for row in cutting})
-        mean = sum(row["power"] * row["engaged_time"] for row in cutting) / engaged
-        severe = sum(row["severe_overload_time"] for row in cutting) / engaged
-        lines.append(
-            f"| {name} | {sum(row['seconds'] for row in feed) / bars:.1f} | {mean:.2f} | {max(row['power'] for row in cutting):.2f} "
-            f"| {100 * severe:.1f} | {1 + rows[-1]['edge']:.0f} |"
-        )
+    for name, both in runs.items():
+        for where, each in zip(("LinuxCNC", "simulation"), both, strict=True):
+            lines.append(
+                f"| {name} | {where} | {each.time:.1f} | {each.mean_power:.2f} | {100 * each.severe:.1f} | {each.edges:.0f} |"
+            )
     return "\n".join(lines)
 
 

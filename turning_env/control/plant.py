@@ -44,23 +44,22 @@ class Plant:
         parameters["reachable_cutting_speed"] = parameters["feed_max"] = math.inf
         self._bar, self._along = 0, 0.0
 
-    def advance(self, seconds: float, along: float, spindle_speed: float, in_feed: bool) -> dict[str, float]:
+    def advance(self, seconds: float, along: float, spindle_speed: float, velocity: float, in_feed: bool) -> dict[str, float]:
         """Move the tool, and return what its sensors read and what is hidden.
 
         Args:
             seconds: time since the last call [s].
             along: tool position from the beginning of the approach [mm].
             spindle_speed: [rev/min]
+            velocity: feed velocity [mm/s]
             in_feed: whether the tool moves at feed; a return to the beginning of the approach brings the next bar.
         """
         p, sensors = self._scratches["parameters"], self._scenario.sensors
         if self._along - along > 0.5 * self._scenario.workpiece.bar_length:
             self._bar += 1
             self._along = along
-        moved = max(along - self._along, 0.0) if in_feed else 0.0
-        turns = max(spindle_speed * seconds / 60.0, 1e-9)
         speed = max(spindle_speed / float(p["revolutions_per_metre"][0]), 1e-3)
-        feed = max(moved / turns, _STILL)
+        feed = max(60.0 * velocity / max(spindle_speed, 1e-3), _STILL) if in_feed else _STILL
         for name, value in (
             ("cutting_speed", speed),
             ("commanded_cutting_speed", speed),

@@ -45,6 +45,8 @@ SLOW = 10.0
 """Time constant of the ratio of force to power [s]."""
 HOPELESS = 2.0
 """Time without any cutting speed that keeps both limits, after which the operator takes over [s]."""
+MIN_SHARE = 0.3
+"""Smallest share of the drive's way to a command that the shield counts on in a step: its gain is at most the inverse [-]."""
 MIN_WEAR = 0.05
 """Nominal wear over the criterion below which predictions hold it constant [-]."""
 PATIENCE = 10
@@ -170,8 +172,9 @@ class Shield(Policy):
         target = self._settings.target
         by_power, by_force = np.minimum(observer.feeds(speed, target), observer.feeds(reading.cutting_speed, target))
         bound = np.minimum(by_power, by_force)
-        # If the drive is slow, only a command below the bound brings the feed down to it within a step.
-        share = lag_share(control.interval, machine.feed_time_constant)
+        # If the drive is slow, a command below the bound brings the feed down sooner; too low a command would make a loop with
+        # delays swing.
+        share = max(lag_share(control.interval, machine.feed_time_constant), MIN_SHARE)
         bound = np.where(reading.feed > bound, reading.feed + (bound - reading.feed) / share, bound)
         rise = reading.commanded_feed + self._settings.rise * control.interval * (machine.feed_max - machine.feed_min)
         feed = np.maximum(np.minimum(asked, np.minimum(bound, rise)), machine.feed_min)
