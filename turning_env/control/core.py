@@ -1,6 +1,6 @@
 """The controller core: readings of a machine in, commands out, through the observation on which policies are trained.
 
-``Controller`` knows no machine. An adapter (``linuxcnc.py``) gives it a ``Readings`` once per control interval and carries out its
+``Controller`` knows no machine. An adapter (``linuxcnc.py``) gives it ``Readings`` once per control interval and carries out its
 ``Commands``. The observation is computed by the functions of the simulation, so it cannot drift from that of the training.
 """
 

@@ -181,7 +181,8 @@ class Fault(NamedTuple):
     """A fault to cause while the program runs."""
 
     name: str
-    """``kill``, ``freeze`` (of the policy's process), ``pause``, ``e-stop`` or ``spindle``."""
+    """One of those in ``lathe/panel.py``: ``kill`` or ``freeze`` the policy's process, ``pause``, ``e-stop``, ``feed hold``,
+    ``spindle stopped``, ``sensor stuck``, ``sensor lost``."""
     after: float
     """Time after the program's start [s]."""
     lasts: float = 2.0
@@ -251,7 +252,6 @@ def _write_lathe(folder: Path, scenario: Scenario) -> None:
     values = {
         "PYTHON": PYTHON,
         "FOLDER": str(folder),
-        "BRIDGE": str(files("turning_env.control") / "hal_bridge.py"),
         "ACCELERATION": f"{max(velocity / max(scenario.machine.feed_time_constant, 0.01), 10.0):.1f}",
         "METAL_POWER": f"{0.02 * scenario.limits.power:.4f}",
         "METAL_HYSTERESIS": f"{0.01 * scenario.limits.power:.4f}",
@@ -284,7 +284,10 @@ def _start(folder: Path, limit: float) -> str:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGTERM)
                 process.wait(10.0)
-    return (folder / "output").read_text(errors="replace")
+    said = (folder / "output").read_text(errors="replace")
+    if process.returncode != 0:
+        raise LinuxCncError(f"LinuxCNC did not run the program to its end:\n{said[-2000:]}")
+    return said
 
 
 class Figures(NamedTuple):

@@ -109,12 +109,13 @@ def _row(env_id: str, scenario: Scenario, policy_name: str, make: PolicyFactory,
 def markdown(measured: list[Row]) -> str:
     """Return the rows as a table."""
     lines = [
-        "| Task | Policy | Shield | Over 5 % [% of cutting time] | Edges broken | Removal rate [cm3/min] | Overridden [%] | Handed over |",
+        "| Task | Policy | Shield | Over 5 % [% of cutting time] | Edges broken | MRR [cm3/min] | Overridden [%] | Handed over |",
         "|---|---|---|---|---|---|---|---|",
     ]
     lines += [
         f"| {row.env_id} | {row.policy} | {'yes' if row.shielded else 'no'} | {100 * row.severe:.2f} | {row.edges_broken} "
-        f"| {row.removal_rate:.1f} | {f'{100 * row.overridden:.0f}' if row.shielded else ''} | {row.handed_over if row.shielded else ''} |"
+        f"| {row.removal_rate:.1f} |"
+        + (f" {100 * row.overridden:.0f} | {row.handed_over} |" if row.shielded else " | |")
         for row in measured
     ]
     return "\n".join(lines)

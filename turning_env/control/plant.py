@@ -1,6 +1,6 @@
 """The plant: the process that a lathe without hardware would lack, fed by the actual motion of the control.
 
-It is the transition of the simulation with hidden hardness, depth and wear. Only the drives are left out, because the control moves.
+It is the transition of the simulation with hidden hardness, depth and wear, without the drives, because the control moves.
 """
 
 import math

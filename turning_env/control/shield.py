@@ -2,19 +2,19 @@
 
 It knows what the policy knows, observations and the nominal model, and works in three stages:
 
-1. **Answers.** An answer that is late, raises an error, is not finite or has the wrong shape is replaced by the safe feed, a share
-   of the programmed one.
+1. **Answers.** An answer that is late, raises an error, is not finite or has the wrong shape is replaced by the safe feed, a
+   share of the programmed one.
 2. **Limits.** A load observer compares measured with nominal loads. Cutting speed and feed are limited so that the loads that it
    expects keep their limits, in the worst case between the actual and the commanded speed.
 3. **Hand-over.** After several refused answers in a row, or if no speed and feed keeps the limits, the operator takes over.
 
-The observer (assumption: the nominal exponents hold). Power P = theta_P P_0(vc, f, ap, VB) follows depth and hardness along the bar
-within a few steps. The force follows the same depth and hardness, and wear beside:
+The observer (assumption: the nominal exponents hold). Power P = theta_P P_0(vc, f, ap, VB) follows depth and hardness along the
+bar within a few steps. The force follows the same depth and hardness, and wear beside:
 
     log theta_F = g log theta_P + s,    g = (c_F + h_F) / (c_P + h_P)
 
-with the exponents c of depth and h of hardness; s changes slowly. Before the tool enters a bar, theta_P is unknown: the shield takes
-its mean so far plus ``ENTRY`` standard deviations of what bars differ by.
+with the exponents c of depth and h of hardness; s changes slowly. Before the tool enters a bar, theta_P is unknown: the shield
+takes its mean so far plus ``ENTRY`` standard deviations of what bars differ by.
 """
 
 import logging
@@ -81,8 +81,8 @@ class Shield(Policy):
         settings: see ``Settings``.
 
     Attributes:
-        counts: number of decisions by reason: ``passed``, ``power``, ``force``, ``load`` (a part's), ``rise``, ``late``, ``error``, ``shape``,
-            ``not finite``, ``handed over``.
+        counts: number of decisions by reason: ``passed``, ``power``, ``force``, ``load`` (a part's), ``rise``, ``late``,
+            ``error``, ``shape``, ``not finite``, ``handed over``.
         handed_over: whether the operator has taken over, shape (num_envs,); the safe feed holds until ``reset``.
         reasons: the last reason in each environment, a list of num_envs texts.
     """
@@ -133,7 +133,7 @@ class Shield(Policy):
         if answer.shape != shape or answer.dtype.kind not in "fiu":
             LOG.warning("the policy's answer has type %s and shape %s, not %s", answer.dtype, answer.shape, shape)
             return nothing, np.full(len(observations), "shape", object)
-        finite = np.isfinite(answer).all(axis=1)
+        finite = np.asarray(np.isfinite(answer).all(axis=1))
         actions = np.clip(np.where(finite[:, None], answer, 0.0), -1.0, 1.0).astype(np.float32)
         return actions, np.where(finite, "", "not finite").astype(object)
 
@@ -308,7 +308,7 @@ class _Observer:
         return _feeds(self._scenario, speed, self._ahead, self._wear, np.exp(force), np.exp(power), target)
 
     def speeds(self, target: float) -> tuple[Values, Values, NDArray[np.bool_]]:
-        """Return the lowest and the highest speed [m/min] at which the lowest feed keeps the limits, and whether there is none."""
+        """Return the lowest and highest speed [m/min] at which the lowest feed keeps the limits, and whether there is none."""
         scenario, (force, power) = self._scenario, self._thetas()
         grid = np.geomspace(scenario.machine.cutting_speed_min, scenario.cutting_speed_max, 33)[:, None]
         by_power, by_force = _feeds(scenario, grid, self._ahead, self._wear, np.exp(force), np.exp(power), target)

@@ -12,7 +12,9 @@ from turning_env import Scenario
 from turning_env.control.core import Commands, Controller, Readings, Status
 from turning_env.scoring.policy import Actions, Observations, Policy
 
-STEADY = Readings(spindle_speed=400.0, feed_velocity=100.0, in_feed=True, cutting=True, engaged_time=1.0, power=4.0, thrust_force=700.0)
+STEADY = Readings(
+    spindle_speed=400.0, feed_velocity=100.0, in_feed=True, cutting=True, engaged_time=1.0, power=4.0, thrust_force=700.0
+)
 
 
 class Scripted(Policy):

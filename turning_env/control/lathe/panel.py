@@ -7,10 +7,11 @@ Runs in the system's Python, which has LinuxCNC's modules.
 import json
 import os
 import signal
+import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
-import hal
 import linuxcnc
 
 folder = Path(__file__).parent
@@ -25,15 +26,23 @@ def report() -> None:
         message = errors.poll()
 
 
-def cause(fault: dict) -> None:
+def pins(*commands: str) -> str:
+    """Run commands of halcmd; return what the last one says."""
+    return [subprocess.run(["halcmd", *each.split()], check=True, capture_output=True, text=True).stdout for each in commands][-1]
+
+
+def cause(fault: dict[str, Any]) -> None:
     """Cause a fault and let it last."""
-    pid = hal.get_value("turning.pid")
+    pid = int(pins("getp turning.pid"))
     {
         "kill": lambda: os.kill(pid, signal.SIGKILL),
         "freeze": lambda: os.kill(pid, signal.SIGSTOP),
         "pause": lambda: control.auto(linuxcnc.AUTO_PAUSE),
         "e-stop": lambda: control.state(linuxcnc.STATE_ESTOP),
-        "spindle": lambda: control.spindle(linuxcnc.SPINDLE_OFF),
+        "feed hold": lambda: pins("setp motion.feed-hold 1"),
+        "spindle stopped": lambda: pins("unlinkp turning.spindle-speed", "setp turning.spindle-speed 0"),
+        "sensor stuck": lambda: pins("unlinkp turning.power", "setp turning.power 1"),
+        "sensor lost": lambda: pins("unlinkp turning.power", "setp turning.power nan"),
     }[fault["name"]]()
     time.sleep(fault["lasts"])
     if fault["name"] == "freeze":

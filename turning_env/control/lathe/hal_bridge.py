@@ -6,10 +6,11 @@ Runs in the system's Python, which has LinuxCNC's modules; it needs nothing of t
 
 The file names pins (``in``, ``out``: name to HAL type), the ``safe`` outputs, the ``period`` [s] and the ``command`` of the other
 process. Once per period, the inputs go to its standard input as one line of JSON; it answers with a line of outputs. If no answer
-has come when the next period begins, the outputs are the safe ones until it answers again. ``late`` counts such periods; ``alive``
-tells whether the process runs. It ends with this component.
+has come when the next period begins, the outputs are the safe ones until it answers again. ``late`` counts such periods;
+``alive`` tells whether the process runs. It ends with this component.
 """
 
+import contextlib
 import json
 import os
 import selectors
@@ -17,6 +18,7 @@ import signal
 import subprocess
 import sys
 import time
+from typing import Any
 
 import hal
 
@@ -33,7 +35,7 @@ def main(name: str, path: str) -> None:
         component.newpin(pin, TYPES[kind], hal.HAL_IN)
     for pin, kind in {**plan["out"], **ALWAYS}.items():
         component.newpin(pin, TYPES[kind], hal.HAL_OUT)
-    child = subprocess.Popen(plan["command"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    child: Any = subprocess.Popen(plan["command"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     for stop in (signal.SIGTERM, signal.SIGINT):
         signal.signal(stop, lambda *_: sys.exit(0))
     try:
@@ -42,16 +44,19 @@ def main(name: str, path: str) -> None:
         write(component, plan["safe"])
         child.kill()
         child.wait()
+        child.stdout.close()
+        with contextlib.suppress(OSError):
+            child.stdin.close()
         component.exit()
 
 
-def write(component, values):  # type: ignore[no-untyped-def]
+def write(component: Any, values: dict[str, Any]) -> None:
     """Set output pins."""
     for pin, value in values.items():
         component[pin] = value
 
 
-def serve(component, child, plan):  # type: ignore[no-untyped-def]
+def serve(component: Any, child: Any, plan: dict[str, Any]) -> None:
     """Exchange a line per period."""
     write(component, plan["safe"])
     component["pid"] = child.pid
