@@ -229,12 +229,14 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
         places = os.pathsep.join((str(Path(__file__).parents[2]), os.getcwd()))  # this package, and a clone's
         command = ["env", f"PYTHONPATH={places}", sys.executable, "-m", "turning_env.control"]
         common = ["--scenario", str(scenario)]
-        _write_plan(folder / "turning.json", CONTROLLER_PINS, loaded.control.interval, {"adaptive-feed": safe, "spindle-override": 1.0, "status": int(Status.SAFE)},
-                    [*command, "serve", "--policy", policy, *common])  # fmt: skip
-        _write_plan(folder / "plant.json", PLANT_PINS, min(loaded.control.interval, 0.02), {"power": 0.0, "thrust-force": 0.0},
-                    [*command, "plant", "--seed", str(seed), "--log", str(folder / "log.csv"), *common])  # fmt: skip
+        log, interval = folder / "log.csv", loaded.control.interval
+        held = {"adaptive-feed": safe, "spindle-override": 1.0, "status": int(Status.SAFE)}
+        served = [*command, "serve", "--policy", policy, *common]
+        _write_plan(folder / "turning.json", CONTROLLER_PINS, interval, held, served)
+        no_load = {"power": 0.0, "thrust-force": 0.0}
+        acted = [*command, "plant", "--seed", str(seed), "--log", str(log), *common]
+        _write_plan(folder / "plant.json", PLANT_PINS, min(interval, 0.02), no_load, acted)
         output = _start(folder, 60.0 + bars * 120.0)
-        log = folder / "log.csv"
         rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(log.open())] if log.is_file() else []
         if not rows:
             raise LinuxCncError(f"LinuxCNC did not run the program:\n{output[-2000:]}")
@@ -374,6 +376,6 @@ def picture(runs: Mapping[str, list[dict[str, float]]], scenario: Scenario, path
     lower.annotate("limit", (0.0, scenario.limits.power), fontsize=8, va="bottom", color="#666666")
     upper.set_ylabel("actual over\nprogrammed feed [-]")
     lower.set(xlabel="position along the bar [mm]", ylabel="spindle power [kW]")
-    upper.legend(fontsize=8, frameon=False, ncols=3)
+    upper.legend(fontsize=8, frameon=False, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     replace_file(path, lambda partial: figure.savefig(partial, dpi=150))
     plt.close(figure)

@@ -74,9 +74,10 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) ->
 
 
 def _row(env_id: str, scenario: Scenario, policy_name: str, make: PolicyFactory, settings: Settings | None, episodes: int) -> Row:
+    seeds = held_out_seeds(episodes)
     env = RoughTurningVectorEnv(episodes, scenario, AutoresetMode.SAME_STEP)
     policy = make(episodes) if settings is None else Shield(make(episodes), scenario, episodes, settings)
-    observations, _ = env.reset(seed=held_out_seeds(episodes))
+    observations, _ = env.reset(seed=seeds)
     policy.reset(np.ones(episodes, np.bool_))
     running, sums, handed_over = np.ones(episodes, np.bool_), dict.fromkeys(SUMS, 0.0), 0
     while running.any():
@@ -114,8 +115,7 @@ def markdown(measured: list[Row]) -> str:
     ]
     lines += [
         f"| {row.env_id} | {row.policy} | {'yes' if row.shielded else 'no'} | {100 * row.severe:.2f} | {row.edges_broken} "
-        f"| {row.removal_rate:.1f} |"
-        + (f" {100 * row.overridden:.0f} | {row.handed_over} |" if row.shielded else " | |")
+        f"| {row.removal_rate:.1f} |" + (f" {100 * row.overridden:.0f} | {row.handed_over} |" if row.shielded else " | |")
         for row in measured
     ]
     return "\n".join(lines)

@@ -295,7 +295,8 @@ class _Observer:
         sections = len(self._profile)
         length = self._scenario.workpiece.bar_length
         first, last = (np.clip((x / length * sections).astype(int), 0, sections - 1) for x in (along, along + reach))
-        return np.maximum(self._profile[first], self._profile[last])
+        deepest: Values = np.maximum(self._profile[first], self._profile[last])
+        return deepest
 
     def _thetas(self) -> tuple[Values, Values]:
         """Return the logarithms of expected over nominal force and power."""

@@ -91,5 +91,5 @@ def serve(component: Any, child: Any, plan: dict[str, Any]) -> None:
         time.sleep(max(begun - time.monotonic(), 0.0))
 
 
-if __name__ == "__main__":
+if sys.argv[0].endswith("hal_bridge.py"):  # started by LinuxCNC
     main(*sys.argv[1:3])

@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ def pins(*commands: str) -> str:
 def cause(fault: dict[str, Any]) -> None:
     """Cause a fault and let it last."""
     pid = int(pins("getp turning.pid"))
-    {
+    faults: dict[str, Callable[[], Any]] = {
         "kill": lambda: os.kill(pid, signal.SIGKILL),
         "freeze": lambda: os.kill(pid, signal.SIGSTOP),
         "pause": lambda: control.auto(linuxcnc.AUTO_PAUSE),
@@ -43,7 +44,8 @@ def cause(fault: dict[str, Any]) -> None:
         "spindle stopped": lambda: pins("unlinkp turning.spindle-speed", "setp turning.spindle-speed 0"),
         "sensor stuck": lambda: pins("unlinkp turning.power", "setp turning.power 1"),
         "sensor lost": lambda: pins("unlinkp turning.power", "setp turning.power nan"),
-    }[fault["name"]]()
+    }
+    faults[fault["name"]]()
     time.sleep(fault["lasts"])
     if fault["name"] == "freeze":
         os.kill(pid, signal.SIGCONT)
