@@ -138,9 +138,8 @@ class Controller:
     def lacks(self, readings: Readings) -> list[str]:
         """Return the readings that the policy's observation needs and the machine does not give."""
         force = "servo_current" if self._scenario.sensors.force == "servo_current" else "thrust_force"
-        needed = ("power", force, *(name for name in layout(self._scenario) if hasattr(Readings, name)))
-        wanted = [name for name in dict.fromkeys(needed) if name not in ("cutting",)]
-        return [name for name in wanted if math.isnan(getattr(readings, name))]
+        further = (name for name in ("spindle_heat", "roughness_reference", "probed_depth") if name in layout(self._scenario))
+        return [name for name in ("power", force, *further) if math.isnan(getattr(readings, name))]
 
     def observe(self, readings: Readings) -> NDArray[np.float32]:
         """Return the observation of readings, shape (1, entries); call it once per control interval."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from turning_env import Scenario
-from turning_env.control.core import Commands, Controller, Readings, Status
+from turning_env.control.core import Commands, Controller, Readings, Status, apply_actions
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 STEADY = Readings(
@@ -51,18 +51,13 @@ def readings_of(info: dict[str, Any], scenario: Scenario) -> Readings:
 def test_readings_of_the_simulator_give_its_observations(preset: str) -> None:
     scenario = Scenario.load(preset)
     env = gymnasium.make("RoughTurning-v0", scenario=scenario, disable_env_checker=True)
-    policy = Scripted([])
-    controller = Controller(scenario, lambda num_envs: policy)
+    controller = Controller(scenario, lambda num_envs: Scripted([]))
     expected, info = env.reset(seed=7)
     rng = np.random.default_rng(7)
     for _ in range(200):
         seen = controller.observe(readings_of(info, scenario))[0]
         np.testing.assert_allclose(seen, expected, rtol=2e-6, atol=2e-6)
         action = rng.uniform(-0.3, 0.3, env.action_space.shape).astype(np.float32)  # type: ignore[arg-type]
-        policy.answers = [action[None]]
-        # The controller's own command is the reference: the shield may have changed the action.
-        from turning_env.control.core import apply_actions
-
         apply_actions(controller._states, controller._scratches, action[None].astype(np.float64))
         expected, _, terminated, truncated, info = env.step(action)
         if terminated or truncated:
