@@ -237,7 +237,8 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
         acted = [*command, "plant", "--seed", str(seed), "--log", str(log), *common]
         _write_plan(folder / "plant.json", PLANT_PINS, min(interval, 0.02), no_load, acted)
         output = _start(folder, 60.0 + bars * 120.0)
-        rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(log.open())] if log.is_file() else []
+        lines = log.read_text().splitlines() if log.is_file() else []
+        rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(lines)]
         if not rows:
             raise LinuxCncError(f"LinuxCNC did not run the program:\n{output[-2000:]}")
         return rows
