@@ -81,9 +81,10 @@ def serve(component: Any, child: Any, plan: dict[str, Any]) -> None:
             chunk = child.stdout.read() or b""
             alive = bool(chunk)
             received += chunk
-            if received.endswith(b"\n"):
-                write(component, json.loads(received.splitlines()[-1]))
-                waiting, received = False, b""
+            lines, newline, received = received.rpartition(b"\n")
+            if newline:
+                write(component, json.loads(lines.splitlines()[-1]))
+                waiting = False
         if waiting or not alive:
             component["late"] += 1
             component["alive"] = alive
