@@ -41,6 +41,11 @@ MISTAKES: dict[str, list[str]] = {
     "turning_env map": ["nothing --wear 0.2 --out made.png", "forging --wear 0.2 --out made.txt"],
     "turning_env family": ["nothing", "shop --split nothing", "shop --figure made.txt", "shop --jobs 0"],
     "leaderboard.family": ["--family nothing", "--split nothing", "--policies nobody", "--tuned-on nothing", "--jobs 0"],
+    "turning_env.control": ["nothing"],
+    "turning_env.control shield": ["--env nothing", "--episodes 0", "--target x"],
+    "turning_env.control demo": ["--scenario nothing", "--out made.txt"],
+    "turning_env.control serve": ["--policy nothing", "--policy programmed --scenario nothing"],
+    "turning_env.control plant": ["--log made.csv --scenario nothing"],
     "papers.reproduce": ["more"],
     "baselines.tune": ["--scenario nothing", "--rules nobody", "--trials 0", "--seeds 0", "--jobs 0", "--trials x"],
     "papers.reproduce.part_programming_cases": ["more"],
@@ -163,6 +168,7 @@ def test_every_command_is_among_these(parser_of: Callable[[str, list[str]], argp
     assert modules == {command.split()[0] for command in MISTAKES}
     for command, complete in (
         ("turning_env", ["presets"]),
+        ("turning_env.control", ["demo"]),
         ("leaderboard", ["show"]),
         ("train.export --nc", ["check", "bar.mpf"]),
     ):

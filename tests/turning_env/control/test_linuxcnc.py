@@ -1,0 +1,131 @@
+"""HAL components with a fake HAL, and where it is installed LinuxCNC itself, with faults."""
+
+import importlib
+import json
+import shutil
+import sys
+from itertools import groupby
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from turning_env import Scenario
+from turning_env.control import linuxcnc
+from turning_env.control.linuxcnc import Fault
+from turning_env.control.plant import Plant
+
+SAFE = 0.25
+PLAN = {"in": {"load": "float"}, "out": {"adaptive-feed": "float"}, "period": 0.3, "safe": {"adaptive-feed": SAFE}}
+READY = "import sys, time, json; print('ready', flush=True); line = sys.stdin.readline(); "
+ANSWER = "print(json.dumps({'adaptive-feed': 0.9}), flush=True); "
+
+
+class Enough(Exception):
+    """The test has seen what it wanted."""
+
+
+class Component(dict[str, Any]):
+    """A component of a fake HAL: ends the loop after some late periods."""
+
+    def __init__(self, name: str) -> None:
+        self.feeds: list[float] = []
+
+    def newpin(self, pin: str, kind: int, direction: int) -> None:
+        super().__setitem__(pin, 0)
+
+    def ready(self) -> None:
+        return
+
+    def exit(self) -> None:
+        return
+
+    def __setitem__(self, pin: str, value: Any) -> None:
+        super().__setitem__(pin, value)
+        if pin == "adaptive-feed":
+            self.feeds.append(value)
+        if pin == "late" and value == 3:
+            raise Enough
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("then", ["time.sleep(60)", "sys.exit()", "print('{', end='', flush=True); time.sleep(60)"])
+def test_a_process_that_stops_answering_leaves_the_safe_feed_after_one_period(
+    then: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Component] = []
+    fake = SimpleNamespace(
+        component=lambda name: made.append(Component(name)) or made[0], **dict.fromkeys(("HAL_IN", "HAL_OUT"), 0),
+        **{f"HAL_{kind}": 0 for kind in ("FLOAT", "BIT", "S32", "U32")},
+    )  # fmt: skip
+    monkeypatch.setitem(sys.modules, "hal", fake)
+    monkeypatch.delitem(sys.modules, "turning_env.control.lathe.hal_bridge", raising=False)
+    bridge = importlib.import_module("turning_env.control.lathe.hal_bridge")
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps({**PLAN, "command": [sys.executable, "-c", READY + ANSWER + then]}))
+    monkeypatch.setattr(bridge.signal, "signal", lambda *_: None)
+    with pytest.raises(Enough):
+        bridge.main("turning", str(path))
+    assert [feed for feed, _ in groupby(made[0].feeds)] == [SAFE, 0.9, SAFE]
+    assert not Path(f"/proc/{made[0]['pid']}").exists()
+
+
+def test_the_plant_cuts_what_the_control_moves() -> None:
+    scenario = Scenario.load("override")
+    plant = Plant(scenario, 0)
+    along, seen = 0.0, {}
+    for _ in range(1200):
+        along += 4.0 * 0.012
+        seen = plant.advance(0.012, along, 710.0, 4.0, True)
+    assert seen["power"] > 1.0
+    assert seen["along"] == pytest.approx(along)
+    standing = [plant.advance(0.012, along, 710.0, 0.0, False) for _ in range(50)][-1]
+    assert standing["removed"] == pytest.approx(0.0, abs=1e-4)
+    assert plant.advance(0.012, 0.0, 710.0, 0.0, False)["bar"] == 1.0
+
+
+def test_the_program_holds_the_highest_feed() -> None:
+    text = linuxcnc.program(Scenario.load("override"), bars=3)
+    assert "F0.8" in text
+    assert text.count("G1 ") == 3
+    assert text.index("M52 P1") < text.index("G1 ")
+
+
+def test_without_linuxcnc_the_message_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(linuxcnc.LinuxCncError, match=linuxcnc.PACKAGE):
+        linuxcnc.run("programmed", "override", 1, 0)
+
+
+def running() -> list[str]:
+    """Return the command lines of processes that belong to the demo."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            line = path.read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        except OSError:
+            continue
+        if "hal_bridge.py" in line or "turning_env.control serve" in line or "milltask" in line:
+            found.append(line)
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("linuxcnc") is None, reason="LinuxCNC is not installed")
+@pytest.mark.parametrize(
+    "name", ["kill", "freeze", "sensor stuck", "sensor lost", "pause", "e-stop", "feed hold", "spindle stopped"]
+)
+def test_faults_end_in_the_safe_feed_or_a_stop_and_leave_nothing_running(name: str) -> None:
+    scenario = Scenario.load("override")
+    rows = linuxcnc.run("programmed", "override", 1, 0, Fault(name, after=3.0, lasts=2.0))
+    safe = 0.5 * scenario.control.initial_feed / scenario.machine.feed_max
+    held = sum(row["seconds"] for row in rows if abs(row["adaptive_feed"] - safe) < 1e-6)
+    if name == "kill":
+        assert max(row["along"] for row in rows) > scenario.workpiece.bar_length  # the program goes on at the safe feed
+        assert held > 10.0
+    elif name in ("freeze", "sensor stuck", "sensor lost"):
+        assert held > 1.0
+    else:
+        assert max(row["feed"] for row in rows[-20:]) < 1e-3
+    assert running() == []

@@ -1,0 +1,114 @@
+"""Guard policies, and run them on a real control.
+
+python -m turning_env.control shield --episodes 8
+python -m turning_env.control demo --out demo.png
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from turning_env import IDS
+from turning_env.console import described, exits, number_within, picture_path, print_json
+from turning_env.control import measure
+from turning_env.control.linuxcnc import LinuxCncError, figures, find_policy, picture, run, serve, serve_plant, simulated, table
+from turning_env.control.shield import Settings
+from turning_env.scenario import Scenario
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return its exit status."""
+    parser = argparse.ArgumentParser(prog="python -m turning_env.control", **described(__doc__))
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    guard = commands.add_parser("shield", help="measure the shield in simulation", **described(_shield.__doc__))
+    guard.add_argument(
+        "--episodes", type=int, default=32, metavar="N", help="held-out seeds of every task (default: %(default)s)"
+    )
+    guard.add_argument("--env", nargs="+", choices=IDS, default=GUARDED, metavar="ID", help="tasks (default: all but Paper-v0)")
+    guard.add_argument("--agents", type=Path, default=Path("agents"), metavar="FOLDER", help="agents (default: %(default)s)")
+    guard.add_argument("--target", type=number_within(0.1, 2, "-"), default=Settings.target, metavar="X",
+                       help="expected load over its limit that is allowed (default: %(default)s)")  # fmt: skip
+    guard.add_argument("--json", action="store_true", help="print JSON")
+    guard.set_defaults(run=_shield)
+
+    show = commands.add_parser("demo", help="run policies through LinuxCNC", **described(_demo.__doc__))
+    show.add_argument("--policies", nargs="+", metavar="POLICY", help="programmed, a rule's name, module:object or ONNX files")
+    show.add_argument("--bars", type=int, default=2, metavar="N", help="bars per policy (default: %(default)s)")
+    show.add_argument("--out", type=picture_path, metavar="FILE", help="picture of override and load: PNG, SVG or PDF")
+    show.set_defaults(run=_demo)
+
+    answers = commands.add_parser("serve", help="answer a HAL component's pins with a policy", **described(_serve.__doc__))
+    answers.add_argument("--policy", required=True, metavar="POLICY", help="as for demo")
+    answers.set_defaults(run=_serve)
+
+    plant = commands.add_parser("plant", help="answer a HAL component's pins in place of a lathe", **described(_plant.__doc__))
+    plant.add_argument("--log", type=Path, required=True, metavar="CSV", help="file for every cycle")
+    plant.set_defaults(run=_plant)
+    for each in (show, plant):
+        each.add_argument("--seed", type=int, default=0, metavar="N", help="determines bars and edges (default: %(default)s)")
+    for each in (show, answers, plant):
+        each.add_argument("--scenario", default="override", metavar="NAME", help="preset or TOML file (default: %(default)s)")
+
+    options = parser.parse_args(arguments)
+    return exits(ValueError, LinuxCncError, KeyError)(options.run)(options)
+
+
+GUARDED = [env_id for env_id in IDS if env_id != "RoughTurning-Paper-v0"]
+
+
+def _shield(options: argparse.Namespace) -> int:
+    """Play uniform random actions and the best shipped agent of every task, with and without the shield.
+
+    python -m turning_env.control shield --episodes 8
+    python -m turning_env.control shield --env RoughTurning-v0 --episodes 4 --json
+    """
+    measured = []
+    for row in measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target)):
+        print(f"{row.env_id}: {row.policy}{', shielded' if row.shielded else ''} played", file=sys.stderr)
+        measured.append(row)
+    print_json([row._asdict() for row in measured]) if options.json else print(measure.markdown(measured))
+    return 0
+
+
+def _demo(options: argparse.Namespace) -> int:
+    """Start LinuxCNC without a screen on a lathe without hardware, and run policies on the same bars.
+
+    python -m turning_env.control demo --out demo.png
+    python -m turning_env.control demo --policies programmed --bars 1
+    """
+    agent = measure.best_agent("RoughTurning-Override-v0", Path("agents"))
+    policies = options.policies or ["programmed", "modified_fuzzy_override", *([str(agent)] if agent else [])]
+    scenario, runs, compared = Scenario.load(options.scenario), {}, {}
+    for policy in policies:
+        print(f"{policy} ...", file=sys.stderr)
+        name = Path(policy).stem if policy.endswith(".onnx") else policy
+        runs[name] = run(policy, options.scenario, options.bars, options.seed)
+        compared[name] = figures(runs[name]), simulated(policy, scenario, options.bars, options.seed)
+    print(table(compared))
+    if options.out:
+        picture(runs, scenario, options.out)
+    return 0
+
+
+def _serve(options: argparse.Namespace) -> int:
+    """Answer lines of pins (JSON) with lines of commands; ``hal_bridge.py`` starts this.
+
+    python -m turning_env.control serve --policy programmed --scenario override
+    """
+    scenario = Scenario.load(options.scenario)
+    serve(scenario, find_policy(options.policy, scenario), Settings())
+    return 0
+
+
+def _plant(options: argparse.Namespace) -> int:
+    """Answer lines of pins (JSON) with the loads of a simulated process; ``hal_bridge.py`` starts this.
+
+    python -m turning_env.control plant --scenario override --log plant.csv
+    """
+    serve_plant(Scenario.load(options.scenario), options.seed, options.log)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,382 @@
+"""LinuxCNC: processes behind its HAL components, and a lathe without hardware that runs them.
+
+``serve`` and ``plant`` are the processes behind ``hal_bridge.py``: lines of JSON with pins in, lines of JSON with pins out.
+``run`` writes the lathe's configuration into a folder, starts LinuxCNC without a screen and waits for the program's end.
+"""
+
+import csv
+import json
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from turning_env.control.core import Controller, Readings, Status
+from turning_env.control.plant import Plant
+from turning_env.control.shield import LOG, Settings, Shield
+from turning_env.files import replace_file
+from turning_env.scenario import Scenario
+from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.policy import PolicyFactory
+from turning_env.vector_env import RoughTurningVectorEnv
+
+PYTHON = "/usr/bin/python3"
+"""The Python that has LinuxCNC's modules."""
+PACKAGE = "linuxcnc-uspace"
+FEED_MOTION = 2
+"""``motion.motion-type`` of a move at feed."""
+NOBODY = 65534
+"""User to whom LinuxCNC's motion falls back if root starts it."""
+
+CONTROLLER_PINS = {
+    "in": {
+        "spindle-speed": "float",  # [rev/min]
+        "feed-velocity": "float",  # [mm/s]
+        "motion-type": "s32",
+        "in-position": "bit",
+        "power": "float",  # [kW]
+        "thrust-force": "float",  # [N]
+        "cutting": "bit",
+        "edge": "u32",
+    },
+    "out": {"adaptive-feed": "float", "spindle-override": "float", "status": "s32"},
+}
+PLANT_PINS = {
+    "in": {"spindle-speed": "float", "feed-velocity": "float", "motion-type": "s32", "z": "float", "adaptive-feed": "float"},
+    "out": {"power": "float", "thrust-force": "float", "edge": "u32"},
+}
+
+
+class LinuxCncError(RuntimeError):
+    """LinuxCNC is not installed, or did not run the program."""
+
+
+def find_policy(name: str, scenario: Scenario) -> PolicyFactory:
+    """Return a policy by what a user calls it.
+
+    Args:
+        name: ``programmed`` (the programmed feed), a rule of ``baselines`` in a clone, ``module:object`` or an ONNX file.
+        scenario: scenario that it plays.
+
+    Raises:
+        ValueError: there is no such policy.
+    """
+    if name == "programmed":
+        control = scenario.control
+        action = np.array([2.0 / control.override_max - 1.0 if control.action == "override" else 0.0], np.float32)
+        if control.action == "set_point":
+            raise ValueError(f"scenario {scenario.name!r} has set points, so there is no action for the programmed feed")
+        size = 1 if control.action == "override" else 2
+        return as_factory(lambda observations: np.tile(action, (len(observations), size)))
+    if name.endswith(".onnx") or ":" in name:
+        return as_factory(name)
+    try:
+        from importlib import import_module
+
+        catalogue = import_module("baselines.catalogue")  # in a clone only
+    except ModuleNotFoundError:
+        raise ValueError(f"{name!r} is neither an ONNX file nor module:object; rules by name need a clone") from None
+    factory: PolicyFactory = catalogue.spec(name, scenario).make
+    return factory
+
+
+def _lines() -> Iterator[dict[str, Any]]:
+    print("ready", flush=True)
+    for line in sys.stdin:
+        yield json.loads(line)
+
+
+def _answer(pins: Mapping[str, Any]) -> None:
+    print(json.dumps(pins), flush=True)
+
+
+def serve(scenario: Scenario, make_policy: PolicyFactory, settings: Settings) -> None:
+    """Answer the controller's pins until standard input ends."""
+    controller = Controller(scenario, make_policy, settings)
+    _warm_up(controller)
+    before: dict[str, Any] = {}
+    interval, begun, engaged, commands = scenario.control.interval, 0.0, 0.0, None
+    force = "servo_current" if scenario.sensors.force == "servo_current" else "thrust_force"
+    for pins in _lines():
+        seconds = pins["time"] - before.get("time", pins["time"])
+        in_feed = pins["motion-type"] == FEED_MOTION and not pins["in-position"]
+        engaged += seconds if pins["cutting"] and in_feed else 0.0
+        if commands is None or pins["time"] - begun > interval - 0.5 * max(seconds, 1e-3):
+            readings = Readings(
+                spindle_speed=abs(pins["spindle-speed"]),
+                feed_velocity=60.0 * pins["feed-velocity"],
+                in_feed=in_feed,
+                cutting=pins["cutting"],
+                engaged_time=engaged,
+                power=pins["power"],
+                new_edge=pins["edge"] != before.get("edge", pins["edge"]),
+                **{force: pins["thrust-force"]},
+            )
+            if not before and (lacking := controller.lacks(readings)):
+                LOG.warning("the policy's observation lacks %s: the safe feed holds", ", ".join(lacking))
+            commands = controller.decide(readings)
+            begun, engaged = pins["time"], 0.0
+        before = pins
+        _answer(
+            {
+                "adaptive-feed": commands.adaptive_feed,
+                "spindle-override": commands.spindle_override,
+                "status": int(commands.status),
+            }
+        )
+
+
+def _warm_up(controller: Controller) -> None:
+    """Compile and load everything before the first reading counts."""
+    readings = Readings(400.0, 100.0, True, True, 0.0, power=1.0, thrust_force=100.0, servo_current=1.0)
+    for _ in range(3):
+        controller.decide(readings)
+    controller.start()
+
+
+def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
+    """Answer the plant's pins until standard input ends, and log every cycle to a file."""
+    plant = Plant(scenario, seed)
+    plant.advance(0.01, 0.0, 100.0, 0.0, False)
+    plant = Plant(scenario, seed)
+    work, before = scenario.workpiece, None
+    current = scenario.sensors.force == "servo_current"
+    with log.open("w", newline="") as file:
+        writer = None
+        for pins in _lines():
+            seconds = pins["time"] - before if before else 0.001
+            before = pins["time"]
+            hidden = plant.advance(
+                max(seconds, 1e-4),
+                work.approach - pins["z"],
+                abs(pins["spindle-speed"]),
+                pins["feed-velocity"],
+                pins["motion-type"] == FEED_MOTION,
+            )
+            row = {
+                "time": pins["time"],
+                "seconds": seconds,
+                "motion": pins["motion-type"],
+                "adaptive_feed": pins["adaptive-feed"],
+            } | hidden
+            if writer is None:
+                writer = csv.DictWriter(file, list(row))
+                writer.writeheader()
+            writer.writerow(row)
+            force = hidden["measured_servo_current" if current else "measured_thrust_force"]
+            _answer({"power": hidden["measured_power"], "thrust-force": force, "edge": int(hidden["edge"])})
+
+
+class Fault(NamedTuple):
+    """A fault to cause while the program runs."""
+
+    name: str
+    """One of those in ``lathe/panel.py``: ``kill`` or ``freeze`` the policy's process, ``pause``, ``e-stop``, ``feed hold``,
+    ``spindle stopped``, ``sensor stuck``, ``sensor lost``."""
+    after: float
+    """Time after the program's start [s]."""
+    lasts: float = 2.0
+    """[s]"""
+
+
+def program(scenario: Scenario, bars: int) -> str:
+    """Return the part program: ``bars`` passes at the highest feed, with adaptive feed."""
+    work, control, machine = scenario.workpiece, scenario.control, scenario.machine
+    highest = min(
+        control.override_max * control.initial_feed if control.action == "override" else machine.feed_max, machine.feed_max
+    )
+    spindle_speed = 1000.0 * control.initial_cutting_speed / (np.pi * work.diameter)
+    radius = 0.5 * work.diameter
+    lines = [
+        "G18 G21 G8 G90 G54",
+        "M52 P1",
+        f"G97 S{spindle_speed:.1f} M3",
+        f"G95 F{highest:.4f}",
+        f"G0 X{radius + 5:.3f} Z{work.approach:.3f}",
+    ]
+    for _ in range(bars):
+        lines += [f"G0 X{radius:.3f}", f"G1 Z{-work.bar_length:.3f}", f"G0 X{radius + 5:.3f}", f"G0 Z{work.approach:.3f}"]
+    return "\n".join([*lines, "M5", "M52 P0", "M2", ""])
+
+
+def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | None = None) -> list[dict[str, float]]:
+    """Run a policy through LinuxCNC; return the plant's log, one row per cycle.
+
+    Raises:
+        LinuxCncError: LinuxCNC is not installed, or it stopped before the program's end.
+    """
+    if shutil.which("linuxcnc") is None or not Path(PYTHON).exists():
+        raise LinuxCncError(f"LinuxCNC is not installed: apt-get install --no-install-recommends {PACKAGE} (Debian) brings it")
+    loaded = Scenario.load(scenario)
+    policy = str(Path(policy).resolve()) if Path(policy).is_file() else policy  # LinuxCNC runs in a folder of its own
+    settings = Settings()
+    safe = Controller(loaded, as_factory(lambda observations: observations), settings).safe_feed
+    with tempfile.TemporaryDirectory(prefix="turning-") as name:
+        folder = Path(name)
+        _write_lathe(folder, loaded)
+        (folder / "bars.ngc").write_text(program(loaded, bars))
+        (folder / "fault.json").write_text(json.dumps(fault._asdict() if fault else None))
+        places = os.pathsep.join((str(Path(__file__).parents[2]), os.getcwd()))  # this package, and a clone's
+        command = ["env", f"PYTHONPATH={places}", sys.executable, "-m", "turning_env.control"]
+        common = ["--scenario", str(scenario)]
+        log, interval = folder / "log.csv", loaded.control.interval
+        held = {"adaptive-feed": safe, "spindle-override": 1.0, "status": int(Status.SAFE)}
+        served = [*command, "serve", "--policy", policy, *common]
+        _write_plan(folder / "turning.json", CONTROLLER_PINS, interval, held, served)
+        no_load = {"power": 0.0, "thrust-force": 0.0}
+        acted = [*command, "plant", "--seed", str(seed), "--log", str(log), *common]
+        _write_plan(folder / "plant.json", PLANT_PINS, min(interval, 0.02), no_load, acted)
+        output = _start(folder, 60.0 + bars * 120.0)
+        lines = log.read_text().splitlines() if log.is_file() else []
+        rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(lines)]
+        if not rows:
+            raise LinuxCncError(f"LinuxCNC did not run the program:\n{output[-2000:]}")
+        return rows
+
+
+def _write_plan(path: Path, pins: Mapping[str, Any], period: float, safe: Mapping[str, float], command: list[str]) -> None:
+    path.write_text(json.dumps({**pins, "period": period, "safe": safe, "command": command}))
+
+
+def _write_lathe(folder: Path, scenario: Scenario) -> None:
+    """Write the lathe's configuration; the drive's acceleration reaches the highest feed within its time constant."""
+    turns = scenario.control.initial_cutting_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) / 60.0
+    velocity = turns * scenario.machine.feed_max
+    values = {
+        "PYTHON": PYTHON,
+        "FOLDER": str(folder),
+        "ACCELERATION": f"{max(velocity / max(scenario.machine.feed_time_constant, 0.01), 10.0):.1f}",
+        "METAL_POWER": f"{0.02 * scenario.limits.power:.4f}",
+        "METAL_HYSTERESIS": f"{0.01 * scenario.limits.power:.4f}",
+    }
+    for source in (files("turning_env.control") / "lathe").iterdir():
+        if source.is_file():
+            text = source.read_text()
+            for name, value in values.items():
+                text = text.replace(f"{{{name}}}", value)
+            (folder / source.name).write_text(text)
+    (folder / "panel.py").chmod(0o755)
+
+
+def _start(folder: Path, limit: float) -> str:
+    """Start LinuxCNC on the folder's lathe, wait for its end, and leave nothing running; return its output."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")} | {"OMP_NUM_THREADS": "1"}
+    if os.getuid() == 0:  # as root it wants to know which user it serves
+        os.chown(folder, NOBODY, -1)
+        environment |= {"RTAPI_UID": str(NOBODY), "RTAPI_FIFO_PATH": str(folder / "rtapi"), "HOME": str(folder)}
+    command = ["script", "-qec", shlex.join(["linuxcnc", str(folder / "lathe.ini")]), "/dev/null"]
+    with (folder / "output").open("wb") as output:
+        process = subprocess.Popen(
+            command, cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
+        )
+        begun = time.monotonic()
+        try:
+            while process.poll() is None and time.monotonic() - begun < limit:
+                time.sleep(0.05)
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGTERM)
+                process.wait(10.0)
+    said = (folder / "output").read_text(errors="replace")
+    if process.returncode != 0:
+        raise LinuxCncError(f"LinuxCNC did not run the program to its end:\n{said[-2000:]}")
+    return said
+
+
+class Figures(NamedTuple):
+    """Figures of bars."""
+
+    time: float
+    """Time at feed per bar [s]."""
+    mean_power: float
+    """[kW]"""
+    severe: float
+    """Share of cutting time with an excess above the tolerance [-]."""
+    edges: float
+    """Edges used."""
+
+
+def figures(rows: list[dict[str, float]]) -> Figures:
+    """Return the figures of a run through LinuxCNC."""
+    feed = [row for row in rows if row["motion"] == FEED_MOTION]
+    engaged = sum(row["engaged_time"] for row in feed)
+    bars = len({row["bar"] for row in feed if row["engaged_time"] > 0.0})
+    mean = sum(row["power"] * row["engaged_time"] for row in feed) / engaged
+    severe = sum(row["severe_overload_time"] for row in feed) / engaged
+    return Figures(sum(row["seconds"] for row in feed) / bars, mean, severe, 1.0 + rows[-1]["edge"])
+
+
+def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
+    """Return the figures of the same shielded policy on the same bars in the simulation."""
+    control = scenario.control.model_copy(update={"edge_changes": "automatic"})
+    played = scenario.model_copy(update={"control": control, "workpiece": scenario.workpiece.model_copy(update={"bars": bars})})
+    env = RoughTurningVectorEnv(1, played)
+    guard = Shield(find_policy(policy, scenario)(1), scenario, 1)
+    observations, _ = env.reset(seed=[seed])
+    guard.reset(np.ones(1, np.bool_))
+    ended, sums, edges = False, np.zeros(4), 1.0
+    while not ended:
+        observations, _, terminated, truncated, info = env.step(guard.act(observations))
+        engaged = info["engaged_time"][0]
+        sums += (
+            info["time"][0] - info["stopped_time"][0],
+            engaged,
+            engaged * info["mean_power"][0],
+            info["severe_overload_time"][0],
+        )
+        edges += info["edges_broken"][0]
+        ended = bool(terminated[0] or truncated[0])
+    time_at_feed, engaged, energy, severe = sums
+    return Figures(time_at_feed / bars, energy / engaged, severe / engaged, edges)
+
+
+def table(runs: Mapping[str, tuple[Figures, Figures]]) -> str:
+    """Return figures through LinuxCNC and in the simulation as a Markdown table."""
+    lines = [
+        "| Policy, shielded | Where | Cycle time [s/bar] | Mean power [kW] | Over 5 % [% of cutting time] | Edges |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, both in runs.items():
+        for where, each in zip(("LinuxCNC", "simulation"), both, strict=True):
+            lines.append(
+                f"| {name} | {where} | {each.time:.1f} | {each.mean_power:.2f} | {100 * each.severe:.1f} | {each.edges:.0f} |"
+            )
+    return "\n".join(lines)
+
+
+def picture(runs: Mapping[str, list[dict[str, float]]], scenario: Scenario, path: Path) -> None:
+    """Draw override and load over the position in the first bar."""
+    import matplotlib.pyplot as plt
+
+    from turning_env.workshop.plot_style import DOUBLE, LINES
+
+    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(DOUBLE, 0.6 * DOUBLE), layout="constrained")
+    for (name, rows), (colour, dashes) in zip(runs.items(), LINES, strict=False):
+        first = [row for row in rows if row["bar"] == 0.0 and row["motion"] == FEED_MOTION]
+        along = [row["along"] - scenario.workpiece.approach for row in first]
+        upper.plot(
+            along,
+            [row["feed"] / scenario.control.initial_feed for row in first],
+            color=colour,
+            linestyle=dashes,
+            lw=1,
+            label=name,
+        )
+        lower.plot(along, [row["power"] for row in first], color=colour, linestyle=dashes, lw=1)
+    lower.axhline(scenario.limits.power, color="#666666", lw=0.8)
+    lower.annotate("limit", (0.0, scenario.limits.power), fontsize=8, va="bottom", color="#666666")
+    upper.set_ylabel("actual over\nprogrammed feed [-]")
+    lower.set(xlabel="position along the bar [mm]", ylabel="spindle power [kW]")
+    upper.legend(fontsize=8, frameon=False, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    replace_file(path, lambda partial: figure.savefig(partial, dpi=150))
+    plt.close(figure)
