@@ -20,6 +20,7 @@ from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.physics.machinability import force_and_power, log_wear_coefficient
 from turning_env.physics.records import parameter_records
+from turning_env.physics.spindle import capacity, idle_power
 from turning_env.physics.wear import advance_used_life, log_wear
 from turning_env.scoring.policy import Actions, Observations, Policy
 
@@ -31,7 +32,7 @@ FEED_STEP = 0.005
 def grid(scenario: Scenario) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the grid's cutting speeds [m/min] and feeds [mm/rev] within the machine's ranges, ascending."""
     machine = scenario.machine
-    speeds = _steps(machine.cutting_speed_min, machine.cutting_speed_max, CUTTING_SPEED_STEP)
+    speeds = _steps(machine.cutting_speed_min, scenario.cutting_speed_max, CUTTING_SPEED_STEP)
     feeds = _steps(machine.feed_min, machine.feed_max, FEED_STEP)
     return speeds, feeds
 
@@ -47,12 +48,13 @@ def predict(parameters, speed, feed, used_life, start, end):
     log_coefficient = log_wear_coefficient(parameters, log_speed, log_feed, log_depth, 0.0)
     used_life = advance_used_life(parameters, used_life, log_coefficient, start, end)
     force, power = force_and_power(parameters, log_speed, log_feed, log_depth, log_wear(parameters, used_life), 0.0)
-    return used_life, force, power
+    return used_life, force, power + idle_power(parameters, speed)
 
 
 @compiled
 def highest_feed(parameters, speed, feeds, used_life, start, end, force_limit, power_limit, used_life_limit):
     """Return the index of the highest feasible feed at a speed, or -1, by bisection: force, power and wear grow with feed."""
+    power_limit *= capacity(parameters, speed)
     feasible, infeasible = -1, len(feeds)
     while infeasible - feasible > 1:
         index = (feasible + infeasible) // 2

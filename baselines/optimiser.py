@@ -13,6 +13,7 @@ best speed and its neighbours gives the speed between them. Gains enter the trie
 bits of exponentials, which differ between processors, hardly ever change an action.
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -98,6 +99,8 @@ class Optimiser:
         self._wear = LogLaw(material.wear, scenario, tool.wear_criterion)
         self._force = LogLaw(material.thrust_force, scenario, limits.thrust_force)
         self._power = LogLaw(material.power, scenario, limits.power)
+        base_speed = scenario.base_cutting_speed
+        self._log_base_speed = math.log(base_speed) if base_speed else -math.inf
         self._log_strength = float(np.log(tool.edge_strength / limits.thrust_force))
         self._prices = worth(scenario, self._overload_price).life
         self._filter = LoadFilter(scenario, num_envs)
@@ -172,7 +175,7 @@ class Optimiser:
         life_rate = np.exp(self._wear(speed, feed) / exponent) / 60.0  # [1/s]
         wear = exponent * np.log(prospect.used_life[:, np.newaxis] + life_rate * self._times)
         force = self._force(speed, feed, wear) + outlook.log_force
-        power = self._power(speed, feed, wear) + outlook.log_power
+        power = self._power(speed, feed, wear) + outlook.log_power - np.minimum(speed - self._log_base_speed, 0.0)
         excess = self._excess(force, outlook.force_spread) + self._excess(power, outlook.power_spread)
         cost = prospect.life_price * life_rate + self._overload_price * excess
         gain = prospect.metal_value * np.exp(speed + feed) - prospect.cutting * cost

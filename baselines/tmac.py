@@ -25,6 +25,7 @@ from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, overrid
 from baselines.rule import Range
 from turning_env import read
 from turning_env.physics.drives import lag_share
+from turning_env.physics.spindle import capacity_at
 from turning_env.scoring.policy import Actions, Observations
 
 SETTLING_TIME = 0.5
@@ -45,7 +46,7 @@ class LearnedPower:
     Args:
         program: part program.
         num_envs: number of environments.
-        target: power over the power limit [-].
+        target: power over the power limit at the present speed [-].
         gain: gain of the integration [1/s].
         extreme: extreme limit over the learned power [-].
         wear: wear limit over the learned power [-].
@@ -90,8 +91,9 @@ class LearnedPower:
         learned_power = np.where(learned, self._sum / np.maximum(self._count, 1.0), math.inf)
 
         extreme = self._extreme * learned_power
+        power = self._power * capacity_at(program.scenario, reading.cutting_speed)
         override = towards_load(
-            program.override(reading), reading.power, np.maximum(np.minimum(self._power, extreme), 1e-9), self._share
+            program.override(reading), reading.power, np.maximum(np.minimum(power, extreme), 1e-9), self._share
         )
         override[reading.power > STOP * extreme] = 0.0
         undercut = at_program < UNDERCUT * learned_power

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import gymnasium
 
 from benchmarks.timing import BATCHES, Case, judge, many, measure, one
-from turning_env import IDS, RoughTurningVectorEnv
+from turning_env import FAMILY_ID, IDS, FamilyVectorEnv, RoughTurningVectorEnv
 from turning_env.console import described, exits
 
 PEER = "Pendulum-v1"
@@ -36,7 +36,10 @@ def single(env_id: str) -> Case:
 
 def vector(env_id: str, num_envs: int, batches: int = BATCHES, threads: int = 1) -> Case:
     """Return the case of many environments in one batch."""
-    env = RoughTurningVectorEnv(num_envs, IDS[env_id], threads=threads)
+    if env_id == FAMILY_ID:
+        env: RoughTurningVectorEnv = FamilyVectorEnv(num_envs, threads=threads)
+    else:
+        env = RoughTurningVectorEnv(num_envs, IDS[env_id], threads=threads)
     env.reset(seed=0)
     return many(f"{env_id}, {num_envs} environments", env, num_envs, env.single_action_space, batches)
 
@@ -53,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.repeats < 1 or options.num_envs < 1 or not options.seconds > 0:
         parser.error("--repeats and --num-envs must be at least 1, and --seconds above 0")
 
-    cases = [single(PEER), single(MAIN), *(vector(env_id, options.num_envs) for env_id in IDS)]
+    cases = [single(PEER), single(MAIN), *(vector(env_id, options.num_envs) for env_id in (*IDS, FAMILY_ID))]
     measured = [[turn.cpu_rate for turn in turns] for turns in measure(cases, options.repeats, options.seconds)]
     ratios = [[rate / peer for rate, peer in zip(row, measured[0], strict=True)] for row in measured]
 

@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=16, help="jobs of each split (default: %(default)s)")
     parser.add_argument("--episodes", type=int, default=4, help="episodes of each job (default: %(default)s)")
     parser.add_argument("--policies", nargs="+", default=["rescaled_grid_search", "predictive", f"predictive{TRUTH}"],
-                        help="controllers of the catalogue (default: rescaled_grid_search; predictive, also told the truth)")  # fmt: skip
+                        help="controllers (default: rescaled_grid_search; predictive, also told the truth)")  # fmt: skip
     parser.add_argument("--tuned-on", default="shift", help="scenario of their tuned parameters (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print every episode's return as JSON")
     options = parser.parse_args(arguments)

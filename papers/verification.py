@@ -111,6 +111,19 @@ def implied_wear_factor(test: VerificationTest, life: float) -> float:
     return undisturbed().tool.wear_criterion / wear(test, life)
 
 
+def until_failure(test: VerificationTest) -> tuple[float, bool]:
+    """Return (cutting time [min], whether the edge collapsed) of an edge that wears as measured, to 0.32 mm.
+
+    The edge collapses where that of the preset `practitioner` does.
+    """
+    life = test.life or played([test])[0].life
+    scenario = undisturbed(implied_wear_factor(test, life))
+    collapse = Scenario.load("practitioner").edge_failure.collapse_temperature
+    scenario = changed(scenario, edge_failure={"collapse_temperature": collapse}, tool={"wear_criterion": 0.32})
+    episodes = play(lambda num_envs: FixedParameters(scenario, test.cutting_speed, test.feed), scenario, [0])
+    return float(episodes["engaged_time"][0]) / 60.0, bool(episodes["edges_broken"][0])
+
+
 def with_measured_wear(interval: float) -> Scenario:
     """Return the preset `measured_wear` with a control interval [s], for tests and controllers alike: see ``undisturbed``."""
     speed = max(test.cutting_speed for test in TESTS)

@@ -60,7 +60,8 @@ class Hindsight:
         """Note the states after a step; ``commanded``, shape (num_envs,): whether it was to change the edge."""
         self.before = self._now
         self.after = np.stack([info_at_end_of_step(infos, name) for name in FIELDS])
-        self.changed = info_at_end_of_step(infos, "stopped_time") > 0.0
+        stopped, cut, engaged = (info_at_end_of_step(infos, name) for name in ("stopped_time", "cutting_time", "engaged_time"))
+        self.changed = (stopped > 0.0) & (60.0 * cut <= engaged * (1.0 + 1e-6))  # tangled chips also stop the machine
         self.failed = self.changed & ~commanded
         self.see_start(infos)
 

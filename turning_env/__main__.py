@@ -24,7 +24,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from turning_env import IDS, score
+from turning_env import FAMILY_ID, IDS, score
 from turning_env.console import MISTAKE, described, exits, number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_env.physics.quantities import action_size
@@ -351,12 +351,12 @@ def _warm_up(_: argparse.Namespace) -> int:
 
     python -m turning_env warm-up
     """
-    from turning_env import RoughTurningVectorEnv
     from turning_env.batch.driver import start_episodes, step_blocks
     from turning_env.rendering.fields import Fields, read_fields, read_passes
 
-    for env_id in IDS:
-        for envs in (gymnasium.make_vec(env_id, 1, vectorization_mode="sync"), RoughTurningVectorEnv(2, IDS[env_id])):
+    for env_id in (*IDS, FAMILY_ID):
+        for mode in ("sync", "vector_entry_point"):
+            envs = gymnasium.make_vec(env_id, 2, vectorization_mode=mode)
             envs.reset(seed=0)
             envs.step(envs.action_space.sample())
             envs.close()

@@ -3,7 +3,8 @@
 If the servo current is sensed, it replaces the thrust force. It is compared with the current at the force limit without feed,
 and with the predicted current. With parts, an observation describes the last pass: mean power and force, speed and feed.
 Predictions use the actual speed and feed, nominal depth and hardness, and the nominal model's wear. In air, measured power and
-force are near 0 (servo current: near no load), and the four entries that compare them are near -5.
+force are near 0 (servo current: near no load; power: near idle power), and the four entries that compare them are near -5. If the
+load reading is a share of torque (``spindle.reading``), the power limit below the base speed is that of the available torque.
 """
 
 from functools import cache

@@ -24,6 +24,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from turning_env import Scenario
+from turning_env.physics.spindle import capacity_at
 
 Array = NDArray[np.float64]
 
@@ -95,7 +96,7 @@ def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, 
     for used_life in USED_LIVES:
         wear = scenario.tool.wear_criterion * used_life**material.wear.time
         force = material.thrust_force(speed, feed, depth, wear=wear, hardness=hardness) / limits.thrust_force
-        power = material.power(speed, feed, depth, wear=wear, hardness=hardness) / limits.power
+        power = material.power(speed, feed, depth, wear=wear, hardness=hardness) / limits.power / capacity_at(scenario, speed)
         excess = expected_excess(np.log(force), SPREAD) + expected_excess(np.log(power), SPREAD)
         values.append((metal - overload_price * excess).reshape(9, -1))
     return np.array(values), life_rate.reshape(9, -1) / 60.0, np.outer(weights, weights).ravel()

@@ -1,7 +1,7 @@
 """Figures 5 and 7 of the fuzzy override paper: step responses of the laws of feed override.
 
 The bar is undisturbed (``papers/stepped_bar.py``): 1, 2, 3, 1 and 3 mm deep. All controls that have a target have the same,
-60 % of the spindle's rated power; what else they have is set by hand.
+60 % of the torque that the main drive has at its speed; what else they have is set by hand.
 """
 
 from typing import Any
@@ -69,7 +69,7 @@ def draw() -> Figure:
         below.set_ylabel("override, load [%]")
     for axes in pairs[-1]:
         axes.set_axis_off()
-    looks = {"feed override, commanded": _OVERRIDE, "spindle load; highest value": _LOAD, "target load": _TARGET}
+    looks = {"feed override, commanded": _OVERRIDE, "share of torque; highest value": _LOAD, "target load": _TARGET}
     handles = [Line2D([], [], label=label, **look) for label, look in looks.items()]
     pairs[-1][1].legend(handles=handles, loc="upper right", frameon=False).set_in_layout(False)  # else its column would be wider
     figure.align_ylabels()

@@ -214,6 +214,11 @@ def rival_checks() -> Iterator[Check]:
         _, power = verification.force_and_power(by_name[name].test, 0.3)
         yield at_most(f"{name}: power when worn out [kW], the available not fully used", 7.0, power)
     last = by_name["T9"]
+    for test in TESTS:
+        minutes, collapsed = verification.until_failure(test)
+        yield Check(f"{test.name}: edge collapses, preset practitioner", test.name == "T9", collapsed)
+        if collapsed:
+            yield Check(f"{test.name}: collapse after [min], preset practitioner", COLLAPSE_TIME, minutes, 0.1)
     flank_wear = last.wear_factor * verification.wear(last.test, COLLAPSE_TIME)
     force, _ = verification.force_and_power(last.test, flank_wear)
     reason = f"at {flank_wear:.2f} mm of wear the force law gives less: it knows no plastic deformation"

@@ -152,10 +152,12 @@ def _table(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
 def _law(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
     scenario = Scenario.load(parsed.scenario)
     program = laws.law_program(parsed.rule, scenario)
+    by_power = f"spindle power over {scenario.machine.rated_power:g} kW"
+    load = by_power if scenario.spindle.reading == "power" else "spindle torque over the torque available at its speed"
     comments = [
         f"feed override of {parsed.rule} on scenario {scenario.name}",
-        f"$AA_LOAD[S1] is taken for spindle power over {scenario.machine.rated_power:g} kW, in per cent; the law is made for an "
-        f"interpolation cycle of {1000.0 * scenario.control.interval:g} ms",
+        f"$AA_LOAD[S1] is taken for {load}, in per cent; the law is made for an interpolation "
+        f"cycle of {1000.0 * scenario.control.interval:g} ms",
     ]
     text, program = _text_of(program, comments, command)
     compared = simulate_law.compare(program, catalogue.spec(parsed.rule, scenario).make, scenario, _seed(parsed))

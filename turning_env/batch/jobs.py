@@ -31,7 +31,7 @@ class Jobs:
         self._shared = parameter_records(self.scenario)
 
     def __reduce__(self) -> Any:
-        """Leave the draws out of copies."""
+        """Pickle and copy the split without its jobs."""
         return Jobs, (self.family, self.split, self._told)
 
     @property

@@ -204,7 +204,7 @@ OVER_STEP = (
     Q("mean_power", "kW", "mean while cutting; with parts, in the last pass"),
     Q("time", "s", "machine time"),
     Q("engaged_time", "s", "time in metal"),
-    Q("stopped_time", "s", "time to change edges"),
+    Q("stopped_time", "s", "time to change edges and to clear chips"),
     Q("removed", "cm3", "removed metal"),
     Q("passes", "-", "passes of parts"),
     Q("edges_used", "-", "used share of life, and all of an edge that is changed or broken"),

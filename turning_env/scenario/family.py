@@ -303,8 +303,12 @@ class Family(Section):
         return family
 
     def __reduce__(self) -> Any:
-        """Leave the draws out of copies."""
+        """Pickle the family without its jobs."""
         return Family.load, (self.portable(),)
+
+    def __deepcopy__(self, memo: Any = None) -> "Family":
+        """Return the family itself, which never changes."""
+        return self
 
     def portable(self) -> str | dict[str, Any]:
         """Return a source for ``load`` that JSON can hold: the name of a preset, or a dict."""
@@ -346,13 +350,13 @@ class Family(Section):
     @cached_property
     def context_scale(self) -> tuple[Array, Array]:
         """Return mean and spread by which the context is standardised, shape (numbers,) each."""
-        draws = [self.draw("train", chunk) for chunk in range(-(-min(_SAMPLE, self.jobs) // CHUNK))]
-        sample = np.concatenate([np.stack(list(draw.features.values()), axis=1) for draw in draws])
+        drawn = [self.draw("train", chunk) for chunk in range(-(-min(_SAMPLE, self.jobs) // CHUNK))]
+        sample = np.concatenate([np.stack(list(draw.features.values()), axis=1) for draw in drawn])
         spread = sample.std(axis=0)
         return sample.mean(axis=0), np.where(spread > 1e-6, spread, 1.0)
 
     @cached_property
-    def _draws(self) -> dict[tuple[str, int], Draw]:
+    def _known(self) -> dict[tuple[str, int], Draw]:
         return {}
 
     @cached_property
@@ -372,9 +376,9 @@ class Family(Section):
         """
         if split not in self.splits:
             raise ValueError(f"there is no split {split!r}; {names_instead(split, self.splits, 'the splits of the family')}")
-        if (split, chunk) not in self._draws:
-            self._draws[split, chunk] = self._drawn(split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64))
-        return self._draws[split, chunk]
+        if (split, chunk) not in self._known:
+            self._known[split, chunk] = self._drawn(split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64))
+        return self._known[split, chunk]
 
     def _drawn(self, split: str, numbers: NDArray[np.uint64]) -> Draw:
         attempts, pending = np.zeros(len(numbers), np.uint64), np.arange(len(numbers))

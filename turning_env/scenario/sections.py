@@ -62,7 +62,7 @@ class Tool(Section):
 class EdgeFailure(Section):
     """Wear and failures of the edge that the papers' laws leave out. The defaults leave them out, too."""
 
-    temperature: PowerLaw = PowerLaw(coefficient=186.8, cutting_speed=0.4, feed=0.1, depth_of_cut=0.05, wear=0.25, hardness=0.5)
+    temperature: PowerLaw = PowerLaw(coefficient=186.8, cutting_speed=0.4, feed=0.1, depth_of_cut=0.05, wear=0.25, hardness=0.4)
     """Temperature of the edge above the workshop [K]. 1000 K in test T9 of the grid search paper, when its edge collapsed;
     scale and exponents: assumptions."""
     collapse_temperature: float = quantity(0, 0, 1e4, "K", "temperature above which an edge collapses at once; 0: never")

@@ -6,29 +6,21 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from baselines.fixed import FixedParameters
 from papers import verification
 from papers.verification import COLLAPSE_TIME, TESTS, VerificationTest
 from tests.turning_env.playing import UNDISTURBED, changed, play
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv
 from turning_env.physics.failure import chip
 from turning_env.physics.records import STATE, new_records, scratch_records
-from turning_env.scoring.play import play as play_seeds
 
 
 @pytest.mark.parametrize("test", TESTS, ids=lambda test: test.name)
 def test_of_the_papers_edges_that_of_t9_collapses_and_when_it_did(test: VerificationTest) -> None:
     """Edges wear as measured, and beyond the criterion, as that of T9 did."""
-    life = test.life or verification.played([test])[0].life
-    scenario = changed(
-        verification.undisturbed(verification.implied_wear_factor(test, life)),
-        edge_failure={"collapse_temperature": Scenario.load("practitioner").edge_failure.collapse_temperature},
-        tool={"wear_criterion": 0.32},
-    )
-    episodes = play_seeds(lambda _: FixedParameters(scenario, test.cutting_speed, test.feed), scenario, [0])
-    assert episodes["edges_broken"][0] == (test.name == "T9")
-    if test.name == "T9":
-        assert episodes["engaged_time"][0] / 60.0 == pytest.approx(COLLAPSE_TIME, abs=0.05)
+    minutes, collapsed = verification.until_failure(test)
+    assert collapsed == (test.name == "T9")
+    if collapsed:
+        assert minutes == pytest.approx(COLLAPSE_TIME, abs=0.1)
 
 
 def test_an_edge_collapses_where_its_temperature_exceeds_the_limit() -> None:

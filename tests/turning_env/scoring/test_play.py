@@ -49,7 +49,8 @@ def test_every_sum_is_that_of_the_single_environment() -> None:
 @pytest.mark.parametrize("preset", presets())
 def test_every_preset_is_tuned_or_differs_from_one_that_is(preset: str) -> None:
     scenario = Scenario.load(preset)
-    base = "rough_turning" if preset in SPLITS else {"measured_wear": "paper"}.get(preset)
+    bases = {"measured_wear": "paper", "override_torque": "override", "practitioner": "rough_turning"}
+    base = "rough_turning" if preset in SPLITS else bases.get(preset)
     tuned_on = Scenario.load(base) if base else None
     for name in names(scenario):
         assert spec(name, scenario, tuned_on).parameters.keys() == playable(name, scenario).parameters.keys()

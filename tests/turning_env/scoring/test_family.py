@@ -1,0 +1,46 @@
+"""Policies on the jobs of a family."""
+
+import numpy as np
+import pytest
+
+from leaderboard.family import told_the_truth
+from tests.turning_env.test_family_env import BRIEF
+from turning_env import Family
+from turning_env.scoring.family import HeldOptimum, play_family, play_jobs, relative
+from turning_env.scoring.policy import Policy
+
+FAMILY = Family.load(BRIEF)
+JOBS = [FAMILY.job(number, "unseen_jobs") for number in range(2)]
+
+
+class Still(Policy):
+    """Changes nothing."""
+
+    def act(self, observations):
+        return np.full((len(observations), 3), [0.0, 0.0, -1.0], np.float32)
+
+
+def test_a_policy_for_each_job_and_one_for_all_play_the_same_episodes():
+    apart = play_jobs(FAMILY, JOBS, lambda job: lambda num_envs: Still(), episodes=2)
+    together = play_family(FAMILY, JOBS, lambda num_envs: Still(), episodes=2)
+    for name, values in apart.items():
+        assert values.shape == (2, 2)
+        assert np.array_equal(values, together[name]), name
+
+
+def test_the_anchor_holds_the_nominal_models_best_set_point():
+    job = JOBS[0]
+    held = play_jobs(FAMILY, [job], lambda job: lambda num_envs: HeldOptimum(job), episodes=1)
+    work = job.scenario.workpiece
+    steady = job.cutting_speed * job.feed * work.depth_of_cut * held["engaged_time"] / 60.0
+    assert held["removed"] == pytest.approx(steady, rel=0.3)
+
+
+def test_told_the_truth_nothing_is_wrong_but_the_process_is_the_same():
+    told = told_the_truth(JOBS[0]).scenario
+    assert told.nominal().material == told.material == JOBS[0].scenario.material
+
+
+def test_relative_returns_are_0_at_the_lower_anchor_and_1_at_the_upper():
+    low, high = np.array([[0.0, 2.0]]), np.array([[3.0, 3.0]])
+    assert relative(np.array([[1.0, 3.0, 2.0]]), low, high).tolist() == [[0.0, 1.0, 0.5]]
