@@ -8,7 +8,7 @@ all jobs; files or run folders of one name with several training seeds are one p
     python -m leaderboard.family --split unseen_materials --policies rescaled_grid_search predictive
     python -m leaderboard.family --agent agents/family_gradient-seed*.onnx --jobs 256 --workers 16
 
-Differences are to the best controller that is told the nominal model, job by job; the share of the gap closed is of that from it
+Leads are over the best controller that is told the nominal model, job by job; the share of the gap closed is of that from it
 to the same controller told the truth. Intervals of 95 % are bootstrapped over jobs. A policy is feasible on a job if its share of
 cutting time in severe overload is within the scenario's allowance.
 """
@@ -95,14 +95,14 @@ class Comparison:
     """Mean return over jobs [s]."""
     worst: float
     """Lowest return of a job [s]."""
-    difference: Estimate
-    """Mean difference to the best controller that is told the nominal model [s]."""
+    lead: Estimate
+    """Mean lead over the best controller that is told the nominal model [s]."""
     median: float
-    """Median difference [s]."""
+    """Median lead [s]."""
     wins: float
     """Share of jobs with a higher return than that controller's."""
     gap_closed: Estimate
-    """Mean difference over that of the same controller told the truth; NaN if that did not play or is no better."""
+    """Mean lead over that of the same controller told the truth; NaN if that did not play or is no better."""
     feasible: float
     """Share of jobs on which it is feasible."""
     overload: float
@@ -114,7 +114,7 @@ def compare(rows: dict[str, Episodes], rules: Sequence[str], allowance: float) -
 
     Args:
         rows: episodes by policy, fields of shape (jobs, episodes).
-        rules: names of the controllers that are told the nominal model; differences are to the best of them.
+        rules: names of the controllers that are told the nominal model; leads are over the best of them.
         allowance: highest share of cutting time in severe overload of a feasible policy.
     """
     returns = {name: each["return"].mean(axis=1) for name, each in rows.items()}
@@ -150,7 +150,7 @@ def compare(rows: dict[str, Episodes], rules: Sequence[str], allowance: float) -
 
 
 _HEADINGS = (
-    ("policy", "return", "95 %", "worst job", "difference", "95 %", "median", "better on", "gap closed", "95 %", "feasible", "overload"),
+    ("policy", "return", "95 %", "worst job", "lead", "95 %", "median", "better on", "gap closed", "95 %", "feasible", "overload"),
     ("", "[s]", "[s]", "[s]", "[s]", "[s]", "[s]", "[% of jobs]", "[%]", "[%]", "[% of jobs]", "[% of time]"),
 )  # fmt: skip
 
@@ -167,7 +167,7 @@ def table(comparisons: Sequence[Comparison]) -> str:
     for each in comparisons:
         shares = f"{100.0 * each.feasible:.0f}", f"{100.0 * each.overload:.1f}"
         rows.append(
-            [each.name, *cells(each.value), f"{each.worst:.0f}", *cells(each.difference), f"{each.median:.1f}",
+            [each.name, *cells(each.value), f"{each.worst:.0f}", *cells(each.lead), f"{each.median:.1f}",
              f"{100.0 * each.wins:.0f}", *cells(each.gap_closed, 100.0), *shares]
         )  # fmt: skip
     return aligned(rows)

@@ -57,7 +57,9 @@ class Odometer:
         rate = torch.exp(log_rate)
         # The tool has entered within the step: take half of it.
         travel = self._interval * 0.5 * (rate + torch.where(along > 0.0, before, 0.0))
-        along = torch.where(observation[..., OBS.cutting] > 0.5, (along + travel).clamp(max=1.0), 0.0)
+        along = along + travel
+        along = torch.where(along > 1.0, (along - 1.0).clamp(min=1e-3), along)  # the way in air took less than a step
+        along = torch.where(observation[..., OBS.cutting] > 0.5, along, 0.0)
         left = (1.0 - along) / rate
         readings = torch.stack([2.0 * along - 1.0, 2.0 * left.clamp(max=MAX_TIME) / MAX_TIME - 1.0], dim=-1)
         return readings, torch.stack([along, rate], dim=-1)
