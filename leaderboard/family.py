@@ -150,7 +150,7 @@ def compare(rows: dict[str, Episodes], rules: Sequence[str], allowance: float) -
 
 
 _HEADINGS = (
-    ("policy", "return", "95 %", "worst job", "lead", "95 %", "median", "better on", "gap closed", "95 %", "feasible", "overload"),
+    ("policy", "return", "95 %", "worst job", "lead", "95 %", "median", "better", "gap closed", "95 %", "feasible", "overload"),
     ("", "[s]", "[s]", "[s]", "[s]", "[s]", "[s]", "[% of jobs]", "[%]", "[%]", "[% of jobs]", "[% of time]"),
 )  # fmt: skip
 

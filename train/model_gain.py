@@ -76,40 +76,47 @@ class Truth:
         after: Array,
         changed: NDArray[np.bool_],
         failed: NDArray[np.bool_],
+        *,
         device: str = "cpu",
     ) -> None:
         """``before``, ``after``: shape (steps, len(FIELDS), num_envs); the others (steps, num_envs). See ``Hindsight``."""
+
+        def tensor(values: Any) -> Tensor:
+            return torch.as_tensor(np.asarray(values), device=device)
+
+        def wide(value: Any) -> Tensor:
+            return tensor(_wide(value))
+
         work = scenario.workpiece
-        approach, pitch = _wide(work.approach), _wide(work.bar_length + work.approach)
-        share = (np.arange(POINTS) + 0.5) / POINTS
-        ends = {name: (before[:, i, :, np.newaxis], after[:, i, :, np.newaxis]) for i, name in enumerate(FIELDS)}
+        approach, pitch = wide(work.approach), wide(work.bar_length + work.approach)
+        share = (torch.arange(POINTS, dtype=torch.float64, device=device) + 0.5) / POINTS
+        states = tensor(before).unsqueeze(-1), tensor(after).unsqueeze(-1)
+        ends = {name: (states[0][:, i], states[1][:, i]) for i, name in enumerate(FIELDS)}
+        begun_anew = tensor(changed).unsqueeze(-1)
         start, end = ends["path"]
         path = start + (end - start) * share
-        bar = np.floor(path / pitch)
+        bar = torch.floor(path / pitch)
         # A field is known at a step's end in the metal of the same bar; between two such ends it is interpolated.
         weights = [
-            np.where((depth > 0.0) & (np.floor(at / pitch) == bar), near + 1e-3, 0.0)
+            torch.where((depth > 0.0) & (torch.floor(at / pitch) == bar), near + 1e-3, 0.0)
             for depth, at, near in zip(ends["depth_of_cut"], (start, end), (1.0 - share, share), strict=True)
         ]
         total = weights[0] + weights[1]
-        cutting = (path - pitch * bar >= approach) & (total > 0.0) & ~changed[..., np.newaxis]
+        cutting = (path - pitch * bar >= approach) & (total > 0.0) & ~begun_anew
 
-        def tensor(values: Any) -> Tensor:
-            return torch.from_numpy(np.asarray(values, np.float32)).to(device)
-
-        def log_field(name: str, in_air: Any) -> Tensor:
+        def log_field(name: str, in_air: Tensor) -> Tensor:
             first, last = ends[name]
-            mean = (weights[0] * first + weights[1] * last) / np.where(total > 0.0, total, 1.0)
-            return tensor(np.log(np.where(cutting, mean, in_air)))
+            mean = (weights[0] * first + weights[1] * last) / torch.where(total > 0.0, total, 1.0)
+            return torch.where(cutting, mean, in_air).log().float()
 
         first, last = ends["used_life"]
-        last = np.where(changed[..., np.newaxis], first, last)  # of the edge that was in use at the start
-        self.log_depth = log_field("depth_of_cut", _wide(work.depth_of_cut))  # [log mm]
-        self.log_hardness = log_field("hardness", 1.0)  # [-]
-        self.used_life = tensor(np.clip(first + (last - first) * share, MIN_USED_LIFE, 1.0))  # [-]
-        self.cutting = tensor(cutting)  # 0 or 1
-        self.changed = tensor(changed)  # 0 or 1, shape (steps, num_envs)
-        self.failed = tensor(failed)  # 0 or 1, likewise
+        last = torch.where(begun_anew, first, last)  # of the edge that was in use at the start
+        self.log_depth = log_field("depth_of_cut", wide(work.depth_of_cut))  # [log mm]
+        self.log_hardness = log_field("hardness", wide(1.0))  # [-]
+        self.used_life = (first + (last - first) * share).clamp(MIN_USED_LIFE, 1.0).float()  # [-]
+        self.cutting = cutting.float()  # 0 or 1
+        self.changed = tensor(changed).float()  # 0 or 1, shape (steps, num_envs)
+        self.failed = tensor(failed).float()  # 0 or 1, likewise
 
 
 def _wide(value: Any) -> Any:
