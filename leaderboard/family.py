@@ -194,6 +194,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true", help="print every episode's return as JSON")
     options = parser.parse_args(arguments)
     family, tuned_on = Family.load(options.family), Scenario.load(options.tuned_on)
+    for number, option in ((options.jobs, "--jobs"), (options.episodes, "--episodes"), (options.workers, "--workers")):
+        if number < 1:
+            raise ValueError(f"{option} is {number}, but must be at least 1")
+    for split in options.split:
+        family.draw(split, 0)
+    for name in options.policies:
+        spec(name.removesuffix(TRUTH), tuned_on, tuned_on)
     names = {path: agent_spec(path).name for path in options.agent}
     policies: list[str | Path] = [ANCHOR, *options.policies, *options.agent]
     starts = range(0, options.jobs, PIECE)

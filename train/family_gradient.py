@@ -241,8 +241,8 @@ class Training:
     def train(self, minutes: float = np.inf) -> None:
         """Train to the end, or until so many minutes of training are over; write curve, checkpoints and the finished agent."""
         p, total = self.parameters, self.parameters["steps"]
-        begun = saved = time.monotonic() - self.seconds
-        saved += self.seconds
+        saved = time.monotonic()
+        begun = saved - self.seconds
         bar = tqdm(total=total, initial=self.steps, unit="step", unit_scale=True, desc=self.run.label, disable=None)
         progress = 0.0
         while progress < 1.0:
@@ -337,8 +337,12 @@ def train(run: Run, device: str = "cpu", threads: int = 1, minutes: float = np.i
 
     Raises:
         ValueError: the folder holds a run with other settings or unreadable files, another process trains in it, the family's
-            jobs differ in what the agent takes as the same, or the seed is not for training.
+            jobs differ in what the agent takes as the same, the device cannot be used, or the seed is not for training.
     """
+    try:
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise ValueError(f"device is {device!r}, which PyTorch cannot use here: {str(error).splitlines()[0]}") from error
     if run.seed not in range(SEEDS):
         raise ValueError(f"the training seed is {run.seed}, but must be 0 to {SEEDS - 1}")
     with exclusive_lock(run.folder, False):
