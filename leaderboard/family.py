@@ -22,12 +22,13 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from baselines.catalogue import spec
+from baselines.catalogue import RULES, spec
 from leaderboard.table import aligned
 from train.agents import onnx_policy
 from turning_env.console import described, exits, print_json
 from turning_env.scenario import Scenario, ScenarioError
 from turning_env.scenario.family import Family, Job
+from turning_env.scenario.section import names_instead
 from turning_env.scoring.family import HeldOptimum, play_family, play_jobs
 from turning_env.scoring.overload import KEY, RESAMPLES, ratio
 from turning_env.scoring.play import Episodes
@@ -200,7 +201,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for split in options.split:
         family.draw(split, 0)
     for name in options.policies:
-        spec(name.removesuffix(TRUTH), tuned_on, tuned_on)
+        if (rule := name.removesuffix(TRUTH)) not in RULES:
+            raise ValueError(f"--policies: no controller is called {rule!r}; {names_instead(rule, RULES, ', '.join(RULES))}")
     names = {path: agent_spec(path).name for path in options.agent}
     policies: list[str | Path] = [ANCHOR, *options.policies, *options.agent]
     starts = range(0, options.jobs, PIECE)

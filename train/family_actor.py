@@ -1,6 +1,6 @@
-"""The network of the agent for all lathes of a family: the GRU of ``train/analytic_actor.py``, beside an odometer.
+"""The network of the agent for all lathes of a family: the GRU of ``train/analytic_actor.py``, beside a tracker of the bar.
 
-The nominal model's context in the observation tells the odometer how long a bar takes, so it needs no scenario.
+The nominal model's context in the observation tells the tracker how long a bar takes, so it needs no scenario.
 """
 
 import math
@@ -22,7 +22,7 @@ BAR_TIME = "log_bar_time"
 """Number of the context: the logarithm of a bar's time [s] at these."""
 
 
-class Odometer:
+class BarTracker:
     """A tracker of the tool's position along the bar, for bars of any length and diameter.
 
     The travelled share of the bar is the sum of speed times feed over the steps since the tool entered the metal, by the
@@ -74,4 +74,4 @@ def family_actor(scenario: Scenario, context: dict[str, Any], cells: int, width:
         cells: size of the memory.
         width: size of the layers around it.
     """
-    return GruActor(scenario, len(layout(scenario)) + len(context["names"]), cells, width, Odometer(scenario, **context))
+    return GruActor(scenario, len(layout(scenario)) + len(context["names"]), cells, width, BarTracker(scenario, **context))

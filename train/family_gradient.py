@@ -62,9 +62,9 @@ class Lathes:
 
     def __init__(self, family: Family, split: str = "train", device: str = "cpu") -> None:
         jobs = family.jobs if split == "train" else family.held_out_jobs
-        draws = [family.draw(split, chunk).true for chunk in range(-(-jobs // CHUNK))]
-        self._table, self._device = _joined(draws), device
-        count = len(draws) * CHUNK
+        drawn = [family.draw(split, chunk).true for chunk in range(-(-jobs // CHUNK))]
+        self._table, self._device = _joined(drawn), device
+        count = len(drawn) * CHUNK
         self._known = np.zeros(count, np.bool_)
         self._prices = Worth(np.zeros(count), np.zeros((count, LIVES)))  # type: ignore[arg-type]
 

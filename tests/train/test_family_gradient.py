@@ -16,7 +16,7 @@ from train import export, family_gradient
 from train.agents import agent_file
 from train.agents.session import OnnxPolicy, session_of
 from train.edge_worths import worths
-from train.family_actor import Odometer
+from train.family_actor import BarTracker
 from train.family_gradient import ALGORITHM, SEEDS, Lathes, Training, main, plan, train
 from train.model_gain import FIELDS, ModelGain, Truth
 from train.run import Run
@@ -73,17 +73,17 @@ def test_many_prices_are_those_of_each_scenario(monkeypatch: pytest.MonkeyPatch)
         np.testing.assert_allclose(many.life[0], single.life, rtol=0.01, atol=1.0)
 
 
-def test_the_odometer_knows_where_the_tool_is() -> None:
+def test_the_bar_tracker_knows_where_the_tool_is() -> None:
     env = FamilyVectorEnv(8, FAMILY)
     mean, spread = FAMILY.context_scale
-    odometer = Odometer(FAMILY.job(0).scenario, FAMILY.context_names, mean.tolist(), spread.tolist())
+    tracker = BarTracker(FAMILY.job(0).scenario, FAMILY.context_names, mean.tolist(), spread.tolist())
     observations, infos = env.reset(seed=0)
     state, random, numbers = torch.zeros(8, 2), np.random.default_rng(0), infos["job"]
     works = [env.job(i).scenario.workpiece for i in range(8)]
     approach, length = (np.array([getattr(work, name) for work in works]) for name in ("approach", "bar_length"))
     errors = []
     for _ in range(60):
-        readings, state = odometer(torch.from_numpy(observations), state)
+        readings, state = tracker(torch.from_numpy(observations), state)
         share = (infos["path"] % (approach + length) - approach) / length
         along = 0.5 * (readings[:, 0].numpy() + 1.0)
         error = (along - share + 0.5) % 1.0 - 0.5
