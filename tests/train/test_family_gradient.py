@@ -34,7 +34,7 @@ def small_run(runs: Path, seed: int = 3, **changes: Any) -> Run:
 def test_the_gain_of_many_jobs_is_that_of_each() -> None:
     random, steps, numbers = np.random.default_rng(0), 3, np.array([3, 60, 17])
     lathes = Lathes(FAMILY)
-    scenarios, prices = lathes.scenarios(numbers), lathes.prices(numbers)
+    scenarios, prices = lathes.scenarios(numbers), Worth(random.random(3), 500.0 * random.random((3, 5)))  # type: ignore[arg-type]
     path = 50.0 + 5.0 * random.random((steps + 1, 3))
     states = np.stack(
         [path, random.uniform(1, 6, path.shape), random.uniform(0.8, 1.3, path.shape), random.random(path.shape)], 1
@@ -98,6 +98,7 @@ def state_of(run: Run) -> dict[str, torch.Tensor]:
     return ALGORITHM.actor(run.policy).state_dict()
 
 
+@pytest.mark.slow
 def test_a_training_killed_and_resumed_gives_the_same_agent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     undisturbed, killed = small_run(tmp_path / "undisturbed"), small_run(tmp_path / "killed")
     train(undisturbed)
