@@ -70,8 +70,9 @@ def family_actor(scenario: Scenario, context: dict[str, Any], cells: int, width:
 
     Args:
         scenario: a job of the family.
-        context: ``names``, ``mean`` and ``spread`` of the context's numbers.
+        context: ``names``, ``mean`` and ``spread`` of the context's numbers, and others that are not read.
         cells: size of the memory.
         width: size of the layers around it.
     """
-    return GruActor(scenario, len(layout(scenario)) + len(context["names"]), cells, width, BarTracker(scenario, **context))
+    tracker = BarTracker(scenario, context["names"], context["mean"], context["spread"])
+    return GruActor(scenario, len(layout(scenario)) + len(context["names"]), cells, width, tracker)

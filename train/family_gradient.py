@@ -325,8 +325,10 @@ def check_alike(scenarios: Columns) -> None:
 
 def plan(family: Family, seed: int, runs: Path, command: str, given: dict[str, Any]) -> Run:
     """Return the run of a training seed, in its own folder below ``runs``."""
-    mean, spread = (values.tolist() for values in family.context_scale)
-    context = {"names": list(family.context_names), "mean": mean, "spread": spread}
+    told = np.concatenate([family.context(family.draw("train", chunk)) for chunk in range(-(-family.jobs // CHUNK))])
+    mean, spread = family.context_scale
+    numbers = {"mean": mean, "spread": spread, "low": told.min(axis=0), "high": told.max(axis=0)}
+    context = {"names": list(family.context_names)} | {name: values.tolist() for name, values in numbers.items()}
     parameters = hyperparameters(NAME, FAMILY_ID) | given | {"family": family.portable(), "context": context}
     folder = runs / FAMILY_ID / family.name / f"{NAME}-seed{seed}"
     return Run(NAME, FAMILY_ID, family.job(0).scenario, seed, parameters, command, folder)

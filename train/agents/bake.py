@@ -28,7 +28,6 @@ from turning_env.batch.driver import action_space, observation_space
 from turning_env.console import described
 from turning_env.files import replace_file
 from turning_env.physics.quantities import layout
-from turning_env.scenario.family import CONTEXT_LIMIT
 from turning_env.scenario.plan import MIDDLE, Columns, features, plan_of
 
 Floats = NDArray[np.float64]
@@ -111,7 +110,7 @@ def _window(family: Scenario, scenario: Scenario, name: str, best: float, usual:
 def _baked(file: AgentFile, scenario: Scenario) -> bytes:
     family, told = file.metadata.scenario, file.metadata.parameters["context"]
     assert isinstance(told, dict)
-    mean, spread = (np.array(told[name], np.float64) for name in ("mean", "spread"))
+    mean, spread, low, high = (np.array(told[name], np.float64) for name in ("mean", "spread", "low", "high"))
     names: Any = told["names"]
     usual = dict(zip(names, mean.tolist(), strict=True))
     values = scenario.nominal().model_dump(exclude={"name", "nominal_model"})
@@ -122,7 +121,8 @@ def _baked(file: AgentFile, scenario: Scenario) -> bytes:
         windows[name] = _window(family, scenario, name, math.log(bests[name]), usual[place])
         values["machine"][f"{name}_min"] = math.exp(windows[name].low)
     found = features(Columns(values), plan)
-    context = np.clip((np.array([found[name][0] for name in names]) - mean) / spread, -CONTEXT_LIMIT, CONTEXT_LIMIT)
+    # What no training job had could mean anything to the agent.
+    context = np.clip((np.array([found[name][0] for name in names]) - mean) / spread, low, high)
 
     entries = len(layout(scenario))
     see, seen = np.eye(entries, entries + len(context)), np.concatenate([np.zeros(entries), context])
