@@ -18,8 +18,10 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.catalogue import RULES, spec
@@ -27,12 +29,12 @@ from leaderboard.table import aligned
 from train.agents import onnx_policy
 from turning_env.console import described, exits, print_json
 from turning_env.scenario import Scenario, ScenarioError
-from turning_env.scenario.family import Family, Job
+from turning_env.scenario.family import CONTEXT_LIMIT, Family, Job
 from turning_env.scenario.section import names_instead
 from turning_env.scoring.family import HeldOptimum, play_family, play_jobs
 from turning_env.scoring.overload import KEY, RESAMPLES, ratio
 from turning_env.scoring.play import Episodes
-from turning_env.scoring.policy import PolicyFactory, PolicySpec
+from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory, PolicySpec
 from turning_env.scoring.statistics import Estimate, Floats
 from turning_env.scoring.workers import spread, workers
 
@@ -60,6 +62,31 @@ def agent_spec(path: Path) -> PolicySpec:
     return onnx_policy.load(path)
 
 
+class Retold(Policy):
+    """An agent that may have been trained on another family: the context is standardised as that family's is.
+
+    Args:
+        policy: the agent.
+        family: family whose jobs it plays.
+        told: ``mean`` and ``spread`` of the context in its training; None: as in ``family``.
+    """
+
+    def __init__(self, policy: Policy, family: Family, told: Any = None) -> None:
+        mean, spread = family.context_scale
+        trained = (np.array(told["mean"]), np.array(told["spread"])) if told else (mean, spread)
+        self._policy, self._entries = policy, len(mean)
+        self._factor, self._offset = spread / trained[1], (mean - trained[0]) / trained[1]
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        self._policy.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        retold = observations.copy()
+        context = retold[:, -self._entries :] * self._factor + self._offset
+        retold[:, -self._entries :] = np.clip(context, -CONTEXT_LIMIT, CONTEXT_LIMIT)
+        return self._policy.act(retold)
+
+
 @dataclass(frozen=True)
 class Piece:
     """Some jobs for one policy: a controller's name, the anchor, or the path of an agent."""
@@ -77,7 +104,9 @@ def played(piece: Piece) -> Episodes:
     family, policy, episodes = piece.family, piece.policy, piece.episodes
     jobs = [family.job(number, piece.split) for number in piece.numbers]
     if isinstance(policy, Path):
-        return play_family(family, jobs, agent_spec(policy).make, episodes)
+        agent = agent_spec(policy)
+        told = agent.parameters.get("context")
+        return play_family(family, jobs, lambda num_envs: Retold(agent.make(num_envs), family, told), episodes)
 
     def make(job: Job) -> PolicyFactory:
         if policy == ANCHOR:

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import tomli_w
 
-from leaderboard.family import TRUTH, Comparison, compare, main, table
+from leaderboard.family import TRUTH, Comparison, Retold, compare, main, table
 from tests.turning_env.test_family_env import BRIEF
+from turning_env import Family, FamilyVectorEnv
+from turning_env.scoring.policy import Policy
 
 JOBS = 40
 
@@ -45,6 +47,31 @@ def test_without_a_gap_no_share_of_it_is_given() -> None:
     rows = {"rule": episodes(np.zeros((JOBS, 1))), f"rule{TRUTH}": episodes(np.full((JOBS, 1), -1.0))}
     assert all(np.isnan(each.gap_closed.value) for each in compare(rows, ["rule"], 0.05))
     assert "nan" not in table(compare(rows, ["rule"], 0.05))
+
+
+class Watching(Policy):
+    """Keeps what it sees."""
+
+    def act(self, observations: Any) -> Any:
+        self.seen = observations
+        return np.zeros((len(observations), 3), np.float32)
+
+
+def test_an_agent_of_another_family_is_told_the_context_as_in_its_training() -> None:
+    family, variables = Family.load(BRIEF), dict(BRIEF["variables"])
+    variables["diameter"] = variables["diameter"] | {"log_uniform": [100.0, 200.0]}
+    other = Family.load(BRIEF | {"name": "other", "variables": variables})
+    mean, spread = other.context_scale
+    observations, _ = FamilyVectorEnv(4, family).reset(seed=0)
+    watching = Watching()
+    Retold(watching, family).act(observations)
+    np.testing.assert_allclose(watching.seen, observations, atol=1e-6)
+    Retold(watching, family, {"mean": mean, "spread": spread}).act(observations)
+    place = family.context_names.index("log_diameter")
+    diameters = [family.job(i).scenario.workpiece.diameter for i in range(4)]
+    expected = (np.log(diameters) - mean[place]) / spread[place]
+    np.testing.assert_allclose(watching.seen[:, 11 + place], np.clip(expected, -5.0, 5.0), atol=1e-5)
+    assert np.array_equal(watching.seen[:, :11], observations[:, :11])
 
 
 @pytest.mark.slow
