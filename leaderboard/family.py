@@ -6,7 +6,7 @@ all jobs; files or run folders of one name with several training seeds are one p
 
     python -m leaderboard.family --jobs 16 --episodes 4
     python -m leaderboard.family --split unseen_materials --policies rescaled_grid_search predictive
-    python -m leaderboard.family --agent agents/family_gradient-seed*.onnx --jobs 256 --workers 16
+    python -m leaderboard.family --agent agents/family_gradient-seed0.onnx --jobs 256 --workers 16 --keep played
 
 Leads are over the best controller that is told the nominal model, job by job; the share of the gap closed is of that from it
 to the same controller told the truth. Intervals of 95 % are bootstrapped over jobs. A policy is feasible on a job if its share of
@@ -14,6 +14,8 @@ cutting time in severe overload is within the scenario's allowance.
 """
 
 import argparse
+import hashlib
+import json
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -27,7 +29,9 @@ from tqdm import tqdm
 from baselines.catalogue import RULES, spec
 from leaderboard.table import aligned
 from train.agents import onnx_policy
+from turning_env import MODEL_VERSION
 from turning_env.console import described, exits, print_json
+from turning_env.files import replace_file
 from turning_env.scenario import Scenario, ScenarioError
 from turning_env.scenario.family import CONTEXT_LIMIT, Family, Job
 from turning_env.scenario.section import names_instead
@@ -97,6 +101,24 @@ class Piece:
     policy: str | Path
     episodes: int
     tuned_on: Scenario
+    identity: str
+    """What distinguishes the policy from others."""
+
+    def file(self, folder: Path) -> Path:
+        """Return the path at which its episodes are kept."""
+        about = [self.family.model_dump(mode="json"), self.identity, self.episodes, self.tuned_on.digest(), MODEL_VERSION]
+        digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:12]
+        return folder / f"{self.split}-{self.numbers.start}-{self.numbers.stop}-{digest}.npz"
+
+
+def keep(path: Path, episodes: Episodes) -> None:
+    """Write episodes, whole or not at all."""
+
+    def write(partial: Path) -> None:
+        with partial.open("wb") as file:
+            np.savez(file, **episodes)  # type: ignore[arg-type]
+
+    replace_file(path, write)
 
 
 def played(piece: Piece) -> Episodes:
@@ -208,7 +230,7 @@ def joined(episodes: Sequence[Episodes], axis: int) -> Episodes:
     return {name: np.concatenate([each[name] for each in episodes], axis=axis) for name in episodes[0]}
 
 
-@exits(ScenarioError, ValueError, interrupted="interrupted: nothing is kept")
+@exits(ScenarioError, ValueError, interrupted="interrupted: with --keep, the same command goes on")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Play and print; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m leaderboard.family", **described(__doc__))
@@ -221,6 +243,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--agent", nargs="+", type=Path, default=[], metavar="AGENT", help="agents: ONNX files or run folders")
     parser.add_argument("--tuned-on", default="shift", help="scenario of their tuned parameters (default: %(default)s)")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes that play (default: %(default)s)")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="folder that keeps what has been played, to go on with")
     parser.add_argument("--json", action="store_true", help="print every episode's return as JSON")
     options = parser.parse_args(arguments)
     family, tuned_on = Family.load(options.family), Scenario.load(options.tuned_on)
@@ -232,34 +255,45 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in options.policies:
         if (rule := name.removesuffix(TRUTH)) not in RULES:
             raise ValueError(f"--policies: no controller is called {rule!r}; {names_instead(rule, RULES, ', '.join(RULES))}")
-    names = {path: agent_spec(path).name for path in options.agent}
+    agents = {path: agent_spec(path) for path in options.agent}
     policies: list[str | Path] = [ANCHOR, *options.policies, *options.agent]
+    known: dict[str | Path, str] = {path: str(agent.sha256) for path, agent in agents.items()}
+    rules = {name: spec(name.removesuffix(TRUTH), tuned_on, tuned_on) for name in options.policies}
+    known |= {ANCHOR: ANCHOR} | {name: f"{name} {rule.version} {rule.parameters}" for name, rule in rules.items()}
     starts = range(0, options.jobs, PIECE)
     # Slow policies first, so that no worker is left with a long piece at the end.
     tags = [(split, policy, start) for policy in reversed(policies) for split in options.split for start in starts]
-    pieces = [
-        (tag, Piece(family, tag[0], range(tag[2], min(tag[2] + PIECE, options.jobs)), tag[1], options.episodes, tuned_on))
-        for tag in tags
-    ]
+    pieces = {}
     ended: dict[tuple[str, str | Path, int], Episodes] = {}
+    for tag in tags:
+        split, policy, start = tag
+        numbers = range(start, min(start + PIECE, options.jobs))
+        piece = Piece(family, split, numbers, policy, options.episodes, tuned_on, known[policy])
+        if options.keep and piece.file(options.keep).exists():
+            with np.load(piece.file(options.keep)) as kept:
+                ended[tag] = dict(kept)
+        else:
+            pieces[tag] = piece
     with workers(options.workers, None) as over:
-        for tag, episodes in tqdm(spread(over, played, pieces), total=len(pieces), unit="piece", disable=None):
+        for tag, episodes in tqdm(spread(over, played, pieces.items()), total=len(pieces), unit="piece", disable=None):
             ended[tag] = episodes
+            if options.keep:
+                keep(pieces[tag].file(options.keep), episodes)
     results: dict[str, dict[str, Episodes]] = {}
     for split in options.split:
         rows = results[split] = {}
         for policy in policies:
             of_policy = joined([ended[split, policy, start] for start in starts], 0)
-            name = names[policy] if isinstance(policy, Path) else policy
+            name = agents[policy].name if isinstance(policy, Path) else policy
             rows[name] = joined([rows[name], of_policy], 1) if name in rows else of_policy
     if options.json:
         print_json({split: {name: each["return"].tolist() for name, each in rows.items()} for split, rows in results.items()})
         return 0
     allowance = family.job(0).scenario.limits.overload_allowance
-    rules = [name for name in options.policies if not name.endswith(TRUTH)] or [ANCHOR]
+    told = [name for name in options.policies if not name.endswith(TRUTH)] or [ANCHOR]
     for split, rows in results.items():
         print(f"{family.name}, {split}, {options.jobs} jobs of {options.episodes} episodes", end="\n\n")
-        print(table(compare(rows, rules, allowance)), end="\n\n")
+        print(table(compare(rows, told, allowance)), end="\n\n")
     return 0
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import tomli_w
 
+from leaderboard import family
 from leaderboard.family import TRUTH, Comparison, Retold, compare, main, table
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import Family, FamilyVectorEnv
@@ -58,24 +59,26 @@ class Watching(Policy):
 
 
 def test_an_agent_of_another_family_is_told_the_context_as_in_its_training() -> None:
-    family, variables = Family.load(BRIEF), dict(BRIEF["variables"])
+    played, variables = Family.load(BRIEF), dict(BRIEF["variables"])
     variables["diameter"] = variables["diameter"] | {"log_uniform": [100.0, 200.0]}
     other = Family.load(BRIEF | {"name": "other", "variables": variables})
     mean, spread = other.context_scale
-    observations, _ = FamilyVectorEnv(4, family).reset(seed=0)
+    observations, _ = FamilyVectorEnv(4, played).reset(seed=0)
     watching = Watching()
-    Retold(watching, family).act(observations)
+    Retold(watching, played).act(observations)
     np.testing.assert_allclose(watching.seen, observations, atol=1e-6)
-    Retold(watching, family, {"mean": mean, "spread": spread}).act(observations)
-    place = family.context_names.index("log_diameter")
-    diameters = [family.job(i).scenario.workpiece.diameter for i in range(4)]
+    Retold(watching, played, {"mean": mean, "spread": spread}).act(observations)
+    place = played.context_names.index("log_diameter")
+    diameters = [played.job(i).scenario.workpiece.diameter for i in range(4)]
     expected = (np.log(diameters) - mean[place]) / spread[place]
     np.testing.assert_allclose(watching.seen[:, 11 + place], np.clip(expected, -5.0, 5.0), atol=1e-5)
     assert np.array_equal(watching.seen[:, :11], observations[:, :11])
 
 
 @pytest.mark.slow
-def test_the_table_is_the_same_with_processes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_is_the_same_with_processes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "brief.toml"
     path.write_text(tomli_w.dumps(BRIEF))
     command = ["--family", str(path), "--jobs", "5", "--episodes", "1", "--policies", "rescaled_grid_search"]
@@ -83,5 +86,8 @@ def test_the_table_is_the_same_with_processes(tmp_path: Path, capsys: pytest.Cap
     printed = capsys.readouterr().out
     assert printed.startswith("brief, unseen_jobs, 5 jobs")
     assert "held optimum" in printed
-    assert main([*command, "--workers", "2"]) == 0
+    assert main([*command, "--workers", "2", "--keep", str(tmp_path / "kept")]) == 0
+    assert capsys.readouterr().out == printed
+    monkeypatch.setattr(family, "played", None)  # nothing is played again
+    assert main([*command, "--keep", str(tmp_path / "kept")]) == 0
     assert capsys.readouterr().out == printed
