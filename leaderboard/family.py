@@ -246,15 +246,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="folder that keeps what has been played, to go on with")
     parser.add_argument("--json", action="store_true", help="print every episode's return as JSON")
     options = parser.parse_args(arguments)
+    if min(options.jobs, options.episodes, options.workers) < 1:
+        parser.error("--jobs, --episodes and --workers must be at least 1")
+    for name in options.policies:
+        if name.removesuffix(TRUTH) not in RULES:
+            parser.error(f"there is no controller {name!r}; {names_instead(name, RULES, 'docs/controllers.md')}")
     family, tuned_on = Family.load(options.family), Scenario.load(options.tuned_on)
-    for number, option in ((options.jobs, "--jobs"), (options.episodes, "--episodes"), (options.workers, "--workers")):
-        if number < 1:
-            raise ValueError(f"{option} is {number}, but must be at least 1")
     for split in options.split:
         family.draw(split, 0)
-    for name in options.policies:
-        if (rule := name.removesuffix(TRUTH)) not in RULES:
-            raise ValueError(f"--policies: no controller is called {rule!r}; {names_instead(rule, RULES, ', '.join(RULES))}")
     agents = {path: agent_spec(path) for path in options.agent}
     policies: list[str | Path] = [ANCHOR, *options.policies, *options.agent]
     known: dict[str | Path, str] = {path: str(agent.sha256) for path, agent in agents.items()}

@@ -32,6 +32,7 @@ MISTAKES: dict[str, list[str]] = {
         "forging --cutting-speed x --feed 0.3 --wear 0.2",
     ],
     "turning_env map": ["nothing --wear 0.2 --out made.png", "forging --wear 0.2 --out made.txt"],
+    "turning_env family": ["nothing", "shop --split nothing", "shop --figure made.txt", "shop --jobs 0"],
     "papers.reproduce": ["more"],
     "baselines.tune": ["--scenario nothing", "--rules nobody", "--trials 0", "--seeds 0", "--jobs 0", "--trials x"],
     "papers.figures": ["--only nothing", "--format gif"],

@@ -290,6 +290,8 @@ def _family(options: argparse.Namespace) -> int:
     python -m turning_env family shop --split unseen_materials --figure jobs.png
     """
     family = Family.load(options.family)
+    if options.jobs < 1:
+        raise WorkshopError(f"--jobs is {options.jobs}, but must be at least 1")
     try:
         jobs = [family.job(number, options.split) for number in range(options.jobs)]
     except ValueError as error:

@@ -19,7 +19,7 @@ def test_it_prints_every_case_and_meets_criteria_that_are_easy(capsys, monkeypat
     assert (printed.count("met   "), printed.count("FAILED")) == (2, 0)
     assert throughput.main([*TINY, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert len(told["cases"]) == 2 + len(IDS)
+    assert len(told["cases"]) == 3 + len(IDS)  # Pendulum, one environment, and a batch of every id
     assert [verdict["met"] for verdict in told["verdicts"]] == [True, True]
 
 
