@@ -35,7 +35,7 @@ from train.actor import Actor, ActorPolicy
 from train.run import Run
 from train.training import SEEDS, Algorithm, train
 from turning_env import IDS, Scenario
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv, info_at_end_of_step
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.scoring.overload import CONFIDENCE, ratio, severe_share
@@ -43,6 +43,7 @@ from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate
 from turning_env.scoring.workers import spread, workers
+from turning_env.vector_env import info_at_end_of_step
 
 ENV_ID = "RoughTurning-v0"
 NUM_SEEDS = 128

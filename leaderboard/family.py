@@ -1,30 +1,51 @@
-"""Play controllers on unseen jobs of a family, and print their returns.
+"""Play controllers and agents on unseen jobs of a family, and compare them.
 
 Every controller is built for each job from its nominal model, with the parameters tuned for ``--tuned-on``. "predictive, told
-the truth" is built from the true scenario, whose predictions it also observes. "held optimum" is the lower anchor.
+the truth" is built from the true scenario, whose predictions it also observes. "held optimum" is the lower anchor. An agent plays
+all jobs; files or run folders of one name with several training seeds are one policy.
 
     python -m leaderboard.family --jobs 16 --episodes 4
     python -m leaderboard.family --split unseen_materials --policies rescaled_grid_search predictive
+    python -m leaderboard.family --agent agents/family_gradient-seed0.onnx --jobs 256 --workers 16 --keep played
+
+Leads are over the best controller that is told the nominal model, job by job; the share of the gap closed is of that from it
+to the same controller told the truth. Intervals of 95 % are bootstrapped over jobs. A policy is feasible on a job if its share of
+cutting time in severe overload is within the scenario's allowance.
 """
 
 import argparse
+import hashlib
+import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
 
 from baselines.catalogue import RULES, spec
 from leaderboard.table import aligned
+from train.agents import onnx_policy
+from turning_env import MODEL_VERSION
 from turning_env.console import described, exits, print_json
+from turning_env.files import replace_file
 from turning_env.scenario import Scenario, ScenarioError
-from turning_env.scenario.family import Family, Job
+from turning_env.scenario.family import CONTEXT_LIMIT, Family, Job
 from turning_env.scenario.section import names_instead
-from turning_env.scoring.family import HeldOptimum, play_jobs
+from turning_env.scoring.family import HeldOptimum, play_family, play_jobs
+from turning_env.scoring.overload import KEY, RESAMPLES, ratio
 from turning_env.scoring.play import Episodes
-from turning_env.scoring.policy import PolicyFactory
+from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory, PolicySpec
+from turning_env.scoring.statistics import Estimate, Floats
+from turning_env.scoring.workers import spread, workers
 
 TRUTH = ", told the truth"
 ANCHOR = "held optimum"
+PIECE = 4
+"""Number of jobs that a worker plays at a time."""
 
 
 def told_the_truth(job: Job) -> Job:
@@ -32,21 +53,184 @@ def told_the_truth(job: Job) -> Job:
     return job._replace(scenario=job.scenario.model_copy(update={"nominal_model": ()}))
 
 
-def played(family: Family, jobs: Sequence[Job], name: str, episodes: int, tuned_on: Scenario) -> Episodes:
-    """Return the episodes of a policy of the catalogue or of the anchor, fields of shape (jobs, episodes)."""
+def agent_spec(path: Path) -> PolicySpec:
+    """Load an agent from its file, or from the folder of your own training.
+
+    Raises:
+        ValueError: it is no agent.
+    """
+    if (path / "run.json").exists():
+        from train.agents import run_folder  # needs PyTorch
+
+        return run_folder.load(path)
+    return onnx_policy.load(path)
+
+
+class Retold(Policy):
+    """An agent that may have been trained on another family: the context is standardised as that family's is.
+
+    Args:
+        policy: the agent.
+        family: family whose jobs it plays.
+        told: ``mean`` and ``spread`` of the context in its training; None: as in ``family``.
+    """
+
+    def __init__(self, policy: Policy, family: Family, told: Any = None) -> None:
+        mean, spread = family.context_scale
+        trained = (np.array(told["mean"]), np.array(told["spread"])) if told else (mean, spread)
+        self._policy, self._entries = policy, len(mean)
+        self._factor, self._offset = spread / trained[1], (mean - trained[0]) / trained[1]
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        self._policy.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        retold = observations.copy()
+        context = retold[:, -self._entries :] * self._factor + self._offset
+        retold[:, -self._entries :] = np.clip(context, -CONTEXT_LIMIT, CONTEXT_LIMIT)
+        return self._policy.act(retold)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some jobs for one policy: a controller's name, the anchor, or the path of an agent."""
+
+    family: Family
+    split: str
+    numbers: range
+    policy: str | Path
+    episodes: int
+    tuned_on: Scenario
+    identity: str
+    """What distinguishes the policy from others."""
+
+    def file(self, folder: Path) -> Path:
+        """Return the path at which its episodes are kept."""
+        about = [self.family.model_dump(mode="json"), self.identity, self.episodes, self.tuned_on.digest(), MODEL_VERSION]
+        digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:12]
+        return folder / f"{self.split}-{self.numbers.start}-{self.numbers.stop}-{digest}.npz"
+
+
+def keep(path: Path, episodes: Episodes) -> None:
+    """Write episodes, whole or not at all."""
+
+    def write(partial: Path) -> None:
+        with partial.open("wb") as file:
+            np.savez(file, **episodes)  # type: ignore[arg-type]
+
+    replace_file(path, write)
+
+
+def played(piece: Piece) -> Episodes:
+    """Return the episodes of a piece, fields of shape (jobs, episodes)."""
+    family, policy, episodes = piece.family, piece.policy, piece.episodes
+    jobs = [family.job(number, piece.split) for number in piece.numbers]
+    if isinstance(policy, Path):
+        agent = agent_spec(policy)
+        told = agent.parameters.get("context")
+        return play_family(family, jobs, lambda num_envs: Retold(agent.make(num_envs), family, told), episodes)
 
     def make(job: Job) -> PolicyFactory:
-        if name == ANCHOR:
+        if policy == ANCHOR:
             return lambda num_envs: HeldOptimum(job)
-        return spec(name.removesuffix(TRUTH), job.scenario, tuned_on).make
+        return spec(policy.removesuffix(TRUTH), job.scenario, piece.tuned_on).make
 
-    chosen = [told_the_truth(job) for job in jobs] if name.endswith(TRUTH) else jobs
-    return play_jobs(
-        family, chosen, make, episodes, lambda count: print(f"\r{name}: job {count} of {len(jobs)}", end="", file=sys.stderr)
-    )
+    return play_jobs(family, [told_the_truth(job) for job in jobs] if policy.endswith(TRUTH) else jobs, make, episodes)
 
 
-@exits(ScenarioError, ValueError)
+@dataclass(frozen=True)
+class Comparison:
+    """A policy on the jobs of a split."""
+
+    name: str
+    value: Estimate
+    """Mean return over jobs [s]."""
+    worst: float
+    """Lowest return of a job [s]."""
+    lead: Estimate
+    """Mean lead over the best controller that is told the nominal model [s]."""
+    median: float
+    """Median lead [s]."""
+    wins: float
+    """Share of jobs with a higher return than that controller's."""
+    gap_closed: Estimate
+    """Mean lead over that of the same controller told the truth; NaN if that did not play or is no better."""
+    feasible: float
+    """Share of jobs on which it is feasible."""
+    overload: float
+    """Mean share of cutting time in severe overload."""
+
+
+def compare(rows: dict[str, Episodes], rules: Sequence[str], allowance: float) -> list[Comparison]:
+    """Compare policies on the same jobs.
+
+    Args:
+        rows: episodes by policy, fields of shape (jobs, episodes).
+        rules: names of the controllers that are told the nominal model; leads are over the best of them.
+        allowance: highest share of cutting time in severe overload of a feasible policy.
+    """
+    returns = {name: each["return"].mean(axis=1) for name, each in rows.items()}
+    best = max(rules, key=lambda name: float(returns[name].mean()))
+    jobs = len(returns[best])
+    resamples = np.random.default_rng(KEY).integers(jobs, size=(RESAMPLES, jobs))
+
+    def means(values: Floats) -> Floats:
+        averages: Floats = values[resamples].mean(axis=1)
+        return averages
+
+    gap = returns.get(best + TRUTH, returns[best]) - returns[best]
+    if gap.mean() <= 0.0:
+        gap = np.full(jobs, np.nan)
+    found = []
+    for name, each in rows.items():
+        lead = returns[name] - returns[best]
+        shares = ratio(each["severe_overload_time"].sum(axis=1), each["engaged_time"].sum(axis=1))
+        found.append(
+            Comparison(
+                name,
+                Estimate.of(returns[name].mean(), means(returns[name])),
+                float(returns[name].min()),
+                Estimate.of(lead.mean(), means(lead)),
+                float(np.median(lead)),
+                float((lead > 0.0).mean()),
+                Estimate.of(lead.mean() / gap.mean(), means(lead) / means(gap)),
+                float((shares <= allowance).mean()),
+                float(shares.mean()),
+            )
+        )
+    return found
+
+
+_HEADINGS = (
+    ("policy", "return", "95 %", "worst job", "lead", "95 %", "median", "better", "gap closed", "95 %", "feasible", "overload"),
+    ("", "[s]", "[s]", "[s]", "[s]", "[s]", "[s]", "[% of jobs]", "[%]", "[%]", "[% of jobs]", "[% of time]"),
+)  # fmt: skip
+
+
+def table(comparisons: Sequence[Comparison]) -> str:
+    """Return comparisons as text."""
+
+    def cells(estimate: Estimate, factor: float = 1.0) -> Iterator[str]:
+        known = np.isfinite(estimate.value)
+        yield f"{factor * estimate.value:.0f}" if known else ""
+        yield f"{factor * estimate.low:.0f} to {factor * estimate.high:.0f}" if known else ""
+
+    rows: list[Sequence[str]] = list(_HEADINGS)
+    for each in comparisons:
+        shares = f"{100.0 * each.feasible:.0f}", f"{100.0 * each.overload:.1f}"
+        rows.append(
+            [each.name, *cells(each.value), f"{each.worst:.0f}", *cells(each.lead), f"{each.median:.1f}",
+             f"{100.0 * each.wins:.0f}", *cells(each.gap_closed, 100.0), *shares]
+        )  # fmt: skip
+    return aligned(rows)
+
+
+def joined(episodes: Sequence[Episodes], axis: int) -> Episodes:
+    """Join episodes along an axis of their fields."""
+    return {name: np.concatenate([each[name] for each in episodes], axis=axis) for name in episodes[0]}
+
+
+@exits(ScenarioError, ValueError, interrupted="interrupted: with --keep, the same command goes on")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Play and print; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m leaderboard.family", **described(__doc__))
@@ -56,40 +240,59 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--episodes", type=int, default=4, help="episodes of each job (default: %(default)s)")
     parser.add_argument("--policies", nargs="+", default=["rescaled_grid_search", "predictive", f"predictive{TRUTH}"],
                         help="controllers (default: rescaled_grid_search; predictive, also told the truth)")  # fmt: skip
+    parser.add_argument("--agent", nargs="+", type=Path, default=[], metavar="AGENT", help="agents: ONNX files or run folders")
     parser.add_argument("--tuned-on", default="shift", help="scenario of their tuned parameters (default: %(default)s)")
+    parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes that play (default: %(default)s)")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="folder that keeps what has been played, to go on with")
     parser.add_argument("--json", action="store_true", help="print every episode's return as JSON")
     options = parser.parse_args(arguments)
-    if options.jobs < 1 or options.episodes < 1:
-        parser.error("--jobs and --episodes must be at least 1")
+    if min(options.jobs, options.episodes, options.workers) < 1:
+        parser.error("--jobs, --episodes and --workers must be at least 1")
     for name in options.policies:
         if name.removesuffix(TRUTH) not in RULES:
             parser.error(f"there is no controller {name!r}; {names_instead(name, RULES, 'docs/controllers.md')}")
     family, tuned_on = Family.load(options.family), Scenario.load(options.tuned_on)
+    for split in options.split:
+        family.draw(split, 0)
+    agents = {path: agent_spec(path) for path in options.agent}
+    policies: list[str | Path] = [ANCHOR, *options.policies, *options.agent]
+    known: dict[str | Path, str] = {path: str(agent.sha256) for path, agent in agents.items()}
+    rules = {name: spec(name.removesuffix(TRUTH), tuned_on, tuned_on) for name in options.policies}
+    known |= {ANCHOR: ANCHOR} | {name: f"{name} {rule.version} {rule.parameters}" for name, rule in rules.items()}
+    starts = range(0, options.jobs, PIECE)
+    # Slow policies first, so that no worker is left with a long piece at the end.
+    tags = [(split, policy, start) for policy in reversed(policies) for split in options.split for start in starts]
+    pieces = {}
+    ended: dict[tuple[str, str | Path, int], Episodes] = {}
+    for tag in tags:
+        split, policy, start = tag
+        numbers = range(start, min(start + PIECE, options.jobs))
+        piece = Piece(family, split, numbers, policy, options.episodes, tuned_on, known[policy])
+        if options.keep and piece.file(options.keep).exists():
+            with np.load(piece.file(options.keep)) as kept:
+                ended[tag] = dict(kept)
+        else:
+            pieces[tag] = piece
+    with workers(options.workers, None) as over:
+        for tag, episodes in tqdm(spread(over, played, pieces.items()), total=len(pieces), unit="piece", disable=None):
+            ended[tag] = episodes
+            if options.keep:
+                keep(pieces[tag].file(options.keep), episodes)
     results: dict[str, dict[str, Episodes]] = {}
     for split in options.split:
-        jobs = [family.job(number, split) for number in range(options.jobs)]
-        results[split] = {name: played(family, jobs, name, options.episodes, tuned_on) for name in (ANCHOR, *options.policies)}
-    print(file=sys.stderr)
+        rows = results[split] = {}
+        for policy in policies:
+            of_policy = joined([ended[split, policy, start] for start in starts], 0)
+            name = agents[policy].name if isinstance(policy, Path) else policy
+            rows[name] = joined([rows[name], of_policy], 1) if name in rows else of_policy
     if options.json:
         print_json({split: {name: each["return"].tolist() for name, each in rows.items()} for split, rows in results.items()})
         return 0
+    allowance = family.job(0).scenario.limits.overload_allowance
+    told = [name for name in options.policies if not name.endswith(TRUTH)] or [ANCHOR]
     for split, rows in results.items():
-        table = [["policy", "return [s]", "95 %", "worst job", "over a limit by more than 5 % [% of cutting time]", "most"]]
-        for name, each in rows.items():
-            by_job = each["return"].mean(axis=1)
-            error = 1.96 * by_job.std(ddof=1) / np.sqrt(len(by_job)) if len(by_job) > 1 else np.nan
-            shares = 100.0 * each["severe_overload_time"].sum(axis=1) / each["engaged_time"].sum(axis=1)
-            table.append(
-                [
-                    name,
-                    f"{by_job.mean():.0f}",
-                    f"+-{error:.0f}",
-                    f"{by_job.min():.0f}",
-                    f"{shares.mean():.1f}",
-                    f"{shares.max():.1f}",
-                ]
-            )
-        print(f"{family.name}, {split}, {options.jobs} jobs of {options.episodes} episodes", aligned(table), sep="\n")
+        print(f"{family.name}, {split}, {options.jobs} jobs of {options.episodes} episodes", end="\n\n")
+        print(table(compare(rows, told, allowance)), end="\n\n")
     return 0
 
 

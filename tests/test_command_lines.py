@@ -40,7 +40,6 @@ MISTAKES: dict[str, list[str]] = {
     "turning_env advise": ["nothing", ". --seeds 1", "forging --hours 0", "forging --seeds -1"],
     "turning_env map": ["nothing --wear 0.2 --out made.png", "forging --wear 0.2 --out made.txt"],
     "turning_env family": ["nothing", "shop --split nothing", "shop --figure made.txt", "shop --jobs 0"],
-    "leaderboard.family": ["--family nothing", "--split nothing", "--policies nobody", "--tuned-on nothing", "--jobs 0"],
     "turning_env.control": ["nothing"],
     "turning_env.control shield": ["--env nothing", "--episodes 0", "--target x"],
     "turning_env.control demo": ["--scenario nothing", "--out made.txt"],
@@ -54,9 +53,10 @@ MISTAKES: dict[str, list[str]] = {
         f"train.{name}": ["--scenario nothing", "--env nothing", "--seed -1", "--steps 0", "--steps 1 --runs file"]
         for name in ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
     },
+    "train.family_gradient": ["--family nothing", "--seed -1", "--device nothing", "--set nothing=1", "--runs file"],
     "train.tune": ["--algorithm ppo --scenario nothing", "--algorithm nobody", "--algorithm ppo --trials 0"],
     "train.curves": ["nothing", ". --out made.png", "nothing --level x"],
-    "train.export": ["nothing --out made", ". --out made", "nothing"],
+    "train.export": ["nothing --out made", ". --out made", "nothing", "--agent nothing.onnx --scenario shift", "--agent nothing"],
     "train.export --nc": ["nothing"],
     "train.export --nc schedule": [
         "--rule nobody --out made.mpf",
@@ -83,6 +83,9 @@ MISTAKES: dict[str, list[str]] = {
     "leaderboard gallery": ["--policies nobody --out made", "--seeds 0", "--agents nothing.onnx --out made"],
     "leaderboard verify": ["--results nothing --memory made.json", "--seeds 0", "--jobs x"],
     "leaderboard cards": ["--results nothing", "--results file"],
+    "leaderboard.family": [
+        *("--family nothing", "--split nothing", "--policies nobody", "--agent nothing.onnx", "--jobs 0", "--tuned-on nothing"),
+    ],
     "leaderboard.watch": [
         "--policy nobody --out made.gif",
         "--policy fixed_tuned --out made.txt",

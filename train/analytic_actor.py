@@ -6,6 +6,7 @@ targets to actions, and to the resulting commands, differentiably.
 """
 
 import math
+from typing import Any
 
 import torch
 
@@ -142,16 +143,18 @@ class DistanceTracker:
 class GruActor(Actor):
     """A GRU between two layers, beside a distance tracker. Its memory holds the tracker's state, then the GRU's cells."""
 
-    def __init__(self, scenario: Scenario, entries: int, cells: int) -> None:
+    def __init__(self, scenario: Scenario, entries: int, cells: int, width: int | None = None, tracker: Any = None) -> None:
+        """``width``: size of the two layers, None: as many as cells; ``tracker``: None: a ``DistanceTracker``."""
         super().__init__()
+        width = width or cells
         self.commands = TargetCommands(scenario)
-        self.tracker = DistanceTracker(scenario, self.commands)
-        self.memory_size = DistanceTracker.STATES + cells
-        entries += DistanceTracker.READINGS
-        self.encoder = torch.nn.Linear(entries, cells)
-        self.memory_cell = torch.nn.GRUCell(cells, cells)
-        self.hidden = torch.nn.Linear(cells + entries, cells)
-        self.head = torch.nn.Linear(cells, self.commands.targets + self.commands.changes_edges)
+        self.tracker = tracker or DistanceTracker(scenario, self.commands)
+        self.memory_size = self.tracker.STATES + cells
+        entries += self.tracker.READINGS
+        self.encoder = torch.nn.Linear(entries, width)
+        self.memory_cell = torch.nn.GRUCell(width, cells)
+        self.hidden = torch.nn.Linear(cells + entries, width)
+        self.head = torch.nn.Linear(width, self.commands.targets + self.commands.changes_edges)
         with torch.no_grad():
             self.head.weight.mul_(0.1)
             self.head.bias.zero_()
@@ -159,7 +162,7 @@ class GruActor(Actor):
                 self.head.bias[-1] = -1.0
 
     def forward(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
-        position, cells = memory[:, : DistanceTracker.STATES], memory[:, DistanceTracker.STATES :]
+        position, cells = self._parts(memory)
         readings, position = self.tracker(observation, position)
         seen = torch.cat([observation, readings], dim=-1)
         cells = self.memory_cell(torch.relu(self.encoder(seen)), cells)
@@ -171,7 +174,7 @@ class GruActor(Actor):
 
         If an episode begins (``begins`` is 1, shape (steps, num_envs, 1)), the memory is cleared first.
         """
-        position, cells = memory[:, : DistanceTracker.STATES], memory[:, DistanceTracker.STATES :]
+        position, cells = self._parts(memory)
         keeps = 1.0 - begins
         all_readings, all_cells = [], []
         for observation, keep in zip(observations, keeps, strict=True):
@@ -182,6 +185,10 @@ class GruActor(Actor):
             cells = self.memory_cell(step, cells * keep)
             all_cells.append(cells)
         return self._unbounded(torch.stack(all_cells), seen)
+
+    def _parts(self, memory: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the tracker's state and the cells."""
+        return memory[:, : self.tracker.STATES], memory[:, self.tracker.STATES :]
 
     def bounded(self, target: Tensor) -> Tensor:
         """Return targets with speed and feed squashed to -1..1; the edge-change score needs no bounds."""

@@ -29,7 +29,7 @@ from stable_baselines3.common.utils import LinearSchedule
 
 from train.actor import Actor
 from train.analytic_actor import ACTUAL, GruActor, TargetCommands
-from train.model_gain import HindsightVecEnv, ModelGain, Truth
+from train.model_gain import FIELDS, Hindsight, ModelGain, Truth
 from train.run import Run
 from train.training import Algorithm, command_line
 from turning_env import Scenario
@@ -68,6 +68,22 @@ class Rollout:
     observations: Tensor
     hidden: list[NDArray[Any]]
     """Arguments of ``Truth`` after the scenario; their last axis is num_envs."""
+
+
+class HindsightVecEnv(Hindsight, RoughTurningVecEnv):
+    """A ``RoughTurningVecEnv`` that keeps the hidden states of the last step for a teacher."""
+
+    def reset(self) -> NDArray[np.float32]:
+        """Return first observations."""
+        observations = super().reset()
+        self.see_start(dict.fromkeys(FIELDS, np.zeros(self.num_envs)))
+        return observations
+
+    def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
+        """Keep the hidden state, and return the rewards unchanged."""
+        commands_changes = self.vector_env.scenario.control.edge_changes == "commanded"
+        self.see_step(infos, commands_changes & (self._actions[:, -1] > 0.0))
+        return rewards
 
 
 class AnalyticGradient(BaseAlgorithm):

@@ -3,11 +3,14 @@
     python -m train.export runs/RoughTurning-v0/rough_turning/ppo-seed0 --out my-agents
     python -m train.export my_model.zip --normalization vecnormalize.pkl --env RoughTurning-v0 --name mine --out my-agents
     python -m train.export my_network.onnx --scenario my_mill.toml --seed 1 --out my-agents
+    python -m train.export --agent family_gradient-seed0.onnx --scenario my_mill.toml
 
 An agent is the folder of a training run, or any file in it; a model that Stable-Baselines3 has saved; or a network in ONNX.
 A file is written only if it acts as the agent does, on observations sampled from the observation space and on those of episodes.
 
-Run ``python -m train.export --nc --help`` to write the commands of agents and controllers as part programs for a lathe's control.
+With ``--agent``, an agent of ``RoughTurning-Family-v0`` becomes one for your scenario, without training
+(``train/agents/bake.py``). Run ``python -m train.export --nc --help`` to write the commands of agents and controllers as part
+programs for a lathe's control.
 """
 
 import argparse
@@ -39,7 +42,7 @@ from train.agents.run_folder import load_actor
 from train.agents.session import OnnxPolicy, tried
 from train.agents.to_onnx import adopted, to_onnx
 from train.run import HYPERPARAMETERS, Run
-from turning_env import IDS, RoughTurningVectorEnv, Scenario
+from turning_env import FAMILY_ID, IDS, FamilyVectorEnv, RoughTurningVectorEnv, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.console import described, exits
 from turning_env.files import replace_file
@@ -75,7 +78,7 @@ class _Agent:
             session = tried(content, entries, actions, file.memory_size)
             policies = [OnnxPolicy(session, file.memory_size, NUM_ENVS) for _ in range(2)]
             original = policies[0] if self.actor is None else ActorPolicy(self.actor, NUM_ENVS)
-            difference = largest_difference(original, policies[1], file.metadata.scenario)
+            difference = largest_difference(original, policies[1], _environments(file.metadata))
             if not difference <= MAX_DIFFERENCE:
                 raise ValueError(f"its file acts otherwise, by up to {difference:g}")
         except ValueError as error:
@@ -199,7 +202,7 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
         seed=run.seed,
         env_id=run.env_id,
         scenario=run.scenario,
-        observation_space=Space.of(observation_space(run.scenario)),
+        observation_space=Space.of(observation_space(run.scenario, agent_file.context_size(run.env_id, run.parameters))),
         action_space=Space.of(action_space(run.scenario)),
         parameters=run.parameters,
         trained_steps=run.parameters["steps"],
@@ -208,14 +211,22 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
     )
 
 
-def largest_difference(original: Policy, policy: Policy, scenario: Scenario) -> float:
+def _environments(about: Metadata) -> RoughTurningVectorEnv:
+    """Return ``NUM_ENVS`` environments like those of an agent's training."""
+    if about.env_id == FAMILY_ID:
+        family: Any = about.parameters["family"]
+        return FamilyVectorEnv(NUM_ENVS, family, autoreset_mode=AutoresetMode.SAME_STEP)
+    return RoughTurningVectorEnv(NUM_ENVS, about.scenario, AutoresetMode.SAME_STEP)
+
+
+def largest_difference(original: Policy, policy: Policy, env: RoughTurningVectorEnv) -> float:
     """Return the largest difference between the actions of two policies of ``NUM_ENVS`` environments.
 
     Both see the same observations and keep their own memories. Half of the observations are sampled from the observation space.
     The other half come from episodes on tuning seeds in which the original acts.
     """
     generator = np.random.default_rng(0)
-    env, box = RoughTurningVectorEnv(NUM_ENVS, scenario, AutoresetMode.SAME_STEP), observation_space(scenario)
+    box = env.single_observation_space
     assert isinstance(box, Box)
     observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
     largest = 0.0
@@ -252,6 +263,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from train.nc.command import main as nc
 
         return nc(arguments[1:])
+    if "--agent" in arguments:
+        from train.agents.bake import main as bake
+
+        return bake(arguments)
     parser = argparse.ArgumentParser(prog="python -m train.export", **described(__doc__))
     parser.add_argument("agents", nargs="+", type=Path, metavar="AGENT", help="run folders, or .zip or .onnx files, of your own")
     parser.add_argument("--out", required=True, type=Path, metavar="FOLDER", help="folder to write the files to")

@@ -24,7 +24,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from train import ppo
 from train.run import Run
 from train.training import Algorithm, command_line
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv, info_at_end_of_step
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
+from turning_env.vector_env import info_at_end_of_step
 
 
 class AllowanceVecEnv(RoughTurningVecEnv):

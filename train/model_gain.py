@@ -6,13 +6,15 @@ The tool must travel all bars, and metal is paid by volume. So an agent can only
 
 where p(D) is the price of the edge's life by dynamic programming (``baselines/models/edge_value.py``). It replaces the flat price
 in the reward; over a whole edge, the two differ by a constant. After a step, the simulator reveals the hidden depth, hardness and
-wear to the teacher (``HindsightVecEnv``). Machinability models and the drives' lags then give the gradient of the step's cost
+wear to the teacher (``Hindsight``). Machinability models and the drives' lags then give the gradient of the step's cost
 with respect to speed and feed. The highest force of a step is charged the expected cost of breaking an edge of unknown strength.
 (Analytic gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat charge: potential-based
 shaping, Ng et al. 1999. The combination is this project's.)
+
+All environments may have one scenario, or each its own (``Columns``, arrays of shape (num_envs,)).
 """
 
-import math
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,10 +23,11 @@ import torch
 from numpy.typing import NDArray
 from torch.nn.functional import softplus
 
-from baselines.models.edge_value import USED_LIVES, worth
-from turning_env import PowerLaw, Scenario
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv, info_at_end_of_step
-from turning_env.scenario.power_law import log_response
+from baselines.models.edge_value import USED_LIVES, Worth, worth
+from turning_env import Scenario
+from turning_env.scenario.plan import Columns
+from turning_env.scenario.power_law import POWER_LAW_RECORD, log_response
+from turning_env.vector_env import info_at_end_of_step
 
 Tensor = torch.Tensor
 Array = NDArray[np.float64]
@@ -37,8 +40,8 @@ MIN_USED_LIFE = 1e-6
 """Used life of a fresh edge [-]: the laws are not defined at 0."""
 
 
-class HindsightVecEnv(RoughTurningVecEnv):
-    """A ``RoughTurningVecEnv`` that keeps the hidden state of the last step for a teacher; the agent never sees it."""
+class Hindsight:
+    """The hidden states of the last step of a batch with SAME_STEP, for a teacher; the agent never sees them."""
 
     before: Array
     """``FIELDS`` at the start of the step, shape (len(FIELDS), num_envs)."""
@@ -49,90 +52,121 @@ class HindsightVecEnv(RoughTurningVecEnv):
     failed: NDArray[np.bool_]
     """Whether it was changed because it was worn out or broken, shape (num_envs,)."""
 
-    def reset(self) -> NDArray[np.float32]:
-        """Return first observations. The tool stands in the air before the first bar."""
-        self._now = np.zeros((len(FIELDS), self.num_envs))
-        return super().reset()
+    def see_start(self, infos: dict[str, Any]) -> None:
+        """Note the states after a reset: the tool stands in the air before the first bar."""
+        self._now = np.stack([infos[name] for name in FIELDS])
 
-    def training_rewards(self, rewards: Array, infos: dict[str, Any]) -> Array:
-        """Keep the hidden state, and return the rewards unchanged."""
+    def see_step(self, infos: dict[str, Any], commanded: NDArray[np.bool_]) -> None:
+        """Note the states after a step; ``commanded``, shape (num_envs,): whether it was to change the edge."""
         self.before = self._now
         self.after = np.stack([info_at_end_of_step(infos, name) for name in FIELDS])
         stopped, cut, engaged = (info_at_end_of_step(infos, name) for name in ("stopped_time", "cutting_time", "engaged_time"))
         self.changed = (stopped > 0.0) & (60.0 * cut <= engaged * (1.0 + 1e-6))  # tangled chips also stop the machine
-        commands_changes = self.vector_env.scenario.control.edge_changes == "commanded"
-        self.failed = self.changed & ~(commands_changes & (self._actions[:, -1] > 0.0))
-        self._now = np.stack([infos[name] for name in FIELDS])
-        return rewards
+        self.failed = self.changed & ~commanded
+        self.see_start(infos)
 
 
 class Truth:
     """Interpolated hidden states at ``POINTS`` points of each step; fields have shape (steps, num_envs, POINTS)."""
 
     def __init__(
-        self, scenario: Scenario, before: Array, after: Array, changed: NDArray[np.bool_], failed: NDArray[np.bool_]
+        self,
+        scenario: Scenario | Columns,
+        before: Array,
+        after: Array,
+        changed: NDArray[np.bool_],
+        failed: NDArray[np.bool_],
+        *,
+        device: str = "cpu",
     ) -> None:
-        """``before``, ``after``: shape (steps, len(FIELDS), num_envs); the others (steps, num_envs). See ``HindsightVecEnv``."""
+        """``before``, ``after``: shape (steps, len(FIELDS), num_envs); the others (steps, num_envs). See ``Hindsight``."""
+
+        def tensor(values: Any) -> Tensor:
+            return torch.as_tensor(np.asarray(values), device=device)
+
+        def wide(value: Any) -> Tensor:
+            return tensor(_wide(value))
+
         work = scenario.workpiece
-        pitch = work.bar_length + work.approach
-        share = (np.arange(POINTS) + 0.5) / POINTS
-        ends = {name: (before[:, i, :, np.newaxis], after[:, i, :, np.newaxis]) for i, name in enumerate(FIELDS)}
+        approach, pitch = wide(work.approach), wide(work.bar_length + work.approach)
+        share = (torch.arange(POINTS, dtype=torch.float64, device=device) + 0.5) / POINTS
+        states = tensor(before).unsqueeze(-1), tensor(after).unsqueeze(-1)
+        ends = {name: (states[0][:, i], states[1][:, i]) for i, name in enumerate(FIELDS)}
+        begun_anew = tensor(changed).unsqueeze(-1)
         start, end = ends["path"]
         path = start + (end - start) * share
-        bar = np.floor(path / pitch)
+        bar = torch.floor(path / pitch)
         # A field is known at a step's end in the metal of the same bar; between two such ends it is interpolated.
         weights = [
-            np.where((depth > 0.0) & (np.floor(at / pitch) == bar), near + 1e-3, 0.0)
+            torch.where((depth > 0.0) & (torch.floor(at / pitch) == bar), near + 1e-3, 0.0)
             for depth, at, near in zip(ends["depth_of_cut"], (start, end), (1.0 - share, share), strict=True)
         ]
         total = weights[0] + weights[1]
-        cutting = (path - pitch * bar >= work.approach) & (total > 0.0) & ~changed[..., np.newaxis]
+        cutting = (path - pitch * bar >= approach) & (total > 0.0) & ~begun_anew
 
-        def log_field(name: str, in_air: float) -> Tensor:
+        def log_field(name: str, in_air: Tensor) -> Tensor:
             first, last = ends[name]
-            mean = np.divide(weights[0] * first + weights[1] * last, total, out=np.full(path.shape, in_air), where=total > 0.0)
-            return _tensor(np.log(np.where(cutting, mean, in_air)))
+            mean = (weights[0] * first + weights[1] * last) / torch.where(total > 0.0, total, 1.0)
+            return torch.where(cutting, mean, in_air).log().float()
 
         first, last = ends["used_life"]
-        last = np.where(changed[..., np.newaxis], first, last)  # of the edge that was in use at the start
-        self.log_depth = log_field("depth_of_cut", work.depth_of_cut)  # [log mm]
-        self.log_hardness = log_field("hardness", 1.0)  # [-]
-        self.used_life = _tensor(np.clip(first + (last - first) * share, MIN_USED_LIFE, 1.0))  # [-]
-        self.cutting = _tensor(cutting)  # 0 or 1
-        self.changed = _tensor(changed)  # 0 or 1, shape (steps, num_envs)
-        self.failed = _tensor(failed)  # 0 or 1, likewise
+        last = torch.where(begun_anew, first, last)  # of the edge that was in use at the start
+        self.log_depth = log_field("depth_of_cut", wide(work.depth_of_cut))  # [log mm]
+        self.log_hardness = log_field("hardness", wide(1.0))  # [-]
+        self.used_life = (first + (last - first) * share).clamp(MIN_USED_LIFE, 1.0).float()  # [-]
+        self.cutting = cutting.float()  # 0 or 1
+        self.changed = tensor(changed).float()  # 0 or 1, shape (steps, num_envs)
+        self.failed = tensor(failed).float()  # 0 or 1, likewise
 
 
-def _tensor(values: Any) -> Tensor:
-    return torch.from_numpy(np.asarray(values, np.float32))
+def _wide(value: Any) -> Any:
+    """Return a number unchanged, and numbers of shape (num_envs,) with an axis for the points of a step."""
+    return np.asarray(value)[..., np.newaxis] if np.ndim(value) else value
 
 
 class ModelGain:
-    """The gain of steps as a function of the commanded cutting speeds and feeds, in a scenario whose aim is removal."""
+    """The gain of steps as a function of the commanded cutting speeds and feeds, if the aim is removal.
 
-    def __init__(self, scenario: Scenario) -> None:
+    Args:
+        scenario: the true scenario of all environments, or those of each of them.
+        prices: prices of time and life, with life at evenly spaced used shares up to 1; None: those of the scenario.
+        device: the device of all tensors.
+    """
+
+    def __init__(self, scenario: Scenario | Columns, prices: Worth | None = None, device: str = "cpu") -> None:
+        def tensor(value: Any) -> Tensor:
+            return torch.as_tensor(np.asarray(value), dtype=torch.float32, device=device)
+
+        def wide(value: Any) -> Tensor:
+            return tensor(_wide(value))
+
         self._scenario = scenario
         material, limits, economics, tool = scenario.material, scenario.limits, scenario.economics, scenario.tool
-        interval = scenario.control.interval
-        share = torch.arange(POINTS).add(0.5).div(POINTS)
-        self._left = [
-            (torch.exp(-share * interval / lag), math.exp(-interval / lag)) if lag > 0.0 else (torch.zeros(POINTS), 0.0)
-            for lag in (scenario.machine.spindle_time_constant, scenario.machine.feed_time_constant)
-        ]
-        self._force = _Law(material.thrust_force, math.log(limits.thrust_force))
-        self._power = _Law(material.power, math.log(limits.power))
-        self._wear = _Law(material.wear, math.log(tool.wear_criterion))
-        self._log_criterion, self._life_exponent = math.log(tool.wear_criterion), material.wear.time
-        self._log_strength = math.log(tool.edge_strength / limits.thrust_force)
-        worths = worth(scenario, economics.overload_price)
-        # If the job ends long before the edge, life has the flat price.
-        flat = scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end"
+        share = (np.arange(POINTS) + 0.5) / POINTS
+        self._left = []
+        for lag in (scenario.machine.spindle_time_constant, scenario.machine.feed_time_constant):
+            lags = np.maximum(lag, 1e-9) / scenario.control.interval
+            self._left.append((tensor(np.exp(-share / np.asarray(lags)[..., np.newaxis])), tensor(np.exp(-1.0 / lags))))
+        self._force = _Law(material.thrust_force, np.log(limits.thrust_force), wide)
+        self._power = _Law(material.power, np.log(limits.power), wide)
+        self._wear = _Law(material.wear, np.log(tool.wear_criterion), wide)
+        self._idle = wide(scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter * limits.power))
+        self._base_speed = wide(np.maximum(scenario.base_cutting_speed, 1e-9))
+        self._log_criterion, self._life_exponent = wide(np.log(tool.wear_criterion)), wide(material.wear.time)
+        self._log_strength = wide(np.log(tool.edge_strength / limits.thrust_force))
+        self._strength_spread = wide(np.maximum(tool.edge_strength_spread, 1e-3))
+        self._reference = wide(economics.reference_removal_rate)
         edge_price = 60.0 * (economics.edge_cost + economics.edge_change_time)
-        prices = np.full(len(USED_LIVES), edge_price) if flat else worths.life
-        self._time_price = worths.time
-        self._prices = torch.tensor(np.concatenate([prices[:1], prices]), dtype=torch.float32)
-        self._stop = 60.0 * economics.unplanned_stop * worths.time
-        self._edge_price, self._downtime = edge_price, 60.0 * economics.breakage_downtime
+        if prices is None:
+            assert isinstance(scenario, Scenario)
+            prices = worth(scenario, economics.overload_price)
+            if scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end":
+                # The job ends long before the edge, so life has the flat price.
+                prices = prices._replace(life=np.full(len(USED_LIVES), edge_price))
+        self._time_price = wide(prices.time)
+        self._prices = tensor(np.concatenate([prices.life[..., :1], prices.life], axis=-1))
+        self._stop = tensor(60.0 * economics.unplanned_stop * np.asarray(prices.time))
+        self._edge_price, self._downtime = wide(edge_price), 60.0 * economics.breakage_downtime
 
     def __call__(self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth) -> tuple[Tensor, Tensor]:
         """Return each step's gain [s], up to a constant, and the earnings of going on with the edge [s], without a gradient.
@@ -151,7 +185,9 @@ class ModelGain:
         logs = speeds.log(), feeds.log(), truth.log_depth
         log_wear = self._log_criterion + self._life_exponent * truth.used_life.log()
         log_force = self._force(*logs, log_wear, truth.log_hardness)
-        excess = torch.relu(log_force.exp() - 1.0) + torch.relu(self._power(*logs, log_wear, truth.log_hardness).exp() - 1.0)
+        power = self._power(*logs, log_wear, truth.log_hardness).exp() + self._idle * speeds
+        power = power / (speeds / self._base_speed).clamp(max=1.0)
+        excess = torch.relu(log_force.exp() - 1.0) + torch.relu(power - 1.0)
         life_rate = (self._wear(*logs, 0.0, truth.log_hardness) / self._life_exponent).exp() / 60.0  # [1/s]
         overload = scenario.economics.overload_price * excess
         price = self.price(truth.used_life)
@@ -160,10 +196,10 @@ class ModelGain:
         interval = scenario.control.interval
         # The distance is fixed: at higher velocity it takes less time.
         gain: Tensor = -interval * cost.mean(dim=-1) * (velocity.detach() / velocity)
-        risk = torch.special.ndtr((log_force - self._log_strength) / max(scenario.tool.edge_strength_spread, 1e-3))
+        risk = torch.special.ndtr((log_force - self._log_strength) / self._strength_spread)
         lost = self._downtime + self._edge_price * (1.0 - truth.used_life)
         gain = gain - (truth.cutting * risk * lost).amax(dim=-1)
-        metal = speeds * feeds * truth.log_depth.exp() / scenario.economics.reference_removal_rate
+        metal = speeds * feeds * truth.log_depth.exp() / self._reference
         # While life has a price, metal earns on average that price plus the cost of time and overload.
         earned = torch.where(price > 0.0, price * life_rate, metal - overload - self._time_price)
         going_on = interval * (torch.maximum(truth.cutting, truth.changed.unsqueeze(-1)) * earned).mean(dim=-1)
@@ -180,11 +216,14 @@ class ModelGain:
 
     def price(self, used_life: Tensor) -> Tensor:
         """Return the price p(D) of a whole life [s] at used lives D [-]."""
-        last = len(self._prices) - 1
+        last = self._prices.shape[-1] - 1
         position = used_life.clamp(0.0, 1.0) * last
         node = position.floor().clamp(max=last - 1)
         low = node.long()
-        return torch.lerp(self._prices[low], self._prices[low + 1], position - node)
+        if self._prices.ndim > 1:
+            low = low + (last + 1) * torch.arange(len(self._prices), device=low.device).unsqueeze(-1)
+        prices = self._prices.flatten()
+        return torch.lerp(prices[low], prices[low + 1], position - node)
 
     def _follow(self, commanded: Tensor, actual: Tensor, drive: int) -> Tensor:
         """Return the actual values at the points of every step, shape (steps, num_envs, POINTS), for one drive's commands.
@@ -206,11 +245,10 @@ class ModelGain:
 class _Law:
     """Logarithm of a response over its limit, for tensors of logarithms."""
 
-    def __init__(self, law: PowerLaw, log_limit: float) -> None:
-        # Plain floats: a NumPy record would turn tensors into arrays.
-        record = law.record()
-        self._law = SimpleNamespace(**{name: float(record[name]) for name in record.dtype.names})
-        self._law.log_coefficient -= log_limit
+    def __init__(self, law: Any, log_limit: Any, tensor: Callable[[Any], Tensor]) -> None:
+        numbers = {name: getattr(law, name) for name in POWER_LAW_RECORD.names or ()}
+        numbers["log_coefficient"] = numbers["log_coefficient"] - log_limit
+        self._law = SimpleNamespace(**{name: tensor(value) for name, value in numbers.items()})
 
     def __call__(self, log_speed: Tensor, log_feed: Tensor, log_depth: Tensor, log_wear: Any, log_hardness: Tensor) -> Tensor:
         factors = (log_speed, log_feed, log_depth, 0.0, log_wear, log_hardness)

@@ -126,9 +126,9 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Name of the agent: its algorithm's, followed by the scenario's if it was not trained on the id's own."""
+        """Name of the agent: its algorithm's, followed by the scenario's if it was trained on one that is not the id's own."""
         preset = IDS.get(self.env_id)
-        own = preset is not None and Scenario.load(preset).digest() == self.scenario.digest()
+        own = preset is None or Scenario.load(preset).digest() == self.scenario.digest()
         return self.algorithm if own else f"{self.algorithm}_{self.scenario.name}"
 
     @property

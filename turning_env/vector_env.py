@@ -213,3 +213,9 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
             final_obs[i] = self._batch.observations[i]
         infos = self._infos(np.where(ended, self._batch.table, 0.0), ended)
         return {"final_obs": final_obs, "_final_obs": ended, "final_info": infos, "_final_info": ended}
+
+
+def info_at_end_of_step(infos: dict[str, Any], name: str) -> NDArray[np.float64]:
+    """Return an entry of ``infos`` at the step's end, shape (num_envs,), even if the next episode has already begun."""
+    values: NDArray[np.float64] = infos[name]
+    return np.where(infos["_final_info"], infos["final_info"][name], values) if "final_info" in infos else values

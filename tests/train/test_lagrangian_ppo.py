@@ -8,7 +8,8 @@ from tests.train.small import SCENARIO, small_run
 from train.lagrangian_ppo import ALGORITHM, AllowanceVecEnv
 from train.training import train
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv, info_at_end_of_step
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
+from turning_env.vector_env import info_at_end_of_step
 
 OVERLOADING = Scenario.model_validate({"name": "weak", "tool": {"wear_criterion": 0.1}, "limits": {"thrust_force": 300.0}})
 UNLIMITED = Scenario.model_validate(

@@ -11,9 +11,10 @@ from scipy.stats import norm
 
 from baselines.models.edge_value import USED_LIVES
 from train.analytic_actor import ACTUAL, TargetCommands
-from train.model_gain import FIELDS, POINTS, HindsightVecEnv, ModelGain, Truth
+from train.analytic_gradient import HindsightVecEnv
+from train.model_gain import FIELDS, POINTS, ModelGain, Truth
 from turning_env import Scenario
-from turning_env.adapters.stable_baselines3 import info_at_end_of_step
+from turning_env.vector_env import info_at_end_of_step
 
 BASE, SHIFT, OVERRIDE = (Scenario.load(preset) for preset in ("rough_turning", "shift", "override"))
 JOB = BASE.model_copy(update={"workpiece": BASE.workpiece.model_copy(update={"bars": 1})})
@@ -90,7 +91,7 @@ def expected_gain(
         per_minute = (material.wear(v, f, depth, hardness=hardness) / tool.wear_criterion) ** (1.0 / material.wear.time)
         price = float(np.interp(used, np.linspace(0, 1, len(gain._prices)), gain._prices.numpy()))
         overload = economics.overload_price * (max(force - 1.0, 0.0) + max(power - 1.0, 0.0))
-        time_price = gain._time_price
+        time_price = float(gain._time_price)
         strength = math.log(tool.edge_strength / limits.thrust_force)
         risk = norm.cdf((math.log(force) - strength) / tool.edge_strength_spread)
         edge = 60.0 * (economics.edge_cost + economics.edge_change_time)
@@ -157,7 +158,7 @@ def test_a_step_costs_the_mean_of_its_points_and_the_worst_risk() -> None:
     entering = truth_of(state(APPROACH - 0.4, 0.0, 0.0, 0.8), state(APPROACH + 0.6, 4.0, 1.3, 0.8))
     found, going_on = (each.item() for each in gain(log_speed, log_feed, *now, entering))
     cost, breakage, _, _, earned = expected_gain(BASE, gain, 190.0, 0.6, 4.0, 1.3, 0.8)
-    in_air = -BASE.control.interval * gain._time_price
+    in_air = -BASE.control.interval * float(gain._time_price)
     assert breakage < -0.1
     assert found == pytest.approx(0.4 * in_air + 0.6 * cost + breakage, rel=1e-3)
     assert going_on == pytest.approx(0.6 * earned, rel=1e-3)
@@ -184,7 +185,7 @@ def test_prices_and_going_on_with_changed_edges() -> None:
     _, stays = gain(*commands, *now, truth_of(nominal, nominal))
     assert float(had_it_stayed) == pytest.approx(float(stays)) != 0.0
     _, found_worn = gain(*commands, *now, truth_of(worn, fresh, changed=True, failed=True))
-    assert float(found_worn) == pytest.approx(-60.0 * SHIFT.economics.unplanned_stop * gain._time_price)
+    assert float(found_worn) == pytest.approx(-60.0 * SHIFT.economics.unplanned_stop * float(gain._time_price))
     assert float(gain(*commands, *now, truth_of(air, air))[1]) == 0.0
 
 
@@ -232,8 +233,7 @@ def test_each_drive_has_its_own_lag(lagging: int) -> None:
 
 def test_an_edge_of_known_strength_and_one_of_little_worth() -> None:
     gain = copy(gain_of(BASE))
-    tool = BASE.tool.model_copy(update={"edge_strength_spread": 0.0})
-    gain._scenario = BASE.model_copy(update={"tool": tool})
+    gain._strength_spread = torch.tensor(1e-3)
     gain._prices = torch.full_like(gain._prices, 0.5)
     commands, now = (torch.full((1, 1), math.log(120.0)), torch.full((1, 1), math.log(0.3))), (torch.ones(1, 1),) * 2
     truth = truth_of(state(100.0), state(100.0))
@@ -244,7 +244,7 @@ def test_an_edge_of_known_strength_and_one_of_little_worth() -> None:
         gain._log_strength = strength
         found, going_on = gain(*commands, *now, truth)
         gains.append(found.item())
-    lost = gain._downtime + 0.5 * gain._edge_price
+    lost = gain._downtime + 0.5 * float(gain._edge_price)
     assert gains[1] - gains[0] == pytest.approx(norm.cdf(-1.0) * lost, rel=5e-3)
     per_minute = (BASE.material.wear(120.0, 0.3, 3.0, hardness=1.0) / BASE.tool.wear_criterion) ** (1.0 / BASE.material.wear.time)
     assert going_on.item() == pytest.approx(BASE.control.interval * 0.5 * per_minute / 60.0, rel=1e-4)

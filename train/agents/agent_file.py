@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 import stat
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -21,7 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, m
 from train.agents import graph as plain_graph
 from train.agents.graph import MAX_BYTES, MAX_MEMORY, Outline
 from train.run import Run
-from turning_env import IDS, Scenario
+from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.scenario import PortableScenario
 from turning_env.scoring.policy import PolicyFactory, PolicySpec, ScenarioId
@@ -71,10 +72,10 @@ class Metadata(BaseModel):
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
-        if self.env_id not in IDS:
-            raise ValueError(f"env_id is {self.env_id!r}, but must be one of {', '.join(IDS)}")
+        if self.env_id not in (*IDS, FAMILY_ID):
+            raise ValueError(f"env_id is {self.env_id!r}, but must be one of {', '.join((*IDS, FAMILY_ID))}")
         for name, box in (
-            ("observation_space", observation_space(self.scenario)),
+            ("observation_space", observation_space(self.scenario, context_size(self.env_id, self.parameters))),
             ("action_space", action_space(self.scenario)),
         ):
             if getattr(self, name) != Space.of(box):
@@ -115,6 +116,20 @@ class Metadata(BaseModel):
             ) from error
 
 
+def context_size(env_id: str, parameters: Mapping[str, Any]) -> int:
+    """Return the number of entries of an observation that tell the nominal model, which a family's agent names.
+
+    Raises:
+        ValueError: a family's agent does not name them.
+    """
+    if env_id != FAMILY_ID:
+        return 0
+    try:
+        return len(parameters["context"]["names"])
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"parameters must have context.names, as env_id is {FAMILY_ID!r}") from error
+
+
 def _from_json(text: str) -> Any:
     value = json.loads(text)
     json.dumps(value, ensure_ascii=False).encode()  # halves of surrogate pairs can be read, but not written
@@ -149,6 +164,10 @@ def check_fits(agent: PolicySpec, scenario: Scenario) -> None:
     Raises:
         ValueError: the scenario has other actions, or observations of other meaning; names the field.
     """
+    if "context" in agent.parameters:
+        raise ValueError(
+            f"{agent.name} plays {FAMILY_ID}: python -m train.export --agent FILE --scenario {scenario.name} makes an agent of it"
+        )
     trained_on = agent.trained_on or scenario
     for field in ("control.action", "control.aim", "control.edge_changes", "sensors.force", "sensors.probe"):
         section, name = field.split(".")

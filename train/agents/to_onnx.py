@@ -69,7 +69,7 @@ def to_onnx(actor: Actor, about: Metadata) -> bytes:
         raise ValueError(f"PyTorch cannot write {type(actor).__name__} as ONNX: {first_line(error)}") from error
     assert program is not None
     model = program.model_proto
-    return _with_properties(model, about)
+    return with_properties(model, about)
 
 
 @contextmanager
@@ -134,7 +134,7 @@ def adopted(path: Path, about: Metadata) -> bytes:
     opsets = [opset for opset in model.opset_import if (opset.domain or "ai.onnx") in used]
     del model.opset_import[:]
     model.opset_import.extend(opsets)
-    content = _with_properties(model, about)
+    content = with_properties(model, about)
     memory_size = agent_file.checked(content).memory_size
     try:
         tried(content, *sizes[0], memory_size)
@@ -159,7 +159,8 @@ def _size(value: onnx.ValueInfoProto, expected: int | None) -> int:
     return found or expected or 0
 
 
-def _with_properties(model: onnx.ModelProto, about: Metadata) -> bytes:
+def with_properties(model: onnx.ModelProto, about: Metadata) -> bytes:
+    """Return the content of a network's file, with its metadata in place of any other."""
     del model.metadata_props[:]
     _strip(model)
     helper.set_model_props(model, about.properties())

@@ -87,9 +87,3 @@ class RoughTurningVecEnv(VecEnv):
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: Indices = None) -> list[bool]:
         return [False] * len(list(self._get_indices(indices)))
-
-
-def info_at_end_of_step(infos: dict[str, Any], name: str) -> NDArray[np.float64]:
-    """Return an entry of ``infos`` at the step's end, shape (num_envs,), even if the next episode has already begun."""
-    values: NDArray[np.float64] = infos[name]
-    return np.where(infos["_final_info"], infos["final_info"][name], values) if "final_info" in infos else values

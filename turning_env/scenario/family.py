@@ -344,11 +344,12 @@ class Family(Section):
 
     def context(self, draw: Draw) -> Array:
         """Return what a policy may be told of each job, standardised by training jobs: shape (jobs, numbers)."""
-        mean, spread = self._standard
+        mean, spread = self.context_scale
         return np.clip((np.stack(list(draw.features.values()), axis=1) - mean) / spread, -CONTEXT_LIMIT, CONTEXT_LIMIT)
 
     @cached_property
-    def _standard(self) -> tuple[Array, Array]:
+    def context_scale(self) -> tuple[Array, Array]:
+        """Return mean and spread by which the context is standardised, shape (numbers,) each."""
         drawn = [self.draw("train", chunk) for chunk in range(-(-min(_SAMPLE, self.jobs) // CHUNK))]
         sample = np.concatenate([np.stack(list(draw.features.values()), axis=1) for draw in drawn])
         spread = sample.std(axis=0)

@@ -1,0 +1,227 @@
+"""One agent for all lathes: its teacher, its training, and what it becomes for one scenario."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import pytest
+import tomli_w
+import torch
+
+from baselines.models import edge_value
+from baselines.models.edge_value import Worth, worth
+from tests.turning_env.test_family_env import BRIEF
+from train import export, family_gradient
+from train.agents import agent_file
+from train.agents.session import OnnxPolicy, session_of
+from train.edge_worths import worths
+from train.family_actor import BarTracker
+from train.family_gradient import ALGORITHM, SEEDS, Lathes, Training, main, plan, train
+from train.model_gain import FIELDS, ModelGain, Truth
+from train.run import Run
+from turning_env import Family, FamilyVectorEnv, Scenario
+from turning_env.scenario.plan import Columns
+
+FAMILY = Family.load(BRIEF)
+SMALL = {"steps": 4 * 16 * 8, "num_envs": 8, "rollout": 16, "batch_envs": 4, "cells": 8, "width": 8, "restart_steps": 40}
+
+
+def small_run(runs: Path, seed: int = 3, **changes: Any) -> Run:
+    return plan(FAMILY, seed, runs, "a command", SMALL | changes)
+
+
+def test_the_gain_of_many_jobs_is_that_of_each() -> None:
+    random, steps, numbers = np.random.default_rng(0), 3, np.array([3, 60, 17])
+    lathes = Lathes(FAMILY)
+    scenarios, prices = lathes.scenarios(numbers), Worth(random.random(3), 500.0 * random.random((3, 5)))  # type: ignore[arg-type]
+    path = 50.0 + 5.0 * random.random((steps + 1, 3))
+    states = np.stack(
+        [path, random.uniform(1, 6, path.shape), random.uniform(0.8, 1.3, path.shape), random.random(path.shape)], 1
+    )
+    assert states.shape[1] == len(FIELDS)
+    changed, failed = random.random((2, steps, 3)) < 0.3
+    hidden = states[:-1], states[1:], changed, failed & changed
+    logs = torch.tensor(np.log(random.uniform([[50], [0.1]], [[250], [0.5]], (steps, 2, 3))), dtype=torch.float32)
+    now = torch.tensor(random.uniform([[50], [0.1]], [[250], [0.5]], (steps, 2, 3)), dtype=torch.float32)
+
+    def gain(model: ModelGain, truth: Truth, envs: slice) -> list[torch.Tensor]:
+        given = logs[..., envs].clone().requires_grad_()
+        speed, feed = now[:, 0, envs], now[:, 1, envs]
+        found, going_on = model(given[:, 0], given[:, 1], speed, feed, truth)
+        (slope,) = torch.autograd.grad(found.sum(), given)
+        return [found, going_on, slope[:, 0], slope[:, 1]]
+
+    together = gain(ModelGain(scenarios, prices), Truth(scenarios, *hidden), slice(3))
+    for i, number in enumerate(numbers.tolist()):
+        scenario, one = FAMILY.job(number).scenario, slice(i, i + 1)
+        own = Worth(prices.time[i], prices.life[i])  # type: ignore[index]
+        apart = gain(ModelGain(scenario, own), Truth(scenario, *(each[..., one] for each in hidden)), one)
+        for mine, its in zip(apart, together, strict=True):
+            torch.testing.assert_close(mine, its[:, one], rtol=1e-5, atol=1e-5)
+
+
+def test_many_prices_are_those_of_each_scenario(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(edge_value, "_SETTINGS", (12, 16))
+    for number in (3, 60):
+        job = FAMILY.job(number).scenario
+        scenario = job.model_copy(update={"spindle": job.spindle.model_copy(update={"idle_torque": 0.0, "max_speed": 0.0})})
+        single = worth.__wrapped__(scenario, scenario.economics.overload_price)
+        columns = Columns(scenario.model_dump(exclude={"name", "nominal_model"}))
+        many = worths(columns, 1, grid=(12, 16), lives=len(edge_value.USED_LIVES))
+        assert float(many.time[0]) == pytest.approx(single.time, abs=2e-3)  # type: ignore[index]
+        np.testing.assert_allclose(many.life[0], single.life, rtol=0.01, atol=1.0)
+
+
+def test_the_bar_tracker_knows_where_the_tool_is() -> None:
+    env = FamilyVectorEnv(8, FAMILY)
+    mean, spread = FAMILY.context_scale
+    tracker = BarTracker(FAMILY.job(0).scenario, FAMILY.context_names, mean.tolist(), spread.tolist())
+    observations, infos = env.reset(seed=0)
+    state, random, numbers = torch.zeros(8, 2), np.random.default_rng(0), infos["job"]
+    works = [env.job(i).scenario.workpiece for i in range(8)]
+    approach, length = (np.array([getattr(work, name) for work in works]) for name in ("approach", "bar_length"))
+    errors = []
+    for _ in range(60):
+        readings, state = tracker(torch.from_numpy(observations), state)
+        share = (infos["path"] % (approach + length) - approach) / length
+        along = 0.5 * (readings[:, 0].numpy() + 1.0)
+        error = (along - share + 0.5) % 1.0 - 0.5
+        errors.append(np.where((infos["job"] == numbers) & (share > 0.0), error, 0.0))
+        actions = np.concatenate([random.uniform(-1, 1, (8, 2)), -np.ones((8, 1))], axis=1)
+        observations, _, _, _, infos = env.step(actions)
+    assert np.abs(errors).max() < 0.2
+    assert np.abs(errors).mean() < 0.03
+
+
+def state_of(run: Run) -> dict[str, torch.Tensor]:
+    return ALGORITHM.actor(run.policy).state_dict()
+
+
+@pytest.mark.slow
+def test_a_training_killed_and_resumed_gives_the_same_agent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    undisturbed, killed = small_run(tmp_path / "undisturbed"), small_run(tmp_path / "killed")
+    train(undisturbed)
+    rows = undisturbed.learning_curve.read_text().splitlines()
+    assert rows[0] == ",".join(family_gradient.CURVE_COLUMNS)
+    assert rows[-1].startswith(f"{SMALL['steps']},")
+
+    learn, calls = Training.learn, []
+
+    def learn_twice(self: Training, *arguments: Any) -> float:
+        calls.append(self.steps)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return learn(self, *arguments)
+
+    monkeypatch.setattr(family_gradient, "CHECKPOINT_EVERY", 0.0)
+    monkeypatch.setattr(Training, "learn", learn_twice)
+    with pytest.raises(KeyboardInterrupt):
+        train(killed)
+    assert killed.checkpoint.exists()
+    train(killed)
+    assert not killed.checkpoint.exists()
+    first, second = state_of(undisturbed), state_of(killed)
+    for name, values in first.items():
+        assert torch.equal(values, second[name]), name
+    assert any(not torch.equal(values, first[name]) for name, values in Training(undisturbed, "cpu").actor.state_dict().items())
+    assert train(killed).stat().st_mtime == killed.policy.stat().st_mtime
+
+
+def test_training_ends_by_the_clock_and_refuses_other_settings_and_seeds(tmp_path: Path) -> None:
+    run = small_run(tmp_path, steps=10**9)
+    train(run, minutes=1e-6)
+    assert len(run.learning_curve.read_text().splitlines()) < 6
+    with pytest.raises(ValueError, match="other settings"):
+        train(small_run(tmp_path))
+    with pytest.raises(ValueError, match=f"must be 0 to {SEEDS - 1}"):
+        train(small_run(tmp_path, seed=SEEDS))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"fields": FAMILY.fields | {"machine.cutting_speed_max": "2.0 * speed * exp(0.1 * edge_cost)"}}, "must be the same"),
+        ({"base": "rough_turning"}, "must have control.edge_changes"),
+    ],
+)
+def test_jobs_must_be_alike_in_what_the_agent_takes_as_the_same(changes: dict[str, Any], message: str, tmp_path: Path) -> None:
+    run = plan(Family.load(BRIEF | changes), 0, tmp_path, "a command", SMALL)
+    with pytest.raises(ValueError, match=message):
+        train(run)
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The path of a family's agent."""
+    folder = tmp_path_factory.mktemp("agents")
+    arguments = [part for name, value in SMALL.items() for part in ("--set", f"{name}={value}")]
+    path = folder / "brief.toml"
+    path.write_text(tomli_w.dumps(BRIEF))
+    assert main(["--family", str(path), "--runs", str(folder), *arguments]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(export, "STEPS", 5)
+        patch.setattr(export, "TIMED_CALLS", 3)
+        (run,) = folder.rglob("run.json")
+        found = export.export(run.parent, folder)
+    return Path(found["path"])
+
+
+def policy(path: Path, num_envs: int) -> OnnxPolicy:
+    file = agent_file.read(path)
+    return OnnxPolicy(session_of(file.content), file.memory_size, num_envs)
+
+
+def baked(agent: Path, scenario: Path | str, out: Path) -> Path:
+    assert export.main(["--agent", str(agent), "--scenario", str(scenario), "--out", str(out)]) == 0
+    (path,) = out.glob("*.onnx")
+    return path
+
+
+@pytest.mark.slow
+def test_an_agent_with_a_nominal_model_acts_as_if_it_were_told_it(exported: Path, tmp_path: Path) -> None:
+    file = agent_file.read(exported)
+    assert file.metadata.name == "family_gradient"
+    job = FAMILY.job(5)
+    job.scenario.save(tmp_path / "mine.toml")
+    path = baked(exported, tmp_path / "mine.toml", tmp_path / "out")
+    assert agent_file.read(path).metadata.scenario.digest() == job.scenario.digest()
+    told, mine = policy(exported, 1), policy(path, 1)
+    env = FamilyVectorEnv(1, FAMILY)
+    observations, _ = env.reset(seed=5)
+    for _ in range(20):
+        actions = told.act(observations)
+        np.testing.assert_allclose(mine.act(observations[:, :11]), actions, atol=1e-5)
+        observations, _, _, _, _ = env.step(actions)
+
+
+@pytest.mark.slow
+def test_other_ranges_and_steps_are_converted(exported: Path, tmp_path: Path) -> None:
+    base = Scenario.load("rough_turning")
+    wide = {"machine": base.machine.model_copy(update={"cutting_speed_min": 25.0, "cutting_speed_max": 400.0})}
+    fine = {"control": base.control.model_copy(update={"cutting_speed_step": 0.3, "feed_step": 0.8})}
+    paths = []
+    for name, changes in {"wide": wide, "fine": wide | fine}.items():
+        base.model_copy(update={"name": name, **changes}).save(tmp_path / f"{name}.toml")
+        paths.append(baked(exported, tmp_path / f"{name}.toml", tmp_path / name))
+    observations = np.random.default_rng(0).uniform(-0.5, 0.5, (5, 11)).astype(np.float32)
+    usual, finer = (policy(path, 5).act(observations) for path in paths)
+    assert usual.shape == (5, 2)
+    np.testing.assert_allclose(finer, 0.5 * usual, atol=1e-6)
+    see = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(paths[0]).graph.initializer}["see"]
+    assert see[2, 2] == see[4, 4] == pytest.approx(2.0)  # a ratio of 16 in place of 4
+    assert see[3, 3] == 1.0
+
+
+@pytest.mark.slow
+def test_agents_and_scenarios_that_do_not_fit_are_refused(exported: Path, tmp_path: Path, capsys: Any) -> None:
+    for scenario, message in (("override", "control.action"), ("surface", "control.a"), ("batch_casting", "control.action")):
+        assert export.main(["--agent", str(exported), "--scenario", scenario, "--out", str(tmp_path)]) != 0
+        assert message in capsys.readouterr().err
+    path = baked(exported, "shift", tmp_path / "shift")
+    assert export.main(["--agent", str(path), "--scenario", "shift", "--out", str(tmp_path)]) != 0
+    assert "only agents of RoughTurning-Family-v0" in capsys.readouterr().err
+    file = agent_file.read(exported)
+    spec = agent_file.trained_policy(file.metadata, 0, file.digest, lambda num_envs: policy(exported, num_envs))
+    with pytest.raises(ValueError, match="--agent FILE --scenario shift"):
+        agent_file.check_fits(spec, Scenario.load("shift"))

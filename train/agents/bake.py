@@ -1,0 +1,178 @@
+"""Write the agent of a family as the agent of one scenario, without training: its nominal model becomes constants in the file.
+
+    python -m train.export --agent family_gradient-seed0.onnx --scenario mine.toml
+
+A matrix product appends the context to the observation. It also moves speed and feed to a range as wide as the family's, if the
+scenario's is not. Another one turns the agent's action into the scenario's, which has other steps or no edge changes.
+"""
+
+import argparse
+import math
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+from numpy.typing import NDArray
+from onnx import helper, numpy_helper
+
+from train.agents import agent_file
+from train.agents.agent_file import ONNX_SUFFIX, AgentFile, Metadata, Space
+from train.agents.session import tried
+from train.agents.to_onnx import with_properties
+from turning_env import FAMILY_ID, IDS, OBS, Scenario
+from turning_env.batch.driver import action_space, observation_space
+from turning_env.console import described
+from turning_env.files import replace_file
+from turning_env.physics.quantities import layout
+from turning_env.scenario.plan import MIDDLE, Columns, features, plan_of
+
+Floats = NDArray[np.float64]
+
+_DRIVES = (
+    ("cutting_speed", (OBS.cutting_speed, OBS.commanded_cutting_speed)),
+    ("feed", (OBS.feed, OBS.commanded_feed)),
+)
+"""Names of ranges, and places of their entries in observations."""
+
+
+@dataclass(frozen=True)
+class _Range:
+    """A range of speed or feed by the logarithms of its lowest value and of its ratio."""
+
+    low: float
+    span: float
+
+    @classmethod
+    def of(cls, scenario: Scenario, name: str) -> "_Range":
+        low, high = (getattr(scenario.machine, f"{name}_{end}") for end in ("min", "max"))
+        return cls(math.log(low), math.log(high / low))
+
+
+def baked(file: AgentFile, scenario: Scenario, command: str) -> bytes:
+    """Return the content of the file of a family's agent for one scenario.
+
+    Raises:
+        ValueError: the agent is not a family's, or the scenario has other observations or actions than the family.
+    """
+    about = file.metadata
+    if about.env_id != FAMILY_ID:
+        raise ValueError(f"its environment is {about.env_id}, but only agents of {FAMILY_ID} are told a nominal model")
+    _check_plays(about.scenario, scenario)
+    content = _baked(file, scenario)
+    played = "RoughTurning-Shift-v0" if scenario.control.edge_changes == "commanded" else "RoughTurning-v0"
+    own = [env_id for env_id, preset in IDS.items() if Scenario.load(preset).digest() == scenario.digest()]
+    metadata = Metadata(
+        format=about.format,
+        algorithm=about.algorithm,
+        name=f"{about.name}_{scenario.name}",
+        seed=about.seed,
+        env_id=(own or [played])[0],
+        scenario=scenario,
+        observation_space=Space.of(observation_space(scenario)),
+        action_space=Space.of(action_space(scenario)),
+        parameters={name: value for name, value in about.parameters.items() if name != "context"},
+        trained_steps=about.trained_steps,
+        command=command,
+        versions=about.versions,
+    )
+    model = onnx.load_model_from_string(content)
+    result = with_properties(model, metadata)
+    memory = agent_file.checked(result).memory_size
+    tried(result, len(metadata.observation_space.low), len(metadata.action_space.low), memory)
+    return result
+
+
+def _check_plays(trained_on: Scenario, scenario: Scenario) -> None:
+    for field in ("control.action", "control.aim", "control.interval", "sensors.force", "sensors.probe"):
+        section, name = field.split(".")
+        mine, its = (getattr(getattr(each, section), name) for each in (trained_on, scenario))
+        if mine != its:
+            raise ValueError(f"{field} is {its!r} in scenario {scenario.name!r}, but must be {mine!r}, as in the family")
+    if layout(scenario) != layout(trained_on):
+        more = sorted(set(layout(scenario)) ^ set(layout(trained_on)))
+        raise ValueError(f"scenario {scenario.name!r} and the family differ in the observation's {', '.join(more)}")
+
+
+def _window(family: Scenario, scenario: Scenario, name: str, best: float, usual: float) -> _Range:
+    """Return the range in which the agent sees speed or feed: as wide as the family's.
+
+    It is the scenario's, if that is as wide. Otherwise the nominal model's ``best`` set point is where the family has it
+    ``usual``ly: logarithms of it, and of it over the lowest one.
+    """
+    own, wanted = _Range.of(scenario, name), _Range.of(family, name)
+    return own if math.isclose(own.span, wanted.span, rel_tol=1e-3) else _Range(best - usual, wanted.span)
+
+
+def _baked(file: AgentFile, scenario: Scenario) -> bytes:
+    family, told = file.metadata.scenario, file.metadata.parameters["context"]
+    assert isinstance(told, dict)
+    mean, spread, low, high = (np.array(told[name], np.float64) for name in ("mean", "spread", "low", "high"))
+    names: Any = told["names"]
+    usual = dict(zip(names, mean.tolist(), strict=True))
+    values = scenario.nominal().model_dump(exclude={"name", "nominal_model"})
+    plan = plan_of(Columns(values), 1)
+    bests = {"cutting_speed": plan.speed[0, MIDDLE], "feed": plan.feed[0, MIDDLE]}
+    windows = {}
+    for (name, _), place in zip(_DRIVES, ("speed_at_0.5", "feed_at_0.5"), strict=True):
+        windows[name] = _window(family, scenario, name, math.log(bests[name]), usual[place])
+        values["machine"][f"{name}_min"] = math.exp(windows[name].low)
+    found = features(Columns(values), plan)
+    # What no training job had could mean anything to the agent.
+    context = np.clip((np.array([found[name][0] for name in names]) - mean) / spread, low, high)
+
+    entries = len(layout(scenario))
+    see, seen = np.eye(entries, entries + len(context)), np.concatenate([np.zeros(entries), context])
+    for name, places in _DRIVES:
+        own, window = _Range.of(scenario, name), windows[name]
+        for place in places:
+            see[place, place] = own.span / window.span
+            seen[place] = (2.0 * (own.low - window.low) + own.span) / window.span - 1.0
+    steps = [getattr(family.control, f"{name}_step") / getattr(scenario.control, f"{name}_step") for name, _ in _DRIVES]
+    act = np.diag([*steps, 1.0])[:, : (action_space(scenario).shape or (0,))[0]]
+    return _with_products(file.content, see, seen, act)
+
+
+def _with_products(content: bytes, see: Floats, seen: Floats, act: Floats) -> bytes:
+    """Return a network between two products: observation @ see + seen, and action @ act, clipped."""
+    model = onnx.load_model_from_string(content)
+    graph = model.graph
+    inner = {"observation": "told_observation", "action": "told_action"}
+    for node in graph.node:
+        for names in (node.input, node.output):
+            names[:] = [inner.get(name, name) for name in names]
+    constants = {"see": see, "seen": seen, "act": act, "lowest_action": np.array(-1.0), "highest_action": np.array(1.0)}
+    graph.initializer.extend(numpy_helper.from_array(value.astype(np.float32), name) for name, value in constants.items())
+    nodes = [
+        helper.make_node("Gemm", ["observation", "see", "seen"], ["told_observation"]),
+        *graph.node,
+        helper.make_node("MatMul", ["told_action", "act"], ["unclipped_action"]),
+        helper.make_node("Clip", ["unclipped_action", "lowest_action", "highest_action"], ["action"]),
+    ]
+    del graph.node[:], graph.value_info[:]
+    graph.node.extend(nodes)
+    for value, size in ((graph.input, len(see)), (graph.output, act.shape[1])):
+        (found,) = (each for each in value if each.name in inner)
+        found.type.tensor_type.shape.dim[1].dim_value = size
+    return bytes(model.SerializeToString(deterministic=True))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command line; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m train.export", **described(__doc__))
+    parser.add_argument("--agent", required=True, type=Path, metavar="FILE", help="agent's file of a family, of your own")
+    parser.add_argument("--scenario", required=True, help="preset or TOML file with the nominal model")
+    parser.add_argument("--out", type=Path, default=Path(), metavar="FOLDER", help="folder to write to (default: this one)")
+    parsed = parser.parse_args(arguments)
+    scenario = Scenario.load(parsed.scenario)
+    try:
+        content = baked(agent_file.read(parsed.agent), scenario, f"python -m train.export {shlex.join(arguments)}")
+    except ValueError as error:
+        raise ValueError(f"{parsed.agent} cannot play {parsed.scenario}: {error}") from error
+    path = parsed.out / f"{agent_file.checked(content).label}{ONNX_SUFFIX}"
+    replace_file(path, lambda partial: partial.write_bytes(content))
+    print(path)
+    return 0
