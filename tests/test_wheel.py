@@ -22,7 +22,7 @@ def test_the_wheel_holds_the_environment_and_nothing_else(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"turning_env"}
     packaged = {name for name in names if name.startswith("turning_env/")}
-    ends = ("py", "toml", "xz", "hal", "ini", "tbl")
+    ends = ("py", "toml", "xz", "hal", "ini", "tbl", "html", "js")
     sources = {str(path.relative_to(ROOT)) for end in ends for path in (ROOT / "turning_env").rglob(f"*.{end}")}
     assert packaged == sources
 

@@ -15,12 +15,12 @@ BASES = {preset: Scenario.load(preset).model_dump() for preset in presets()}
 
 
 def _fields(properties: dict[str, Any], path: Path = ()) -> dict[Path, dict[str, Any]]:
-    """What the schema says of every value by the names that lead to it; the scenario's own name is left out."""
+    """What the schema says of every value by the names that lead to it; the scenario's name and nominal model are left out."""
     found: dict[Path, dict[str, Any]] = {}
     for name, entry in properties.items():
         if "$ref" in entry:
             found |= _fields(_SCHEMA["$defs"][entry["$ref"].rsplit("/", 1)[1]]["properties"], (*path, name))
-        elif (*path, name) != ("name",):
+        elif (*path, name) not in (("name",), ("nominal_model",)):
             found[(*path, name)] = entry
     return found
 
@@ -38,6 +38,8 @@ def value_of(path: Path) -> st.SearchStrategy[Any]:
         return st.sampled_from(entry["enum"])
     if entry["type"] == "boolean":
         return st.booleans()
+    if entry["type"] == "string":
+        return st.sampled_from(("EUR", "kr"))
     if entry["type"] == "array":
         return st.lists(st.floats(0.01, 50.0), max_size=16).map(tuple)
     low, high = entry["minimum"], entry["maximum"]
@@ -101,6 +103,19 @@ def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
     laws["wear"]["wear"] = laws["thrust_force"]["time"] = laws["power"]["time"] = 0.0
     laws["wear"]["time"] = abs(laws["wear"]["time"]) or 0.245
     changed["edge_failure"]["temperature"]["time"] = 0.0
+    for name in ("radial_force", "torque", "roughness"):
+        law = changed["limits"][name]
+        law |= dict.fromkeys(("cutting_speed", "time", "wear"), 0.0) | {"feed": abs(law["feed"]) or 0.75}
+    spindle, work = changed["spindle"], changed["workpiece"]
+    per_turn = math.pi * work["diameter"] / 1000.0  # [m]
+    if per_turn * spindle["max_speed"] < control["initial_cutting_speed"]:
+        spindle["max_speed"] = 0.0
+    fastest = max(machine["cutting_speed_max"], per_turn * spindle["base_speed"])
+    spindle["idle_torque"] = min(spindle["idle_torque"], 15.0 * work["diameter"] * changed["limits"]["power"] / fastest)
+    sections = len(work["depth_profile"])
+    if work["section_lengths"]:
+        work["section_lengths"] = (work["bar_length"] / max(sections, 1),) * sections
+    work["section_speeds"] = (work["section_speeds"] * sections)[:sections]
     for name in ("chip_feed", "chip_depth"):
         swarf = changed["swarf"]
         swarf[f"{name}_min"], swarf[f"{name}_max"] = sorted((swarf[f"{name}_min"], swarf[f"{name}_max"]))

@@ -155,7 +155,8 @@ def test_what_is_damaged_is_made_anew(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("entry", [driver.start_episodes, driver.step_blocks], ids=lambda entry: entry.__name__)
 def test_an_entry_takes_records_of_one_type_whatever_is_played(entry):
-    """Numba's names of machine code would clash between processes otherwise: see ``compiled_entry``."""
+    """Numba's names of machine code would clash between processes otherwise: see ``compiled_entry``. Families have types of their own."""
+    before = set(entry.signatures)
     for env in (
         RoughTurningEnv(),
         RoughTurningEnv("batch_casting"),
@@ -164,4 +165,6 @@ def test_an_entry_takes_records_of_one_type_whatever_is_played(entry):
     ):
         env.reset(seed=0)
         env.step(env.action_space.sample())
-    assert len({signature[:2] for signature in entry.signatures}) == len(entry.signatures) == 1
+    made = set(entry.signatures) - before
+    assert len(made) <= 1
+    assert len({signature[1] for signature in entry.signatures}) == len(entry.signatures)
