@@ -155,7 +155,7 @@ def test_what_is_damaged_is_made_anew(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("entry", [driver.start_episodes, driver.step_blocks], ids=lambda entry: entry.__name__)
 def test_an_entry_takes_records_of_one_type_whatever_is_played(entry):
-    """Numba's names of machine code would clash between processes otherwise: see ``compiled_entry``. Families have types of their own."""
+    """Numba's names of machine code would clash between processes otherwise: see ``compiled_entry``. Families add a type."""
     before = set(entry.signatures)
     for env in (
         RoughTurningEnv(),
