@@ -89,6 +89,7 @@ def test_the_plane_shows_the_chosen_pair_at_the_region_s_edge_and_lines_on_the_l
     np.testing.assert_allclose(responses(14, *path.T).thrust_force, 1500.0, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_what_is_said_of_the_grid_search_holds() -> None:
     figures = [figure for figure in command.FIGURES.values() if figure.name.startswith("grid_search")]
     assert all(check.passed for figure in figures for check in figure.checks())

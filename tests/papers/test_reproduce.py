@@ -137,6 +137,7 @@ def test_a_pass_too_deep_for_a_limit_that_the_rule_does_not_name_is_not_planned(
     assert np.isfinite(pass_cost("PT", np.array([11.0]))[0])  # no lowest feed
 
 
+@pytest.mark.slow
 def test_the_claims_on_the_correction_hold_with_every_slack() -> None:
     for slack in part_programming.SLACKS:
         for source in ("handbook", "experience"):
@@ -145,6 +146,7 @@ def test_the_claims_on_the_correction_hold_with_every_slack() -> None:
             assert max(gains[rule] for rule in part_programming.NOT_NECESSARY) <= part_programming.WORTH_HAVING
 
 
+@pytest.mark.slow
 def test_an_item_with_a_check_that_does_not_hold_is_counted_once() -> None:
     checks = [claim("equal wear: 1", False, "reason"), claim("equal wear: 2", False, "reason"), claim("pairs of the grid", True)]
     paper = Paper("a paper", lambda: iter(checks), page="grid_search")

@@ -90,7 +90,10 @@ def test_a_program_of_another_machine_or_bar_is_refused() -> None:
     assert simulate.simulate(fitting, SCENARIO, 1).removed > 100.0
 
 
-@pytest.mark.parametrize(("preset", "interval"), [("rough_turning", None), ("rough_turning", 1.0), ("paper", 0.5)])
+@pytest.mark.parametrize(
+    ("preset", "interval"),
+    [pytest.param("rough_turning", None, marks=pytest.mark.slow), ("rough_turning", 1.0), ("paper", 0.5)],
+)
 def test_the_interval_table_does_on_nominal_bars_what_the_models_say(preset: str, interval: float | None) -> None:
     scenario = Scenario.load(preset)
     rows = interval_table.interval_table(scenario, interval)
