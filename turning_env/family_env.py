@@ -21,7 +21,9 @@ FamilySource = str | os.PathLike[str] | Mapping[str, Any] | Family
 Context = Literal["told", "hidden"]
 
 
-def _jobs(family: FamilySource, split: str, context: Context) -> Jobs:
+def _jobs(family: FamilySource, split: str, context: Context, render_mode: str | None) -> Jobs:
+    if render_mode is not None:
+        raise ValueError(f"render_mode is {render_mode!r}, but a family is not drawn: render a job's scenario, job().scenario")
     if context not in get_args(Context):
         raise ValueError(f'context is {context!r}, but must be "told" or "hidden"')
     return Jobs(Family.load(family), split, context == "told")
@@ -79,12 +81,8 @@ class FamilyEnv(RoughTurningEnv):
     def __init__(
         self, family: FamilySource = "shop", split: str = "train", context: Context = "told", render_mode: str | None = None
     ) -> None:
-        self._jobs = _jobs(family, split, context)
+        self._jobs = _jobs(family, split, context, render_mode)
         self.family, self.split = self._jobs.family, split
-        if render_mode is not None:
-            raise ValueError(
-                f"render_mode is {render_mode!r}, but a family is not drawn: render a job's scenario, job().scenario"
-            )
         self._set_up(Batch(self._jobs.scenario, 1, keeps_table=True, jobs=self._jobs), None)
 
     @property
@@ -125,12 +123,8 @@ class FamilyVectorEnv(RoughTurningVectorEnv):
         threads: int = 1,
         max_episode_steps: int | None = None,
     ) -> None:
-        self._jobs = _jobs(family, split, context)
+        self._jobs = _jobs(family, split, context, render_mode)
         self.family, self.split = self._jobs.family, split
-        if render_mode is not None:
-            raise ValueError(
-                f"render_mode is {render_mode!r}, but a family is not drawn: render a job's scenario, job().scenario"
-            )
         super().__init__(num_envs, self._jobs.scenario, autoreset_mode, None, threads, None, max_episode_steps)
 
     def _new_batch(self, scenario: Any, threads: int) -> Batch:
