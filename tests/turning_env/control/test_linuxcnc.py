@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import os
 import shutil
 import sys
 from itertools import groupby
@@ -113,6 +114,7 @@ def running() -> list[str]:
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("linuxcnc") is None, reason="LinuxCNC is not installed")
+@pytest.mark.skipif("LINUXCNC" not in os.environ, reason="one LinuxCNC runs on a machine at a time: set LINUXCNC=1, with -n 0")
 @pytest.mark.parametrize(
     "name", ["kill", "freeze", "sensor stuck", "sensor lost", "pause", "e-stop", "feed hold", "spindle stopped"]
 )
