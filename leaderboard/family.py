@@ -102,7 +102,7 @@ class Piece:
     episodes: int
     tuned_on: Scenario
     identity: str
-    """What distinguishes the policy from others."""
+    """Text that differs between policies: version and parameters, or the file's digest."""
 
     def file(self, folder: Path) -> Path:
         """Return the path at which its episodes are kept."""

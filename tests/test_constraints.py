@@ -20,7 +20,7 @@ def test_every_line_is_a_pin_or_a_hash_and_every_pin_has_one() -> None:
 
 
 def test_all_that_the_set_up_asks_for_is_pinned() -> None:
-    """What these need in turn ``make constraints`` resolves, and ``make audit`` compares with what is installed."""
+    """Direct requirements: ``make constraints`` resolves theirs, and ``make audit`` compares all with what is installed."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     extras = project["project"]["optional-dependencies"]
     groups = project["dependency-groups"] | {name: needs for name, needs in extras.items() if name != "peers"}

@@ -15,7 +15,7 @@ BASES = {preset: Scenario.load(preset).model_dump() for preset in presets()}
 
 
 def _fields(properties: dict[str, Any], path: Path = ()) -> dict[Path, dict[str, Any]]:
-    """What the schema says of every value by the names that lead to it; the scenario's name and nominal model are left out."""
+    """Return the schema of every value by its path of names; the scenario's name and nominal model are left out."""
     found: dict[Path, dict[str, Any]] = {}
     for name, entry in properties.items():
         if "$ref" in entry:

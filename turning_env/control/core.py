@@ -29,7 +29,7 @@ _NAN = math.nan
 
 @dataclass(frozen=True)
 class Readings:
-    """What a machine tells at the end of a control interval. NaN: it has no such sensor, or the sensor is lost."""
+    """Readings of a machine at the end of a control interval. NaN: it has no such sensor, or the sensor is lost."""
 
     spindle_speed: float
     """[rev/min]"""
@@ -74,7 +74,7 @@ class Status(IntEnum):
 
 @dataclass(frozen=True)
 class Commands:
-    """What a machine is to do until the next commands."""
+    """Commands to a machine, which hold until the next."""
 
     adaptive_feed: float
     """Share of the highest feed, which the program holds, 0 to 1 [-]."""

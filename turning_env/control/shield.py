@@ -57,7 +57,7 @@ Values = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Settings:
-    """What an operator may set."""
+    """Settings of the shield that an operator may choose."""
 
     safe_share: float = 0.5
     """Safe over programmed feed [-]."""

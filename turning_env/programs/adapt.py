@@ -26,7 +26,7 @@ _CANDIDATES = 61
 
 Where = Literal["words", "blocks"]
 Key = tuple[str, int, tuple[int, int] | None]
-"""What gets one value: address, line, and the place of its number; no place where a word is put in."""
+"""Key of a value: address, line, and the place of the number in it; None where a word is put in."""
 
 
 @dataclass(frozen=True)

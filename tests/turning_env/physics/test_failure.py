@@ -40,7 +40,7 @@ def test_an_edge_collapses_where_its_temperature_exceeds_the_limit() -> None:
 
 
 def test_edges_chip_at_a_constant_hazard_rate() -> None:
-    """Of 2000 edges, 1 - exp(-rate * time) have chipped; its standard error is 1.1 %."""
+    """Compare the share of 2000 edges that have chipped with 1 - exp(-rate * time); its standard error is 1.1 %."""
     num_envs, minutes = 2000, 2
     chipping = {"chipping_rate": 0.5, "chipping_load_exponent": 0.0, "chipping_wear_exponent": 0.0}
     env = RoughTurningVectorEnv(num_envs, changed(UNDISTURBED, edge_failure=chipping), AutoresetMode.DISABLED)
