@@ -207,7 +207,10 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = portable(spec, self.scenario)
+        self._spec = self._portable(spec)
+
+    def _portable(self, spec: EnvSpec | None) -> EnvSpec | None:
+        return portable(spec, self.scenario)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
         """Start episode 0 of ``seed``; without a seed, start the next episode of the present one. There are no options."""

@@ -85,14 +85,8 @@ class FamilyEnv(RoughTurningEnv):
         self.family, self.split = self._jobs.family, split
         self._set_up(Batch(self._jobs.scenario, 1, keeps_table=True, jobs=self._jobs), None)
 
-    @property
-    def spec(self) -> EnvSpec | None:
-        """The specification from which `gymnasium.make` made this environment."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = _portable(spec, self._jobs)
+    def _portable(self, spec: EnvSpec | None) -> EnvSpec | None:
+        return _portable(spec, self._jobs)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
         """Start the first job of ``seed``; without a seed, the next job of the present one. There are no options."""
@@ -130,16 +124,8 @@ class FamilyVectorEnv(RoughTurningVectorEnv):
     def _new_batch(self, scenario: Any, threads: int) -> Batch:
         return Batch(scenario, self.num_envs, threads, jobs=self._jobs)
 
-    @property
-    def spec(self) -> EnvSpec | None:
-        """The specification from which `gymnasium.make_vec` made this environment."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = _portable(spec, self._jobs)
-        if self._spec is not None and "autoreset_mode" in self._spec.kwargs:
-            self._spec.kwargs["autoreset_mode"] = self.autoreset_mode.value
+    def _portable(self, spec: EnvSpec | None) -> EnvSpec | None:
+        return _portable(spec, self._jobs)
 
     def job(self, env_index: int) -> Job:
         """Return an environment's present job: its true scenario, nominal model and context."""

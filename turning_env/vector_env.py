@@ -109,9 +109,12 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = portable(spec, self.scenario)
+        self._spec = self._portable(spec)
         if self._spec is not None and "autoreset_mode" in self._spec.kwargs:
             self._spec.kwargs["autoreset_mode"] = self.autoreset_mode.value
+
+    def _portable(self, spec: EnvSpec | None) -> EnvSpec | None:
+        return portable(spec, self.scenario)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
