@@ -1,6 +1,8 @@
 """Settings for the whole suite."""
 
 import os
+import shutil
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -21,3 +23,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the longest tests, so that no worker is left with one at the end."""
     longest = ("tests/test_pages.py", "tests/test_identity.py")
     items.sort(key=lambda item: not item.nodeid.startswith(longest))
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[object]:
+    """Yield a Chromium, one for all tests of a file."""
+    from playwright.sync_api import sync_playwright
+
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        pytest.skip("there is no chromium on the path")
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield started
+        started.close()

@@ -1,13 +1,12 @@
 """The page in a browser: what it does on clicks and keys, how it looks on narrow and dark screens, whom it trusts."""
 
 import re
-import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, FloatRect, Locator, Page, expect, sync_playwright
+from playwright.sync_api import Browser, FloatRect, Locator, Page, expect
 
 from leaderboard import page
 from leaderboard.ranking import Leaderboard
@@ -53,18 +52,6 @@ def leaderboard(task: Task, make_result: MakeResult) -> Leaderboard:
     trajectories = Trajectories(task=task.digest, episodes=[]).model_copy(update={"episodes": episodes})
     curves = {f"ppo-seed{seed}": Training(first=0.0, last=2e6, mean_return=[-900.0, -seed]) for seed in (0, 1)}
     return Leaderboard(task, results, rank(results), trajectories, [], curves)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """One for all tests of this file."""
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        pytest.skip("there is no chromium on the path")
-    with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield started
-        started.close()
 
 
 @pytest.fixture(scope="module")

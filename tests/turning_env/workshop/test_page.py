@@ -1,13 +1,12 @@
 """The page of ``advise --page`` in a browser: its numbers are Python's, it asks for nothing, and it fits phones."""
 
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect
 
 from turning_env import Scenario
 from turning_env.__main__ import main
@@ -49,18 +48,6 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
     sheet = str(ROOT / "docs" / "examples" / "cuts.csv")
     assert main(["calibrate", sheet, "--base", str(folder / "machine.toml"), "--out", str(folder / "tool.toml")]) == 0
     return Scenario.load(folder / "tool.toml")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """One for all tests of this file."""
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        pytest.skip("there is no chromium on the path")
-    with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield started
-        started.close()
 
 
 @pytest.fixture
