@@ -10,6 +10,7 @@ import pytest
 from tests.walking import ROOT
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv
 from turning_env.batch import driver
+from turning_env.family_env import FamilyEnv, FamilyVectorEnv
 
 pytestmark = [
     pytest.mark.slow,
@@ -155,16 +156,16 @@ def test_what_is_damaged_is_made_anew(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("entry", [driver.start_episodes, driver.step_blocks], ids=lambda entry: entry.__name__)
 def test_an_entry_takes_records_of_one_type_whatever_is_played(entry):
-    """Numba's names of machine code would clash between processes otherwise: see ``compiled_entry``. Families add a type."""
-    before = set(entry.signatures)
+    """Numba's names of machine code would clash between processes otherwise: see ``compiled_entry``. A family adds its jobs."""
     for env in (
         RoughTurningEnv(),
         RoughTurningEnv("batch_casting"),
         RoughTurningVectorEnv(3),
         RoughTurningVectorEnv(1024, "shift"),
+        FamilyEnv(),
+        FamilyVectorEnv(3),
     ):
         env.reset(seed=0)
         env.step(env.action_space.sample())
-    made = set(entry.signatures) - before
-    assert len(made) <= 1
-    assert len({signature[1] for signature in entry.signatures}) == len(entry.signatures)
+    assert len({signature[:2] for signature in entry.signatures}) == 1
+    assert len({signature[2] for signature in entry.signatures}) == len(entry.signatures) == 2
