@@ -72,7 +72,7 @@ def _outcomes(s: Columns, count: int, device: str, grid: tuple[int, int], shares
     depth = torch.maximum(nominal + spread * normals.view(3, 1, 1, 1), 0.05 * nominal)
     log_hardness = wide(np.hypot(work.hardness_bar_spread, work.hardness_along_spread)) * normals.view(3, 1, 1)
     places = [torch.linspace(0.0, 1.0, each, device=device) for each in grid]
-    ends = (machine.cutting_speed_min, s.cutting_speed_max), (machine.feed_min, machine.feed_max)
+    ends = (machine.cutting_speed_min, s.cutting_speed_max), s.feed_range
     (speed_low, speed_high), (feed_low, feed_high) = ((wide(np.log(low)), wide(np.log(high))) for low, high in ends)
     log_speed = speed_low + (speed_high - speed_low) * places[0].view(-1, 1)
     log_feed = feed_low + (feed_high - feed_low) * places[1]

@@ -36,6 +36,9 @@ FIELDS = ("path", "depth_of_cut", "hardness", "used_life")
 """Hidden quantities at the start and the end of every step, in the units of ``info``; depth and hardness are 0 in air."""
 POINTS = 5
 """Number of points in time at which a step's costs are evaluated."""
+WINDOW_EDGE = 0.05
+"""Logarithm of the feed beyond the chip breaker's window at which the teacher charges the full cost of tangled chips. The cost is
+a step there, so its gradient is 0; this line has one."""
 MIN_USED_LIFE = 1e-6
 """Used life of a fresh edge [-]: the laws are not defined at 0."""
 
@@ -167,6 +170,10 @@ class ModelGain:
         self._prices = tensor(np.concatenate([prices.life[..., :1], prices.life], axis=-1))
         self._stop = tensor(60.0 * economics.unplanned_stop * np.asarray(prices.time))
         self._edge_price, self._downtime = wide(edge_price), 60.0 * economics.breakage_downtime
+        swarf = scenario.swarf
+        self._chips_tangle = bool(np.any(np.asarray(swarf.tangle_rate) > 0.0))
+        self._tangle_cost = wide(np.asarray(swarf.tangle_rate * swarf.tangle_time) * np.asarray(prices.time))
+        self._log_feeds = [wide(np.log(np.maximum(end, 1e-9))) for end in scenario.feed_range]
 
     def __call__(self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth) -> tuple[Tensor, Tensor]:
         """Return each step's gain [s], up to a constant, and the earnings of going on with the edge [s], without a gradient.
@@ -192,6 +199,10 @@ class ModelGain:
         overload = scenario.economics.overload_price * excess
         price = self.price(truth.used_life)
         cost = self._time_price + truth.cutting * (overload + price * life_rate)
+        if self._chips_tangle:
+            low, high = self._log_feeds
+            outside = torch.relu(low - logs[1]) + torch.relu(logs[1] - high)
+            cost = cost + truth.cutting * self._tangle_cost * outside / WINDOW_EDGE
         velocity = (speeds * feeds).mean(dim=-1)
         interval = scenario.control.interval
         # The distance is fixed: at higher velocity it takes less time.

@@ -87,7 +87,7 @@ def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, 
     depth = np.maximum(work.depth_of_cut + deviation, 0.05 * work.depth_of_cut)[:, np.newaxis, np.newaxis, np.newaxis]
     hardness = np.exp(np.hypot(work.hardness_bar_spread, work.hardness_along_spread) * normals)[:, np.newaxis, np.newaxis]
     speed = np.geomspace(machine.cutting_speed_min, machine.cutting_speed_max, _SETTINGS[0])[:, np.newaxis]
-    feed = np.geomspace(machine.feed_min, machine.feed_max, _SETTINGS[1])
+    feed = np.geomspace(*scenario.feed_range, _SETTINGS[1])
     metal = speed * feed * depth / scenario.economics.reference_removal_rate
     life_rate = (material.wear(speed, feed, depth, hardness=hardness) / scenario.tool.wear_criterion) ** (
         1.0 / material.wear.time

@@ -131,7 +131,7 @@ class Process:
             power=Limit(material.power, limits.power),
             torque=further.get("torque", Limit(torque, limits.power * torque_over_power / full_power_from)),
             cutting_speed_range=(machine.cutting_speed_min, scenario.cutting_speed_max),
-            feed_range=(machine.feed_min, machine.feed_max),
+            feed_range=scenario.feed_range,
             edge_price=economics.edge_cost + economics.edge_change_time,
             further=further,
         )

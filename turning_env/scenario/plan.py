@@ -19,6 +19,8 @@ USED_LIVES = (0.05, 0.25, 0.5, 0.75, 0.95)
 """Used shares of an edge's life at which set points are planned."""
 MIDDLE = 2
 """Place of half a life in ``USED_LIVES``."""
+_ENOUGH = 2.0
+"""Ratio of a cutting speed to the base speed above which the torque does not matter."""
 _GRID = 20
 """Cutting speeds, and feeds, that a plan compares, evenly spaced on a logarithmic scale."""
 
@@ -53,6 +55,14 @@ class Columns(Section):
         return np.minimum(self.machine.cutting_speed_max, np.where(reached > 0.0, reached, np.inf))
 
     @property
+    def feed_range(self) -> tuple[Any, Any]:
+        """See ``Scenario``."""
+        machine, swarf = self.machine, self.swarf
+        tangle = np.asarray(swarf.tangle_rate) > 0.0
+        low = np.where(tangle, np.maximum(machine.feed_min, swarf.chip_feed_min), machine.feed_min)
+        return low, np.where(tangle, np.minimum(machine.feed_max, swarf.chip_feed_max), machine.feed_max)
+
+    @property
     def base_cutting_speed(self) -> Any:
         """See ``Scenario``."""
         return self._circumference * self.spindle.base_speed
@@ -81,7 +91,7 @@ class Loads:
         shares = np.linspace(0.0, 1.0, _GRID)
         self._s = s
         self._log_speed = _span(s.machine.cutting_speed_min, s.cutting_speed_max, shares, count)[:, :, None]
-        self._log_feed = _span(s.machine.feed_min, s.machine.feed_max, shares, count)[:, None, :]
+        self._log_feed = _span(*s.feed_range, shares, count)[:, None, :]
         self.speed, self.feed = np.exp(self._log_speed), np.exp(self._log_feed)
         self.removal = self.speed * self.feed * _wide(s.workpiece.depth_of_cut)
         wear = log_response_at(s, "wear", 0.0)
@@ -194,7 +204,9 @@ def features(s: Columns, plan: Plan) -> dict[str, Array]:
         "spindle_time_constant": machine.spindle_time_constant,
         "diameter": work.diameter,
         "depth_of_cut": work.depth_of_cut,
-        "speed_over_base_speed": speed / np.maximum(s.base_cutting_speed, 1.0),
+        "speed_over_base_speed": np.minimum(speed / np.maximum(s.base_cutting_speed, 1.0), _ENOUGH),
+        "lowest_feed": s.feed_range[0] / machine.feed_min,
+        "highest_feed": s.feed_range[1] / machine.feed_min,
         "speed_over_fastest": speed / s.cutting_speed_max,
     }
     told |= {f"log_{name}": np.log(np.maximum(value, 1e-6)) for name, value in logs.items()}

@@ -334,6 +334,14 @@ class Scenario(Section):
         return min(self.machine.cutting_speed_max, self._circumference * self.spindle.max_speed or math.inf)
 
     @property
+    def feed_range(self) -> tuple[float, float]:
+        """Lowest and highest feed of the machine at which chips break, if they can tangle [mm/rev]."""
+        machine, swarf = self.machine, self.swarf
+        if swarf.tangle_rate == 0.0:
+            return machine.feed_min, machine.feed_max
+        return max(machine.feed_min, swarf.chip_feed_min), min(machine.feed_max, swarf.chip_feed_max)
+
+    @property
     def base_cutting_speed(self) -> float:
         """The cutting speed at the spindle's base speed [m/min]."""
         return self._circumference * self.spindle.base_speed
