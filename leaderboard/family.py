@@ -1,16 +1,18 @@
 """Play controllers and agents on unseen jobs of a family, and compare them.
 
 Every controller is built for each job from its nominal model, with the parameters tuned for ``--tuned-on``. "predictive, told
-the truth" is built from the true scenario, whose predictions it also observes. "held optimum" is the lower anchor. An agent plays
-all jobs; files or run folders of one name with several training seeds are one policy.
+the truth" is built from the true scenario, whose predictions it also observes. An agent plays all jobs; files or run folders of
+one name with several training seeds are one policy. A forgetful policy forgets everything at each change of the edge.
 
     python -m leaderboard.family --jobs 16 --episodes 4
     python -m leaderboard.family --split unseen_materials --policies rescaled_grid_search predictive
     python -m leaderboard.family --agent agents/family_gradient-seed0.onnx --jobs 256 --workers 16 --keep played
 
-Leads are over the best controller that is told the nominal model, job by job; the share of the gap closed is of that from it
-to the same controller told the truth. Intervals of 95 % are bootstrapped over jobs. A policy is feasible on a job if its share of
-cutting time in severe overload is within the scenario's allowance.
+A job's score is 0 for the "held optimum" and 1 for the oracle "causal", which is told the true laws and the present depth,
+hardness and wear. The table has its interquartile mean over jobs. Leads are over the best controller that is told the nominal
+model, job by job; the share of the gap closed is of that from it to the same controller told the truth. Intervals of 95 % are
+bootstrapped over jobs. A policy is feasible on a job if its share of cutting time in severe overload is within the scenario's
+allowance.
 """
 
 import argparse
@@ -27,6 +29,8 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.catalogue import RULES, spec
+from baselines.oracles.perfect_state import PerfectState
+from leaderboard.standings import CAUSAL
 from leaderboard.table import aligned
 from train.agents import onnx_policy
 from turning_env import MODEL_VERSION
@@ -35,14 +39,14 @@ from turning_env.files import replace_file
 from turning_env.scenario import Scenario, ScenarioError
 from turning_env.scenario.family import CONTEXT_LIMIT, Family, Job
 from turning_env.scenario.section import names_instead
-from turning_env.scoring.family import HeldOptimum, play_family, play_jobs
+from turning_env.scoring.family import Forgetful, HeldOptimum, play_family, play_jobs, relative
 from turning_env.scoring.overload import KEY, RESAMPLES, ratio
 from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory, PolicySpec
-from turning_env.scoring.statistics import Estimate, Floats
+from turning_env.scoring.statistics import Estimate, Floats, interquartile_mean
 from turning_env.scoring.workers import spread, workers
 
-TRUTH = ", told the truth"
+TRUTH, FORGETFUL = ", told the truth", ", forgetful"
 ANCHOR = "held optimum"
 PIECE = 4
 """Number of jobs that a worker plays at a time."""
@@ -93,12 +97,13 @@ class Retold(Policy):
 
 @dataclass(frozen=True)
 class Piece:
-    """Some jobs for one policy: a controller's name, the anchor, or the path of an agent."""
+    """Some jobs for one policy: a controller's name, an anchor's, or the path of an agent."""
 
     family: Family
     split: str
     numbers: range
     policy: str | Path
+    forgetful: bool
     episodes: int
     tuned_on: Scenario
     identity: str
@@ -106,7 +111,8 @@ class Piece:
 
     def file(self, folder: Path) -> Path:
         """Return the path at which its episodes are kept."""
-        about = [self.family.model_dump(mode="json"), self.identity, self.episodes, self.tuned_on.digest(), MODEL_VERSION]
+        policy = self.identity + FORGETFUL * self.forgetful
+        about = [self.family.model_dump(mode="json"), policy, self.episodes, self.tuned_on.digest(), MODEL_VERSION]
         digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:12]
         return folder / f"{self.split}-{self.numbers.start}-{self.numbers.stop}-{digest}.npz"
 
@@ -124,18 +130,26 @@ def keep(path: Path, episodes: Episodes) -> None:
 def played(piece: Piece) -> Episodes:
     """Return the episodes of a piece, fields of shape (jobs, episodes)."""
     family, policy, episodes = piece.family, piece.policy, piece.episodes
+
+    def remembering(make: PolicyFactory) -> PolicyFactory:
+        return (lambda num_envs: Forgetful(make(num_envs))) if piece.forgetful else make
+
     jobs = [family.job(number, piece.split) for number in piece.numbers]
     if isinstance(policy, Path):
         agent = agent_spec(policy)
         told = agent.parameters.get("context")
-        return play_family(family, jobs, lambda num_envs: Retold(agent.make(num_envs), family, told), episodes)
+        return play_family(family, jobs, remembering(lambda num_envs: Retold(agent.make(num_envs), family, told)), episodes)
 
     def make(job: Job) -> PolicyFactory:
         if policy == ANCHOR:
             return lambda num_envs: HeldOptimum(job)
-        return spec(policy.removesuffix(TRUTH), job.scenario, piece.tuned_on).make
+        if policy == CAUSAL:
+            return lambda num_envs: PerfectState(job.scenario, num_envs)
+        return remembering(spec(policy.removesuffix(TRUTH), job.scenario, piece.tuned_on).make)
 
-    return play_jobs(family, [told_the_truth(job) for job in jobs] if policy.endswith(TRUTH) else jobs, make, episodes)
+    if policy == CAUSAL or policy.endswith(TRUTH):
+        jobs = [told_the_truth(job) for job in jobs]
+    return play_jobs(family, jobs, make, episodes, tell=policy == CAUSAL)
 
 
 @dataclass(frozen=True)
@@ -147,6 +161,8 @@ class Comparison:
     """Mean return over jobs [s]."""
     worst: float
     """Lowest return of a job [s]."""
+    score: Estimate
+    """Interquartile mean over jobs of the return between the two anchors, 0 and 1; NaN if the oracle did not play."""
     lead: Estimate
     """Mean lead over the best controller that is told the nominal model [s]."""
     median: float
@@ -174,6 +190,12 @@ def compare(rows: dict[str, Episodes], rules: Sequence[str], allowance: float) -
     jobs = len(returns[best])
     resamples = np.random.default_rng(KEY).integers(jobs, size=(RESAMPLES, jobs))
 
+    def scores(values: Floats) -> Estimate:
+        if CAUSAL not in returns:
+            return Estimate.of(np.nan, np.full(RESAMPLES, np.nan))
+        shares = relative(values[:, None], returns[ANCHOR][:, None], returns[CAUSAL][:, None])[:, 0]
+        return Estimate.of(float(interquartile_mean(shares)), interquartile_mean(shares[resamples]))
+
     def means(values: Floats) -> Floats:
         averages: Floats = values[resamples].mean(axis=1)
         return averages
@@ -190,6 +212,7 @@ def compare(rows: dict[str, Episodes], rules: Sequence[str], allowance: float) -
                 name,
                 Estimate.of(returns[name].mean(), means(returns[name])),
                 float(returns[name].min()),
+                scores(returns[name]),
                 Estimate.of(lead.mean(), means(lead)),
                 float(np.median(lead)),
                 float((lead > 0.0).mean()),
@@ -202,8 +225,9 @@ def compare(rows: dict[str, Episodes], rules: Sequence[str], allowance: float) -
 
 
 _HEADINGS = (
-    ("policy", "return", "95 %", "worst job", "lead", "95 %", "median", "better", "gap closed", "95 %", "feasible", "overload"),
-    ("", "[s]", "[s]", "[s]", "[s]", "[s]", "[s]", "[% of jobs]", "[%]", "[%]", "[% of jobs]", "[% of time]"),
+    ("policy", "return", "95 %", "worst job", "score", "95 %", "lead", "95 %", "median", "better", "gap closed", "95 %",
+     "feasible", "overload"),
+    ("", "[s]", "[s]", "[s]", "[%]", "[%]", "[s]", "[s]", "[s]", "[% of jobs]", "[%]", "[%]", "[% of jobs]", "[% of time]"),
 )  # fmt: skip
 
 
@@ -219,8 +243,8 @@ def table(comparisons: Sequence[Comparison]) -> str:
     for each in comparisons:
         shares = f"{100.0 * each.feasible:.0f}", f"{100.0 * each.overload:.1f}"
         rows.append(
-            [each.name, *cells(each.value), f"{each.worst:.0f}", *cells(each.lead), f"{each.median:.1f}",
-             f"{100.0 * each.wins:.0f}", *cells(each.gap_closed, 100.0), *shares]
+            [each.name, *cells(each.value), f"{each.worst:.0f}", *cells(each.score, 100.0), *cells(each.lead),
+             f"{each.median:.1f}", f"{100.0 * each.wins:.0f}", *cells(each.gap_closed, 100.0), *shares]
         )  # fmt: skip
     return aligned(rows)
 
@@ -238,8 +262,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--split", nargs="+", default=["unseen_jobs"], help="splits (default: unseen_jobs)")
     parser.add_argument("--jobs", type=int, default=16, help="jobs of each split (default: %(default)s)")
     parser.add_argument("--episodes", type=int, default=4, help="episodes of each job (default: %(default)s)")
-    parser.add_argument("--policies", nargs="+", default=["rescaled_grid_search", "predictive", f"predictive{TRUTH}"],
-                        help="controllers (default: rescaled_grid_search; predictive, also told the truth)")  # fmt: skip
+    parser.add_argument("--policies", nargs="+", default=["rescaled_grid_search", "predictive", f"predictive{TRUTH}", CAUSAL],
+                        help="controllers and the oracle (default: rescaled_grid_search; predictive and causal)")  # fmt: skip
+    parser.add_argument("--forgetful", action="store_true", help="also play them, and agents, forgetful")
     parser.add_argument("--agent", nargs="+", type=Path, default=[], metavar="AGENT", help="agents: ONNX files or run folders")
     parser.add_argument("--tuned-on", default="shift", help="scenario of their tuned parameters (default: %(default)s)")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes that play (default: %(default)s)")
@@ -249,25 +274,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if min(options.jobs, options.episodes, options.workers) < 1:
         parser.error("--jobs, --episodes and --workers must be at least 1")
     for name in options.policies:
-        if name.removesuffix(TRUTH) not in RULES:
+        if name != CAUSAL and name.removesuffix(TRUTH) not in RULES:
             parser.error(f"there is no controller {name!r}; {names_instead(name, RULES, 'docs/controllers.md')}")
     family, tuned_on = Family.load(options.family), Scenario.load(options.tuned_on)
     for split in options.split:
         family.draw(split, 0)
     agents = {path: agent_spec(path) for path in options.agent}
-    policies: list[str | Path] = [ANCHOR, *options.policies, *options.agent]
+    policies: list[tuple[str | Path, bool]] = [(each, False) for each in (ANCHOR, *options.policies, *options.agent)]
+    if options.forgetful:
+        rules_told = [name for name in options.policies if name != CAUSAL and not name.endswith(TRUTH)]
+        policies += [(each, True) for each in (*rules_told, *options.agent)]
     known: dict[str | Path, str] = {path: str(agent.sha256) for path, agent in agents.items()}
-    rules = {name: spec(name.removesuffix(TRUTH), tuned_on, tuned_on) for name in options.policies}
-    known |= {ANCHOR: ANCHOR} | {name: f"{name} {rule.version} {rule.parameters}" for name, rule in rules.items()}
+    rules = {name: spec(name.removesuffix(TRUTH), tuned_on, tuned_on) for name in options.policies if name != CAUSAL}
+    known |= {ANCHOR: ANCHOR, CAUSAL: f"{CAUSAL} 2"} | {
+        name: f"{name} {rule.version} {rule.parameters}" for name, rule in rules.items()
+    }
     starts = range(0, options.jobs, PIECE)
     # Slow policies first, so that no worker is left with a long piece at the end.
     tags = [(split, policy, start) for policy in reversed(policies) for split in options.split for start in starts]
     pieces = {}
-    ended: dict[tuple[str, str | Path, int], Episodes] = {}
+    ended: dict[tuple[str, tuple[str | Path, bool], int], Episodes] = {}
     for tag in tags:
         split, policy, start = tag
         numbers = range(start, min(start + PIECE, options.jobs))
-        piece = Piece(family, split, numbers, policy, options.episodes, tuned_on, known[policy])
+        piece = Piece(family, split, numbers, *policy, options.episodes, tuned_on, known[policy[0]])
         if options.keep and piece.file(options.keep).exists():
             with np.load(piece.file(options.keep)) as kept:
                 ended[tag] = dict(kept)
@@ -283,13 +313,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rows = results[split] = {}
         for policy in policies:
             of_policy = joined([ended[split, policy, start] for start in starts], 0)
-            name = agents[policy].name if isinstance(policy, Path) else policy
+            which, forgetful = policy
+            name = (agents[which].name if isinstance(which, Path) else which) + FORGETFUL * forgetful
             rows[name] = joined([rows[name], of_policy], 1) if name in rows else of_policy
     if options.json:
         print_json({split: {name: each["return"].tolist() for name, each in rows.items()} for split, rows in results.items()})
         return 0
     allowance = family.job(0).scenario.limits.overload_allowance
-    told = [name for name in options.policies if not name.endswith(TRUTH)] or [ANCHOR]
+    told = [name for name in options.policies if name != CAUSAL and not name.endswith(TRUTH)] or [ANCHOR]
     for split, rows in results.items():
         print(f"{family.name}, {split}, {options.jobs} jobs of {options.episodes} episodes", end="\n\n")
         print(table(compare(rows, told, allowance)), end="\n\n")

@@ -9,10 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
 
 from turning_env.action import towards
 from turning_env.family_env import Context, FamilyVectorEnv
 from turning_env.observation import read
+from turning_env.physics.quantities import OBS
 from turning_env.scenario.family import Family, Job
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
@@ -36,6 +38,26 @@ class HeldOptimum(Policy):
         return towards(reading, scenario, self.job.cutting_speed * every, self.job.feed * every, change)
 
 
+class Forgetful(Policy):
+    """A policy that forgets everything at each change of the edge: the lathe, the lot, and where the tool is."""
+
+    def __init__(self, policy: Policy) -> None:
+        self._policy = policy
+        self._wear: Observations = np.zeros(0, np.float32)
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Forget what was seen of the environments in the mask, shape (num_envs,)."""
+        self._policy.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the policy's actions, shape (num_envs, 3)."""
+        wear = observations[:, OBS.nominal_wear]
+        if self._wear.size:
+            self._policy.reset(wear < self._wear)
+        self._wear = wear.copy()
+        return self._policy.act(observations)
+
+
 def job_seeds(family: Family, job: Job, episodes: int) -> list[int]:
     """Return seeds with which a family's environment plays a job, each with other bars and edges."""
     jobs = family.jobs if job.split == "train" else family.held_out_jobs
@@ -48,15 +70,17 @@ def play_jobs(
     make: Callable[[Job], PolicyFactory],
     episodes: int,
     on_job: Callable[[int], None] = lambda played: None,
+    *,
+    tell: bool = False,
 ) -> Episodes:
-    """Play episodes of every job with a policy that is made for it.
+    """Play episodes of every job with a policy that is made for it; ``tell``: see ``play``.
 
     Returns:
         An array of shape (jobs, episodes) for each of ``play.EPISODE_FIELDS``.
     """
     played = []
     for job in jobs:
-        played.append(play(make(job), job.scenario, job_seeds(family, job, episodes)))
+        played.append(play(make(job), job.scenario, job_seeds(family, job, episodes), tell=tell))
         on_job(len(played))
     return {name: np.stack([each[name] for each in played]) for name in played[0]}
 
