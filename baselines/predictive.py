@@ -42,8 +42,7 @@ class Predictive(Optimiser):
         here, there = self._filter.ahead(np.minimum(distance, left)), self._filter.next_bar()
         outlook = Outlook(*(np.where(entering, b, a) for a, b in zip(here, there, strict=True)))
         unmeasured = cutting & (entering | ~self._filter.measured[:, np.newaxis])
-        prospect = self._prospect(reading, outlook, cutting.astype(np.float64), unmeasured.astype(np.float64))
-        return self._best(reading, prospect)
+        return self._best(reading, outlook, cutting.astype(np.float64), unmeasured.astype(np.float64))
 
 
 DESCRIPTION = "the optimiser with foresight: it slows before it enters an unmeasured bar"

@@ -113,7 +113,8 @@ class _SharedCache(FunctionCache):
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         """Return Numba's key with the sources: Numba watches the entry's file, but not those of the functions that it calls."""
-        return *super()._index_key(sig, codegen), _compiled_sources()  # type: ignore[no-untyped-call]
+        folder = Path(inspect.getfile(self._py_func)).parent
+        return *super()._index_key(sig, codegen), _compiled_sources(folder)  # type: ignore[no-untyped-call]
 
 
 class _Entry(CPUDispatcher):
@@ -164,10 +165,10 @@ def _warn_without_cache(folder: str, reason: str) -> None:
 
 
 @cache
-def _compiled_sources() -> str:
-    """Return the digest of the files that contain compiled functions of this package."""
+def _compiled_sources(folder: Path) -> tuple[str, str]:
+    """Return digests of the files with compiled functions: of this package, and of an entry's own folder."""
     package = Path(__file__).parents[1]
     files = [package / "observation.py", package / "scenario" / "power_law.py"]
-    return digest_of_files(
-        package, [*files, *(path for name in ("numerics", "physics", "batch") for path in (package / name).glob("*.py"))]
-    )
+    for name in ("numerics", "physics", "batch"):
+        files += (package / name).glob("*.py")
+    return digest_of_files(package, files), digest_of_files(folder, folder.glob("*.py"))
