@@ -143,7 +143,8 @@ class Optimiser:
     def _reach(self, commanded: Array, name: str) -> tuple[Array, Array]:
         """Return the logarithms of the lowest and the highest value that the next action can command."""
         control, machine = self._scenario.control, self._scenario.machine
-        least, most = (math.log(getattr(machine, f"{name}_{end}")) for end in ("min", "max"))
+        speeds = machine.cutting_speed_min, machine.cutting_speed_max
+        least, most = np.log(speeds if name == "cutting_speed" else self._scenario.feed_range)
         step = math.inf if control.action == "set_point" else getattr(control, f"{name}_step")
         present = np.log(commanded)
         return np.clip(present - step, least, most), np.clip(present + step, least, most)
