@@ -8,7 +8,8 @@ import pytest
 import tomli_w
 
 from leaderboard import family
-from leaderboard.family import TRUTH, Comparison, Retold, compare, main, table
+from leaderboard.family import ANCHOR, TRUTH, Comparison, Retold, compare, main, table
+from leaderboard.standings import CAUSAL
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import Family, FamilyVectorEnv
 from turning_env.scoring.policy import Policy
@@ -50,6 +51,17 @@ def test_without_a_gap_no_share_of_it_is_given() -> None:
     assert "nan" not in table(compare(rows, ["rule"], 0.05))
 
 
+def test_scores_lie_between_the_anchors_of_each_job() -> None:
+    base = np.linspace(-1000.0, 0.0, JOBS)[:, None]
+    gap = np.linspace(10.0, 500.0, JOBS)[:, None]
+    rows = {ANCHOR: episodes(base), CAUSAL: episodes(base + gap), "rule": episodes(base + 0.5 * gap)}
+    found = {each.name: each.score for each in compare(rows, ["rule"], 0.05)}
+    assert [found[name].value for name in rows] == pytest.approx([0.0, 1.0, 0.5])
+    assert (found["rule"].low, found["rule"].high) == pytest.approx((0.5, 0.5))
+    del rows[CAUSAL]
+    assert all(np.isnan(each.score.value) for each in compare(rows, ["rule"], 0.05))
+
+
 class Watching(Policy):
     """Keeps what it sees."""
 
@@ -81,11 +93,11 @@ def test_the_table_is_the_same_with_processes(
 ) -> None:
     path = tmp_path / "brief.toml"
     path.write_text(tomli_w.dumps(BRIEF))
-    command = ["--family", str(path), "--jobs", "5", "--episodes", "1", "--policies", "rescaled_grid_search"]
+    command = ["--family", str(path), "--jobs", "5", "--episodes", "1", "--policies", "predictive", "causal", "--forgetful"]
     assert main(command) == 0
     printed = capsys.readouterr().out
     assert printed.startswith("brief, unseen_jobs, 5 jobs")
-    assert "held optimum" in printed
+    assert all(name in printed for name in ("held optimum", "causal", "predictive, forgetful"))
     assert main([*command, "--workers", "2", "--keep", str(tmp_path / "kept")]) == 0
     assert capsys.readouterr().out == printed
     monkeypatch.setattr(family, "played", None)  # nothing is played again

@@ -9,10 +9,10 @@ import pytest
 import torch
 from scipy.stats import norm
 
-from baselines.models.edge_value import USED_LIVES
+from baselines.models.edge_value import USED_LIVES, worth
 from train.analytic_actor import ACTUAL, TargetCommands
 from train.analytic_gradient import HindsightVecEnv
-from train.model_gain import FIELDS, POINTS, ModelGain, Truth
+from train.model_gain import FIELDS, POINTS, WINDOW_EDGE, ModelGain, Truth
 from turning_env import Scenario
 from turning_env.vector_env import info_at_end_of_step
 
@@ -292,6 +292,30 @@ def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None
     life = (gain(*given)[0] - dear(*given)[0]).sum(0).numpy() / 1000.0
     used = (after[:, USED_LIFE] - before[:, USED_LIFE]).sum(0)
     assert 0.7 < np.median(life / used) < 1.4  # inserts wear more or less than the nominal one
+
+
+def test_outside_the_chip_breakers_window_the_cost_grows_to_that_of_tangled_chips() -> None:
+    swarf = {"tangle_rate": 0.5, "tangle_time": 2.0, "chip_feed_min": 0.2, "chip_feed_max": 0.4}
+    tangling = Scenario.load({"swarf": swarf})
+    assert tangling.feed_range == (0.2, 0.4)
+    assert BASE.feed_range == (0.06, 0.6)
+    prices = worth(BASE, BASE.economics.overload_price)
+    models = ModelGain(BASE, prices), ModelGain(tangling, prices)
+    truth = truth_of(state(100.0), state(110.0))
+
+    def gains(feed: float) -> list[float]:
+        log_speed, log_feed = (torch.tensor([[math.log(each)]], dtype=torch.float32) for each in (120.0, feed))
+        return [float(model(log_speed, log_feed, log_speed.exp(), log_feed.exp(), truth)[0]) for model in models]
+
+    for feed, share in (
+        (0.2, 0.0),
+        (0.3, 0.0),
+        (0.4, 0.0),
+        (0.4 * math.exp(WINDOW_EDGE), 1.0),
+        (0.2 * math.exp(-WINDOW_EDGE / 2), 0.5),
+    ):
+        without, with_window = gains(feed)
+        assert without - with_window == pytest.approx(share * 0.5 * 2.0 * prices.time, abs=2e-3), feed
 
 
 def test_edges_that_are_changed_on_command_have_not_failed() -> None:

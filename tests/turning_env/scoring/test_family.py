@@ -6,7 +6,8 @@ import pytest
 from leaderboard.family import told_the_truth
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import Family
-from turning_env.scoring.family import HeldOptimum, play_family, play_jobs, relative
+from turning_env.physics.quantities import OBS
+from turning_env.scoring.family import Forgetful, HeldOptimum, play_family, play_jobs, relative
 from turning_env.scoring.policy import Policy
 
 FAMILY = Family.load(BRIEF)
@@ -34,6 +35,29 @@ def test_the_anchor_holds_the_nominal_models_best_set_point():
     work = job.scenario.workpiece
     steady = job.cutting_speed * job.feed * work.depth_of_cut * held["engaged_time"] / 60.0
     assert held["removed"] == pytest.approx(steady, rel=0.3)
+
+
+class Counting(Policy):
+    """Counts what it is told to forget."""
+
+    def __init__(self):
+        self.forgotten = np.zeros(2, np.int64)
+
+    def reset(self, mask):
+        self.forgotten += mask
+
+    def act(self, observations):
+        return np.zeros((len(observations), 3), np.float32)
+
+
+def test_a_forgetful_policy_is_reset_where_the_edge_is_fresh():
+    counting = Counting()
+    forgetful = Forgetful(counting)
+    for wear in ((0.0, 0.0), (0.2, 0.1), (0.3, 0.0), (0.4, 0.1)):
+        observations = np.zeros((2, 11), np.float32)
+        observations[:, OBS.nominal_wear] = wear
+        forgetful.act(observations)
+    assert counting.forgotten.tolist() == [0, 1]
 
 
 def test_told_the_truth_nothing_is_wrong_but_the_process_is_the_same():
