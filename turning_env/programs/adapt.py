@@ -89,6 +89,7 @@ class _Search:
         self.start_wear = wear
         self.before = before = play(situation, wear)
         self.text = s.moves.program.text
+        self.words = {line.number: line.words for part in s.moves.program.parts.values() for line in part}
         keys: dict[Key, int] = {}
         feeds, speeds = np.full(len(s.removal.slices.move), -1), np.full(len(s.removal.slices.move), -1)
         for number, move in enumerate(s.moves.moves):
@@ -125,8 +126,8 @@ class _Search:
 
     def _key(self, address: str, span: tuple[int, int] | None, line: int, where: Where) -> Key | None:
         own = span is not None and self.text.count("\n", 0, span[0]) + 1 == line
-        code = self.situation.moves.program.line_text(line).upper()
-        if where == "words" or own or "CYCLE95" in code:
+        words = self.words.get(line, ())
+        if where == "words" or own or any(word.address == "CYCLE95" or word.address == address for word in words):
             return None if span is None else (address, self.text.count("\n", 0, span[0]) + 1, span)
         return address, line, None
 

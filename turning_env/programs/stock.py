@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from turning_env.extras import needed
 from turning_env.programs.moves import Moves
+from turning_env.programs.paths import Point
 from turning_env.programs.program import NcError
-from turning_env.programs.roughing import Point
 
 with needed():
     import shapely

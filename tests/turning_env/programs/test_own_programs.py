@@ -22,8 +22,8 @@ from turning_env.__main__ import main
 from turning_env.programs.blocks import divide, read_program_file
 from turning_env.programs.cutting import Machine, Situation, motion, play
 from turning_env.programs.moves import Moves, run
+from turning_env.programs.paths import Path as ToolPath
 from turning_env.programs.program import NcError
-from turning_env.programs.roughing import Path as ToolPath
 from turning_env.programs.roughing import Roughing, passes
 from turning_env.programs.stock import guessed_stock, read_stock, remove, tool_shape, volume
 
