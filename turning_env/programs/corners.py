@@ -36,7 +36,7 @@ def break_corner(before: Path, after: Path, corner: Corner) -> tuple[Path, Path 
     half = 0.5 * abs(turn)
     cut = corner.size * {"legs": 1.0, "chord": 0.5 / math.cos(half), "radius": math.tan(half)}[corner.kind]
     if cut > min(before.length, after.length) + 1e-6:
-        raise Problem(f"a chamfer or a radius of {corner.size:g} mm takes {cut:.3f} mm of moves that are shorter")
+        raise Problem(f"the chamfer or radius of line {corner.line} takes {cut:.3f} mm of a move that is shorter")
     start, end = _along(before.end, first, -cut), _along(after.start, second, cut)
     centre = None
     if corner.kind == "radius":

@@ -53,7 +53,9 @@ class Modal:
 
     def note(self, text: str) -> None:
         """Note something about the present line."""
-        self.notes.setdefault(self.line.number, text)
+        noted = self.notes.get(self.line.number, "")
+        if text not in noted:
+            self.notes[self.line.number] = f"{noted}; {text}" if noted else text
 
     def set_units_and_modes(self, codes: set[float]) -> None:
         """Set units, modes of coordinates and the kind of feed."""
