@@ -1,5 +1,6 @@
 """The collection: the same moves and times as LinuxCNC, the metal of the polygons, and shorter times at equal limits."""
 
+import itertools
 import math
 import re
 from pathlib import Path
@@ -11,7 +12,7 @@ pytest.importorskip("shapely")
 
 from examples.adapt_programs import COLLECTION, WEAR, path_of, situation_of
 from tests.turning_env.programs.linuxcnc import INSTALLED, Canonical, canonical, translated
-from turning_env.programs.adapt import adapt
+from turning_env.programs.adapt import adapt, schedule
 from turning_env.programs.cutting import Machine, motion, play
 from turning_env.programs.report import summary
 from turning_env.programs.stock import volume
@@ -83,6 +84,19 @@ def test_the_collection_takes_a_tenth_less_time_at_equal_limits() -> None:
             before += first.time
             after += summary(second.situation, second.played).time
     assert after < 0.9 * before
+
+
+@pytest.mark.parametrize("name", ["flange", "bolzen_radius"])
+def test_a_schedule_by_position_keeps_limits_and_is_shortest(name: str) -> None:
+    situation = situation_of(name)
+    before, blocks = play(situation, WEAR), adapt(situation, WEAR, "blocks").played
+    sections, played = schedule(situation, WEAR)
+    assert played.load.max() <= 1.001
+    assert played.used_life.sum() <= before.used_life.sum() * 1.001
+    assert played.time.sum() <= 1.001 * blocks.time.sum()
+    here = [each for each in sections if each.line == sections[-1].line]
+    assert all(first.z[1] == second.z[0] for first, second in itertools.pairwise(here))
+    assert {each.line for each in sections} == set(situation.line[situation.engaged].tolist())
 
 
 def test_finishing_keeps_its_feed() -> None:

@@ -62,7 +62,7 @@ def test_a_chamfer_of_an_obtuse_corner_is_as_long_as_written() -> None:
     [
         ("G21 G99 T0101\nG97 S500 M3\n#100=-20.\n#2=[#100*2.+4.]\nG0 X#100 Z2.\nG1 X[10.-#2] Z#2 F[1./5.]", (-36.0, 23.0), 0.2),
         (
-            "G90 G95 G71 DIAMON\nG97 S500 M4\nR1=5\nR2=-R1*2 R3=R1/20\nR2=R2-1\nG0 X60 Z0\nG1 X=R1+20 Z=IC(R2) F=R3 ; /",
+            "G90 G95 G71 DIAMON\nG97 S500 M4\nR1=5\nR2=-R1*2 R3=R1/20\nR2=R2-1\nG0 X60 Z0\nG1 X=R1+20 Z=IC(R2) F=R3",
             (-11.0, 12.5),
             0.25,
         ),
@@ -73,7 +73,7 @@ def test_variables_are_computed(text: str, end: tuple[float, float], feed: float
     last = moves(text).moves[-1]
     assert last.path.end == pytest.approx(end)
     assert last.feed.value == pytest.approx(feed)
-    assert (last.feed.span is None) == ("/" in text)  # only a plain number can be changed
+    assert (last.feed.span is None) == (feed != 0.1)  # only a plain number can be changed
 
 
 # Roughing.

@@ -374,6 +374,10 @@ def test_the_command_plays_and_adapts(tmp_path: Path, capsys: pytest.CaptureFixt
     assert found["adapted"]["totals"]["time"] < 0.9 * found["totals"]["time"]
     again = run(read_program_file(out))
     assert [move.path for move in again.moves] == [move.path for move in situation_of("welle").moves.moves]
+    table = tmp_path / "welle.simulated.csv"
+    assert main(options("welle", "--adapt", "positions", "--out", str(table), "--json")) == 0
+    sections = json.loads(capsys.readouterr().out)["adapted"]["sections"]
+    assert len(table.read_text().splitlines()) == 1 + len(sections)
     assert main(options("welle")) == 0
     printed = capsys.readouterr().out
     assert f"cycle time: {found['totals']['time']:.1f} s" in printed
