@@ -112,7 +112,7 @@ def schedule(
 ) -> tuple[list[Section], Play]:
     """Return the feeds by position that make the program shortest, and their play; see ``adapt``.
 
-    Feeds are constant within a section, and speeds within a block.
+    Feeds are constant within a section, and speeds within a block. In air, the programmed values stay.
     """
     search = _Search(situation, wear, "positions", finishing_depth)
     played = play(situation, wear, *search.settings(search.within_life(life * _LIFE_MARGIN)))
