@@ -418,7 +418,7 @@ def test_the_page_prints_what_the_commands_print(
         played += 1
         for line in printed.splitlines():
             assert line == "..." or line in found
-    assert played == 2
+    assert played == 3
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
