@@ -24,6 +24,8 @@ _LIFE_MARGIN = 0.998
 """Share of the allowed life that is planned for, as words are rounded."""
 _MIN_PRICE, _MAX_PRICE = 1.0, 1e6
 """Range of prices of an edge's life that are tried [s]."""
+_PRICE_STEP = 1.02
+"""Ratio of prices that is not told apart [-]."""
 _CANDIDATES = 61
 
 SAME_DEPTH = 0.02
@@ -62,7 +64,7 @@ def adapt(
     finishing_depth: float = FINISHING_DEPTH,
     go_on: bool = False,
 ) -> Adapted:
-    """Return the program with the feeds and speeds that make it shortest.
+    """Return the program with the feeds and speeds that make it shortest; unchanged if none make it shorter.
 
     Args:
         situation: the program as it is.
@@ -83,7 +85,10 @@ def adapt(
     if [move.path for move in moves.moves] != [move.path for move in situation.moves.moves]:
         raise NcError("the program with other feeds and speeds makes other moves: a word of it cannot be changed alone")
     again = Situation(situation.scenario, situation.machine, moves, situation.removal)
-    return Adapted(text, changes, again, play(again, wear))
+    played, before = play(again, wear), search.before
+    if life >= 1.0 and before.load.max() <= 1.0 and before.time.sum() <= played.time.sum():  # it is as short as it can be
+        return Adapted(search.text, (), situation, before)
+    return Adapted(text, changes, again, played)
 
 
 @dataclass(frozen=True)
@@ -212,7 +217,7 @@ class _Search:
             mine = tools == tool
             allowed = share * float(self.before.used_life[mine].sum())
             low, high, price = _MIN_PRICE, _MAX_PRICE, 0.0
-            while high > 1.2 * low and allowed > 0.0:
+            while high > _PRICE_STEP * low and allowed > 0.0:
                 prices[mine] = price
                 if self.used_life(self.best(prices))[mine].sum() > allowed:
                     low = max(price, low)

@@ -44,7 +44,7 @@ def _insert(first: float, second: float) -> tuple[Point, ...]:
 TOOLS: dict[str, tuple[Point, ...]] = {
     "outside": _insert(5.0, 85.0),
     "inside": _insert(-5.0, -85.0),
-    "copying": _insert(60.0, 95.0),
+    "copying": _insert(52.0, 87.0),
 }
 """Inserts by the kind of work: corners of 80 degrees for turning towards the chuck and facing; 35 degrees for copying."""
 
