@@ -181,6 +181,16 @@ def test_damaged_programs_are_read_or_refused() -> None:
         "U-5.",
         "AC(",
         "PROC A",
+        "R1=",
+        "#1=",
+        "X=R1",
+        "Z#1",
+        ",R2.",
+        "RND=1",
+        "CYCLE97(2,",
+        "G76 P1",
+        "G73 P1 Q2",
+        "U0 W0 R3",
         "ß",
     )
     for _ in range(150):
