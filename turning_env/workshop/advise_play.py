@@ -26,10 +26,14 @@ from turning_env.scoring.statistics import Bootstrap, Estimate
 from turning_env.workshop import WorkshopError
 from turning_env.workshop.advise import Advice, Prices, Step, part_volume
 
+CLOCKED = "fixed parameters", "schedule by time"
+"""Recommendations, whose edge is changed by the clock."""
 MARGINS = (1.0, 0.92, 0.85, 0.78, 0.72, 0.66, 0.6, 0.5, 0.4)
 """Factors of the recommended feed, of which the first is used that keeps the scenario's limits often enough."""
 LONGEST = 600.0
 """Largest time of an edge that is played [min]."""
+MAX_STEPS = 50_000
+"""Largest number of steps that a rule or an agent plays with an edge; of one that lasts longer, the used share counts."""
 CLOCK_INTERVAL = 1.0
 """Shortest control interval by which speed and feed follow the clock [s]; sub-steps stay as long as the scenario's."""
 
@@ -148,12 +152,13 @@ def play_all(
         WorkshopError: An agent or the rule cannot play this scenario.
     """
     prices, seeds = Prices.of(scenario), held_out_seeds(edges)
-    own = _for_one_edge(scenario, scenario.control.action)
+    control = scenario.control
+    own = _for_one_edge(scenario, control.action, min(LONGEST, MAX_STEPS * control.interval / 60.0))
     played: list[tuple[str, float, Episodes]] = []
     notes = []
     for each in advice:
         if each.aim == "least cost":
-            name = "fixed parameters" if len(each.steps) == 1 else "schedule by time"
+            name = CLOCKED[len(each.steps) > 1]
             on_play(name)
             # Its edge is changed by the clock, so an episode lasts as long as an edge.
             played.append((name, *_with_margin(clocked(scenario, each), each.steps, seeds)))
@@ -252,7 +257,9 @@ def _compared(
     """Return each policy's costs of cutting the same metal."""
     costs, minutes, volumes = {}, {}, {}
     for name, _, episodes in played:
-        edges = 1.0  # an episode ends when its edge is worn out, broken or, by the clock, changed
+        # An episode ends when its edge is worn out, broken or changed by the clock, or before if the edge lasts too long to play.
+        left_over = np.where(episodes["truncated"] > 0.0, 1.0 - episodes["used_life"], 0.0)
+        edges = 1.0 - left_over * (name not in CLOCKED)
         downtime = scenario.economics.breakage_downtime * episodes["edges_broken"]
         returns = scenario.machine.return_time * episodes["removed"] / part_volume(scenario)
         minutes[name] = episodes["time"] / 60.0 + returns + prices.change_time * edges + downtime

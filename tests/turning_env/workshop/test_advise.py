@@ -107,6 +107,16 @@ def test_a_year_is_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 @pytest.mark.slow
+def test_of_an_edge_that_lasts_too_long_to_play_its_used_share_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = Scenario.load(EVEN | {"economics": MONEY})
+    found = advise(scenario, Evidence())[2:4]
+    whole = play_all(scenario, found, [], "fixed_handbook", 1000.0, 2).years[2]
+    monkeypatch.setattr("turning_env.workshop.advise_play.MAX_STEPS", 200)
+    part = play_all(scenario, found, [], "fixed_handbook", 1000.0, 2).years[2]
+    assert part.cost.value == pytest.approx(whole.cost.value, rel=0.05)
+
+
+@pytest.mark.slow
 def test_the_best_rule_and_an_agent_save(tmp_path: Path) -> None:
     weaker = Scenario.load({"limits": {"power": 6.5}})
     assert not [year for year in play_all(weaker, advise(weaker, Evidence()), [], None, 1000.0, 2).years if "agent" in year.name]
