@@ -49,6 +49,8 @@ def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequen
     u, w = line.number_of("U") or 0.0, line.number_of("W") or 0.0
     allowance = w * control.length_scale, control.scaled_x(u, True)
     if code == 73:
+        if control.repeats == 0:
+            raise Problem("G73 needs a block before it that says how often it repeats its contour: R")
         _add_passes(control, repeated(contour, start, allowance, control.pattern, control.repeats))
         return ends + 1
     if control.depth <= 0.0:
@@ -65,7 +67,7 @@ def _first_block(control: "Control", code: int, line: Line) -> None:
         control.pattern = words[0] * control.length_scale, words[1] * control.length_scale
         count = line.number_of("D" if whole else "R") or 0.0
         if not (count == int(count) and 1 <= count <= MAX_REPEATS):
-            raise Problem(f"G73 repeats its contour {count:g} times, but must 1 to {MAX_REPEATS} times, a whole number")
+            raise Problem(f"G73 repeats its contour {count:g} times, but must do so 1 to {MAX_REPEATS} times")
         control.repeats = int(count)
         return
     depth = line.first("D" if whole else "W" if code == 72 else "U")

@@ -87,9 +87,8 @@ class Modal:
         if word is not None and word.value is not None:
             if word.value < 0:
                 raise Problem(f"F{word.text} is negative")
-            feed = Setting(word.value * self.feed_scale, word.span, self.feed_scale)
-            if not (33 in codes or 32 in codes):
-                self.feed = feed
+            lead = self.fanuc and bool(codes & {32, 33, 76})  # of a thread: it stays in force, but must not change
+            self.feed = Setting(word.value * self.feed_scale, None if lead else word.span, self.feed_scale)
         limits = codes & ({50, 92} if self.fanuc else {25, 26})
         spindle = line.first("S", "S1")
         lims = line.number_of("LIMS") or (line.number_of("D") if self.fanuc and 96 in codes else None)

@@ -142,6 +142,15 @@ def test_threads_leave_their_allowance_and_taper() -> None:
     assert "load is not computed" in " ".join(made.notes)
 
 
+def test_the_lead_of_a_thread_is_never_adapted() -> None:
+    text = (
+        f"{FANUC}G97 S600\nG0 X32. Z6.\nG76 P010060 Q50 R0.1\nG76 X28. Z-34. P1000 Q400 F2.\nG32 Z-40. F1.5\nG1 X50. Z-45.\nM30"
+    )
+    last = moves(text).moves[-1]
+    assert last.feed.value == 1.5  # as on the control, F stays in force
+    assert last.feed.span is None
+
+
 @pytest.mark.parametrize(("variant", "roots"), [(1, (14.55, 14.1, 14.0, 14.0)), (3, (14.364, 14.1, 14.0, 14.0))])
 def test_cycle97_cuts_its_passes(variant: int, roots: tuple[float, ...]) -> None:
     made = moves(f"{SINUMERIK}CYCLE97(1.5,,0,-32,30,30,6,2,1,0.1,30,0,2,1,{variant},1)\nG1 X50\nM30")

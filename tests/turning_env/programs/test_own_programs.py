@@ -106,6 +106,8 @@ def test_programs_and_their_sub_programs_are_run(text: str, ends: str) -> None:
         (FANUC, "M98 P7", "M98 P7 L0", 10, "0 times"),
         (FANUC, "M98 P7", "G71 P100 Q200", 10, "N100 to N200"),
         (FANUC, "M98 P7", "G71 U2. R1.\nG71 P90 Q100", 11, "contour"),
+        (FANUC, "M98 P7", "G73 P300 Q301\nN300 G1 X58.\nN301 Z0.", 10, "how often"),
+        (FANUC, "M98 P7", "G73 U5. R0.5", 10, "0.5 times"),
         (FANUC, "M98 P7", "M98 P-7", 10, "no sub-program"),
         (FANUC, "M98 P7", "G4", 10, "time"),
         (FANUC, "M98 P7", "G4 P-5", 10, "not be below 0"),
