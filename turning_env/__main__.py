@@ -20,6 +20,7 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -361,7 +362,10 @@ def _advise(options: argparse.Namespace) -> int:
 
         text = render(scenario, evidence, found)
         replace_file(options.page, lambda partial: partial.write_text(text, "utf-8"))
-    played = play_all(scenario, found, options.agent, options.rule, options.hours, options.seeds) if options.seeds else None
+    played = None
+    if options.seeds:
+        told = partial(print, "playing", file=sys.stderr, flush=True)
+        played = play_all(scenario, found, options.agent, options.rule, options.hours, options.seeds, told)
     if options.json:
         print_json({"advice": [each._asdict() for each in found], "played": played})
         return 0

@@ -2,6 +2,8 @@
 
 Every F word, and every S word of a constant cutting speed, gets the constant value that makes the program shortest within the
 scenario's limits of force and power, the machine's range, and the tool life that the program used before.
+
+Within a block the depth of cut changes, but no word can. ``schedule`` therefore gives a table of feeds by position instead.
 """
 
 import math
@@ -22,9 +24,14 @@ _LIFE_MARGIN = 0.998
 """Share of the allowed life that is planned for, as words are rounded."""
 _MIN_PRICE, _MAX_PRICE = 1.0, 1e6
 """Range of prices of an edge's life that are tried [s]."""
+_PRICE_STEP = 1.02
+"""Ratio of prices that is not told apart [-]."""
 _CANDIDATES = 61
 
-Where = Literal["words", "blocks"]
+SAME_DEPTH = 0.02
+"""Relative difference of depths up to which slices of a move are one section of a schedule [-]."""
+
+Where = Literal["words", "blocks", "positions"]
 Key = tuple[str, int, tuple[int, int] | None]
 """Key of a value: address, line, and the place of the number in it; None where a word is put in."""
 
@@ -57,7 +64,7 @@ def adapt(
     finishing_depth: float = FINISHING_DEPTH,
     go_on: bool = False,
 ) -> Adapted:
-    """Return the program with the feeds and speeds that make it shortest.
+    """Return the program with the feeds and speeds that make it shortest; unchanged if none make it shorter.
 
     Args:
         situation: the program as it is.
@@ -78,7 +85,60 @@ def adapt(
     if [move.path for move in moves.moves] != [move.path for move in situation.moves.moves]:
         raise NcError("the program with other feeds and speeds makes other moves: a word of it cannot be changed alone")
     again = Situation(situation.scenario, situation.machine, moves, situation.removal)
-    return Adapted(text, changes, again, play(again, wear))
+    played, before = play(again, wear), search.before
+    if life >= 1.0 and before.load.max() <= 1.0 and before.time.sum() <= played.time.sum():  # it is as short as it can be
+        return Adapted(search.text, (), situation, before)
+    return Adapted(text, changes, again, played)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A stretch of a move in metal, and its feed and speed in a schedule by position."""
+
+    line: int
+    cycle_pass: int
+    """Number of the pass within a cycle; 0 outside."""
+    tool: str
+    z: tuple[float, float]
+    """From and to [mm]."""
+    diameter: tuple[float, float]
+    """From and to [mm]."""
+    depth: float
+    """Largest depth of cut [mm]."""
+    feed: float  # [mm/rev]
+    override: float
+    """Over the programmed feed [-]."""
+    cutting_speed: float
+    """Highest [m/min]."""
+
+
+def schedule(
+    situation: Situation, wear: float, life: float = 1.0, finishing_depth: float = FINISHING_DEPTH
+) -> tuple[list[Section], Play]:
+    """Return the feeds by position that make the program shortest, and their play; see ``adapt``.
+
+    Feeds are constant within a section, and speeds within a block. In air, the programmed values stay.
+    """
+    search = _Search(situation, wear, "positions", finishing_depth)
+    played = play(situation, wear, *search.settings(search.within_life(life * _LIFE_MARGIN)))
+    slices, moves = situation.removal.slices, situation.moves.moves
+    on = np.flatnonzero(situation.engaged)
+    breaks = np.flatnonzero((np.diff(on) > 1) | (np.diff(slices.move[on]) > 0) | (np.abs(np.diff(played.feed[on])) > 1e-9)) + 1
+    sections = []
+    for group in np.split(on, breaks) if len(on) else []:
+        first, last = group[0], group[-1]
+        move = moves[slices.move[first]]
+        z, x = move.path.start
+        if first > 0 and slices.move[first - 1] == slices.move[first]:
+            z, x = slices.z[first - 1], slices.x[first - 1]
+        sections.append(
+            Section(
+                *(move.line, move.cycle_pass, move.tool, (float(z), float(slices.z[last]))),
+                *((2.0 * float(x), 2.0 * float(slices.x[last])), float(slices.depth[group].max()), float(played.feed[first])),
+                *(float(played.feed[first] / search.before.feed[first]), float(played.cutting_speed[group].max())),
+            )
+        )
+    return sections, played
 
 
 class _Search:
@@ -89,6 +149,7 @@ class _Search:
         self.start_wear = wear
         self.before = before = play(situation, wear)
         self.text = s.moves.program.text
+        self.words = {line.number: line.words for part in s.moves.program.parts.values() for line in part}
         keys: dict[Key, int] = {}
         feeds, speeds = np.full(len(s.removal.slices.move), -1), np.full(len(s.removal.slices.move), -1)
         for number, move in enumerate(s.moves.moves):
@@ -118,15 +179,33 @@ class _Search:
             for key in np.unique(feeds[feeds >= 0])
             if s.finishing(feeds == key, finishing_depth)
         }
+        if where == "positions":
+            self._divide()
         # Loads are judged at the wear that the program leaves, tool by tool, so that they hold at the end too.
         self.wear = np.zeros(len(s.removal.slices.move))
         for tool in dict.fromkeys(s.tool.tolist()):
             self.wear[s.tool == tool] = before.wear[s.tool == tool].max()
 
+    def _divide(self) -> None:
+        """Give sections of about the same depth feeds of their own, except for finishing."""
+        slices = self.situation.removal.slices
+        keys, scales = self.feed_of.copy(), list(self.scales)
+        begun = last = -1
+        for index in np.flatnonzero(
+            self.situation.engaged & (self.feed_of >= 0) & ~np.isin(self.feed_of, list(self.fixed))
+        ).tolist():
+            alike = abs(slices.depth[index] - slices.depth[begun]) <= SAME_DEPTH * slices.depth[begun]
+            if begun < 0 or index != last + 1 or slices.move[index] != slices.move[begun] or not alike:
+                begun = index
+                scales.append(self.scales[self.feed_of[index]])
+                self.keys.append(("F", 0, None))
+            keys[index], last = len(self.keys) - 1, index
+        self.feed_of, self.scales = keys, np.array(scales)
+
     def _key(self, address: str, span: tuple[int, int] | None, line: int, where: Where) -> Key | None:
         own = span is not None and self.text.count("\n", 0, span[0]) + 1 == line
-        code = self.situation.moves.program.line_text(line).upper()
-        if where == "words" or own or "CYCLE95" in code:
+        words = self.words.get(line, ())
+        if where == "words" or own or any(word.address == "CYCLE95" or word.address == address for word in words):
             return None if span is None else (address, self.text.count("\n", 0, span[0]) + 1, span)
         return address, line, None
 
@@ -138,7 +217,7 @@ class _Search:
             mine = tools == tool
             allowed = share * float(self.before.used_life[mine].sum())
             low, high, price = _MIN_PRICE, _MAX_PRICE, 0.0
-            while high > 1.2 * low and allowed > 0.0:
+            while high > _PRICE_STEP * low and allowed > 0.0:
                 prices[mine] = price
                 if self.used_life(self.best(prices))[mine].sum() > allowed:
                     low = max(price, low)
@@ -238,12 +317,13 @@ class _Search:
         step = float(self.scales[key] * 10.0 ** -(FEED_DECIMALS if self.scales[key] == 1.0 else FEED_DECIMALS_INCH))
         return max(math.floor(feed / step + 1e-9), math.ceil(self.situation.feed_range[0] / step - 1e-9)) * step
 
-    def _settings(self, values: Values) -> tuple[Values, Values]:
+    def settings(self, values: Values) -> tuple[Values, Values]:
+        """Return feed and speed of every slice, as programmed where no value sets them."""
         return np.where(self.feed_of >= 0, values[self.feed_of], self.situation.feed), self._speed(values)
 
     def used_life(self, values: Values) -> Values:
         """Return the share of an edge's life that every slice would use [-]."""
-        return play(self.situation, self.start_wear, *self._settings(values)).used_life
+        return play(self.situation, self.start_wear, *self.settings(values)).used_life
 
     def written(self, values: Values) -> tuple[str, tuple[Change, ...]]:
         """Return the text with the values in its words, and the words that changed."""

@@ -5,21 +5,28 @@ Every word keeps its place in the text, so that a program can be written back wi
 
 import re
 import string
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+from turning_env.programs.expression import parse
 from turning_env.programs.program import NcError
 
 Dialect = Literal["fanuc", "sinumerik"]
 MAX_BYTES, MAX_LINES = 2_000_000, 50_000
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
-_FANUC_WORD = re.compile(rf"(?P<letter>[A-Z])\s*(?P<number>{NUMBER})")
+_FANUC_VALUE = rf"{NUMBER}|[+-]?(?:\#\d+|\[(?:[^\[\]]|\[[^\[\]]*\])*\])"
+_FANUC_WORD = re.compile(
+    rf"(?P<name>\#\d+)\s*=\s*(?P<value>[^=]+) | (?P<letter>[A-Z]|,\s*[A-Z])\s*(?P<number>{_FANUC_VALUE})", re.VERBOSE
+)
+_TERM = rf"(?:R\d+|{NUMBER}|\((?:[^()]|\([^()]*\))*\))"
+_SINUMERIK_VALUE = rf"[+-]?\s*{_TERM}(?:\s*[-+*/]\s*{_TERM})*"
 _SINUMERIK_WORD = re.compile(
-    rf"""(?P<letter>[A-Z])(?P<number>{NUMBER})(?![=_(\d.]) |
+    rf"""(?P<letter>[A-Z])(?P<number>{NUMBER})(?!\s*=|[_(\d.]) |
     (?P<name>[A-Z_][A-Z_0-9]*)(?:
-        \s*=\s*(?:(?P<mode>AC|IC)\(\s*)?(?:(?P<value>{NUMBER})|"(?P<string>[^"]*)")(?(mode)\s*\)) |
+        \s*=\s*(?:(?P<mode>AC|IC)\(\s*)?(?:(?P<value>{_SINUMERIK_VALUE})|"(?P<string>[^"]*)")(?(mode)\s*\)) |
         \s*\((?P<arguments>(?:[^()"]|"[^"]*")*)\) |
         (?P<label>:(?!=)) |
         (?![=(\w])
@@ -29,7 +36,7 @@ _SINUMERIK_WORD = re.compile(
 _UPPER = {ord(letter): letter.upper() for letter in string.ascii_lowercase}
 """Only letters of words: others may become two, which would shift places."""
 _SIGNS_OF_SINUMERIK = re.compile(
-    r"""^\s*%_N_ | ^\s*;\$PATH | \b(?:CYCLE\d+|MSG)\s*\( | \b(?:LIMS|CR)\s*= | \bT\s*=\s*" | \bT\d+[ ]+D\d+\b |
+    r"""^\s*%_N_ | ^\s*;\$PATH | \b(?:CYCLE\d+|MSG)\s*\( | \b(?:LIMS|CR|CHF|CHR|RNDM?|R\d+)\s*= | \bT\s*=\s*" | \bT\d+[ ]+D\d+\b |
     \b(?:DIAMON|DIAMOF|DIAM90|PROC|RET|M17|G500|G700|G710)\b""",
     re.MULTILINE | re.VERBOSE,
 )
@@ -39,16 +46,23 @@ _SUB_PROGRAM = {
 }
 
 
+class Problem(ValueError):
+    """A block that is not understood."""
+
+
 @dataclass(frozen=True)
 class Word:
     """A word of a block: an address with a value, a call with arguments, or a name."""
 
     address: str
+    """Letter or name; a variable that the word assigns, such as ``R1`` or ``#100``; with a comma, ``,C`` or ``,R``."""
     value: float | None = None
     text: str = ""
     """The value as it is written; the text of a string."""
-    span: tuple[int, int] = (0, 0)
-    """Place of the value in the program's text."""
+    span: tuple[int, int] | None = None
+    """Place of the number in the program's text; None if it is computed."""
+    expression: str = ""
+    """What the value is computed from while the program runs."""
     mode: str = ""
     """``AC`` or ``IC``: absolute or incremental, whatever G90 or G91 says."""
     arguments: tuple[tuple[str, tuple[int, int]], ...] | None = None
@@ -77,6 +91,32 @@ class Line:
         """Return the value of the first word with the address."""
         word = self.first(address)
         return None if word is None else word.value
+
+    def with_values(self, variables: Mapping[str, float]) -> "Line":
+        """Return the line with the values of its expressions.
+
+        Raises:
+            Problem: a variable has no value, or an expression is not understood.
+        """
+        if not any(word.expression for word in self.words):
+            return self
+        return replace(self, words=tuple(_evaluated(word, variables) for word in self.words))
+
+
+def _evaluated(word: Word, variables: Mapping[str, float]) -> Word:
+    if not word.expression:
+        return word
+    for name in re.findall(r"#\d+|R\d+", word.expression):
+        if name not in variables:
+            raise Problem(f"the variable {name} has no value")
+    text = re.sub(r"(?:#|R)(\d+)", r"$R[\1]", word.expression.translate(str.maketrans("[]", "()")))
+    text = re.sub(r"(^|\()\s*([+-])", r"\g<1>0\2", text)
+    readable = {f"$R[{name.lstrip('#R')}]": value for name, value in variables.items()}
+    try:
+        value = parse(text, readable).value(readable)
+    except (ValueError, ZeroDivisionError) as error:
+        raise Problem(f"{word.expression!r} is not understood: {error}") from None
+    return replace(word, value=value, text=f"{value:.6f}")
 
 
 @dataclass(frozen=True)
@@ -181,11 +221,13 @@ def _word(match: re.Match[str], offset: int) -> Word:
         return match.start(group) + offset, match.end(group) + offset
 
     groups = match.groupdict()
-    if groups["letter"]:
-        return Word(groups["letter"], float(groups["number"]), groups["number"], span("number"))
+    for address, group in ((groups["letter"], "number"), (groups["name"], "value")):
+        if address and groups[group] is not None:
+            address, text, mode = re.sub(r"\s", "", address), groups[group].strip(), groups.get("mode") or ""
+            if re.fullmatch(NUMBER, text):
+                return Word(address, float(text), text, span(group), mode=mode)
+            return Word(address, expression=text, mode=mode)
     name = groups["name"]
-    if groups["value"] is not None:
-        return Word(name, float(groups["value"]), groups["value"], span("value"), groups["mode"] or "")
     if groups["string"] is not None:
         return Word(name, None, groups["string"], span("string"))
     if groups["arguments"] is not None:

@@ -13,8 +13,8 @@ from turning_env.programs.program import NcError
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
-    from turning_env.programs.adapt import Adapted
     from turning_env.programs.moves import Moves
+    from turning_env.programs.report import Summary
 
 WARNING = "simulation output: not for a machine without review"
 MARK = ".simulated"
@@ -26,7 +26,8 @@ def program(options: argparse.Namespace) -> int:
     The program is Fanuc's (ISO) or SINUMERIK's. What is not understood is named with its line. All values are nominal.
 
     --adapt changes only F and S words, so that the program takes least time within the scenario's limits and without using
-    more tool life. The adapted program is simulation output. Do not run it on a machine without review.
+    more tool life. Within a block no word can change: --adapt positions makes a table (CSV) of feeds by position instead. The
+    adapted program is simulation output. Do not run it on a machine without review.
 
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --figure part.png
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --adapt words --out part.simulated.mpf
@@ -56,44 +57,47 @@ def program(options: argparse.Namespace) -> int:
     played = cutting.play(situation, wear)
     rows = report.rows(situation, played)
     totals = report.summary(situation, played)
-    adapted = (
-        adapt.adapt(situation, wear, options.adapt, options.life, options.finishing, options.go_on) if options.adapt else None
-    )
+    adapted = sections = None
+    if options.adapt == "positions":
+        sections, scheduled = adapt.schedule(situation, wear, options.life, options.finishing)
+        after = report.summary(situation, scheduled)
+    elif options.adapt:
+        adapted = adapt.adapt(situation, wear, options.adapt, options.life, options.finishing, options.go_on)
+        after = report.summary(adapted.situation, adapted.played)
     if options.figure:
         plot_style.save(picture.draw(situation, played, f"{options.program.name}, {scenario.name}"), options.figure)
-    if adapted is not None and options.out:
-        data = adapted.text.encode("latin-1")
+    if options.out:
+        data = adapted.text.encode("latin-1") if adapted else report.schedule_table(sections or []).encode()
         replace_file(options.out, lambda partial: partial.write_bytes(data))
     results: dict[str, Any] = {"program": str(options.program), "dialect": text.dialect, "scenario": scenario.name, "wear": wear}
     results |= {"totals": asdict(totals), "blocks": report.as_records(rows), "notes": notes}
-    if adapted is not None:
-        after = report.summary(adapted.situation, adapted.played)
-        results["adapted"] = {
-            "totals": asdict(after),
-            "changes": [asdict(change) for change in adapted.changes],
-            "warning": WARNING,
-        }
+    if options.adapt:
+        changes = [asdict(change) for change in adapted.changes] if adapted else []
+        results["adapted"] = {"totals": asdict(after), "changes": changes, "warning": WARNING}
+    if sections is not None:
+        results["adapted"]["sections"] = [asdict(section) for section in sections]
     if options.json:
         print_json(results)
         return 0
     print(report.table(rows), "", *totals.lines(), *report.findings(rows), *(f"note: {note}" for note in notes), sep="\n")
-    if adapted is not None:
-        print("", *_comparison(totals, adapted), sep="\n")
-    print(*(path for path in (options.figure, options.out if adapted else None) if path), sep="\n")
+    if adapted:
+        changed = [f"  line {change.line}: {change.before or 'new word'} -> {change.after}" for change in adapted.changes]
+        print("", f"adapted ({WARNING}): {len(changed)} words", *changed, *_comparison(totals, after), sep="\n")
+    elif sections is not None:
+        print("", f"schedule by position ({WARNING}): {len(sections)} sections", *_comparison(totals, after), sep="\n")
+    for path in (options.figure, options.out):
+        if path:
+            print(path)
     return 0
 
 
-def _comparison(before: Any, adapted: "Adapted") -> list[str]:
-    from turning_env.programs import report
-
-    after = report.summary(adapted.situation, adapted.played)
-    changed = [f"  line {change.line}: {change.before or 'new word'} -> {change.after}" for change in adapted.changes]
+def _comparison(before: "Summary", after: "Summary") -> list[str]:
     saved = 100.0 * (1.0 - after.time / before.time)
-    heading = f"adapted ({WARNING}): {len(changed)} words"
-    times = f"cycle time: {before.time:.1f} s before, {after.time:.1f} s after: {saved:.1f} % saved"
+    change = f"{saved:.1f} % saved" if saved >= 0.0 else f"{-saved:.1f} % longer"
+    times = f"cycle time: {before.time:.1f} s before, {after.time:.1f} s after: {change}"
     load = f"highest load: {100 * before.max_load:.0f} % before, {100 * after.max_load:.0f} % after"
     lives = [sum(totals.used_life.values()) for totals in (before, after)]
-    return [heading, *changed, times, load, f"tool life per part: {100 * lives[0]:.2f} % before, {100 * lives[1]:.2f} % after"]
+    return [times, load, f"tool life per part: {100 * lives[0]:.2f} % before, {100 * lives[1]:.2f} % after"]
 
 
 def _check_out(options: argparse.Namespace) -> None:
@@ -102,7 +106,8 @@ def _check_out(options: argparse.Namespace) -> None:
     if not options.adapt:
         raise NcError("--out needs --adapt: only an adapted program is written")
     if MARK not in options.out.suffixes:
-        wanted = options.program.with_suffix(f"{MARK}{options.program.suffix}").name
+        suffix = ".csv" if options.adapt == "positions" else options.program.suffix
+        wanted = options.program.with_suffix(f"{MARK}{suffix}").name
         raise NcError(
             f"--out {options.out}: its name must hold {MARK}, such as {wanted}, so that nobody takes it for a tried program"
         )
@@ -140,15 +145,21 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--go-on", action="store_true", help="leave out lines that are not understood, instead of refusing the program"
     )
-    parser.add_argument("--adapt", choices=("words", "blocks"),
-                        help="adapt feeds and speeds: in the words that stand in the program, or in every block")  # fmt: skip
+    parser.add_argument("--adapt", choices=("words", "blocks", "positions"),
+                        help="adapt feeds and speeds: in the words that stand in the program, in every block, or in a table by "
+                        "position")  # fmt: skip
     parser.add_argument("--life", type=number_within(0.01, 100.0, ""), default=1.0, metavar="X",
                         help="tool life that the adapted program may use, over that before (default: %(default)g)")  # fmt: skip
     parser.add_argument("--max-feed", type=number_within(0.001, 10.0, "mm/rev"), metavar="X",
                         help="highest feed of the inserts [mm/rev] (default: the scenario's)")  # fmt: skip
     parser.add_argument("--finishing", type=number_within(0.0, 100.0, "mm"), default=0.5, metavar="X",
                         help="feeds up to this depth of cut stay: they make the surface [mm] (default: %(default)g)")  # fmt: skip
-    parser.add_argument("--out", type=Path, metavar="FILE", help=f"adapted program to write; its name must hold {MARK}")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help=f"adapted program, or table, to write; its name must hold {MARK}",
+    )
     parser.add_argument("--overwrite", action="store_true", help="replace an existing file")
     parser.add_argument("--figure", type=picture_path, metavar="FILE", help="picture of stock, passes and load: PNG, SVG or PDF")
     parser.add_argument("--json", action="store_true", help="print all results as JSON")

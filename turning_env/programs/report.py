@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from turning_env.programs.adapt import Section
 from turning_env.programs.cutting import FINISHING_DEPTH, Play, Situation, loads
 from turning_env.programs.stock import Values, volume
 
@@ -210,3 +211,15 @@ def findings(blocks: Sequence[BlockRow], count: int = 5) -> list[str]:
 def as_records(blocks: Sequence[BlockRow]) -> list[dict[str, Any]]:
     """Return rows for JSON."""
     return [asdict(row) | {"remark": row.remark} for row in blocks]
+
+
+def schedule_table(sections: Sequence[Section]) -> str:
+    """Return a schedule by position as CSV."""
+    points = "from Z [mm],to Z [mm],from diameter [mm],to diameter [mm]"
+    rows = [
+        f"{each.line},{each.cycle_pass or ''},{each.tool},"
+        + ",".join(f"{value:.3f}" for value in (*each.z, *each.diameter, each.depth, each.feed))
+        + f",{100 * each.override:.0f},{each.cutting_speed:.0f}"
+        for each in sections
+    ]
+    return "\n".join([f"line,pass,tool,{points},depth [mm],feed [mm/rev],override [%],speed [m/min]", *rows]) + "\n"

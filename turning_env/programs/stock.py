@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from turning_env.extras import needed
 from turning_env.programs.moves import Moves
+from turning_env.programs.paths import Point
 from turning_env.programs.program import NcError
-from turning_env.programs.roughing import Point
 
 with needed():
     import shapely
@@ -44,7 +44,7 @@ def _insert(first: float, second: float) -> tuple[Point, ...]:
 TOOLS: dict[str, tuple[Point, ...]] = {
     "outside": _insert(5.0, 85.0),
     "inside": _insert(-5.0, -85.0),
-    "copying": _insert(60.0, 95.0),
+    "copying": _insert(52.0, 87.0),
 }
 """Inserts by the kind of work: corners of 80 degrees for turning towards the chuck and facing; 35 degrees for copying."""
 
@@ -178,6 +178,10 @@ class Slices:
     """Depth of cut: removed area per length [mm]."""
     volume: Values
     """Removed metal [mm3]."""
+    z: Values
+    """Z of the tip at the end [mm]."""
+    x: Values
+    """Radius of the tip at the end [mm]."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +219,7 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
         if name not in known:
             raise NcError(f"tool {name!r} is not in the program, which has {', '.join(known)}")
     shapes = {name: np.array(tool_shape(tools.get(name, DEFAULT_TOOL))) for name in known}
-    rows: list[tuple[int, float, float, float, float]] = []
+    rows: list[tuple[float, ...]] = []
     notes = []
     left = stock
     threading = {move.tool for move in moves.moves if move.kind == "thread"}  # what they cut is not computed
@@ -237,13 +241,16 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
             if move.kind == "rapid":
                 cut, moment = np.zeros(count), np.zeros(count)
             middles = here[1] + (shares - 0.5 / count) * (end[1] - here[1])
+            ends = np.add(here, shares[:, np.newaxis] * np.subtract(end, here))
             for k in range(count):
-                rows.append((index, length / count, abs(middles[k]), cut[k] * count / length, 2.0 * math.pi * moment[k]))
+                rows.append(
+                    (index, length / count, abs(middles[k]), cut[k] * count / length, 2.0 * math.pi * moment[k], *ends[k])
+                )
             here = end
         if move.kind == "dwell":
-            rows.append((index, 0.0, abs(here[1]), 0.0, 0.0))
+            rows.append((index, 0.0, abs(here[1]), 0.0, 0.0, *here))
     columns = np.array(rows).T
-    slices = Slices(columns[0].astype(np.int64), *(np.maximum(column, 0.0) for column in columns[1:]))
+    slices = Slices(columns[0].astype(np.int64), *(np.maximum(column, 0.0) for column in columns[1:5]), *columns[5:])
     kinds = {name: tools.get(name, DEFAULT_TOOL) for name in known}
     return Removal(slices, stock, left, kinds, tuple(dict.fromkeys(notes)))
 

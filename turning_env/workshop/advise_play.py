@@ -1,7 +1,9 @@
 """Play recommendations and what adapts to bars and edges on the simulated lathe, and compare their costs by the year."""
 
+import bisect
 import importlib
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -24,10 +26,16 @@ from turning_env.scoring.statistics import Bootstrap, Estimate
 from turning_env.workshop import WorkshopError
 from turning_env.workshop.advise import Advice, Prices, Step, part_volume
 
+CLOCKED = "fixed parameters", "schedule by time"
+"""Recommendations, whose edge is changed by the clock."""
 MARGINS = (1.0, 0.92, 0.85, 0.78, 0.72, 0.66, 0.6, 0.5, 0.4)
 """Factors of the recommended feed, of which the first is used that keeps the scenario's limits often enough."""
 LONGEST = 600.0
 """Largest time of an edge that is played [min]."""
+MAX_STEPS = 50_000
+"""Largest number of steps that a rule or an agent plays with an edge; of one that lasts longer, the used share counts."""
+CLOCK_INTERVAL = 1.0
+"""Shortest control interval by which speed and feed follow the clock [s]; sub-steps stay as long as the scenario's."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +128,13 @@ class Clock:
 
 
 def play_all(
-    scenario: Scenario, advice: Sequence[Advice], agents: Sequence[str], rule: str | None, hours: float, edges: int
+    scenario: Scenario,
+    advice: Sequence[Advice],
+    agents: Sequence[str],
+    rule: str | None,
+    hours: float,
+    edges: int,
+    on_play: Callable[[str], object] = lambda name: None,
 ) -> Played:
     """Play the fixed parameters and the schedule of least cost, agents, and a rule if this is a clone.
 
@@ -132,17 +146,20 @@ def play_all(
         rule: A rule of ``baselines``, played if that package can be imported; if None, the best: see ``best_rule``.
         hours: Hours of work in a year.
         edges: Number of edges, one per seed.
+        on_play: Called with the name of each policy before it is played.
 
     Raises:
         WorkshopError: An agent or the rule cannot play this scenario.
     """
     prices, seeds = Prices.of(scenario), held_out_seeds(edges)
-    own = _for_one_edge(scenario, scenario.control.action)
+    control = scenario.control
+    own = _for_one_edge(scenario, control.action, min(LONGEST, MAX_STEPS * control.interval / 60.0))
     played: list[tuple[str, float, Episodes]] = []
     notes = []
     for each in advice:
         if each.aim == "least cost":
-            name = "fixed parameters" if len(each.steps) == 1 else "schedule by time"
+            name = CLOCKED[len(each.steps) > 1]
+            on_play(name)
             # Its edge is changed by the clock, so an episode lasts as long as an edge.
             played.append((name, *_with_margin(clocked(scenario, each), each.steps, seeds)))
     try:
@@ -154,9 +171,11 @@ def play_all(
             name, spec = best_rule(catalogue, scenario, own) if rule is None else (rule, catalogue.spec(rule, own, scenario))
         except (KeyError, ValueError) as error:
             raise WorkshopError(f"--rule {rule}: {error.args[0]}") from error
+        on_play(f"rule {name}")
         played.append((f"rule {name}", 1.0, play_spec(spec, own, seeds)))
         agents = agents or _shipped_agents(Path(str(catalogue.__file__)).parents[1] / "agents", scenario)
     for agent in agents:
+        on_play(f"agent {Path(agent).stem}")
         try:
             played.append((f"agent {Path(agent).stem}", 1.0, play(as_factory(agent), own, seeds)))
         except (TypeError, ValueError) as error:
@@ -197,7 +216,12 @@ def _shipped_agents(folder: Path, scenario: Scenario) -> list[str]:
 
 def clocked(scenario: Scenario, advice: Advice) -> Scenario:
     """Return the scenario with episodes as long as a recommendation uses an edge. Plain bars have no return between them."""
-    return _for_one_edge(scenario, "set_point", advice.parts[0] * (advice.cycle_time - scenario.machine.return_time))
+    control = scenario.control
+    minutes = advice.parts[0] * (advice.cycle_time - scenario.machine.return_time)
+    of_one_edge = _for_one_edge(scenario, "set_point", minutes)
+    longer = math.ceil(min(CLOCK_INTERVAL, 60.0 * minutes) / control.interval)
+    slower = {"interval": longer * control.interval, "sub_steps": longer * control.sub_steps}
+    return of_one_edge.model_copy(update={"control": of_one_edge.control.model_copy(update=slower)})
 
 
 def _for_one_edge(scenario: Scenario, action: str, minutes: float = LONGEST) -> Scenario:
@@ -209,12 +233,18 @@ def _for_one_edge(scenario: Scenario, action: str, minutes: float = LONGEST) -> 
 
 
 def _with_margin(scenario: Scenario, steps: Sequence[Step], seeds: Sequence[int]) -> tuple[float, Episodes]:
-    """Return the highest feed factor of ``MARGINS`` that keeps the limits often enough, and its episodes."""
-    for factor in MARGINS:
-        episodes = play(partial(Clock, scenario, steps, factor), scenario, seeds, tell=True)
-        if _overload(episodes) <= scenario.limits.overload_allowance:
-            break
-    return factor, episodes
+    """Return the highest feed factor of ``MARGINS`` that keeps the limits often enough, else the lowest, and its episodes."""
+    plays: dict[float, Episodes] = {}
+
+    def keeps_limits(factor: float) -> bool:
+        plays[factor] = play(partial(Clock, scenario, steps, factor), scenario, seeds, tell=True)
+        return _overload(plays[factor]) <= scenario.limits.overload_allowance
+
+    index = bisect.bisect_left(MARGINS[:-1], True, key=keeps_limits)  # overload grows with the feed
+    factor = MARGINS[index]
+    if factor not in plays:
+        keeps_limits(factor)
+    return factor, plays[factor]
 
 
 def _overload(episodes: Episodes) -> float:
@@ -227,7 +257,9 @@ def _compared(
     """Return each policy's costs of cutting the same metal."""
     costs, minutes, volumes = {}, {}, {}
     for name, _, episodes in played:
-        edges = 1.0  # an episode ends when its edge is worn out, broken or, by the clock, changed
+        # An episode ends when its edge is worn out, broken or changed by the clock, or before if the edge lasts too long to play.
+        left_over = np.where(episodes["truncated"] > 0.0, 1.0 - episodes["used_life"], 0.0)
+        edges = 1.0 - left_over * (name not in CLOCKED)
         downtime = scenario.economics.breakage_downtime * episodes["edges_broken"]
         returns = scenario.machine.return_time * episodes["removed"] / part_volume(scenario)
         minutes[name] = episodes["time"] / 60.0 + returns + prices.change_time * edges + downtime

@@ -17,15 +17,8 @@ from turning_env.workshop import WorkshopError
 from turning_env.workshop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
 from turning_env.workshop.measurements import COLUMNS, Measurements
 from turning_env.workshop.next_cuts import NextCuts, next_cuts
-from turning_env.workshop.plausibility import (
-    RobustFit,
-    law_problems,
-    outliers,
-    robust_fit,
-    row_problems,
-    tool_life,
-    unusual_edges,
-)
+from turning_env.workshop.outliers import RobustFit, outliers, robust_fit, unusual_edges
+from turning_env.workshop.plausibility import law_problems, row_problems, tool_life
 from turning_env.workshop.prediction import BEYOND
 
 WIDE = 0.5
@@ -155,7 +148,8 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) 
         rate = base.material.wear(**(wear.factors | {"time": 1.0}))
         with np.errstate(all="ignore"):
             life = (base.tool.wear_criterion / rate) ** (1.0 / base.material.wear.time)
-            ratio = float(np.median(tool_life(wear, base.tool.wear_criterion) / life))
+            fitted_life = tool_life(wear.law.time, base.tool.wear_criterion, wear.factors["time"], wear.predicted)
+            ratio = float(np.median(fitted_life / life))
         if ratio > SLOWER:
             yield f"wear: edges last {ratio:.3g} times as long as the base's: is time in seconds?"
     yield from _extrapolations(fits, base)

@@ -1,5 +1,6 @@
 """The collection: the same moves and times as LinuxCNC, the metal of the polygons, and shorter times at equal limits."""
 
+import itertools
 import math
 import re
 from pathlib import Path
@@ -11,10 +12,8 @@ pytest.importorskip("shapely")
 
 from examples.adapt_programs import COLLECTION, WEAR, path_of, situation_of
 from tests.turning_env.programs.linuxcnc import INSTALLED, Canonical, canonical, translated
-from turning_env.programs.adapt import adapt
-from turning_env.programs.blocks import divide
+from turning_env.programs.adapt import adapt, schedule
 from turning_env.programs.cutting import Machine, motion, play
-from turning_env.programs.moves import run
 from turning_env.programs.report import summary
 from turning_env.programs.stock import volume
 
@@ -43,21 +42,6 @@ def test_moves_and_times_are_those_of_linuxcnc(name: str, tmp_path: Path) -> Non
             assert ours.path.clockwise == theirs.clockwise
     time = motion(situation, situation.feed, situation.speed)[0].sum()
     assert time == pytest.approx(sum(move.time for move in expected), rel=0.02)
-
-
-CONTOUR = "G1 Z-30.\nG2 X60. Z-35. R5.\nG1 Z-60.\nX80. Z-80.\n"
-SET_UP = "G96 D2500 S150 M3\nF0.28 G0 X102. Z2.\n"
-
-
-@pytest.mark.skipif(not INSTALLED, reason="LinuxCNC is not installed")
-def test_passes_of_g71_are_those_of_linuxcnc(tmp_path: Path) -> None:
-    start = "G7 G90 G18 G21 G95\nT101 M6\n"
-    theirs = canonical(f"{start}O100 sub\nG0 X50.\n{CONTOUR}X102.\nO100 endsub\n{SET_UP}G71 Q100 I2.5 R0.5 D0\nM30\n", tmp_path)
-    ours = run(divide(f"G99\n{SET_UP}G71 U2.5 R0.5\nG71 P1 Q2\nN1 G0 X50.\n{CONTOUR}N2 X102.\nM30"))
-    ends = [move.end for move in theirs if move.kind == "feed"]
-    passes = [move.path.end for move in ours.moves if move.kind == "feed" and move.cycle_pass]
-    assert len(passes) > 10
-    assert all(min(math.dist(end, other) for other in ends) < 0.02 for end in passes)  # arcs are chords here
 
 
 @pytest.mark.parametrize("name", COLLECTION)
@@ -100,6 +84,19 @@ def test_the_collection_takes_a_tenth_less_time_at_equal_limits() -> None:
             before += first.time
             after += summary(second.situation, second.played).time
     assert after < 0.9 * before
+
+
+@pytest.mark.parametrize("name", ["flange", "welle"])
+def test_a_schedule_by_position_keeps_limits_and_is_shortest(name: str) -> None:
+    situation = situation_of(name)
+    before, blocks = play(situation, WEAR), adapt(situation, WEAR, "blocks").played
+    sections, played = schedule(situation, WEAR)
+    assert played.load.max() <= 1.001
+    assert played.used_life.sum() <= before.used_life.sum() * 1.001
+    assert played.time.sum() <= 1.001 * blocks.time.sum()
+    here = [each for each in sections if each.line == sections[-1].line]
+    assert all(first.z[1] == second.z[0] for first, second in itertools.pairwise(here))
+    assert {each.line for each in sections} == set(situation.line[situation.engaged].tolist())
 
 
 def test_finishing_keeps_its_feed() -> None:

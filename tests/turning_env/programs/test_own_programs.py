@@ -14,7 +14,6 @@ import pytest
 
 pytest.importorskip("shapely")
 
-import itertools
 
 from examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, path_of, situation_of
 from tests.walking import ROOT
@@ -23,8 +22,6 @@ from turning_env.programs.blocks import divide, read_program_file
 from turning_env.programs.cutting import Machine, Situation, motion, play
 from turning_env.programs.moves import Moves, run
 from turning_env.programs.program import NcError
-from turning_env.programs.roughing import Path as ToolPath
-from turning_env.programs.roughing import Roughing, passes
 from turning_env.programs.stock import guessed_stock, read_stock, remove, tool_shape, volume
 
 FANUC = """%
@@ -91,10 +88,17 @@ def test_programs_and_their_sub_programs_are_run(text: str, ends: str) -> None:
         (FANUC, "S150 ", "", 7, "no speed"),
         (FANUC, "F0.25", "F-0.25", 7, "negative"),
         (FANUC, "G1 Z-20.", "G1 G2 Z-20.", 7, "exclude"),
-        (FANUC, "G1 Z-20.", "G76 Z-20.", 7, "G76"),
+        (FANUC, "G1 Z-20.", "G76 Z-20.", 7, "two blocks"),
+        (FANUC, "G1 Z-20.", "G83 Z-20.", 7, "G83"),
+        (FANUC, "G1 Z-20.", "G1 Z-20. R2.", 7, "write ,R"),
+        (FANUC, "G1 Z-20.", "G1 Z-20. K2.", 7, "K2. has no meaning"),
+        (FANUC, "N90 M30", "M99 P100", 11, "P100 has no meaning"),
         (FANUC, "G1 Z-20.", "G90 Z-20.", 7, "cycle on some controls"),
         (FANUC, "G1 Z-20.", "G1 Z-20. C45.", 7, "address C"),
-        (FANUC, "G1 Z-20.", "G1 Z#101", 7, "no word"),
+        (FANUC, "G1 Z-20.", "G1 Z#101", 7, "#101 has no value"),
+        (FANUC, "G1 Z-20.", "G1 Z[1.+]", 7, "is not understood"),
+        (FANUC, "G1 Z-20.", "G1 Z[1./0.]", 7, "zero"),
+        (FANUC, "G1 Z-20.", "IF [#1 EQ 2] GOTO 5", 7, "no word"),
         (FANUC, "G50 S2000", "G50 X100. Z50.", 4, "G50"),
         (FANUC, "S2000", "S0", 4, "limit of the spindle"),
         (FANUC, "M98 P7", "M98 P8", 10, "sub-program 8"),
@@ -102,6 +106,8 @@ def test_programs_and_their_sub_programs_are_run(text: str, ends: str) -> None:
         (FANUC, "M98 P7", "M98 P7 L0", 10, "0 times"),
         (FANUC, "M98 P7", "G71 P100 Q200", 10, "N100 to N200"),
         (FANUC, "M98 P7", "G71 U2. R1.\nG71 P90 Q100", 11, "contour"),
+        (FANUC, "M98 P7", "G73 P300 Q301\nN300 G1 X58.\nN301 Z0.", 10, "how often"),
+        (FANUC, "M98 P7", "G73 U5. R0.5", 10, "0.5 times"),
         (FANUC, "M98 P7", "M98 P-7", 10, "no sub-program"),
         (FANUC, "M98 P7", "G4", 10, "time"),
         (FANUC, "M98 P7", "G4 P-5", 10, "not be below 0"),
@@ -110,13 +116,16 @@ def test_programs_and_their_sub_programs_are_run(text: str, ends: str) -> None:
         (SINUMERIK, '"KONTUR",2,', '"KONTUR",0,', 5, "above 0"),
         (SINUMERIK, '"KONTUR",2,', '"KONTUR",x,', 5, "argument 2"),
         (SINUMERIK, "0.15,9)", "0.15,13)", 5, "1 to 12"),
-        (SINUMERIK, "N80 Z-20", "N80 X20 Z-20", 5, "turns back"),
+        (SINUMERIK, "N80 Z-20", "N80 X20 Z2", 5, "turns back"),
         (SINUMERIK, "N50 L5", "N50 L6", 6, "L6"),
-        (SINUMERIK, "N50 L5", "N50 R1=5", 6, "R1="),
+        (SINUMERIK, "N50 L5", "N50 G1 X=R1", 6, "R1 has no value"),
+        (SINUMERIK, "N50 L5", "N50 R1=SIN(30)", 6, "no word"),
         (SINUMERIK, "N50 L5", "N50 IF R1==2 GOTOF END", 6, "IF"),
-        (SINUMERIK, "N50 L5", "N50 CYCLE97(1.5)", 6, "CYCLE97"),
+        (SINUMERIK, "N50 L5", "N50 CYCLE97(,20,0,-30)", 6, "pitch"),
         (SINUMERIK, "N50 L5", "N50 TRANS Z-10", 6, "TRANS"),
-        (SINUMERIK, "N50 L5", "N50 G1 X20 RND=2", 6, "RND="),
+        (SINUMERIK, "N50 L5", "N50 G1 X20 RND=2", 6, "must follow"),
+        (SINUMERIK, "N50 L5", "N50 CYCLE93(30)", 6, "CYCLE93"),
+        (SINUMERIK, "N80 Z-20", "N80 Z-20 CHF=60", 11, "of line 10"),
     ],
 )
 def test_what_is_not_understood_is_named_with_its_line(text: str, old: str, new: str, line: int, named: str) -> None:
@@ -128,7 +137,7 @@ def test_what_is_not_understood_is_named_with_its_line(text: str, old: str, new:
 
 
 def test_all_lines_that_are_not_understood_are_named_at_once_or_left_out() -> None:
-    text = FANUC.replace("N80 M98 P7", "N80 G76 X5.\nN81 #1=2\nN82 M77")
+    text = FANUC.replace("N80 M98 P7", "N80 G76 X5.\nN81 G65 P2\nN82 M77")
     with pytest.raises(NcError, match=r"(?s)line 10: .*line 11: "):
         moves(text)
     made = run(divide(text), go_on=True)
@@ -174,6 +183,16 @@ def test_damaged_programs_are_read_or_refused() -> None:
         "U-5.",
         "AC(",
         "PROC A",
+        "R1=",
+        "#1=",
+        "X=R1",
+        "Z#1",
+        ",R2.",
+        "RND=1",
+        "CYCLE97(2,",
+        "G76 P1",
+        "G73 P1 Q2",
+        "U0 W0 R3",
         "ß",
     )
     for _ in range(150):
@@ -244,13 +263,6 @@ def test_passes_of_a_cycle_leave_the_contour_and_its_allowance() -> None:
 
     for z, radius in radii.items():
         assert part.intersection(shapely.box(z - 0.01, 0.0, z + 0.01, 100.0)).bounds[3] == pytest.approx(radius, abs=0.02)
-
-
-def test_a_contour_with_a_pocket_is_refused() -> None:
-    corners = [(0.0, 10.0), (-5.0, 10.0), (-10.0, 8.0), (-20.0, 20.0)]
-    contour = [ToolPath(first, second) for first, second in itertools.pairwise(corners)]
-    with pytest.raises(ValueError, match="pockets"):
-        passes(contour, (2.0, 22.0), Roughing(2.0, 1.0, (0.0, 0.0)))
 
 
 # Stock and tools.
@@ -374,6 +386,10 @@ def test_the_command_plays_and_adapts(tmp_path: Path, capsys: pytest.CaptureFixt
     assert found["adapted"]["totals"]["time"] < 0.9 * found["totals"]["time"]
     again = run(read_program_file(out))
     assert [move.path for move in again.moves] == [move.path for move in situation_of("welle").moves.moves]
+    table = tmp_path / "welle.simulated.csv"
+    assert main(options("welle", "--adapt", "positions", "--out", str(table), "--json")) == 0
+    sections = json.loads(capsys.readouterr().out)["adapted"]["sections"]
+    assert len(table.read_text().splitlines()) == 1 + len(sections)
     assert main(options("welle")) == 0
     printed = capsys.readouterr().out
     assert f"cycle time: {found['totals']['time']:.1f} s" in printed
@@ -414,7 +430,7 @@ def test_the_page_prints_what_the_commands_print(
         played += 1
         for line in printed.splitlines():
             assert line == "..." or line in found
-    assert played == 2
+    assert played == 3
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -60,13 +60,35 @@ def test_impossible_limits_are_named() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("index", [2, 3])
-def test_numbers_are_those_of_a_play(index: int) -> None:
-    scenario = Scenario.load(EVEN)
-    advice = advise(scenario, Evidence())[index]
-    episodes = play(partial(Clock, scenario, advice.steps, 1.0), clocked(scenario, advice), [1], tell=True)
-    assert episodes["removed"][0] / part_volume(scenario) == pytest.approx(advice.parts[0], rel=0.03)
-    assert episodes["wear"][0] == pytest.approx(advice.steps[-1].wear, rel=0.03)
+def test_every_number_is_that_of_a_play() -> None:
+    scenario = Scenario.load(EVEN | {"economics": MONEY})
+    prices = Prices.of(scenario)
+    for advice in advise(scenario, Evidence()):
+        episodes = play(partial(Clock, scenario, advice.steps, 1.0), clocked(scenario, advice), [1], tell=True)
+        cutting, time, removed = (float(episodes[name][0]) for name in ("engaged_time", "time", "removed"))
+        parts = removed / part_volume(scenario)
+        cycle = time / 60.0 / parts + scenario.machine.return_time  # plain bars have no return between them
+        minutes = cycle + prices.change_time / parts
+        found = (advice.life[0], advice.parts[0], advice.part_time, advice.cycle_time, advice.removal_rate, advice.cost)
+        expected = (cutting / 60.0, parts, cutting / 60.0 / parts, cycle, part_volume(scenario) / minutes)
+        assert found == pytest.approx((*expected, prices.minute * minutes + prices.edge / parts), rel=0.03)
+        assert episodes["wear"][0] == pytest.approx(advice.steps[-1].wear, rel=0.03)
+        assert episodes["severe_overload_time"][0] == 0.0
+
+
+def test_a_clock_needs_no_shorter_interval_than_a_second() -> None:
+    quick = Scenario.load(EVEN | {"control": {"interval": 0.02, "sub_steps": 2}})
+    advice = advise(quick, Evidence())[0]
+    slow = clocked(quick, advice)
+    assert slow.control.interval == pytest.approx(1.0)
+    assert slow.control.interval / slow.control.sub_steps == pytest.approx(0.01)
+    short = slow.model_copy(update={"control": slow.control.model_copy(update={"time_limit": 0.2})})
+    at_once = short.model_copy(update={"control": short.control.model_copy(update={"interval": 0.02, "sub_steps": 2})})
+    one, other = (play(partial(Clock, quick, advice.steps, 1.0), each, [1], tell=True) for each in (short, at_once))
+    assert one["steps"][0] * 50 == other["steps"][0]
+    assert [one[name][0] for name in ("removed", "wear", "time")] == pytest.approx(
+        [other[name][0] for name in ("removed", "wear", "time")]
+    )
 
 
 @pytest.mark.slow
@@ -82,6 +104,16 @@ def test_a_year_is_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert played.years[0].cost.value > 1000 * 90  # the hours, and edges
     with pytest.raises(WorkshopError, match="--rule nothing"):
         play_all(scenario, advise(scenario, Evidence()), [], "nothing", 1000.0, 2)
+
+
+@pytest.mark.slow
+def test_of_an_edge_that_lasts_too_long_to_play_its_used_share_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = Scenario.load(EVEN | {"economics": MONEY})
+    found = advise(scenario, Evidence())[2:4]
+    whole = play_all(scenario, found, [], "fixed_handbook", 1000.0, 2).years[2]
+    monkeypatch.setattr("turning_env.workshop.advise_play.MAX_STEPS", 200)
+    part = play_all(scenario, found, [], "fixed_handbook", 1000.0, 2).years[2]
+    assert part.cost.value == pytest.approx(whole.cost.value, rel=0.05)
 
 
 @pytest.mark.slow

@@ -1,14 +1,17 @@
 """Everything in docs/your_own_machine.md but tuning: its files, commands, program and quotations, in the order given."""
 
 import csv
+import json
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from tests.walking import blocks, commands
+from tests.walking import blocks, commands, copy_to, run
 from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_env.workshop.measurements import COLUMNS, EDGE
@@ -51,11 +54,11 @@ def test_the_tutorial_works_from_first_to_last(
 
 
 @pytest.mark.slow
-def test_from_a_messy_sheet_to_an_adapted_program(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """German headers, decimal commas, W and s, and one slipped decimal point: refused, then corrected."""
-    rows = list(csv.DictReader((ROOT / "docs" / "examples" / "cuts.csv").read_text("utf-8").splitlines()))
+def test_from_a_messy_sheet_to_an_adapted_program_in_a_fresh_clone(tmp_path: Path) -> None:
+    """German headers, decimal commas, W and s, and one slipped decimal point: refused, then corrected, used and applied."""
+    copy_to(tmp_path)
+    cuts, part = tmp_path / "docs/examples/cuts.csv", tmp_path / "examples/programs/welle.mpf"
+    rows = list(csv.DictReader(cuts.read_text("utf-8").splitlines()))
     heads = ("vc [m/min]", "fn", "ap", "Zeit (s)", "VB [µm]", "Ff [N]", "P [W]")
 
     def write(slip: float) -> None:
@@ -67,30 +70,40 @@ def test_from_a_messy_sheet_to_an_adapted_program(
             if number == 3:
                 scaled[5] = float(row["thrust_force"]) * slip
             lines.append(";".join(str(value).replace(".", ",") for value in scaled))
-        Path("messy.csv").write_text("\n".join(lines), "utf-8")
+        (tmp_path / "messy.csv").write_text("\n".join(lines), "utf-8")
 
-    monkeypatch.chdir(tmp_path)
-    calibrate = ["calibrate", "messy.csv", "--out", "tool.toml"]
+    def command(line: str, status: int = 0) -> "subprocess.CompletedProcess[str]":
+        finished = run([sys.executable, "-m", "turning_env", *shlex.split(line)], tmp_path)
+        assert finished.returncode == status, finished.stderr
+        assert "Traceback" not in finished.stderr
+        return finished
+
     write(slip=0.1)
-    assert main(calibrate) == 1
-    assert "line 5" in capsys.readouterr().err
-    assert not Path("tool.toml").exists()
+    assert "line 5" in command("calibrate messy.csv --out tool.toml", status=1).stderr
+    assert not (tmp_path / "tool.toml").exists()
     write(slip=1.0)
-    assert main(calibrate) == 0
-    assert main(["calibrate", str(ROOT / "docs" / "examples" / "cuts.csv"), "--out", "clean.toml"]) == 0
-    messy, clean = (Scenario.load(name).material for name in ("tool.toml", "clean.toml"))
+    command("calibrate messy.csv --out tool.toml")
+    command(f"calibrate {cuts} --out clean.toml")
+    messy, clean = (Scenario.load(tmp_path / name).material for name in ("tool.toml", "clean.toml"))
     for law in ("wear", "thrust_force", "power"):
         assert getattr(messy, law).model_dump() == pytest.approx(getattr(clean, law).model_dump(), rel=1e-5)
-    assert main(["whatif", "tool.toml", "--cutting-speed", "120", "--feed", "0.3", "--wear", "0.2"]) == 0
-    assert main(["map", "tool.toml", "--wear", "0.2", "--out", "map.png"]) == 0
-    assert main(["advise", "tool.toml", "--seeds", "2", "--sheet", "sheet.pdf", "--page", "page.html"]) == 0
-    part = str(ROOT / "examples" / "programs" / "welle.mpf")
-    adapt = ["--stock", "bar:98x150", "--adapt", "words", "--out", "welle.simulated.mpf"]
-    capsys.readouterr()
-    assert main(["program", part, "--scenario", "tool.toml", *adapt]) == 0
-    assert "saved" in capsys.readouterr().out
-    for made in ("map.png", "sheet.pdf", "page.html", "welle.simulated.mpf"):
-        assert Path(made).stat().st_size > 0
+    command("whatif tool.toml --cutting-speed 120 --feed 0.3 --wear 0.2")
+    command("map tool.toml --wear 0.2 --out map.png")
+    found = json.loads(command("advise tool.toml --seeds 2 --sheet sheet.pdf --page page.html --json").stdout)
+    assert [year["name"] for year in found["played"]["years"]][:3] == ["fixed parameters", "schedule by time", "rule predictive"]
+    assert (tmp_path / "sheet.pdf").read_bytes().count(b"/Type /Page ") == 1
+    played = f"program {part} --scenario tool.toml --stock bar:98x150"
+    adapted = json.loads(command(f"{played} --adapt words --out welle.simulated.mpf --json").stdout)
+    assert adapted["adapted"]["totals"]["time"] < 0.9 * adapted["totals"]["time"]
+    assert adapted["adapted"]["totals"]["max_load"] <= 1.001
+    again = json.loads(command(f"{played} --json".replace(str(part), "welle.simulated.mpf")).stdout)
+    assert again["totals"] == adapted["adapted"]["totals"]
+    old, new = (path.read_bytes().split() for path in (part, tmp_path / "welle.simulated.mpf"))
+    changed = [(before, after) for before, after in zip(old, new, strict=True) if before != after]
+    assert changed
+    assert all(before[:1] == after[:1] and before[:1] in b"FS" for before, after in changed)
+    for made in ("map.png", "sheet.pdf", "page.html"):
+        assert (tmp_path / made).stat().st_size > 0
 
 
 def test_the_columns_are_those_that_are_read() -> None:
