@@ -80,7 +80,7 @@ class Optimiser:
         self._overload_price = severity * scenario.economics.overload_price
         material, limits, tool = scenario.material, scenario.limits, scenario.tool
         base_speed = scenario.base_cutting_speed
-        parameters = {
+        parameters: dict[str, Any] = {
             "wear": log_law(material.wear, scenario, tool.wear_criterion),
             "force": log_law(material.thrust_force, scenario, limits.thrust_force),
             "power": log_law(material.power, scenario, limits.power),

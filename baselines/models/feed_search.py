@@ -81,7 +81,7 @@ def rung(low, high, index, count):
 def best_feed(p, left, env, ahead, speed, costs_grow, gains, work):
     """Return (best log feed, its gain) at a log speed."""
     low, high = env[LOWEST], env[HIGHEST]
-    feed, best, top = low, -np.inf, 0
+    best, top = -np.inf, 0
     for grid in range(REFINEMENTS):
         if grid > 0:
             low, high = rung(low, high, max(top - 1, 0), FEEDS), rung(low, high, min(top + 1, FEEDS - 1), FEEDS)
