@@ -55,7 +55,7 @@ def search(parameters, left, environments, points, found):
     """
     p = parameters[0]
     speeds, feeds, gains, tried = np.empty(SPEEDS), np.empty(SPEEDS), np.empty(SPEEDS), np.empty(FEEDS)
-    work = np.empty((2, left.shape[1]))
+    work = np.empty((3, left.shape[1]))
     for i in range(len(found)):
         env, ahead = environments[i], points[i]
         # If so, a feed can be left out if its metal cannot make up for the costs of a lower feed.
@@ -67,7 +67,7 @@ def search(parameters, left, environments, points, found):
             feeds[k], gains[k] = best_feed(p, left, env, ahead, speeds[k], costs_grow, tried, work)
         top = int(np.argmax(gains))
         speed, feed = between(speeds, feeds, gains, top)
-        better = gain(p, left, env, ahead, speed, feed, work)[0] > gains[top]
+        better = gain(p, left, env, ahead, speed, feed, -np.inf, work)[0] > gains[top]
         found[i, 0], found[i, 1] = (speed, feed) if better else (speeds[top], feeds[top])
 
 
@@ -85,13 +85,16 @@ def best_feed(p, left, env, ahead, speed, costs_grow, gains, work):
     for grid in range(REFINEMENTS):
         if grid > 0:
             low, high = rung(low, high, max(top - 1, 0), FEEDS), rung(low, high, min(top + 1, FEEDS - 1), FEEDS)
+        # The middle of a grid is often among its best, so it shows early which feeds can be left out.
+        least, _ = gain(p, left, env, ahead, speed, 0.5 * (low + high), -np.inf, work)
         best, top = -np.inf, 0
         for k in range(FEEDS):
             feed = rung(low, high, k, FEEDS)
-            value, metal = gain(p, left, env, ahead, speed, feed, work)
+            value, metal = gain(p, left, env, ahead, speed, feed, least - MARGIN, work)
+            least = max(least, value)
             if value > best:
                 best, top = value, k
-            if costs_grow and value + metal * (math.exp(high - feed) - 1.0) < best - MARGIN:
+            if costs_grow and value + metal * (math.exp(high - feed) - 1.0) < least - MARGIN:
                 break
     return rung(low, high, top, FEEDS), best
 
@@ -111,20 +114,29 @@ def between(speeds, feeds, gains, top):
 
 
 @compiled_separately
-def gain(p, left, env, ahead, log_speed, log_feed, work):
-    """Return (expected mean gain [s of machine time per s], its part from metal) of a commanded log speed and log feed."""
+def gain(p, left, env, ahead, log_speed, log_feed, least, work):
+    """Return (expected mean gain [s of machine time per s], its part from metal) of a commanded log speed and log feed.
+
+    If the gain is below ``least`` even without overload and breakage, it is returned without them.
+    """
     points = left.shape[1]
     wear_law, force_law, power_law = p.wear, p.force, p.power
-    risk = 0.0
     for k in range(points):
         speed = log_speed + (env[LOG_SPEED] - log_speed) * left[1, k]
         feed = log_feed + (env[LOG_FEED] - log_feed) * left[2, k]
         work[1, k] = ahead[METAL_VALUE, k] * math.exp(speed + feed)
-        work[0, k] = work[1, k]
+        work[2, k] = math.exp((wear_law[0] + wear_law[1] * speed + wear_law[2] * feed) / p.wear_time) / 60.0  # life used [1/s]
+        work[0, k] = work[1, k] - ahead[CUTTING, k] * (ahead[LIFE_PRICE, k] * work[2, k])
+    most = mean(work[0])
+    if most < least:
+        return most, mean(work[1])
+    risk = 0.0
+    for k in range(points):
         if ahead[CUTTING, k] == 0.0:
             continue
-        life_rate = math.exp((wear_law[0] + wear_law[1] * speed + wear_law[2] * feed) / p.wear_time) / 60.0  # [1/s]
-        wear = p.wear_time * math.log(env[USED_LIFE] + life_rate * left[0, k])
+        speed = log_speed + (env[LOG_SPEED] - log_speed) * left[1, k]
+        feed = log_feed + (env[LOG_FEED] - log_feed) * left[2, k]
+        wear = p.wear_time * math.log(env[USED_LIFE] + work[2, k] * left[0, k])
         force = force_law[0] + force_law[1] * speed + force_law[2] * feed + force_law[3] * wear + ahead[LOG_FORCE, k]
         power = power_law[0] + power_law[1] * speed + power_law[2] * feed + power_law[3] * wear + ahead[LOG_POWER, k]
         power -= min(speed - p.log_base_speed, 0.0)
@@ -133,7 +145,7 @@ def gain(p, left, env, ahead, log_speed, log_feed, work):
             overload += excess(force, ahead[FORCE_SPREAD, k])
         if power > -NEGLIGIBLE * ahead[POWER_SPREAD, k]:
             overload += excess(power, ahead[POWER_SPREAD, k])
-        work[0, k] -= ahead[LIFE_PRICE, k] * life_rate + p.overload_price * overload
+        work[0, k] = work[1, k] - (ahead[LIFE_PRICE, k] * work[2, k] + p.overload_price * overload)
         if ahead[UNMEASURED, k] > 0.0:
             risk = max(risk, probability((force - p.log_strength) / ahead[STRENGTH_SPREAD, k]))
     return mean(work[0]) - env[BREAKAGE_PRICE] * risk / p.interval, mean(work[1])
