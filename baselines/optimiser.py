@@ -9,6 +9,9 @@ price of an option, Black and Scholes 1973). So does the risk that an unmeasured
 life comes from dynamic programming (``models/edge_value.py``).
 
 ``models/feed_search.py`` finds the best speed and feed.
+
+It needs of the nominal model: the laws of wear, force and power, prices, the spreads of depth, hardness, wear
+factor and strength, and the lags and noise of drives and sensors.
 """
 
 import math

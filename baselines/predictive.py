@@ -6,6 +6,8 @@ time for that, so the horizon is longer than the step. After the new bar has bee
 
 It suffices to plan one step. The step leaves the edge in a state whose price is known, and a speed and feed from which the next
 step reaches almost any other.
+
+It needs of the nominal model what ``optimiser`` needs.
 """
 
 import numpy as np
