@@ -12,6 +12,8 @@ of Ra, it is a share of the force limit.
 
 The law fails if the force vanishes. So it acts only after the force has been above 100 N for some time; until then it commands
 the programmed feed.
+
+It needs of the nominal model: the roughness of a force and the law of thrust force.
 """
 
 import numpy as np

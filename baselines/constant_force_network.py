@@ -7,6 +7,8 @@ of 0 to 150 % acts on it. The law is that of ``constant_force``. Its feed is res
     h = f sin(kappa)
 
 with kappa the entering angle. The paper names this restriction without numbers; they are assumptions.
+
+It needs of the nominal model: the roughness of a force and the law of thrust force.
 """
 
 import math

@@ -6,6 +6,8 @@ the lower limit, the controller takes the lowest grade above that limit. The dis
 switch. (The paper adapts the feed to the calculated force and the limit, but states no law: assumption.)
 
 In air, and in metal until the estimate has settled, the controller commands the programmed feed.
+
+It needs of the nominal model: the exponent of feed in the law of thrust force, and the motor's current per force.
 """
 
 import math

@@ -1,4 +1,7 @@
-"""One cutting speed and one feed for the edge's whole life."""
+"""One cutting speed and one feed for the edge's whole life.
+
+It needs nothing of the nominal model but the ranges of speed and feed.
+"""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -13,6 +13,8 @@ over-regulation.
 
 The paper does not say which branch holds for M_a = M_z. Here it is the upper one, which keeps the override; the lower one would
 raise it further.
+
+It needs nothing of the nominal model.
 """
 
 import numpy as np

@@ -6,6 +6,8 @@ paper's grid has 16 speeds times 109 feeds: 1744 pairs.
 
 The paper's simulation ends at the first step without a feasible pair. Here, the search goes on. Once the nominal edge is worn
 out, wear is no constraint. If no pair keeps force and power within their limits, it commands the pair with the least force.
+
+It needs of the nominal model: the laws of wear, force and power, base speed and idle torque.
 """
 
 from typing import Any

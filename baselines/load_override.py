@@ -3,6 +3,8 @@
 The law of constant load imitates FANUC iAdaptS: the override integrates the relative deviation of the load from its target
 (assumption: no law is published). The dithering of the feed against chatter is left out, because the model has no stability
 limit.
+
+They need nothing of the nominal model.
 """
 
 import numpy as np

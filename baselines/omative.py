@@ -4,6 +4,8 @@ In air, the controller commands the highest override, and for a moment after the
 follows the feed at which the spindle has its target load: f (target / load)^(1/m), with f the actual feed and m the exponent of
 feed in the nominal power law. The feed falls to that value at once and rises to it gradually. The laws and constants are
 assumptions, because none are published.
+
+It needs of the nominal model: the exponent of feed in the law of power.
 """
 
 import numpy as np

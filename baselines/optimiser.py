@@ -9,17 +9,21 @@ price of an option, Black and Scholes 1973). So does the risk that an unmeasured
 life comes from dynamic programming (``models/edge_value.py``).
 
 ``models/feed_search.py`` finds the best speed and feed.
+
+It needs of the nominal model: the laws of wear, force and power, prices, the spreads of depth, hardness, wear
+factor and strength, and the lags and noise of drives and sensors.
 """
 
 import math
 from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.models.edge_value import USED_LIVES, worth
-from baselines.models.feed_search import ONES, Prospect, search
-from baselines.models.kalman import Array, LoadFilter, Outlook, decay, feed_velocity, record
+from baselines.models.feed_search import ENVIRONMENT, POINT, search
+from baselines.models.kalman import Array, LoadFilter, Outlook, decay, feed_velocity
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
@@ -31,6 +35,37 @@ MIN_SPREAD = 1e-3
 """Least standard deviation of log force and log power [-]; it keeps expectations smooth if nothing varies."""
 MIN_USED_LIFE = 1e-9
 """Used share of life of an edge that has not cut [-]: the laws are undefined without wear."""
+
+
+class Prospect(NamedTuple):
+    """The terms of the gain. A field has shape (num_envs,), from ``log_force`` on (num_envs, points ahead of the tool)."""
+
+    log_speed: Array
+    """Actual cutting speed [log m/min]."""
+    log_feed: Array
+    """Actual feed [log mm/rev]."""
+    used_life: Array
+    """Used share of the edge's life by the nominal model [-]."""
+    breakage_price: Array
+    """Cost of breaking the edge [s]."""
+    log_force: Array
+    """Log ratio of thrust force to the nominal model at nominal wear [-]."""
+    log_power: Array
+    """Log ratio of power to the nominal model at nominal wear [-]."""
+    force_spread: Array
+    """Standard deviation of log force in the price of overload [-]."""
+    power_spread: Array
+    """Standard deviation of log power in the price of overload [-]."""
+    strength_spread: Array
+    """Standard deviation of log(force / strength of the edge) [-]."""
+    metal_value: Array
+    """Value of metal over cutting speed and feed [per m/min and mm/rev]."""
+    life_price: Array
+    """Price of a life [s] that is used at the rate of nominal depth and hardness."""
+    cutting: Array
+    """1 in metal, 0 in air."""
+    unmeasured: Array
+    """1 in metal of a bar that has not been measured, else 0."""
 
 
 class Optimiser:
@@ -48,18 +83,18 @@ class Optimiser:
         self._overload_price = severity * scenario.economics.overload_price
         material, limits, tool = scenario.material, scenario.limits, scenario.tool
         base_speed = scenario.base_cutting_speed
-        self._parameters = record(
-            {
-                "wear": log_law(material.wear, scenario, tool.wear_criterion),
-                "force": log_law(material.thrust_force, scenario, limits.thrust_force),
-                "power": log_law(material.power, scenario, limits.power),
-                "wear_time": material.wear.time,
-                "log_base_speed": math.log(base_speed) if base_speed else -math.inf,
-                "log_strength": np.log(tool.edge_strength / limits.thrust_force),
-                "overload_price": self._overload_price,
-                "interval": scenario.control.interval,
-            }
-        )
+        parameters: dict[str, Any] = {
+            "wear": log_law(material.wear, scenario, tool.wear_criterion),
+            "force": log_law(material.thrust_force, scenario, limits.thrust_force),
+            "power": log_law(material.power, scenario, limits.power),
+            "wear_time": material.wear.time,
+            "log_base_speed": math.log(base_speed) if base_speed else -math.inf,
+            "log_strength": float(np.log(tool.edge_strength / limits.thrust_force)),
+            "overload_price": self._overload_price,
+            "interval": scenario.control.interval,
+        }
+        fields: Any = [(name, np.float64, np.shape(value)) for name, value in parameters.items()]
+        self._parameters = np.array([tuple(parameters.values())], np.dtype((np.record, fields)))
         self._prices = worth(scenario, self._overload_price).life
         self._filter = LoadFilter(scenario, num_envs)
         self._look_at(scenario.control.interval * (np.arange(POINTS) + 0.5) / POINTS)
@@ -100,17 +135,10 @@ class Optimiser:
         outlook = self._filter.ahead(velocity[:, np.newaxis] * self._times)
         cutting = np.ones(outlook.log_force.shape)
         unmeasured = cutting - self._filter.measured[:, np.newaxis]
-        return self._best(reading, outlook, cutting, unmeasured)
+        return self._best(reading, self._prospect(reading, outlook, cutting, unmeasured))
 
-    def _best(self, reading: Reading, outlook: Outlook, cutting: Array, unmeasured: Array) -> tuple[Array, Array]:
-        """Return the cutting speed [m/min] and feed [mm/rev] within reach with the greatest gain.
-
-        Args:
-            reading: present reading.
-            outlook: expected loads, at points.
-            cutting: 1 in metal, 0 in air, at points.
-            unmeasured: 1 in metal of a bar that has not been measured, else 0, at points.
-        """
+    def _prospect(self, reading: Reading, outlook: Outlook, cutting: Array, unmeasured: Array) -> Prospect:
+        """Return the prospect for an outlook; ``cutting`` and ``unmeasured`` are 1 in metal and in an unmeasured bar, else 0."""
         economics, tool, law = self._scenario.economics, self._scenario.tool, self._scenario.material.wear
         nominal_depth = self._scenario.workpiece.depth_of_cut
         used_life, estimated = self._used_life(reading)
@@ -119,9 +147,7 @@ class Optimiser:
         left = np.maximum(1.0 - used_life, 0.0)
         # Air costs only time: crossing it is worth the metal that could be cut instead.
         depth = np.where(cutting > 0, outlook.depth_of_cut, nominal_depth)
-        prospect = Prospect(
-            *self._reach(reading.commanded_cutting_speed, "cutting_speed"),
-            *self._reach(reading.commanded_feed, "feed"),
+        return Prospect(
             log_speed=np.log(reading.cutting_speed),
             log_feed=np.log(reading.feed),
             used_life=used_life,
@@ -136,24 +162,31 @@ class Optimiser:
             cutting=cutting,
             unmeasured=unmeasured,
         )
-        found = np.empty((len(left), 2))
-        search(self._parameters, self._left, np.stack(prospect[:ONES], axis=1), np.stack(prospect[ONES:], axis=1), found)
-        return found[:, 0], found[:, 1]
+
+    def _best(self, reading: Reading, prospect: Prospect) -> tuple[Array, Array]:
+        """Return the cutting speed [m/min] and feed [mm/rev] within reach with the greatest gain."""
+        reach = (*self._reach(reading.commanded_cutting_speed, "cutting_speed"), *self._reach(reading.commanded_feed, "feed"))
+        environments = np.stack([*reach, *prospect[: len(ENVIRONMENT) - len(reach)]], axis=1)
+        points = np.stack(prospect[-len(POINT) :], axis=1)
+        found = np.empty((len(points), 2))
+        search(self._parameters, self._left, environments, points, found)
+        return np.exp(found[:, 0]), np.exp(found[:, 1])
 
     def _reach(self, commanded: Array, name: str) -> tuple[Array, Array]:
         """Return the logarithms of the lowest and the highest value that the next action can command."""
         control, machine = self._scenario.control, self._scenario.machine
         speeds = machine.cutting_speed_min, machine.cutting_speed_max
-        least, most = np.log(speeds if name == "cutting_speed" else self._scenario.feed_range)
-        step = math.inf if control.action == "set_point" else getattr(control, f"{name}_step")
-        present = np.log(commanded)
-        return np.clip(present - step, least, most), np.clip(present + step, least, most)
+        least, most = (float(np.log(end)) for end in (speeds if name == "cutting_speed" else self._scenario.feed_range))
+        if control.action == "set_point":
+            return np.full(len(commanded), least), np.full(len(commanded), most)
+        step = getattr(control, f"{name}_step")
+        return np.clip(np.log(commanded) - step, least, most), np.clip(np.log(commanded) + step, least, most)
 
 
-def log_law(law: PowerLaw, scenario: Scenario, limit: float) -> list[float]:
+def log_law(law: PowerLaw, scenario: Scenario, limit: float) -> tuple[float, float, float, float]:
     """Return log(response / limit) at 1 m/min, 1 mm/rev, nominal depth and the wear criterion, and the exponents of the three."""
     at_one = law(1.0, 1.0, scenario.workpiece.depth_of_cut, wear=scenario.tool.wear_criterion)
-    return [float(np.log(at_one / limit)), law.cutting_speed, law.feed, law.wear]
+    return float(np.log(at_one / limit)), law.cutting_speed, law.feed, law.wear
 
 
 def plays(scenario: Scenario) -> bool:

@@ -4,6 +4,8 @@ A plan divides an allowance into passes of equal depth and takes cutting speed a
 adaptive control keeps the path for the drawing's allowance, and sets cutting speed and feed for the depth that each pass cuts.
 Adaptive part programming makes a new path for the measured size of the blank. Neither knows the blank's run-out and hardness, so
 both keep a margin to the limits. Blanks that are not probed count as drawn.
+
+They need of the nominal model: the laws of wear, force and power, and prices.
 """
 
 import numpy as np

@@ -6,6 +6,8 @@ time for that, so the horizon is longer than the step. After the new bar has bee
 
 It suffices to plan one step. The step leaves the edge in a state whose price is known, and a speed and feed from which the next
 step reaches almost any other.
+
+It needs of the nominal model what ``optimiser`` needs.
 """
 
 import numpy as np
@@ -42,7 +44,8 @@ class Predictive(Optimiser):
         here, there = self._filter.ahead(np.minimum(distance, left)), self._filter.next_bar()
         outlook = Outlook(*(np.where(entering, b, a) for a, b in zip(here, there, strict=True)))
         unmeasured = cutting & (entering | ~self._filter.measured[:, np.newaxis])
-        return self._best(reading, outlook, cutting.astype(np.float64), unmeasured.astype(np.float64))
+        prospect = self._prospect(reading, outlook, cutting.astype(np.float64), unmeasured.astype(np.float64))
+        return self._best(reading, prospect)
 
 
 DESCRIPTION = "the optimiser with foresight: it slows before it enters an unmeasured bar"

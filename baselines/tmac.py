@@ -13,6 +13,8 @@ For the last two limits, power is converted to the programmed feed and speed by 
 remains is the effect of depth of cut, hardness and wear. For the wear limit, smoothing averages over depth and hardness.
 
 The laws and constants are assumptions, because none are published.
+
+It needs of the nominal model: the exponents of speed and feed in the law of power.
 """
 
 import math

@@ -1,4 +1,7 @@
-"""Policies without knowledge of cutting: random actions, and actions of 0. A useful controller must beat them."""
+"""Policies without knowledge of cutting: random actions, and actions of 0. A useful controller must beat them.
+
+They need nothing of the nominal model.
+"""
 
 from collections.abc import Callable
 

@@ -17,6 +17,8 @@ A rule's point may be out of reach. Two steps correct it:
 With 709M40 on the presets' lathe, many rules coincide. The economic lives would need more than its highest cutting speed, so
 [SV], [PT], [ST], [MV] and [MT] act as [PV]. [MN] acts as [SN] until the torque limit, an assumption, is reached. The economic
 optimum is [PN]. So the catalogue has one rule of each kind; ``set_point`` knows all rules.
+
+It needs of the nominal model: the laws of wear, force and power, the exponents of limited responses, and prices.
 """
 
 from dataclasses import dataclass

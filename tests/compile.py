@@ -7,11 +7,17 @@ from itertools import product
 
 from baselines.grid_search import GridSearch, RescaledGridSearch
 from baselines.oracles.clairvoyant import Grid, bounds
+from baselines.predictive import Predictive
 from turning_env import FamilyVectorEnv, RoughTurningVectorEnv, Scenario
 from turning_env.scoring.seeds import tuning_seeds
 
 if __name__ == "__main__":
-    for num_envs, rule in product((1, 2), (GridSearch, lambda *task: RescaledGridSearch(*task, margin=1.0, smoothing=0.5))):
+    rules = (
+        GridSearch,
+        lambda *task: RescaledGridSearch(*task, margin=1.0, smoothing=0.5),
+        lambda *task: Predictive(*task, severity=1.0, caution=1.0),
+    )
+    for num_envs, rule in product((1, 2), rules):
         envs = RoughTurningVectorEnv(num_envs)
         envs.step(rule(Scenario(), num_envs).act(envs.reset(seed=0)[0]))
     families = FamilyVectorEnv(2)

@@ -1,80 +1,45 @@
 """The search for the cutting speed and feed with the greatest expected gain of a step.
 
 It tries a grid of feeds for each of several cutting speeds and refines it around the best feed. A parabola through the best speed
-and its neighbours gives the speed between them. Gains enter the tried values only through comparisons. So the last bits of
-exponentials hardly ever change an action.
+and its neighbours gives the speed between them.
+
+The order of operations is part of a rule's version: other last bits of a gain, amplified by the parabola, change an episode.
 """
 
-from typing import NamedTuple
+import math
 
 import numpy as np
 
-from baselines.models.kalman import Array
 from baselines.models.normal import excess, probability
 from turning_env.numerics.compilation import compiled, compiled_entry, compiled_separately
-from turning_env.numerics.functions import exp, log
 
 SPEEDS = 7
 """Number of cutting speeds to try, from the lowest to the highest within reach."""
 FEEDS, REFINEMENTS = 9, 3
 """Number of feeds to try for each cutting speed, and of grids; each grid refines the last around its best feed."""
-NEGLIGIBLE = 9.0
-"""Distance of a load below its limit over its spread [-] from which the expected excess is 0 to the last bit of a gain."""
+MARGIN = 1e-9
+"""Difference of gains [-] that rounding does not reach."""
+NEGLIGIBLE = 10.0
+"""Distance of a load below its limit over its spread [-] from which the expected excess does not reach a gain's last bit."""
 
-
-class Prospect(NamedTuple):
-    """The terms of the gain. A field has shape (num_envs,), from ``log_force`` on (num_envs, points ahead of the tool)."""
-
-    slowest: Array
-    """Lowest cutting speed within reach [log m/min]."""
-    fastest: Array
-    """Highest cutting speed within reach [log m/min]."""
-    lowest: Array
-    """Lowest feed within reach [log mm/rev]."""
-    highest: Array
-    """Highest feed within reach [log mm/rev]."""
-    log_speed: Array
-    """Actual cutting speed [log m/min]."""
-    log_feed: Array
-    """Actual feed [log mm/rev]."""
-    used_life: Array
-    """Used share of the edge's life by the nominal model [-]."""
-    breakage_price: Array
-    """Cost of breaking the edge [s]."""
-    log_force: Array
-    """Log ratio of thrust force to the nominal model at nominal wear [-]."""
-    log_power: Array
-    """Log ratio of power to the nominal model at nominal wear [-]."""
-    force_spread: Array
-    """Standard deviation of log force in the price of overload [-], above 0."""
-    power_spread: Array
-    """Standard deviation of log power in the price of overload [-], above 0."""
-    strength_spread: Array
-    """Standard deviation of log(force / strength of the edge) [-], above 0."""
-    metal_value: Array
-    """Value of metal over cutting speed and feed [per m/min and mm/rev]."""
-    life_price: Array
-    """Price of a life [s] that is used at the rate of nominal depth and hardness."""
-    cutting: Array
-    """1 in metal, 0 in air."""
-    unmeasured: Array
-    """1 in metal of a bar that has not been measured, else 0."""
-
-
-ONES = Prospect._fields.index("log_force")
-"""Number of fields that have one number per environment."""
-SLOWEST, FASTEST, LOWEST, HIGHEST, LOG_SPEED, LOG_FEED, USED_LIFE, BREAKAGE_PRICE = range(ONES)
-(
-    LOG_FORCE,
-    LOG_POWER,
-    FORCE_SPREAD,
-    POWER_SPREAD,
-    STRENGTH_SPREAD,
-    METAL_VALUE,
-    LIFE_PRICE,
-    CUTTING,
-    UNMEASURED,
-) = range(len(Prospect._fields) - ONES)
+ENVIRONMENT = ("slowest", "fastest", "lowest", "highest", "log_speed", "log_feed", "used_life", "breakage_price")
+"""Numbers of an environment: ends of the reach of log cutting speed and log feed; see ``Prospect`` for the others."""
+SLOWEST, FASTEST, LOWEST, HIGHEST, LOG_SPEED, LOG_FEED, USED_LIFE, BREAKAGE_PRICE = range(len(ENVIRONMENT))
+POINT = (
+    "log_force",
+    "log_power",
+    "force_spread",
+    "power_spread",
+    "strength_spread",
+    "metal_value",
+    "life_price",
+    "cutting",
+    "unmeasured",
+)
+"""Numbers of a point ahead of the tool; see ``Prospect``. The spreads are above 0."""
+LOG_FORCE, LOG_POWER, FORCE_SPREAD, POWER_SPREAD, STRENGTH_SPREAD, METAL_VALUE, LIFE_PRICE, CUTTING, UNMEASURED = range(
+    len(POINT)
+)
 
 
 @compiled_entry
@@ -84,59 +49,58 @@ def search(parameters, left, environments, points, found):
     Args:
         parameters: laws and prices, an array of one record.
         left: times of the points after the step's start [s], and remaining deviations of the drives [-], shape (3, points).
-        environments: fields of a prospect with a number per environment, shape (num_envs, fields).
-        points: the other fields, shape (num_envs, fields, points).
-        found: filled with cutting speeds [m/min] and feeds [mm/rev], shape (num_envs, 2).
+        environments: ``ENVIRONMENT``, shape (num_envs, fields).
+        points: ``POINT``, shape (num_envs, fields, points).
+        found: filled with log cutting speeds and log feeds, shape (num_envs, 2).
     """
     p = parameters[0]
-    feeds, gains = np.empty(SPEEDS), np.empty(SPEEDS)
-    work = np.empty((3, left.shape[1])), np.empty(FEEDS)
+    speeds, feeds, gains, tried = np.empty(SPEEDS), np.empty(SPEEDS), np.empty(SPEEDS), np.empty(FEEDS)
+    work = np.empty((3, left.shape[1]))
     for i in range(len(found)):
         env, ahead = environments[i], points[i]
+        # If so, a feed can be left out if its metal cannot make up for the costs of a lower feed.
+        costs_grow = (
+            ahead[LIFE_PRICE, 0] >= 0.0 and p.wear[2] >= 0.0 and min(p.force[2], p.force[3], p.power[2], p.power[3]) >= 0.0
+        )
         for k in range(SPEEDS):
-            feeds[k], gains[k] = best_feed(p, left, env, ahead, rung(env[SLOWEST], env[FASTEST], k, SPEEDS), work)
+            speeds[k] = rung(env[SLOWEST], env[FASTEST], k, SPEEDS)
+            feeds[k], gains[k] = best_feed(p, left, env, ahead, speeds[k], costs_grow, tried, work)
         top = int(np.argmax(gains))
-        speed, feed = between(env[SLOWEST], env[FASTEST], feeds, gains, top)
-        if not gain(p, left, env, ahead, speed, feed, work[0]) > gains[top]:
-            speed, feed = rung(env[SLOWEST], env[FASTEST], top, SPEEDS), feeds[top]
-        found[i, 0], found[i, 1] = exp(speed), exp(feed)
-
-
-@compiled_separately
-def best_feed(p, left, env, ahead, speed, work):
-    """Return (best feed, its gain) at a log speed."""
-    low, high = env[LOWEST], env[HIGHEST]
-    gains = work[1]
-    for k in range(FEEDS):
-        gains[k] = gain(p, left, env, ahead, speed, rung(low, high, k, FEEDS), work[0])
-    top = int(np.argmax(gains))
-    for _ in range(REFINEMENTS - 1):
-        best = gains[top]
-        low, high = rung(low, high, max(top - 1, 0), FEEDS), rung(low, high, min(top + 1, FEEDS - 1), FEEDS)
-        if 0 < top < FEEDS - 1:
-            top = FEEDS // 2  # the same feed in the new grid; of the others only those on the way uphill are tried
-        gains[:] = np.nan
-        gains[top] = best
-        climbing = True
-        while climbing:
-            start = top
-            for k in range(max(start - 1, 0), min(start + 2, FEEDS)):
-                if np.isnan(gains[k]):
-                    gains[k] = gain(p, left, env, ahead, speed, rung(low, high, k, FEEDS), work[0])
-                if gains[k] > gains[top]:
-                    top = k
-            climbing = top != start
-    return rung(low, high, top, FEEDS), gains[top]
+        speed, feed = between(speeds, feeds, gains, top)
+        better = gain(p, left, env, ahead, speed, feed, -np.inf, work)[0] > gains[top]
+        found[i, 0], found[i, 1] = (speed, feed) if better else (speeds[top], feeds[top])
 
 
 @compiled
 def rung(low, high, index, count):
-    """Return one of several values from low to high."""
-    return high if index == count - 1 else low + index * ((high - low) / (count - 1))
+    """Return one of several values from low to high, as ``numpy.linspace`` does."""
+    return high if index == count - 1 else index * ((high - low) / (count - 1)) + low
+
+
+@compiled_separately
+def best_feed(p, left, env, ahead, speed, costs_grow, gains, work):
+    """Return (best log feed, its gain) at a log speed."""
+    low, high = env[LOWEST], env[HIGHEST]
+    best, top = -np.inf, 0
+    for grid in range(REFINEMENTS):
+        if grid > 0:
+            low, high = rung(low, high, max(top - 1, 0), FEEDS), rung(low, high, min(top + 1, FEEDS - 1), FEEDS)
+        # The middle of a grid is often among its best, so it shows early which feeds can be left out.
+        least, _ = gain(p, left, env, ahead, speed, 0.5 * (low + high), -np.inf, work)
+        best, top = -np.inf, 0
+        for k in range(FEEDS):
+            feed = rung(low, high, k, FEEDS)
+            value, metal = gain(p, left, env, ahead, speed, feed, least - MARGIN, work)
+            least = max(least, value)
+            if value > best:
+                best, top = value, k
+            if costs_grow and value + metal * (math.exp(high - feed) - 1.0) < least - MARGIN:
+                break
+    return rung(low, high, top, FEEDS), best
 
 
 @compiled
-def between(slowest, fastest, feeds, gains, top):
+def between(speeds, feeds, gains, top):
     """Return the log speed and log feed at the top of a parabola through the best speed and its neighbours."""
     middle = min(max(top, 1), SPEEDS - 2)
     a, b, c = middle - 1, middle, middle + 1
@@ -144,37 +108,56 @@ def between(slowest, fastest, feeds, gains, top):
     share = 0.5 * (gains[c] - gains[a]) / curvature if curvature > 0.0 else 0.0
     share = min(max(share, -1.0), 1.0)
     below, at, above = 0.5 * share * (share - 1.0), 1.0 - share * share, 0.5 * share * (share + 1.0)
+    speed = below * speeds[a] + at * speeds[b] + above * speeds[c]
     feed = below * feeds[a] + at * feeds[b] + above * feeds[c]
-    feed = min(max(feed, min(feeds[a], feeds[b], feeds[c])), max(feeds[a], feeds[b], feeds[c]))
-    return rung(slowest, fastest, middle, SPEEDS) + share * (fastest - slowest) / (SPEEDS - 1), feed
+    return speed, min(max(feed, min(feeds[a], feeds[b], feeds[c])), max(feeds[a], feeds[b], feeds[c]))
 
 
 @compiled_separately
-def gain(p, left, env, ahead, log_speed, log_feed, work):
-    """Return the expected mean gain [s of machine time per s] of a commanded log speed and log feed."""
+def gain(p, left, env, ahead, log_speed, log_feed, least, work):
+    """Return (expected mean gain [s of machine time per s], its part from metal) of a commanded log speed and log feed.
+
+    If the gain is below ``least`` even without overload and breakage, it is returned without them.
+    """
     points = left.shape[1]
-    wear, force, power, per_wear_time = p.wear, p.force, p.power, 1.0 / p.wear_time
-    speed_off, feed_off, used_life = env[LOG_SPEED] - log_speed, env[LOG_FEED] - log_feed, env[USED_LIFE]
+    wear_law, force_law, power_law = p.wear, p.force, p.power
     for k in range(points):
-        speed = log_speed + speed_off * left[1, k]
-        feed = log_feed + feed_off * left[2, k]
-        life_rate = exp((wear[0] + wear[1] * speed + wear[2] * feed) * per_wear_time) / 60.0  # [1/s]
-        log_wear = p.wear_time * log(used_life + life_rate * left[0, k])
-        capacity = min(speed - p.log_base_speed, 0.0)
-        work[0, k] = force[0] + force[1] * speed + force[2] * feed + force[3] * log_wear + ahead[LOG_FORCE, k]
-        work[1, k] = power[0] + power[1] * speed + power[2] * feed + power[3] * log_wear + ahead[LOG_POWER, k] - capacity
-        work[2, k] = ahead[METAL_VALUE, k] * exp(speed + feed) - ahead[CUTTING, k] * ahead[LIFE_PRICE, k] * life_rate
-    for load in range(2):
-        near = False
-        for k in range(points):
-            near |= ahead[CUTTING, k] > 0.0 and work[load, k] > -NEGLIGIBLE * ahead[FORCE_SPREAD + load, k]
-        if near:
-            for k in range(points):
-                price = p.overload_price * ahead[CUTTING, k]
-                work[2, k] -= price * excess(work[load, k], ahead[FORCE_SPREAD + load, k])
-    total, risk = 0.0, 0.0
+        speed = log_speed + (env[LOG_SPEED] - log_speed) * left[1, k]
+        feed = log_feed + (env[LOG_FEED] - log_feed) * left[2, k]
+        work[1, k] = ahead[METAL_VALUE, k] * math.exp(speed + feed)
+        work[2, k] = math.exp((wear_law[0] + wear_law[1] * speed + wear_law[2] * feed) / p.wear_time) / 60.0  # life used [1/s]
+        work[0, k] = work[1, k] - ahead[CUTTING, k] * (ahead[LIFE_PRICE, k] * work[2, k])
+    most = mean(work[0])
+    if most < least:
+        return most, mean(work[1])
+    risk = 0.0
     for k in range(points):
-        total += work[2, k]
+        if ahead[CUTTING, k] == 0.0:
+            continue
+        speed = log_speed + (env[LOG_SPEED] - log_speed) * left[1, k]
+        feed = log_feed + (env[LOG_FEED] - log_feed) * left[2, k]
+        wear = p.wear_time * math.log(env[USED_LIFE] + work[2, k] * left[0, k])
+        force = force_law[0] + force_law[1] * speed + force_law[2] * feed + force_law[3] * wear + ahead[LOG_FORCE, k]
+        power = power_law[0] + power_law[1] * speed + power_law[2] * feed + power_law[3] * wear + ahead[LOG_POWER, k]
+        power -= min(speed - p.log_base_speed, 0.0)
+        overload = 0.0
+        if force > -NEGLIGIBLE * ahead[FORCE_SPREAD, k]:
+            overload += excess(force, ahead[FORCE_SPREAD, k])
+        if power > -NEGLIGIBLE * ahead[POWER_SPREAD, k]:
+            overload += excess(power, ahead[POWER_SPREAD, k])
+        work[0, k] = work[1, k] - (ahead[LIFE_PRICE, k] * work[2, k] + p.overload_price * overload)
         if ahead[UNMEASURED, k] > 0.0:
-            risk = max(risk, probability((work[0, k] - p.log_strength) / ahead[STRENGTH_SPREAD, k]))
-    return total / points - env[BREAKAGE_PRICE] * risk / p.interval
+            risk = max(risk, probability((force - p.log_strength) / ahead[STRENGTH_SPREAD, k]))
+    return mean(work[0]) - env[BREAKAGE_PRICE] * risk / p.interval, mean(work[1])
+
+
+@compiled
+def mean(values):
+    """Return the mean, added up as NumPy does up to eight values."""
+    if len(values) == 8:
+        low, high = (values[0] + values[1]) + (values[2] + values[3]), (values[4] + values[5]) + (values[6] + values[7])
+        return (low + high) / 8.0
+    total = 0.0
+    for value in values:
+        total += value
+    return total / len(values)

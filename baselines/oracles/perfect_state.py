@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from baselines.models.kalman import LoadFilter, correct_by_truth
+from baselines.models.kalman import DEPTH, HARDNESS, WEAR, Array, LoadFilter
 from baselines.optimiser import plays
 from baselines.predictive import Predictive
 from turning_env import Reading, Scenario
 
 DOUBT = 1e-3
 """Standard deviation assumed of the true relative depth, log hardness and log wear factor [-]."""
+_TOLD = np.eye(5)[[DEPTH, HARDNESS, WEAR]]
 
 
 class ToldFilter(LoadFilter):
@@ -27,19 +28,20 @@ class ToldFilter(LoadFilter):
     truth: Mapping[str, Any]
     """``info`` of the vector environment that came with the next observations."""
 
-    def __init__(self, scenario: Scenario, num_envs: int) -> None:
-        super().__init__(scenario, num_envs)
-        self._nominal_depth = scenario.workpiece.depth_of_cut
-
     def observe(self, reading: Reading) -> None:
         """Predict up to a reading, and correct the estimate by it and by the true state."""
         super().observe(reading)
-        truth = self.truth
+        scenario, truth = self._scenario, self.truth
         told = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
-        log_wear_factor = np.log(np.where(told, truth["wear"], 1.0) / np.where(told, reading.nominal_wear, 1.0))
-        depth = truth["depth_of_cut"] / self._nominal_depth - 1.0
-        states = np.stack([depth, np.log(np.where(told, truth["hardness"], 1.0)), log_wear_factor], axis=1)
-        correct_by_truth(self._states, told, states, DOUBT**2)
+        wear_factor = np.where(told, truth["wear"], 1.0) / np.where(told, reading.nominal_wear, 1.0)
+        states = (
+            truth["depth_of_cut"] / scenario.workpiece.depth_of_cut - 1.0,
+            np.log(np.where(told, truth["hardness"], 1.0)),
+            np.log(wear_factor),
+        )
+        surprise: Array = np.where(told[:, np.newaxis], np.stack(states, axis=1) - self._mean @ _TOLD.T, 0.0)
+        self._correct(_TOLD * told[:, np.newaxis, np.newaxis], surprise, np.full(surprise.shape, DOUBT**2))
+        self.measured |= told
 
 
 class PerfectState(Predictive):

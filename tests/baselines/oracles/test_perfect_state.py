@@ -17,7 +17,7 @@ def test_it_knows_depth_hardness_and_wear() -> None:
         policy.tell(infos)
         actions = policy.act(observations)
         if infos["cutting"].all():
-            mean = policy._filter._states["estimate"]
+            mean = policy._filter._mean
             np.testing.assert_allclose(1.0 + mean[:, DEPTH], infos["depth_of_cut"] / BASE.workpiece.depth_of_cut, atol=0.01)
             np.testing.assert_allclose(mean[:, HARDNESS], np.log(infos["hardness"]), atol=0.01)
             nominal = observations[:, OBS.nominal_wear] * BASE.tool.wear_criterion
