@@ -17,7 +17,10 @@ UNITS = {
 """Units of the numbers of a standing."""
 
 
-TRACKS: dict[str, Callable[[Sequence[Standing]], Sequence[Standing]]] = {"penalty": lambda standings: standings, "constraint": by_cost}
+TRACKS: dict[str, Callable[[Sequence[Standing]], Sequence[Standing]]] = {
+    "penalty": lambda standings: standings,
+    "constraint": by_cost,
+}
 """The order of policies on each track: by return, or feasible policies by cost."""
 
 

@@ -27,12 +27,12 @@ function sortBy(head) {
 
 function filterPolicies(section, form) {
   const text = form.elements.text.value.trim().toLocaleLowerCase();
-  const kinds = new Set([...form.querySelectorAll("[name=kind]:checked")].map(box => box.value));
+  const classes = new Set([...form.querySelectorAll("[name=class]:checked")].map(box => box.value));
   const rows = [...section.querySelectorAll("tr.policy")];
   let shown = 0;
   for (const row of rows) {
     const words = [...row.querySelectorAll("bdi")].map(each => each.textContent).join(" ");
-    row.hidden = !words.toLocaleLowerCase().includes(text) || !kinds.has(row.dataset.kind) || (form.elements.feasible.checked && row.classList.contains("infeasible"));
+    row.hidden = !words.toLocaleLowerCase().includes(text) || !classes.has(row.dataset.class) || (form.elements.feasible.checked && row.classList.contains("infeasible"));
     const detail = detailOf(row);
     if (detail) detail.hidden = row.hidden || row.querySelector(".open").getAttribute("aria-expanded") !== "true";
     shown += !row.hidden;
