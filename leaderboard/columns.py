@@ -95,6 +95,11 @@ class Count(Column):
         """Return the number; None if it is not stated."""
         return getattr(standing.information, self.field, None)
 
+    def cell(self, standing: Standing) -> Cell:
+        """Return the number with commas."""
+        value = self.value(standing)
+        return Cell("" if value is None else f"{value:,}", "", value)
+
 
 def _decimals(width: float) -> int:
     """Return the decimals, at most two, that show an interval of this width in two digits; none if it is but rounding."""
@@ -190,8 +195,8 @@ GROUPS = {
     "Given in training": tuple(Mark(name, "", f"Given in training: {what}.", name) for name, what in GIVEN.items()),
     "Sees at run time": (
         *(Mark(name, "", f"At run time the agent {what}.", name) for name, what in SEEN.items()),
-        Count("steps", "-", "Environment steps of the training.", "steps"),
-        Count("gradient steps", "-", "Updates of the network in training.", "gradient_steps"),
+        Count("steps", "", "Environment steps of the training.", "steps"),
+        Count("gradient steps", "", "Updates of the network in training.", "gradient_steps"),
     ),
 }
 _AIMS = ("part_cost", "roughness_deviation")  # of tasks that have them; of others, the return

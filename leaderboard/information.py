@@ -123,20 +123,19 @@ def _gradient_steps(parameters: Mapping[str, object]) -> int | None:
         return None
 
 
-def markdown(rows: Mapping[str, Information]) -> str:
-    """Return a Markdown table of agents' information, by name."""
-    head = ["Agent", *GIVEN, *SEEN, "steps", "gradient steps"]
-    lines = [_line(head), _line(["---"] * len(head))]
-    for name, each in rows.items():
-        marks = [*_marks(GIVEN, each.given), *_marks(SEEN, each.seen)]
-        counts = ["?" if number is None else f"{number:,}" for number in (each.steps, each.gradient_steps)]
-        lines.append(_line([f"`{name}`", *marks, *counts]))
-    return "\n".join(lines)
+def markdown(agents: Mapping[str, Information]) -> str:
+    """Return a Markdown table of agents' information, a column per agent."""
+    held = [(f"Given in training: {name}", [_mark(name, each.given) for each in agents.values()]) for name in GIVEN]
+    held += [(f"At run time: {name}", [_mark(name, each.seen) for each in agents.values()]) for name in SEEN]
+    held += [("Environment steps", [_number(each.steps) for each in agents.values()])]
+    held += [("Updates of the network", [_number(each.gradient_steps) for each in agents.values()])]
+    head = [("", [f"`{name}`" for name in agents]), ("---", ["---"] * len(agents))]
+    return "\n".join(f"| {' | '.join([title, *cells])} |" for title, cells in head + held)
 
 
-def _marks(names: Mapping[str, str], held: Sequence[str] | None) -> list[str]:
-    return ["?" if held is None else "yes" if name in held else "" for name in names]
+def _mark(name: str, held: Sequence[str] | None) -> str:
+    return "?" if held is None else "yes" if name in held else ""
 
 
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+def _number(count: int | None) -> str:
+    return "?" if count is None else f"{count:,}"

@@ -1,6 +1,7 @@
 """The leaderboard as one self-contained HTML file: the page's parts lie beside this one and are put into it."""
 
 import hashlib
+import re
 import shlex
 from base64 import b64encode
 from collections.abc import Sequence
@@ -38,7 +39,7 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
     loader = FileSystemLoader(_HERE)
     templates = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     templates.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
-    templates.filters["number"] = lambda text: str(text).replace("-", "\N{MINUS SIGN}")
+    templates.filters["number"] = lambda text: re.sub(r"-(?=\d)", "\N{MINUS SIGN}", str(text))
     templates.filters["unit"] = lambda text: str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
     templates.filters["short"] = lambda number: "" if number is None else f"{number:.6g}"
     templates.filters["colour"] = lambda name: policy_look(name)[0]

@@ -57,11 +57,13 @@ function scaleIntervals(rows) {
       columns.get(cell.cellIndex).push({ ...numbers, counts: !row.classList.contains("infeasible") });
     }
   }
-  for (const intervals of columns.values()) {
+  for (const [column, intervals] of columns) {
     const feasible = intervals.filter(each => each.counts);
     const counted = 3 * feasible.length < intervals.length ? intervals : feasible;
-    const least = counted.map(each => each.low).sort((a, b) => b - a)[Math.floor(counted.length / 2)];
-    const most = counted.reduce((high, each) => Math.max(high, each.high), -Infinity);
+    const lows = counted.map(each => each.low).sort((a, b) => a - b), highs = counted.map(each => each.high).sort((a, b) => a - b);
+    const heads = intervals[0].cell.closest("table").querySelector(".heads");
+    const middle = Math.floor((counted.length - 1) / 2), lowerIsBetter = heads.cells[column].querySelector("button").dataset.first === "ascending";
+    const least = lowerIsBetter ? lows[0] : lows[middle], most = lowerIsBetter ? highs[Math.floor(counted.length / 2)] : highs.at(-1);
     const room = 0.05 * (most - least) || 1;
     const percent = value => 100 * (value - least + room) / (most - least + 2 * room);
     for (const { cell, low, high, at } of intervals) {
