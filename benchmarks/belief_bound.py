@@ -25,8 +25,8 @@ from turning_env.physics.records import STATE, new_records, scratch_records
 
 Array = NDArray[np.float64]
 
-BARS = 40
-"""Length of the row; an edge lasts for a dozen bars, a good one for two."""
+BARS = 24
+"""Length of the row for a nominal insert, which lasts for half of it; the row's end hardly matters then."""
 LIVES = 100
 """Steps of the used share of life."""
 _POINTS = np.array([0.25, 0.75])  # of a stretch, at which loads are expected
@@ -49,41 +49,45 @@ def bound(scenario: Scenario, seed: int, stretch: float = 3.2, lives: int = LIVE
     states["seed"][0, 0] = seed
     start_episode_of(states, scratch)
     cells = round(scenario.workpiece.bar_length / stretch)
-    fields = np.empty((3, BARS * cells))
-    survey(states, scratch, fields, cells)
-    lengths, beliefs = _beliefs(scenario, fields, cells, np.random.default_rng(seed))
-    log_wear_factor = fields[2, 0]
     wear = scenario.material.wear
+    fields = np.empty((3, cells))
+    survey(states, scratch, fields, cells)
+    log_wear_factor = fields[2, 0]
+    bars = math.ceil(BARS * math.exp(-log_wear_factor / wear.time))
+    fields = np.empty((3, bars * cells))
+    survey(states, scratch, fields, cells)
+    lengths, beliefs = _beliefs(scenario, fields, bars, np.random.default_rng(seed))
     life = wear.depth_of_cut * np.log(beliefs[0] / scenario.workpiece.depth_of_cut) + wear.hardness * beliefs[1]
     beliefs[1] = np.exp((life + log_wear_factor) / wear.time)
     return float(_best_return(states, scratch, lengths, beliefs, _SPEEDS, _LADDER, _FEEDS, lives))
 
 
-def _beliefs(scenario: Scenario, fields: Array, cells: int, generator: np.random.Generator) -> tuple[Array, Array]:
-    """Return the stretches' lengths [mm], shape (BARS, cells + 1), and what is believed at their points before they are cut.
+def _beliefs(scenario: Scenario, fields: Array, bars: int, generator: np.random.Generator) -> tuple[Array, Array]:
+    """Return the stretches' lengths [mm], shape (bars, stretches), and what is believed at their points before they are cut.
 
-    The beliefs, shape (6, BARS, cells + 1, points), are the fields of ``Outlook``.
+    The beliefs, shape (6, bars, stretches, points), are the fields of ``Outlook``.
     """
     work = scenario.workpiece
+    truth = fields[:2].reshape(2, bars, -1)
+    cells = truth.shape[2]
     length = work.bar_length / cells
-    truth = fields[:2].reshape(2, BARS, cells)
-    known = NodeFilter(scenario, BARS)
+    known = NodeFilter(scenario, bars)
     known._prior[WEAR] = known._history = 0.0
-    known.reset(np.ones(BARS, np.bool_))
-    lengths, beliefs = np.full((BARS, cells + 1), length), np.empty((6, BARS, cells + 1, len(_POINTS)))
+    known.reset(np.ones(bars, np.bool_))
+    lengths, beliefs = np.full((bars, cells + 1), length), np.empty((6, bars, cells + 1, len(_POINTS)))
     lengths[:, [0, -1]] *= 0.5  # readings are in the middle of cells
     place = 0.0
     for i in range(cells + 1):
         passed = lengths[0, i - 1] if i else 0.0
         place += passed
         known._path[:] = work.approach + place
-        transition, growth = known._transition(np.full(BARS, passed))
+        transition, growth = known._transition(np.full(bars, passed))
         known._mean = np.einsum("nij,nj->ni", transition, known._mean)
         known._covariance = transition @ known._covariance @ transition.swapaxes(1, 2) + growth
         if i:
             log_depth, log_hardness = truth[0, :, i - 1] - np.log(work.depth_of_cut), truth[1, :, i - 1]
             loads, derivatives = known._loads(known._mean)
-            factors = np.zeros((BARS, 3))
+            factors = np.zeros((bars, 3))
             factors[:, 0], factors[:, 1] = log_depth, log_hardness
             noise = np.sqrt(known._noise) * generator.normal(size=loads.shape)
             known._correct(derivatives, factors @ known._exponents.T + noise - loads, np.broadcast_to(known._noise, loads.shape))

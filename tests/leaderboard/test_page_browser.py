@@ -133,7 +133,7 @@ def test_headings_sort(opened: Open, leaderboard: Leaderboard) -> None:
     less_is_better = shown.get_by_role("columnheader", name="severely over [%]", exact=True)
     less_is_better.get_by_role("button").click()
     expect(less_is_better).to_have_attribute("aria-sort", "ascending")
-    shown.get_by_role("columnheader", name="rank").get_by_role("button").click()
+    shown.get_by_role("columnheader", name="rank", exact=True).get_by_role("button").click()
     assert names(shown) == ranked
     expect(shown.locator("section:visible .oracle td").first).to_have_text("\u2013")
 
