@@ -124,7 +124,7 @@ _GAP_CLOSED = (
 )
 _CLASS_RANK = "Rank among the policies of the same class, which were given alike: see the definitions of classes."
 _COST_RANK = "Rank on the constraint track: feasible policies by cost, whatever their return."
-_OVER_LEAST = "Cost less that of the cheapest other feasible policy on the same seeds."
+_OVER_CHEAPEST = "Cost less that of the cheapest other feasible policy on the same seeds."
 _REMOVAL_RATE = (
     "Metal removed over all time: machine time, edge changes and the downtime of breakages. An edge that the time limit leaves "
     "unfinished is charged its used share of a change."
@@ -174,7 +174,7 @@ LIMITS = (
 CONSTRAINT = (
     Column("rank by cost", "-", _COST_RANK, "constraint_rank", lower_is_better=True),
     Column("cost", "min/dm3", _COST, "cost", 2, 1, True, True),
-    Column("over least cost", "min/dm3", _OVER_LEAST, "over_least_cost", 2, 1, True, True),
+    Column("over least cost", "min/dm3", _OVER_CHEAPEST, "over_least_cost", 2, 1, True, True),
     Column("removal rate", "cm3/min", _REMOVAL_RATE, "removal_rate", 1, 1, True),
 )
 WORKSHOP = (
