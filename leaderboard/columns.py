@@ -72,9 +72,9 @@ class Mark(Column):
         return float(self.field in (*told.given, *told.seen))
 
     def cell(self, standing: Standing) -> Cell:
-        """Return "yes" or nothing."""
+        """Return "yes" or "no", nothing where that is unknown."""
         value = self.value(standing)
-        return Cell("yes" if value else "", "", value)
+        return Cell("" if value is None else "yes" if value else "no", "", value)
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ GROUPS = {
     "Compared on the same seeds": COMPARISONS,
     "In the workshop": WORKSHOP,
     "Given in training": tuple(Mark(name, "", f"Given in training: {what}.", name) for name, what in GIVEN.items()),
-    "Sees at run time": (
+    "Run time and budget": (
         *(Mark(name, "", f"At run time the agent {what}.", name) for name, what in SEEN.items()),
         Count("steps", "", "Environment steps of the training.", "steps"),
         Count("gradient steps", "", "Updates of the network in training.", "gradient_steps"),

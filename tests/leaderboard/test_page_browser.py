@@ -175,6 +175,9 @@ def test_filters_leave_what_is_asked_for(opened: Open) -> None:
     assert names(shown) == ["oracle"]
     expect(shown.locator("section:visible .count")).to_have_text("1 of 7 policies shown")
     shown.get_by_label("rules").check()
+    shown.get_by_label("other agents").uncheck()
+    assert "ppo" not in names(shown)
+    shown.get_by_label("other agents").check()
     shown.get_by_label("Policy").first.fill("GRID")
     assert names(shown) == ["grid_search"]
     shown.get_by_label("Policy").first.fill("nobody")
