@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from leaderboard import generalisation, shipped, table
+from leaderboard import generalisation, information, shipped, table
 from leaderboard.private_seeds import PUBLIC, private_task, read_seeds
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import MANIFEST_FILE, ResultError, Task, result_folder
@@ -112,12 +112,29 @@ def _show(options: argparse.Namespace) -> None:
 
     python -m leaderboard show --results leaderboard/results
     python -m leaderboard show --results leaderboard/results --env RoughTurning-Surface-v0 --json
+    python -m leaderboard show --results leaderboard/results --track constraint
+    python -m leaderboard show --results leaderboard/results --all --information
     python -m leaderboard show --results leaderboard/results --all
     """
     chosen = {"env_id": options.env, "scenario": options.scenario, "most": None if options.all else 1}
-    _print(read_leaderboards(options.results, **chosen), options.json)
+    leaderboards = read_leaderboards(options.results, **chosen)
+    if options.information:
+        print(information.markdown(_trainings(leaderboards)))
+    else:
+        _print(leaderboards, options.json, options.track)
     if not options.all and len(list(options.results.glob(f"*/*/{MANIFEST_FILE}"))) > 1:
         print("--all prints the other leaderboards", file=sys.stderr)
+
+
+def _trainings(leaderboards: Sequence[Leaderboard]) -> dict[str, information.Information]:
+    """Return the information of all agents by name; a name that stands for several trainings gets its id."""
+    rows = dict[str, information.Information]()
+    for each in leaderboards:
+        for standing in each.standings:
+            if standing.information is not None:
+                shared = rows.get(standing.name, standing.information) == standing.information
+                rows[standing.name if shared else f"{standing.name} on {each.task.env_id}"] = standing.information
+    return rows
 
 
 def _page(options: argparse.Namespace) -> None:
@@ -200,12 +217,12 @@ def _scenario(options: argparse.Namespace) -> Scenario:
     return Scenario.load(options.scenario or IDS[options.env])
 
 
-def _print(leaderboards: Sequence[Leaderboard], as_json: bool) -> None:
+def _print(leaderboards: Sequence[Leaderboard], as_json: bool, track: str = "penalty") -> None:
     if as_json:
-        print_json(table.as_data(leaderboards))
+        print_json(table.as_data(leaderboards, track))
     else:
         for each in leaderboards:
-            print(table.render(each) + "\n")
+            print(table.render(each, track) + "\n")
         if (across := generalisation.across(leaderboards)) is not None:
             print(generalisation.render(across) + "\n")
     if left_out := [str(path) for each in leaderboards for path in each.left_out]:
@@ -299,6 +316,9 @@ def _parser() -> argparse.ArgumentParser:
     add("--env", choices=IDS, help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)")
     add("--scenario", metavar="NAME", help="the scenario's name (default: the id's own)")
     add("--all", action="store_true", help="print all rankings, of all ids and scenarios unless one is named")
+    which = "order of policies: penalty, by return (default), or constraint, feasible policies by cost"
+    add("--track", choices=table.TRACKS, default="penalty", help=which)
+    add("--information", action="store_true", help="print only what training gave each agent and what it sees, as Markdown")
     add = command(_page, "write all rankings as one HTML file", results)
     add("--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)")
 

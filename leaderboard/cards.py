@@ -8,6 +8,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from leaderboard import columns, generalisation
 from leaderboard.columns import Cell
+from leaderboard.information import CLASSES, GIVEN, SEEN
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import ResultError, result_files, result_folder, write_whole
 from train.agents import agent_file
@@ -57,7 +58,7 @@ def render(files: Sequence[AgentFile], leaderboard: Leaderboard, across: general
     metadata = files[0].metadata
     name = leaderboard.names[files[0].label]
     standing = next(standing for standing in leaderboard.standings if standing.name == name)
-    shown = (*columns.RETURNS, *columns.COMPARISONS, *columns.LIMITS, *columns.WORKSHOP)
+    shown = (*columns.RETURNS, *columns.COMPARISONS, *columns.CONSTRAINT, *columns.LIMITS, *columns.WORKSHOP)
     low, high = metadata.observation_space.low, metadata.observation_space.high
     elsewhere: list[tuple[str, Cell, bool]] = []  # split, return there, whether feasible there
     if across and across.tuned_for == metadata.scenario.name and standing.name in across.rows:
@@ -76,6 +77,9 @@ def render(files: Sequence[AgentFile], leaderboard: Leaderboard, across: general
             ranges=", ".join(f"{first:g} to {last:g}" for first, last in zip(low, high, strict=True)),
             seeds=len(leaderboard.task.seeds),
             standing=standing,
+            classes=CLASSES,
+            given=GIVEN,
+            seen=SEEN,
             cells=[(column, column.cell(standing)) for column in columns.applying(shown, [standing])],
             elsewhere=elsewhere,
             example=example,

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from leaderboard.information import GIVEN, SEEN
 from leaderboard.standings import OVERRIDE, PARTS, ROUGHNESS, SPEED_AND_FEED, Standing
 from turning_env.scoring.statistics import Estimate
 
@@ -59,6 +60,47 @@ class Column:
         return f"{self.factor * value:.{decimals}f}"
 
 
+@dataclass(frozen=True)
+class Mark(Column):
+    """Whether an agent was given something in training, or has it at run time; ``field`` is its name in ``Information``."""
+
+    def value(self, standing: Standing) -> float | None:
+        """Return 1 or 0; None if the policy is no agent or its file does not state it."""
+        told = standing.information
+        if told is None or told.given is None or told.seen is None:
+            return None
+        return float(self.field in (*told.given, *told.seen))
+
+    def cell(self, standing: Standing) -> Cell:
+        """Return "yes" or "no", nothing where that is unknown."""
+        value = self.value(standing)
+        return Cell("" if value is None else "yes" if value else "no", "", value)
+
+
+@dataclass(frozen=True)
+class ClassRank(Column):
+    """The rank within a class, with the class."""
+
+    def cell(self, standing: Standing) -> Cell:
+        """Return the rank, and the class in place of an interval."""
+        rank = standing.class_rank
+        return Cell("", "", None) if rank is None else Cell(str(rank), standing.policy_class, rank)
+
+
+@dataclass(frozen=True)
+class Count(Column):
+    """A number of an agent's ``Information``."""
+
+    def value(self, standing: Standing) -> float | None:
+        """Return the number; None if it is not stated."""
+        return getattr(standing.information, self.field, None)
+
+    def cell(self, standing: Standing) -> Cell:
+        """Return the number with commas."""
+        value = self.value(standing)
+        return Cell("" if value is None else f"{value:,}", "", value)
+
+
 def _decimals(width: float) -> int:
     """Return the decimals, at most two, that show an interval of this width in two digits; none if it is but rounding."""
     return min(max(1 - math.floor(math.log10(width)), 0), 2) if width > 1e-6 else 0
@@ -80,6 +122,9 @@ _GAP_CLOSED = (
     "Closed share of the gap between the rescaled grid search and the causal oracle, which knows the present state but not "
     "what is to come."
 )
+_CLASS_RANK = "Rank among the policies of the same class, which were given alike: see the definitions of classes."
+_COST_RANK = "Rank on the constraint track: feasible policies by cost, whatever their return."
+_OVER_CHEAPEST = "Cost less that of the cheapest other feasible policy on the same seeds."
 _REMOVAL_RATE = (
     "Metal removed over all time: machine time, edge changes and the downtime of breakages. An edge that the time limit leaves "
     "unfinished is charged its used share of a change."
@@ -103,6 +148,7 @@ _BROKEN = "Edges broken, per hundred used up; an edge that the time limit leaves
 RETURNS = (
     Column("return", "s", "Mean over seeds and training seeds of the sum of an episode's rewards.", "mean_return"),
     Column("interquartile return", "s", "Mean of the middle half of all episodes' returns.", "interquartile_return"),
+    ClassRank("rank in class", "-", _CLASS_RANK, "class_rank", lower_is_better=True),
 )
 SCORE = (
     Column("score", "-", _SCORE, "score", 1, 100),
@@ -125,12 +171,16 @@ LIMITS = (
     Column("severely over, at most", "%", _SEVERE_LIMIT, "severe_limit", 2, 100, True, True),
     Column("excess", "%", _EXCESS, "excess", 3, 100, True, True),
 )
+CONSTRAINT = (
+    Column("rank by cost", "-", _COST_RANK, "constraint_rank", lower_is_better=True),
+    Column("cost", "min/dm3", _COST, "cost", 2, 1, True, True),
+    Column("over least cost", "min/dm3", _OVER_CHEAPEST, "over_least_cost", 2, 1, True, True),
+    Column("removal rate", "cm3/min", _REMOVAL_RATE, "removal_rate", 1, 1, True),
+)
 WORKSHOP = (
     Column("time", "min", _TIME, "minutes", 2, 1, True, True),
     Column("cost per part", "min", _PART_COST, "part_cost", 2, 1, True, True),
     Column("roughness deviation", "%", _DEVIATION, "roughness_deviation", 2, 100, True, True),
-    Column("removal rate", "cm3/min", _REMOVAL_RATE, "removal_rate", 1, 1, True),
-    Column("cost", "min/dm3", _COST, "cost", 2, 1, True, True),
     Column("edges", "edges", "Mean number of edges that an episode uses up.", "edges", 2, 1, True, True),
     Column("broken edges", "per 100", _BROKEN, "broken_share", 1, 100, True, True),
     Column("used life", "%", "Mean used share of the edge's life at the end of an episode.", "used_life", 1, 100, True),
@@ -138,9 +188,16 @@ WORKSHOP = (
 GROUPS = {
     "Result": RETURNS,
     "Score": SCORE,
+    "Constraint track": CONSTRAINT,
     "Limits": LIMITS,
     "Compared on the same seeds": COMPARISONS,
     "In the workshop": WORKSHOP,
+    "Given in training": tuple(Mark(name, "", f"Given in training: {what}.", name) for name, what in GIVEN.items()),
+    "Run time and budget": (
+        *(Mark(name, "", f"At run time the agent {what}.", name) for name, what in SEEN.items()),
+        Count("steps", "", "Environment steps of the training.", "steps"),
+        Count("gradient steps", "", "Updates of the network in training.", "gradient_steps"),
+    ),
 }
 _AIMS = ("part_cost", "roughness_deviation")  # of tasks that have them; of others, the return
 

@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from leaderboard.information import Information, class_of, information
 from leaderboard.result import Result, digest_of
 from leaderboard.shipped import is_own
 from turning_env import Scenario
+from turning_env.scoring.overload import ratio
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean, rank_key
 
@@ -49,10 +51,14 @@ class Standing:
 
     name: str
     kind: str
+    policy_class: str  # one of leaderboard.information.CLASSES
+    information: Information | None  # of an agent
     description: str
     own: bool  # an agent that does not come with the project
     training_seeds: tuple[int, ...]
     feasible: bool
+    class_rank: int | None  # among the policies of its class, by the same order; None for an oracle
+    constraint_rank: int | None  # among feasible policies, by cost
     mean_return: Estimate  # [s]
     interquartile_return: Estimate  # [s]
     over_fixed: Estimate | None  # [s]
@@ -67,7 +73,8 @@ class Standing:
     part_cost: float | None  # edges included; None if no parts are turned [min]
     roughness_deviation: float | None  # mean while cutting, relative; None if no roughness is held
     removal_rate: float  # [cm3/min]
-    cost: float  # [min/dm3]
+    cost: Estimate | None  # [min/dm3]; None if no metal is removed
+    over_least_cost: Estimate | None  # [min/dm3], of the other feasible policies
     overload_share: float  # of cutting time
     severe_share: float  # of cutting time
     severe_limit: float  # one-sided upper confidence limit of severe_share
@@ -100,8 +107,56 @@ def _rank(results: Sequence[Result]) -> list[Standing]:
     bootstrap = Bootstrap(len(results[0].task.seeds))
     rules = {name: float(np.mean(played[name]["return"])) for name, group in groups.items() if group[0].policy.kind == "rule"}
     means = {name: bootstrap.means(episodes["return"], name) for name, episodes in played.items()}
-    standings = [_standing(name, group, played, rules, bootstrap, means) for name, group in groups.items()]
-    return sorted(standings, key=lambda each: (rank_key(each.kind, each.feasible, each.mean_return.value), each.name))
+    costs = {name: found for name, group in groups.items() if (found := _costs(name, group[0].task.scenario, played, bootstrap))}
+    standings = [_standing(name, group, played, rules, bootstrap, means, costs) for name, group in groups.items()]
+    standings.sort(key=lambda each: (rank_key(each.kind, each.feasible, each.mean_return.value), each.name))
+    return _with_ranks(standings, costs)
+
+
+def by_cost(standings: Sequence[Standing]) -> list[Standing]:
+    """Return policies in the order of the constraint track: feasible ones by cost, then the others in their order."""
+    return sorted(standings, key=lambda each: each.constraint_rank or math.inf)
+
+
+@dataclass(frozen=True)
+class _Costs:
+    """The cost of a policy's metal [min/dm3]."""
+
+    value: float
+    replicates: Floats
+    """In each resample."""
+
+
+def _costs(name: str, scenario: Scenario, played: Mapping[str, dict[str, Floats]], bootstrap: Bootstrap) -> _Costs | None:
+    episodes = played[name]
+    minutes = total_minutes(episodes, scenario) + scenario.economics.edge_cost * episodes["edges_used"]
+    removed = episodes["removed"] / 1000.0
+    if not removed.any():
+        return None
+    return _Costs(_share(minutes, removed), ratio(bootstrap.means(minutes, name), bootstrap.means(removed, name)))
+
+
+def _with_ranks(standings: Sequence[Standing], costs: Mapping[str, _Costs]) -> list[Standing]:
+    """Return standings, which are in order, with their ranks within classes and on the constraint track."""
+    ranked = [each for each in standings if each.kind != "oracle"]
+    able = sorted((each.name for each in ranked if each.feasible and each.name in costs), key=lambda name: costs[name].value)
+    found = []
+    for each in standings:
+        cost, cheapest = costs.get(each.name), next((name for name in able if name != each.name), None)
+        over = None
+        if cost is not None and cheapest is not None:
+            least = costs[cheapest]
+            over = Estimate.of(cost.value - least.value, cost.replicates - least.replicates)
+        place = [other.name for other in ranked if other.policy_class == each.policy_class]
+        found.append(
+            replace(
+                each,
+                class_rank=1 + place.index(each.name) if each.name in place else None,
+                constraint_rank=1 + able.index(each.name) if each.name in able else None,
+                over_least_cost=over,
+            )
+        )
+    return found
 
 
 def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
@@ -134,6 +189,7 @@ def _standing(
     rules: Mapping[str, float],
     bootstrap: Bootstrap,
     means: Mapping[str, Floats],
+    costs: Mapping[str, _Costs],
 ) -> Standing:
     """Return the standing of one policy.
 
@@ -144,6 +200,7 @@ def _standing(
         rules: mean returns [s] of all rules.
         bootstrap: the resamples of all policies.
         means: for every policy, its mean return [s] in each resample.
+        costs: for every policy that removes metal, its cost.
     """
     policy, scenario = group[0].policy, group[0].task.scenario
     episodes = played[name]
@@ -178,10 +235,14 @@ def _standing(
     return Standing(
         name=name,
         kind=policy.kind,
+        policy_class=class_of(policy),
+        information=information(policy, policy.trained_on or scenario),
         description=policy.description,
         own=is_own(policy),
         training_seeds=tuple(sorted(seed for result in group if (seed := result.policy.training_seed) is not None)),
         feasible=severe_limit <= scenario.limits.overload_allowance,
+        class_rank=None,
+        constraint_rank=None,
         mean_return=Estimate.of(float(np.mean(returns)), means[name]),
         interquartile_return=Estimate.of(
             float(interquartile_mean(returns.ravel())), bootstrap.interquartile_means(returns, name)
@@ -202,7 +263,8 @@ def _standing(
         ),
         roughness_deviation=(_share(episodes["roughness_deviation"], engaged) if scenario.control.aim == "roughness" else None),
         removal_rate=_share(removed, minutes),
-        cost=_share(minutes + scenario.economics.edge_cost * edges, removed / 1000.0) if removed.any() else math.inf,
+        cost=Estimate.of(costs[name].value, costs[name].replicates) if name in costs else None,
+        over_least_cost=None,
         overload_share=_share(episodes["overload_time"], engaged),
         severe_share=_share(severe, engaged),
         severe_limit=severe_limit,

@@ -4,16 +4,28 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from leaderboard.columns import GROUPS, RETURNS, Column, groups
+from leaderboard.columns import GROUPS, RETURNS, Column, Count, Mark, groups
 from leaderboard.ranking import Leaderboard
-from leaderboard.standings import Standing
+from leaderboard.standings import Standing, by_cost
 
-UNITS = {column.field: column.unit if column.factor == 1.0 else "share" for group in GROUPS.values() for column in group}
+UNITS = {
+    column.field: column.unit if column.factor == 1.0 else "share"
+    for group in GROUPS.values()
+    for column in group
+    if not isinstance(column, Mark | Count)
+}
 """Units of the numbers of a standing."""
 
 
-def as_data(leaderboards: Sequence[Leaderboard]) -> dict[str, Any]:
-    """Return the leaderboards with all numbers of their standings in order of rank: see ``leaderboard.standings.Standing``.
+TRACKS: dict[str, Callable[[Sequence[Standing]], Sequence[Standing]]] = {
+    "penalty": lambda standings: standings,
+    "constraint": by_cost,
+}
+"""The order of policies on each track: by return, or feasible policies by cost."""
+
+
+def as_data(leaderboards: Sequence[Leaderboard], track: str = "penalty") -> dict[str, Any]:
+    """Return the leaderboards with all numbers of their standings in order of a track: see ``leaderboard.standings.Standing``.
 
     A number with an interval has ``value``, ``low`` and ``high``.
     """
@@ -25,19 +37,20 @@ def as_data(leaderboards: Sequence[Leaderboard]) -> dict[str, Any]:
                 "scenario": each.task.scenario.name,
                 "seeds": each.task.seeds,
                 "task": each.task.digest,
-                "standings": [asdict(standing) for standing in each.standings],
+                "standings": [asdict(standing) for standing in TRACKS[track](each.standings)],
             }
             for each in leaderboards
         ],
     }
 
 
-def render(leaderboard: Leaderboard) -> str:
+def render(leaderboard: Leaderboard, track: str = "penalty") -> str:
     """Return a leaderboard as tables, one per subject, under a line that names the task."""
     task = leaderboard.task
     lines = [f"{task.env_id}, scenario {task.scenario.name}, {len(task.seeds)} seeds, task {task.digest[:12]}"]
-    for columns in groups(leaderboard.standings).values():
-        lines += ["", aligned(_rows(leaderboard.standings, columns), left=1)]
+    standings = TRACKS[track](leaderboard.standings)
+    for heading, columns in groups(standings).items():
+        lines += ["", heading, "", aligned(_rows(standings, columns), left=1)]
     return "\n".join(lines)
 
 
@@ -58,13 +71,15 @@ def own_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]:
 def _rows(standings: Sequence[Standing], columns: Sequence[Column]) -> list[list[str]]:
     rows = [
         ["rank", "policy", "seeds", "feasible", *(column.heading for column in columns)],
-        ["", "", "", "", *(f"[{column.unit}]" for column in columns)],
+        ["", "", "", "", *(f"[{column.unit}]" if column.unit else "" for column in columns)],
     ]
     for place, standing in enumerate(standings, 1):
         ranked = standing.kind != "oracle"
         feasible = "yes" if standing.feasible else "NO"
         seeds = str(len(standing.training_seeds) or "")
         cells = [column.cell(standing) for column in columns]
+        if not any(cell.text for cell in cells):
+            continue
         name = f"{standing.name} (yours)" if standing.own else standing.name
         row = [str(place) if ranked else "", name, seeds, feasible if ranked else ""]
         rows.append(row + [f"{cell.text} ({cell.interval})" if cell.interval else cell.text for cell in cells])

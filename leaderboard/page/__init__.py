@@ -1,6 +1,7 @@
 """The leaderboard as one self-contained HTML file: the page's parts lie beside this one and are put into it."""
 
 import hashlib
+import re
 import shlex
 from base64 import b64encode
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from leaderboard import columns, generalisation
+from leaderboard.information import CLASSES
 from leaderboard.page.charts import chart_data, learning_data
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import write_whole
@@ -22,7 +24,7 @@ from turning_env import IDS, Scenario, presets
 from turning_env.scoring.overload import CONFIDENCE, RESAMPLES
 from turning_env.workshop.plot_style import policy_look
 
-SHOWN_AT_FIRST = ("Result", "Score", "Limits")
+SHOWN_AT_FIRST = ("Result", "Constraint track", "Limits")
 _HERE = Path(__file__).parent
 _SCRIPTS = ("tables.js", "charts.js", "start.js")
 
@@ -37,7 +39,7 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
     loader = FileSystemLoader(_HERE)
     templates = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     templates.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
-    templates.filters["number"] = lambda text: str(text).replace("-", "\N{MINUS SIGN}")
+    templates.filters["number"] = lambda text: re.sub(r"-(?=\d)", "\N{MINUS SIGN}", str(text))
     templates.filters["unit"] = lambda text: str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
     templates.filters["short"] = lambda number: "" if number is None else f"{number:.6g}"
     templates.filters["colour"] = lambda name: policy_look(name)[0]
@@ -48,6 +50,7 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
         tasks={env_id: list(group) for env_id, group in groupby(sections, lambda section: section["leaderboard"].task.env_id)},
         across=generalisation.across(leaderboards),
         column_groups=list(columns.GROUPS),
+        classes=_classes(leaderboards),
         shown_at_first=SHOWN_AT_FIRST,
         confidence=f"{100 * CONFIDENCE:g} %",
         resamples=RESAMPLES,
@@ -56,6 +59,12 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
         # No script but this one runs, whatever a submission is called.
         script_digest=b64encode(hashlib.sha256(script.encode()).digest()).decode(),
     )
+
+
+def _classes(leaderboards: Sequence[Leaderboard]) -> dict[str, str]:
+    """Return the classes of the policies shown, with their meanings."""
+    shown = {standing.policy_class for each in leaderboards for standing in each.standings}
+    return {name: meaning for name, meaning in CLASSES.items() if name in shown}
 
 
 def _section(leaderboard: Leaderboard) -> dict[str, Any]:

@@ -27,12 +27,12 @@ function sortBy(head) {
 
 function filterPolicies(section, form) {
   const text = form.elements.text.value.trim().toLocaleLowerCase();
-  const kinds = new Set([...form.querySelectorAll("[name=kind]:checked")].map(box => box.value));
+  const classes = new Set([...form.querySelectorAll("[name=class]:checked")].map(box => box.value));
   const rows = [...section.querySelectorAll("tr.policy")];
   let shown = 0;
   for (const row of rows) {
     const words = [...row.querySelectorAll("bdi")].map(each => each.textContent).join(" ");
-    row.hidden = !words.toLocaleLowerCase().includes(text) || !kinds.has(row.dataset.kind) || (form.elements.feasible.checked && row.classList.contains("infeasible"));
+    row.hidden = !words.toLocaleLowerCase().includes(text) || !classes.has(row.dataset.class) || (form.elements.feasible.checked && row.classList.contains("infeasible"));
     const detail = detailOf(row);
     if (detail) detail.hidden = row.hidden || row.querySelector(".open").getAttribute("aria-expanded") !== "true";
     shown += !row.hidden;
@@ -57,11 +57,13 @@ function scaleIntervals(rows) {
       columns.get(cell.cellIndex).push({ ...numbers, counts: !row.classList.contains("infeasible") });
     }
   }
-  for (const intervals of columns.values()) {
+  for (const [column, intervals] of columns) {
     const feasible = intervals.filter(each => each.counts);
     const counted = 3 * feasible.length < intervals.length ? intervals : feasible;
-    const least = counted.map(each => each.low).sort((a, b) => b - a)[Math.floor(counted.length / 2)];
-    const most = counted.reduce((high, each) => Math.max(high, each.high), -Infinity);
+    const lows = counted.map(each => each.low).sort((a, b) => a - b), highs = counted.map(each => each.high).sort((a, b) => a - b);
+    const heads = intervals[0].cell.closest("table").querySelector(".heads");
+    const middle = Math.floor((counted.length - 1) / 2), lowerIsBetter = heads.cells[column].querySelector("button").dataset.first === "ascending";
+    const least = lowerIsBetter ? lows[0] : lows[middle], most = lowerIsBetter ? highs[Math.floor(counted.length / 2)] : highs.at(-1);
     const room = 0.05 * (most - least) || 1;
     const percent = value => 100 * (value - least + room) / (most - least + 2 * room);
     for (const { cell, low, high, at } of intervals) {

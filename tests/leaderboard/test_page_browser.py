@@ -133,7 +133,7 @@ def test_headings_sort(opened: Open, leaderboard: Leaderboard) -> None:
     less_is_better = shown.get_by_role("columnheader", name="severely over [%]", exact=True)
     less_is_better.get_by_role("button").click()
     expect(less_is_better).to_have_attribute("aria-sort", "ascending")
-    shown.get_by_role("columnheader", name="rank").get_by_role("button").click()
+    shown.get_by_role("columnheader", name="rank", exact=True).get_by_role("button").click()
     assert names(shown) == ranked
     expect(shown.locator("section:visible .oracle td").first).to_have_text("\u2013")
 
@@ -175,6 +175,9 @@ def test_filters_leave_what_is_asked_for(opened: Open) -> None:
     assert names(shown) == ["oracle"]
     expect(shown.locator("section:visible .count")).to_have_text("1 of 7 policies shown")
     shown.get_by_label("rules").check()
+    shown.get_by_label("other agents").uncheck()
+    assert "ppo" not in names(shown)
+    shown.get_by_label("other agents").check()
     shown.get_by_label("Policy").first.fill("GRID")
     assert names(shown) == ["grid_search"]
     shown.get_by_label("Policy").first.fill("nobody")

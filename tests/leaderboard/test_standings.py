@@ -1,13 +1,11 @@
 """The numbers of a leaderboard against hand-computed values, and the order of rank."""
 
-import math
-
 import numpy as np
 import pytest
 
 from leaderboard import shipped
 from leaderboard.columns import LIMITS, WORKSHOP
-from leaderboard.standings import rank
+from leaderboard.standings import by_cost, rank
 from tests.leaderboard.conftest import MakeResult, spec
 
 
@@ -28,7 +26,8 @@ def test_physical_columns_by_hand(make_result: MakeResult) -> None:
     (standing,) = rank([result])
     minutes = 35.0 + 3 * 2.0 + 10.0
     assert standing.removal_rate == pytest.approx(3500 / minutes)
-    assert standing.cost == pytest.approx((minutes + 3 * 3.0) / 3.5)
+    assert standing.cost is not None
+    assert standing.cost.value == pytest.approx((minutes + 3 * 3.0) / 3.5)
     assert standing.overload_share == pytest.approx(0.1)
     assert standing.severe_share == pytest.approx(0.02)
     assert standing.excess == pytest.approx(0.004)
@@ -98,6 +97,32 @@ def test_feasible_policies_rank_first(make_result: MakeResult) -> None:
     assert [standing.feasible for standing in standings] == [True, True, False]
 
 
+def test_tracks_and_classes_rank_for_themselves(make_result: MakeResult) -> None:
+    learned = spec("learned", seed=0, command="python -m train.ppo --seed 0")
+    taught = spec("taught", seed=0, command="python -m train.analytic_gradient --seed 0")
+    results = [
+        make_result("greedy", severe_overload_time=6.0, removed=900.0, **{"return": 100}),
+        make_result("taught", policy=taught, removed=200.0, **{"return": 3}),
+        make_result("learned", policy=learned, removed=400.0, **{"return": 2}),
+        make_result("plain", removed=300.0, **{"return": 1}),
+        make_result("known", policy=spec("known", kind="oracle"), removed=800.0, **{"return": 200}),
+    ]
+    standings = rank(results)
+    assert [standing.name for standing in standings] == ["taught", "learned", "plain", "greedy", "known"]
+    assert [standing.class_rank for standing in standings] == [1, 1, 1, 2, None]
+    assert [standing.constraint_rank for standing in standings] == [3, 1, 2, None, None]
+    assert [standing.name for standing in by_cost(standings)] == ["learned", "plain", "taught", "greedy", "known"]
+    over = {standing.name: standing.over_least_cost for standing in standings}
+    costs = {standing.name: standing.cost for standing in standings}
+    for name, cheapest in {"taught": "learned", "learned": "plain", "greedy": "learned"}.items():
+        mine, its, gap = costs[name], costs[cheapest], over[name]
+        assert mine is not None
+        assert its is not None
+        assert gap is not None
+        # All seeds are alike, so nothing is left to chance.
+        assert (gap.low, gap.value, gap.high) == pytest.approx((mine.value - its.value,) * 3)
+
+
 def test_a_share_within_the_allowance_by_chance_does_not_admit(make_result: MakeResult) -> None:
     (standing,) = rank([make_result("lucky", severe_overload_time=[10, 0, 0, 0])])
     assert standing.severe_share == pytest.approx(10 / 240)
@@ -108,7 +133,7 @@ def test_a_share_within_the_allowance_by_chance_does_not_admit(make_result: Make
 def test_a_policy_that_never_cuts_has_numbers(make_result: MakeResult) -> None:
     (standing,) = rank([make_result("idle", engaged_time=0, removed=0, used_life=0)])
     assert standing.removal_rate == 0
-    assert standing.cost == math.inf
+    assert standing.cost is standing.constraint_rank is None
     assert standing.severe_limit == 0
     assert not any(np.isnan(value) for value in (standing.overload_share, standing.excess, standing.broken_share))
 

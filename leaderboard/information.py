@@ -1,0 +1,141 @@
+"""What training gave an agent, what it sees at run time, and how long it trained: derived from what its file states.
+
+The algorithm, taken from the training command, decides what training gave; scenario and hyperparameters decide the rest. A
+policy that sees more in training than observations, rewards and costs is privileged: it is trained with what no lathe reveals
+(asymmetric or privileged training, such as Pinto et al. 2018, arXiv 1710.06542). It ranks in a class of its own.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from turning_env import Scenario
+from turning_env.scoring.policy import PolicySpec
+
+GIVEN = {
+    "rewards": "the return that it maximises, step by step",
+    "overload share": "the share of severe overload and its allowance, in place of its price",
+    "model gradients": "gradients of the true laws, limits and drive lags",
+    "true states": "hidden depth of cut, hardness and wear after each step",
+    "life price": "the price of edge life by dynamic programming, in place of the flat charge",
+    "spreads": "how much hardness and depth of cut vary",
+    "geometry": "length and diameter of the bars",
+}
+"""What training can give beside observations, by name."""
+SEEN = {
+    "memory": "remembers earlier observations",
+    "position": "tracks the tool's position along the bar, from observations and the bars' geometry",
+    "nominal model": "is told the nominal model of each job",
+}
+"""What an agent can have at run time beside the present observation, by name."""
+_MODEL_FREE = frozenset({"rewards", "overload share"})
+_REWARDS = frozenset({"rewards"})
+_TEACHER = frozenset({"model gradients", "true states", "life price", "spreads", "geometry"})
+_ALGORITHMS: Mapping[str, frozenset[str]] = {
+    "ppo": _REWARDS,
+    "recurrent_ppo": _REWARDS,
+    "sac": _REWARDS,
+    "tqc": _REWARDS,
+    "lagrangian_ppo": _REWARDS | {"overload share"},
+    "analytic_gradient": _TEACHER,
+    "family_gradient": _TEACHER,
+}
+CLASSES = {
+    "model-free agent": "trained on observations, rewards and costs alone",
+    "privileged agent": "trained with what no lathe reveals, such as true states or gradients of the true laws",
+    "other agent": "its file does not state what training gave it",
+    "rule": "a controller, tuned on tuning seeds; may know the nominal model",
+    "oracle": "knows hidden quantities at run time, or is a bound; not ranked",
+}
+"""Classes of policies, each ranked for itself."""
+
+
+@dataclass(frozen=True)
+class Information:
+    """What training gave an agent, and what it has at run time; None: not stated."""
+
+    given: tuple[str, ...] | None
+    """Of ``GIVEN``."""
+    seen: tuple[str, ...] | None
+    """Of ``SEEN``."""
+    steps: int | None
+    """Environment steps of the training."""
+    gradient_steps: int | None
+    """Updates of the network."""
+
+
+def class_of(policy: PolicySpec) -> str:
+    """Return the class of a policy, one of ``CLASSES``."""
+    if policy.kind != "agent":
+        return policy.kind
+    algorithm = _algorithm(policy.command)
+    if algorithm is None:
+        return "other agent"
+    return "model-free agent" if _ALGORITHMS[algorithm] <= _MODEL_FREE else "privileged agent"
+
+
+def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
+    """Return what an agent was given and sees on the scenario of its training; None if the policy is no agent."""
+    if policy.kind != "agent":
+        return None
+    algorithm, p = _algorithm(policy.command), policy.parameters
+    if algorithm is None:
+        return Information(None, None, None, None)
+    given = _ALGORITHMS[algorithm]
+    if scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end":
+        given -= {"life price", "spreads"}  # the job ends before the edge: its life has the flat price
+    gradient = given.isdisjoint(_REWARDS)
+    has = {
+        "memory": gradient or "memory_cells" in p,
+        "position": gradient,
+        "nominal model": algorithm == "family_gradient",
+    }
+    return Information(
+        given=tuple(name for name in GIVEN if name in given),
+        seen=tuple(name for name in SEEN if has[name]),
+        steps=_whole(p, "steps"),
+        gradient_steps=_gradient_steps(p),
+    )
+
+
+def _algorithm(command: str | None) -> str | None:
+    """Return the algorithm that a command line trains with; None if it is not one of the project's."""
+    found = re.match(r"python -m train\.(\w+)( |$)", command or "")
+    return found[1] if found and found[1] in _ALGORITHMS else None
+
+
+def _whole(parameters: Mapping[str, object], name: str) -> int | None:
+    value = parameters.get(name)
+    return value if type(value) is int else None
+
+
+def _gradient_steps(parameters: Mapping[str, object]) -> int | None:
+    """Return the number of updates that an agent's hyperparameters mean; None if they do not state it."""
+    p = {name: value for name in parameters if (value := _whole(parameters, name)) is not None}
+    try:
+        if "batches_per_step" in p:  # off-policy
+            return (p["steps"] - p["random_steps"]) // p["num_envs"] * p["batches_per_step"]
+        rollouts = -(-p["steps"] // (p["num_envs"] * p["rollout"]))
+        if "batch_envs" in p:
+            return rollouts * p["epochs"] * (p["num_envs"] // p["batch_envs"])
+        return rollouts * p["epochs"] * (p["num_envs"] * p["rollout"] // p["batch_size"])
+    except (KeyError, ZeroDivisionError):
+        return None
+
+
+def markdown(agents: Mapping[str, Information]) -> str:
+    """Return a Markdown table of agents' information, a column per agent."""
+    held = [(f"Given in training: {name}", [_mark(name, each.given) for each in agents.values()]) for name in GIVEN]
+    held += [(f"At run time: {name}", [_mark(name, each.seen) for each in agents.values()]) for name in SEEN]
+    held += [("Environment steps", [_number(each.steps) for each in agents.values()])]
+    held += [("Updates of the network", [_number(each.gradient_steps) for each in agents.values()])]
+    head = [("", [f"`{name}`" for name in agents]), ("---", ["---"] * len(agents))]
+    return "\n".join(f"| {' | '.join([title, *cells])} |" for title, cells in head + held)
+
+
+def _mark(name: str, held: Sequence[str] | None) -> str:
+    return "?" if held is None else "yes" if name in held else ""
+
+
+def _number(count: int | None) -> str:
+    return "?" if count is None else f"{count:,}"

@@ -1,0 +1,83 @@
+"""What agents were given, as tables state it, is what their files and algorithms show."""
+
+from pathlib import Path
+
+import pytest
+
+from leaderboard.__main__ import main
+from leaderboard.information import Information, class_of, information, markdown
+from leaderboard.shipped import AGENTS, RESULTS
+from tests.leaderboard.conftest import spec
+from train.agents import agent_file
+from train.analytic_actor import DistanceTracker
+from train.run import HYPERPARAMETERS
+from turning_env import Scenario
+
+SCENARIO = Scenario.load("rough_turning")
+
+
+def told(command: str | None, scenario: Scenario = SCENARIO, **parameters: int) -> Information:
+    """Return the information of an agent with this training command."""
+    found = information(spec("mine", seed=0, command=command, parameters=parameters), scenario)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("path", sorted(AGENTS.glob("*/*/*-seed0.onnx")), ids=lambda path: f"{path.parents[1].name}-{path.stem}")
+def test_shipped_agents_have_the_memory_that_the_table_states(path: Path) -> None:
+    file = agent_file.read(path)
+    policy = spec(file.metadata.name, seed=0, command=file.metadata.command, parameters=file.metadata.parameters)
+    found = information(policy, file.metadata.scenario)
+    assert found is not None
+    assert found.seen is not None
+    cells = file.metadata.parameters.get("cells", 0), file.metadata.parameters.get("memory_cells", 0)
+    assert file.memory_size == (cells[0] + DistanceTracker.STATES * ("position" in found.seen) if cells[0] else 2 * cells[1])
+    assert ("memory" in found.seen) == (file.memory_size > 0)
+    assert found.steps == file.metadata.trained_steps
+    assert found.gradient_steps
+
+
+@pytest.mark.parametrize("algorithm", sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
+def test_every_algorithm_has_a_class(algorithm: str) -> None:
+    privileged = algorithm.endswith("_gradient")
+    expected = "privileged agent" if privileged else "model-free agent"
+    assert class_of(spec("any", seed=0, command=f"python -m train.{algorithm} --seed 0")) == expected
+    assert class_of(spec("any", seed=0, command=f"python -m train.{algorithm}")) == expected
+
+
+@pytest.mark.parametrize("command", [None, "train it", "python -m train.export mine.zip", "python -m train.ppo_of_mine --seed 0"])
+def test_what_is_not_stated_is_not_guessed(command: str | None) -> None:
+    assert class_of(spec("mine", seed=0, command=command)) == "other agent"
+    assert told(command) == Information(None, None, None, None)
+    assert "| Environment steps | ? |" in markdown({"mine": told(command)})
+
+
+def test_rules_and_oracles_are_classes_of_their_own() -> None:
+    assert [class_of(spec("one", kind=kind)) for kind in ("rule", "oracle")] == ["rule", "oracle"]
+    assert information(spec("one"), SCENARIO) is None
+
+
+def test_a_job_that_ends_before_its_edge_needs_no_price_of_life() -> None:
+    command = "python -m train.analytic_gradient --seed 0"
+    assert {"life price", "spreads"} <= set(told(command).given or ())
+    short = told(command, Scenario.load("override")).given or ()
+    assert {"model gradients", "true states"} <= set(short)
+    assert {"life price", "spreads"}.isdisjoint(short)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "updates"),
+    [
+        ({"steps": 1000, "num_envs": 10, "rollout": 10, "batch_size": 50, "epochs": 3}, 10 * 3 * 2),
+        ({"steps": 1000, "num_envs": 10, "rollout": 10, "batch_envs": 5, "epochs": 3}, 10 * 3 * 2),
+        ({"steps": 1000, "num_envs": 10, "random_steps": 100, "batches_per_step": 2, "batch_size": 50}, 90 * 2),
+        ({"steps": 1000}, None),
+    ],
+)
+def test_updates_by_hand(parameters: dict[str, int], updates: int | None) -> None:
+    assert told("python -m train.ppo", **parameters).gradient_steps == updates
+
+
+def test_the_docs_hold_the_table_of_the_shipped_results(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", "--results", str(RESULTS), "--information"]) == 0
+    assert capsys.readouterr().out in Path("docs/agents.md").read_text("utf-8")
