@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
@@ -14,8 +15,8 @@ from leaderboard.verify import Selection
 from tests.leaderboard.conftest import ENV_ID, spec
 from tests.train import onnx_agents
 from turning_env import Scenario
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_spec
-from turning_env.scoring.policy import PolicySpec
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_spec, play_together
+from turning_env.scoring.policy import PolicyFactory, PolicySpec
 
 RULE = "fixed_handbook"
 SHORT = onnx_agents.SCENARIO
@@ -188,10 +189,12 @@ def test_what_came_back_is_not_played_again(with_agent: Path, monkeypatch: pytes
     assert sorted([*first, *played[3:]]) == sorted([RULE, RULE, "oracle", "ppo"])
 
 
-def test_a_quick_look_is_at_the_first_seeds(shipped: Path) -> None:
+def test_a_quick_look_is_at_the_shortest_episodes(shipped: Path) -> None:
     path = file_of(shipped, RULE)
-    episodes = read_result(path).episodes
-    rewrite(path, {"return": [*episodes["return"][:3], 0.0], "wear": [0.0, *episodes["wear"][1:]]})
+    episodes = {name: np.array(values) for name, values in read_result(path).episodes.items()}
+    by_length = np.argsort(episodes["steps"], kind="stable")
+    episodes["wear"][by_length[0]] = episodes["return"][by_length[3]] = 0.0
+    rewrite(path, {name: episodes[name].tolist() for name in ("return", "wear")})
     (quick,) = complaints(shipped, ONE_RULE, seeds=2)
     assert quick.startswith(f"{path}: wear differs for 1 of 2 seeds")
     assert not (shipped / "verified.json").exists()
@@ -199,6 +202,25 @@ def test_a_quick_look_is_at_the_first_seeds(shipped: Path) -> None:
     complaints(shipped, ONE_RULE, seeds=2)
     assert (shipped / "verified.json").exists()
     assert len(complaints(shipped, ONE_RULE)) == 2
+
+
+@pytest.mark.slow
+def test_policies_play_a_quick_look_together_or_else_alone(with_agent: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    played: list[int] = []
+
+    def together(policies: Sequence[PolicyFactory], *rest: Any) -> list[list[Episodes]]:
+        played.append(len(policies))
+        return play_together(policies, *rest)
+
+    monkeypatch.setattr(verify, "play_together", together)
+    assert complaints(with_agent, seeds=2) == []
+    assert played == [2]
+
+    def failing(*_: object) -> NoReturn:
+        raise ValueError("one of them cannot play")
+
+    monkeypatch.setattr(verify, "play_together", failing)
+    assert complaints(with_agent, seeds=2) == []
 
 
 @pytest.mark.slow

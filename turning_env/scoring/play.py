@@ -102,16 +102,16 @@ def play_together(
         ValueError: as ``play``.
     """
     playing = [_Playing(scenario, [seed for own in seeds for seed in own]) for scenario, seeds in tasks]
-    counts = np.array([[len(own) for own in seeds] for _, seeds in tasks])  # (tasks, policies)
-    players = [make(int(count)) for make, count in zip(policies, counts.sum(axis=0), strict=True)]
-    by_policy, by_task = np.cumsum(counts, axis=1)[:, :-1], np.cumsum(counts, axis=0)[:-1].T
+    counts = [[len(own) for own in seeds] for _, seeds in tasks]
+    players = [make(sum(own)) for make, own in zip(policies, zip(*counts, strict=True), strict=True)]
+    by_policy, by_task = ([_slices(each) for each in rows] for rows in (counts, zip(*counts, strict=True)))
 
-    def transposed(parts: Sequence[NDArray[Any]], places: NDArray[np.int64]) -> list[NDArray[Any]]:
-        """Return arrays by policy from arrays by task, which are split at ``places``, or the other way round."""
-        pieces = [np.split(part, each) for part, each in zip(parts, places, strict=True)]
+    def transposed(parts: Sequence[NDArray[Any]], rows: Sequence[Sequence[slice]]) -> list[NDArray[Any]]:
+        """Return arrays by policy from arrays by task, whose parts are ``rows``, or the other way round."""
+        pieces = ([part[own] for own in of_part] for part, of_part in zip(parts, rows, strict=True))
         return [np.concatenate(own) for own in zip(*pieces, strict=True)]
 
-    ended = [np.ones(count, np.bool_) for count in counts.sum(axis=0)]
+    ended = transposed([each.running for each in playing], by_policy)  # all begin
     while any(each.running.any() for each in playing):
         for policy, mask in zip(players, ended, strict=True):
             if mask.any():
@@ -124,11 +124,16 @@ def play_together(
             else:  # stays as it is
                 each.ended[:] = False
         ended = transposed([each.ended for each in playing], by_policy)
-    parts = [
-        {name: np.split(values, places) for name, values in each.episodes.items()}
-        for each, places in zip(playing, by_policy, strict=True)
+    return [
+        [{name: values[rows[k]] for name, values in each.episodes.items()} for each, rows in zip(playing, by_policy, strict=True)]
+        for k in range(len(policies))
     ]
-    return [[{name: values[k] for name, values in part.items()} for part in parts] for k in range(len(policies))]
+
+
+def _slices(counts: Sequence[int]) -> list[slice]:
+    """Return slices of so many rows, one after the other."""
+    ends = np.cumsum(counts).tolist()
+    return [slice(end - count, end) for count, end in zip(counts, ends, strict=True)]
 
 
 class _Playing:
