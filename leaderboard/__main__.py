@@ -184,7 +184,7 @@ def _verify(options: argparse.Namespace) -> int:
     """Play results again. The exit status is 1 if a number differs. ``--check`` plays nothing.
 
     python -m leaderboard verify --check
-    python -m leaderboard verify --seeds 4
+    python -m leaderboard verify --seeds 4 --jobs 2
     python -m leaderboard verify --env RoughTurning-Surface-v0 --jobs 2
     """
     from leaderboard import verify  # needed only here: plays
@@ -197,7 +197,7 @@ def _verify(options: argparse.Namespace) -> int:
             options.memory.unlink(missing_ok=True)
         with workers(options.jobs, options.scheduler) as over:
             complaints = verify.verify(options.results, options.agents, selection, options.memory, options.seeds, over)
-        passed = "every result came back" if options.seeds is None else "the start of every result came back"
+        passed = "every result came back" if options.seeds is None else "the shortest episodes of every result came back"
     print(*complaints, f"{len(complaints)} complaints" if complaints else passed, sep="\n")
     return FAILED if complaints else DONE
 
@@ -326,7 +326,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--env", choices=IDS, help="only results of this id")
     add("--scenario", metavar="NAME", help="only results on this scenario")
     add("--policies", nargs="+", metavar="NAME", help="only results of these policies")
-    add("--seeds", type=positive, metavar="N", help="play only the first N seeds of each result")
+    add("--seeds", type=positive, metavar="N", help="play only the N shortest episodes of each result")
     which = "play nothing: compare versions, scenario values, parameters and agents' files"
     add("--check", action="store_true", help=which)
     add("--fresh", action="store_true", help="also play again what was verified before an interruption")

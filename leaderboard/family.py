@@ -30,9 +30,9 @@ from tqdm import tqdm
 
 from baselines.catalogue import RULES, spec
 from baselines.oracles.perfect_state import PerfectState
+from leaderboard.run import agent_spec
 from leaderboard.standings import CAUSAL
 from leaderboard.table import aligned
-from train.agents import onnx_policy
 from turning_env import MODEL_VERSION
 from turning_env.console import described, exits, print_json
 from turning_env.files import replace_file
@@ -42,7 +42,7 @@ from turning_env.scenario.section import names_instead
 from turning_env.scoring.family import Forgetful, HeldOptimum, play_family, play_jobs, relative
 from turning_env.scoring.overload import KEY, RESAMPLES, ratio
 from turning_env.scoring.play import Episodes
-from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory, PolicySpec
+from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 from turning_env.scoring.statistics import Estimate, Floats, interquartile_mean
 from turning_env.scoring.workers import spread, workers
 
@@ -55,19 +55,6 @@ PIECE = 4
 def told_the_truth(job: Job) -> Job:
     """Return the job with a nominal model that is right."""
     return job._replace(scenario=job.scenario.model_copy(update={"nominal_model": ()}))
-
-
-def agent_spec(path: Path) -> PolicySpec:
-    """Load an agent from its file, or from the folder of your own training.
-
-    Raises:
-        ValueError: it is no agent.
-    """
-    if (path / "run.json").exists():
-        from train.agents import run_folder  # needs PyTorch
-
-        return run_folder.load(path)
-    return onnx_policy.load(path)
 
 
 class Retold(Policy):

@@ -197,18 +197,26 @@ def agent(path: Path, scenario: Scenario, seconds: int | None = None) -> PolicyS
         ResultError: there is none, or it cannot play the scenario.
     """
     try:
-        if path.suffix == ONNX_SUFFIX or (any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()):
-            spec = onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
-        else:
-            from train.agents import run_folder  # imports torch, which takes seconds
-
-            spec = run_folder.load(path)
+        spec = agent_spec(path, seconds)
         check_fits(spec, scenario)
     except TooSlow as error:
         raise AgentTooSlow(f"skipped: {error}") from error
     except (OSError, ValueError) as error:
         raise ResultError(f"no agent can be loaded from {path}: {error}") from error
     return spec
+
+
+def agent_spec(path: Path, seconds: int | None = None) -> PolicySpec:
+    """Return the agent of an ONNX file or of a training run's folder, whatever it can play: see ``agents``.
+
+    Raises:
+        OSError, ValueError: there is none, or it gives no actions in time.
+    """
+    if path.suffix == ONNX_SUFFIX or (any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()):
+        return onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
+    from train.agents import run_folder  # imports torch, which takes seconds
+
+    return run_folder.load(path)
 
 
 Attempt = Episodes | ResultError

@@ -8,6 +8,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -33,12 +34,17 @@ from leaderboard.result import (
 from leaderboard.shipped import agent_files
 from leaderboard.standings import CLAIRVOYANT
 from train.agents import onnx_policy
-from train.agents.agent_file import ONNX_SUFFIX
+from train.agents.agent_file import ONNX_SUFFIX, check_fits
 from train.agents.sandbox import LIMITS
 from turning_env import MODEL_VERSION, Scenario, presets
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_together
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.workers import Workers, spread
+
+MAX_SHARED = 32
+"""Number of seeds on a task that policies play together."""
+BOUND_SEEDS = 4
+"""Seeds of a result in a quick look for one of a bound, which takes seconds per seed."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,7 @@ def verify(
         agents: folder of agents' ONNX files.
         selection: which of them.
         memory: file that remembers what has come back, so that an interrupted verification goes on; removed at the end.
-        seeds: play only so many of the first seeds of each result, and remember nothing; None: all.
+        seeds: play only so many seeds of each result, those of its shortest episodes, and remember nothing; None: all.
         over: who plays; None: this process.
 
     Returns:
@@ -97,7 +103,10 @@ def verify(
                 result, tolerance = wanted[path].result, wanted[path].tolerance
                 bar.set_description(result.policy.label)
                 bar.update()
-                wrong = [str(attempt)] if isinstance(attempt, ResultError) else differences(result, attempt, tolerance)
+                if isinstance(attempt, ResultError):
+                    wrong = [str(attempt)]
+                else:
+                    wrong = differences(result, attempt, tolerance, _chosen(result, seeds))
                 complaints += [_complaint(path, each) for each in wrong]
                 if not wrong and seeds is None:
                     known.add(result.checksum)
@@ -154,35 +163,78 @@ def _examine(results: Path, agents: Path, selection: Selection) -> tuple[dict[Pa
     return found, complaints
 
 
-Plays = tuple[PolicySpec | Path, list[tuple[Scenario, Sequence[int]]]]
-"""A policy with the scenarios and seeds that it plays."""
+class _Piece(NamedTuple):
+    """Policies that play the same tasks: scenarios, each with the seeds of every policy."""
+
+    players: list[PolicySpec | Path]
+    tasks: list[tuple[Scenario, list[Sequence[int]]]]
 
 
-def _pieces(wanted: Mapping[Path, _Found], seeds: int | None) -> list[tuple[list[Path], Plays]]:
-    """Return results and what comes back if they are right: all of an agent's file in one piece, and long pieces first."""
-    pieces: dict[Path, tuple[list[Path], Plays]] = {}
-    steps = dict[Path, float]()
-    for path, (result, player) in wanted.items():
-        assert player is not None
-        key = player if isinstance(player, Path) else path
-        paths, (_, plays) = pieces.setdefault(key, ([], (player, [])))
-        paths.append(path)
-        plays.append((result.task.scenario, result.task.seeds[:seeds]))
-        # A bound has no steps, and takes as long as any.
-        steps[key] = steps.get(key, 0.0) + (max(result.episodes["steps"][:seeds]) or math.inf)
-    return [pieces[key] for key in sorted(pieces, key=lambda key: -steps[key])]
+def _pieces(wanted: Mapping[Path, _Found], seeds: int | None) -> list[tuple[list[Path], _Piece]]:
+    """Return results, by policy and then by task, and what comes back if they are right; long pieces first.
+
+    An agent's file plays all its tasks in one piece. Policies with few seeds on the same tasks share a piece.
+    """
+    by_player: dict[Path, list[Path]] = {}
+    for path, each in wanted.items():
+        by_player.setdefault(each.player if isinstance(each.player, Path) else path, []).append(path)
+    sharing: dict[tuple[Path, ...], list[list[Path]]] = {}
+    for paths in by_player.values():
+        alone = wanted[paths[0]].result.policy.kind == "oracle"
+        sharing.setdefault(tuple(paths if alone else (path.parent for path in paths)), []).append(paths)
+    chosen = {path: _chosen(each.result, seeds) for path, each in wanted.items()}
+
+    def steps(paths: Sequence[Path]) -> float:
+        """Return the steps of its tasks; a bound has none, and takes as long as any."""
+        return sum(max(np.array(wanted[path].result.episodes["steps"])[chosen[path]]) or math.inf for path in paths)
+
+    def seeds_of(path: Path) -> Sequence[int]:
+        return [wanted[path].result.task.seeds[i] for i in chosen[path]]
+
+    pieces = []
+    size = max(1, MAX_SHARED // seeds) if seeds else 1
+    for group in sharing.values():
+        ordered = sorted(group, key=steps)  # those that share take as long as the longest
+        for members in (ordered[k : k + size] for k in range(0, len(ordered), size)):
+            players = [player for paths in members if (player := wanted[paths[0]].player) is not None]
+            by_task = list(zip(*members, strict=True))
+            tasks = [(wanted[paths[0]].result.task.scenario, [seeds_of(path) for path in paths]) for paths in by_task]
+            pieces.append((sum(map(steps, members)), [path for paths in members for path in paths], _Piece(players, tasks)))
+    return [(paths, piece) for _, paths, piece in sorted(pieces, key=lambda each: -each[0])]
 
 
-def _attempts(piece: Plays) -> list[run.Attempt]:
-    """Play one thing after another; an agent's file does so in one process, which may use as much as one each."""
-    player, plays = piece
-    if isinstance(player, PolicySpec):
-        return [run.attempt((player, *each)) for each in plays]
+def _chosen(result: Result, seeds: int | None) -> list[int]:
+    """Return the places of the seeds to play: all, or those of the shortest episodes; of a bound without steps, the first."""
+    steps = np.array(result.episodes["steps"])
+    if seeds is not None and not steps.any():
+        seeds = -(-seeds // BOUND_SEEDS)
+    return sorted(np.argsort(steps, kind="stable")[:seeds].tolist())
+
+
+def _attempts(piece: _Piece) -> list[run.Attempt]:
+    """Play every policy on every task: a single policy one task after another, several together.
+
+    An agent's file plays in one process, which may use as much as one for each task.
+    """
+    players, tasks = piece
+    limits = replace(LIMITS, computing=LIMITS.computing * len(tasks))
     try:
-        with onnx_policy.opened(player, replace(LIMITS, computing=LIMITS.computing * len(plays))) as agent:
-            return [run.attempt((agent, *each)) for each in plays]
+        with ExitStack() as held:
+            opened = (onnx_policy.opened(each, limits) if isinstance(each, Path) else nullcontext(each) for each in players)
+            specs = [held.enter_context(each) for each in opened]
+            if len(specs) == 1:
+                return [run.attempt((specs[0], scenario, seeds)) for scenario, (seeds,) in tasks]
+            for spec in specs:
+                for scenario, _ in tasks:
+                    check_fits(spec, scenario)
+            played = play_together([spec.make for spec in specs], tasks)
+            return [episodes for of_policy in played for episodes in of_policy]
     except (OSError, ValueError) as error:
-        return [ResultError(f"no agent can be loaded: {error}") for _ in plays]
+        if len(players) == 1:
+            return [ResultError(f"no agent can be loaded: {error}") for _ in tasks]
+    # One of them cannot play; the others can.
+    alone = [_Piece([player], [(scenario, [seeds[k]]) for scenario, seeds in tasks]) for k, player in enumerate(players)]
+    return [attempt for each in alone for attempt in _attempts(each)]
 
 
 def _complaint(path: Path, what: object) -> str:
@@ -227,12 +279,12 @@ def _tuned_on(known: ScenarioId | None) -> Scenario | None:
     return scenario
 
 
-def differences(result: Result, episodes: Episodes, tolerance: float) -> list[str]:
-    """Return a complaint for every field of a result that differs from episodes on its first seeds; see the module."""
+def differences(result: Result, episodes: Episodes, tolerance: float, places: Sequence[int]) -> list[str]:
+    """Return a complaint for every field of a result that differs from episodes of its seeds at ``places``; see the module."""
     complaints = []
     for name in EPISODE_FIELDS:
         played = episodes[name]
-        recorded = np.array(result.episodes[name])[: len(played)]
+        recorded = np.array(result.episodes[name])[places]
         other = recorded.view(np.int64) != played.view(np.int64) if tolerance == 0.0 else abs(recorded - played) > tolerance
         if other.any():
             largest = float(np.max(np.abs(recorded - played)))

@@ -24,7 +24,7 @@ SMALLER: Smaller = {
     "make leaderboard": ("STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results", {}),
     "make agents": ("STEPS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 AGENTS=RoughTurning-Surface-v0/ppo", {}),
     "make results": ("TASK_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v0", {}),
-    "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Surface-v0'", {}),
+    "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Batch-v0'", {}),
     "python -m train.ppo": ("--steps 20000", {}),
     "python -m train.tune": ("--steps 4096", {}),
     "python -m baselines.tune": (

@@ -120,14 +120,11 @@ def best_return(states, scratches, fields, cells, log_speeds, log_feeds, steps, 
                     gain = worth - time * (1.0 + p.overload_price * excess) - p.edge_price * using
                     after = used + using
                     if after >= 1.0:
-                        share = (1.0 - used) / using
-                        gain *= share
-                        end = i + share
+                        gain *= (1.0 - used) / using
                     else:
                         gain += between(next_values, after * lives)
-                        end = between(next_ends, after * lives)
                     if gain > best:
-                        best, best_end = gain, end
+                        best, best_end = gain, i + (1.0 - used) / using if after >= 1.0 else between(next_ends, after * lives)
             values[j], ends[j] = best, best_end
         values[lives], ends[lives] = 0.0, float(i)
         if i % cells == 0:

@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
@@ -14,8 +15,8 @@ from leaderboard.verify import Selection
 from tests.leaderboard.conftest import ENV_ID, spec
 from tests.train import onnx_agents
 from turning_env import Scenario
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_spec
-from turning_env.scoring.policy import PolicySpec
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_spec, play_together
+from turning_env.scoring.policy import PolicyFactory, PolicySpec
 
 RULE = "fixed_handbook"
 SHORT = onnx_agents.SCENARIO
@@ -188,10 +189,12 @@ def test_what_came_back_is_not_played_again(with_agent: Path, monkeypatch: pytes
     assert sorted([*first, *played[3:]]) == sorted([RULE, RULE, "oracle", "ppo"])
 
 
-def test_a_quick_look_is_at_the_first_seeds(shipped: Path) -> None:
+def test_a_quick_look_is_at_the_shortest_episodes(shipped: Path) -> None:
     path = file_of(shipped, RULE)
-    episodes = read_result(path).episodes
-    rewrite(path, {"return": [*episodes["return"][:3], 0.0], "wear": [0.0, *episodes["wear"][1:]]})
+    episodes = {name: np.array(values) for name, values in read_result(path).episodes.items()}
+    by_length = np.argsort(episodes["steps"], kind="stable")
+    episodes["wear"][by_length[0]] = episodes["return"][by_length[3]] = 0.0
+    rewrite(path, {name: episodes[name].tolist() for name in ("return", "wear")})
     (quick,) = complaints(shipped, ONE_RULE, seeds=2)
     assert quick.startswith(f"{path}: wear differs for 1 of 2 seeds")
     assert not (shipped / "verified.json").exists()
@@ -202,10 +205,30 @@ def test_a_quick_look_is_at_the_first_seeds(shipped: Path) -> None:
 
 
 @pytest.mark.slow
+def test_policies_play_a_quick_look_together_or_else_alone(with_agent: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    played: list[int] = []
+
+    def together(policies: Sequence[PolicyFactory], *rest: Any) -> list[list[Episodes]]:
+        played.append(len(policies))
+        return play_together(policies, *rest)
+
+    monkeypatch.setattr(verify, "play_together", together)
+    assert complaints(with_agent, seeds=2) == []
+    assert played == [2]
+
+    def failing(*_: object) -> NoReturn:
+        raise ValueError("one of them cannot play")
+
+    monkeypatch.setattr(verify, "play_together", failing)
+    assert complaints(with_agent, seeds=2) == []
+
+
+@pytest.mark.slow
 def test_command_line(with_agent: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folders = ["--results", str(with_agent / "results"), "--agents", str(with_agent / "agents")]
     arguments = ["verify", *folders, "--memory", str(with_agent / "memory.json")]
-    for option, said in (([], "every result came back\n"), (["--seeds", "1"], "the start of every result came back\n")):
+    quick = "the shortest episodes of every result came back\n"
+    for option, said in (([], "every result came back\n"), (["--seeds", "1"], quick)):
         assert main([*arguments, *option]) == 0
         assert capsys.readouterr().out == said
     assert main([*arguments, "--check"]) == 0
