@@ -1,6 +1,6 @@
 """Guard policies, and run them on a real control.
 
-python -m turning_env.control shield --episodes 8
+python -m turning_env.control shield --kept shield.json
 python -m turning_env.control demo --out demo.png
 """
 
@@ -23,12 +23,13 @@ def main(arguments: list[str] | None = None) -> int:
 
     guard = commands.add_parser("shield", help="measure the shield in simulation", **described(_shield.__doc__))
     guard.add_argument(
-        "--episodes", type=int, default=32, metavar="N", help="held-out seeds of every task (default: %(default)s)"
+        "--episodes", type=int, default=1000, metavar="N", help="held-out seeds of every task (default: %(default)s)"
     )
-    guard.add_argument("--env", nargs="+", choices=IDS, default=GUARDED, metavar="ID", help="tasks (default: all but Paper-v0)")
+    guard.add_argument("--env", nargs="+", choices=IDS, default=list(IDS), metavar="ID", help="tasks (default: all)")
     guard.add_argument("--agents", type=Path, default=Path("agents"), metavar="FOLDER", help="agents (default: %(default)s)")
     guard.add_argument("--target", type=number_within(0.1, 2, "-"), default=Settings.target, metavar="X",
                        help="expected load over its limit that is allowed (default: %(default)s)")  # fmt: skip
+    guard.add_argument("--kept", type=Path, metavar="FILE", help="JSON file of figures: measure only what it lacks, and add it")
     guard.add_argument("--json", action="store_true", help="print JSON")
     guard.set_defaults(run=_shield)
 
@@ -54,19 +55,13 @@ def main(arguments: list[str] | None = None) -> int:
     return exits(ValueError, LinuxCncError, KeyError)(options.run)(options)
 
 
-GUARDED = [env_id for env_id in IDS if env_id != "RoughTurning-Paper-v0"]
-
-
 def _shield(options: argparse.Namespace) -> int:
     """Play uniform random actions and the best shipped agent of every task, with and without the shield.
 
-    python -m turning_env.control shield --episodes 8
+    python -m turning_env.control shield --kept shield.json
     python -m turning_env.control shield --env RoughTurning-v0 --episodes 4 --json
     """
-    measured = []
-    for row in measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target)):
-        print(f"{row.env_id}: {row.policy}{', shielded' if row.shielded else ''} played", file=sys.stderr)
-        measured.append(row)
+    measured = list(measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target), options.kept))
     print_json([row._asdict() for row in measured]) if options.json else print(measure.markdown(measured))
     return 0
 
