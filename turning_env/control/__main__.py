@@ -10,7 +10,8 @@ from pathlib import Path
 
 from turning_env import IDS
 from turning_env.console import described, exits, number_within, picture_path, print_json
-from turning_env.control import measure
+from turning_env.control import measure, opcua
+from turning_env.control.core import Controller
 from turning_env.control.linuxcnc import LinuxCncError, figures, find_policy, picture, run, serve, serve_plant, simulated, table
 from turning_env.control.shield import Settings
 from turning_env.scenario import Scenario
@@ -43,16 +44,22 @@ def main(arguments: list[str] | None = None) -> int:
     answers.add_argument("--policy", required=True, metavar="POLICY", help="as for demo")
     answers.set_defaults(run=_serve)
 
+    linked = commands.add_parser("opcua", help="drive a control that serves OPC UA", **described(_opcua.__doc__))
+    linked.add_argument("--policy", required=True, metavar="POLICY", help="as for demo")
+    linked.add_argument("--url", required=True, metavar="URL", help="of the control's server, such as opc.tcp://192.0.2.1:4840")
+    linked.add_argument("--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes")
+    linked.set_defaults(run=_opcua)
+
     plant = commands.add_parser("plant", help="answer a HAL component's pins in place of a lathe", **described(_plant.__doc__))
     plant.add_argument("--log", type=Path, required=True, metavar="CSV", help="file for every cycle")
     plant.set_defaults(run=_plant)
     for each in (show, plant):
         each.add_argument("--seed", type=int, default=0, metavar="N", help="determines bars and edges (default: %(default)s)")
-    for each in (show, answers, plant):
+    for each in (show, answers, linked, plant):
         each.add_argument("--scenario", default="override", metavar="NAME", help="preset or TOML file (default: %(default)s)")
 
     options = parser.parse_args(arguments)
-    return exits(ValueError, LinuxCncError, KeyError)(options.run)(options)
+    return exits(ValueError, LinuxCncError, KeyError, OSError)(options.run)(options)
 
 
 def _shield(options: argparse.Namespace) -> int:
@@ -93,6 +100,17 @@ def _serve(options: argparse.Namespace) -> int:
     """
     scenario = Scenario.load(options.scenario)
     serve(scenario, find_policy(options.policy, scenario), Settings())
+    return 0
+
+
+def _opcua(options: argparse.Namespace) -> int:
+    """Read a control's nodes and command its feed over OPC UA until interrupted; then leave the safe feed.
+
+    python -m turning_env.control opcua --policy programmed --url opc.tcp://192.0.2.1:4840 --nodes nodes.toml
+    """
+    scenario = Scenario.load(options.scenario)
+    controller = Controller(scenario, find_policy(options.policy, scenario), Settings())
+    opcua.drive(controller, options.url, options.nodes, scenario.control.interval)
     return 0
 
 

@@ -47,6 +47,8 @@ class Readings:
     """[N]"""
     servo_current: float = _NAN
     """[A]"""
+    position: float = _NAN
+    """Tool position along the bar, below 0 before it [mm]; without it, the shield integrates the feed."""
     new_edge: bool = False
     """Whether the edge has been changed since the readings before."""
     spindle_heat: float = _NAN
@@ -178,6 +180,7 @@ class Controller:
             LOG.warning("%s: the safe feed holds", fault)
             self._set(commanded_feed=self.safe_feed * self._highest)
             return Commands(self.safe_feed, 1.0, Status.SAFE, fault)
+        self._shield.place = None if math.isnan(readings.position) else np.array([readings.position])
         self._actions[...] = self._shield.act(observation)
         apply_actions(self._states, self._scratches, self._actions)
         reason = self._shield.reasons[0]
