@@ -62,6 +62,10 @@ def main(arguments: list[str] | None = None) -> int:
     return exits(ValueError, LinuxCncError, KeyError, OSError)(options.run)(options)
 
 
+DELAY = 1.5
+"""Delay of readings and commands on a control [control intervals]."""
+
+
 def _shield(options: argparse.Namespace) -> int:
     """Play uniform random actions and the best shipped agent of every task, with and without the shield.
 
@@ -99,7 +103,7 @@ def _serve(options: argparse.Namespace) -> int:
     python -m turning_env.control serve --policy programmed --scenario override
     """
     scenario = Scenario.load(options.scenario)
-    serve(scenario, find_policy(options.policy, scenario), Settings())
+    serve(scenario, find_policy(options.policy, scenario), Settings(delay=DELAY * scenario.control.interval))
     return 0
 
 
@@ -109,7 +113,7 @@ def _opcua(options: argparse.Namespace) -> int:
     python -m turning_env.control opcua --policy programmed --url opc.tcp://192.0.2.1:4840 --nodes nodes.toml
     """
     scenario = Scenario.load(options.scenario)
-    controller = Controller(scenario, find_policy(options.policy, scenario), Settings())
+    controller = Controller(scenario, find_policy(options.policy, scenario), Settings(delay=DELAY * scenario.control.interval))
     opcua.drive(controller, options.url, options.nodes, scenario.control.interval)
     return 0
 

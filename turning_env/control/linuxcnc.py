@@ -47,12 +47,19 @@ CONTROLLER_PINS = {
         "power": "float",  # [kW]
         "thrust-force": "float",  # [N]
         "cutting": "bit",
+        "position": "float",  # [mm] along the bar
         "edge": "u32",
     },
     "out": {"adaptive-feed": "float", "spindle-override": "float", "status": "s32"},
 }
 PLANT_PINS = {
-    "in": {"spindle-speed": "float", "feed-velocity": "float", "motion-type": "s32", "z": "float", "adaptive-feed": "float"},
+    "in": {
+        "spindle-speed": "float",
+        "feed-velocity": "float",
+        "motion-type": "s32",
+        "position": "float",
+        "adaptive-feed": "float",
+    },
     "out": {"power": "float", "thrust-force": "float", "edge": "u32"},
 }
 
@@ -119,6 +126,7 @@ def serve(scenario: Scenario, make_policy: PolicyFactory, settings: Settings) ->
                 cutting=pins["cutting"],
                 engaged_time=engaged,
                 power=pins["power"],
+                position=pins["position"],
                 new_edge=pins["edge"] != before.get("edge", pins["edge"]),
                 **{force: pins["thrust-force"]},
             )
@@ -158,7 +166,7 @@ def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
             before = pins["time"]
             hidden = plant.advance(
                 max(seconds, 1e-4),
-                work.approach - pins["z"],
+                work.approach + pins["position"],
                 abs(pins["spindle-speed"]),
                 pins["feed-velocity"],
                 pins["motion-type"] == FEED_MOTION,

@@ -49,14 +49,14 @@ class Observer:
     The state's rows are d [mm], its slope along the bar [-], b, s and m.
     """
 
-    def __init__(self, scenario: Scenario, num_envs: int) -> None:
+    def __init__(self, scenario: Scenario, num_envs: int, delay: float) -> None:
         self._scenario = scenario
         material, work, sensors, tool = scenario.material, scenario.workpiece, scenario.sensors, scenario.tool
         power, force = material.power, material.thrust_force
         self._laws = [  # exponents of depth, hardness and edge; noise; time constant
             (power.depth_of_cut, power.hardness, power.wear / max(force.wear, 1e-9) if force.wear else 0.0,
-             np.hypot(sensors.power_noise, MODEL_NOISE), sensors.power_time_constant),
-            (force.depth_of_cut, force.hardness, 1.0, np.hypot(sensors.force_noise, MODEL_NOISE), sensors.force_time_constant),
+             np.hypot(sensors.power_noise, MODEL_NOISE), sensors.power_time_constant + delay),
+            (force.depth_of_cut, force.hardness, 1.0, np.hypot(sensors.force_noise, MODEL_NOISE), sensors.force_time_constant + delay),
         ]  # fmt: skip
         slope = 0.5 * np.pi * work.depth_along_spread / work.depth_correlation_length
         harder = 0.5 * np.pi * work.hardness_along_spread / work.hardness_correlation_length
@@ -73,7 +73,8 @@ class Observer:
         lengths = work.section_lengths or (work.bar_length / len(self._profile),) * len(self._profile)
         self._starts = np.cumsum([0.0, *lengths])[:-1]
         settling = scenario.machine.feed_time_constant
-        self._horizon = scenario.control.interval + settling  # [s]
+        self._acts = scenario.control.interval + delay  # [s] until the end of the next command's step
+        self._horizon = self._acts + settling  # [s]
         self._mean, self._covariance = np.zeros((num_envs, 5)), np.zeros((num_envs, 5, 5))
         self._place, self._cutting_time = np.zeros((2, num_envs))
         self._lags = np.zeros((2, num_envs))  # nominal power and force behind the sensors' lag
@@ -190,7 +191,7 @@ class Observer:
                 loads[k, j] = np.maximum(value - np.log(target), tolerated)
         self._loads = np.exp(loads)
         way = np.where(new_bar, work.bar_length + work.approach, self._starts[following]) - self._place
-        left = np.maximum(way, 0.0) / self._velocity - control.interval - SETTLED
+        left = np.maximum(way, 0.0) / self._velocity - self._acts - SETTLED
         fall = max(BRAKING * scenario.machine.feed_time_constant, 1e-3)
         if control.action == "incremental":
             fall = max(fall, control.interval / control.feed_step)
