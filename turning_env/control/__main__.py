@@ -5,6 +5,7 @@ python -m turning_env.control demo --out demo.png
 """
 
 import argparse
+import signal
 import sys
 from pathlib import Path
 
@@ -83,6 +84,7 @@ def _demo(options: argparse.Namespace) -> int:
     python -m turning_env.control demo --out demo.png
     python -m turning_env.control demo --policies programmed --bars 1
     """
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # end LinuxCNC, too
     agent = measure.best_agent("RoughTurning-Override-v0", Path("agents"))
     policies = options.policies or ["programmed", "modified_fuzzy_override", *([str(agent)] if agent else [])]
     scenario, runs, compared = Scenario.load(options.scenario), {}, {}

@@ -167,15 +167,13 @@ class Controller:
     def decide(self, readings: Readings) -> Commands:
         """Return the commands for the next control interval."""
         observation = self.observe(readings)
-        if not readings.in_feed:
-            return self._commands(Status.IDLE, "no feed motion")
-        if (
-            readings.spindle_speed
-            < 0.01 * self._scenario.machine.cutting_speed_min * 1000.0 / np.pi / self._scenario.workpiece.diameter
-        ):
-            return Commands(0.0, 1.0, Status.OPERATOR, "spindle stopped")
         if self._shield.handed_over[0]:
             return Commands(0.0, 1.0, Status.OPERATOR, "handed over")
+        turns = self._scenario.machine.cutting_speed_min * 1000.0 / np.pi / self._scenario.workpiece.diameter
+        if readings.spindle_speed < 0.01 * turns:
+            return Commands(0.0, 1.0, Status.OPERATOR if readings.in_feed else Status.IDLE, "spindle stopped")
+        if not readings.in_feed:
+            return self._commands(Status.IDLE, "no feed motion")
         if fault := self._fault(readings):
             LOG.warning("%s: the safe feed holds", fault)
             self._set(commanded_feed=self.safe_feed * self._highest)

@@ -4,6 +4,7 @@
 ``run`` writes the lathe's configuration into a folder, starts LinuxCNC without a screen and waits for the program's end.
 """
 
+import contextlib
 import csv
 import json
 import os
@@ -13,7 +14,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -116,7 +116,8 @@ def serve(scenario: Scenario, make_policy: PolicyFactory, settings: Settings) ->
     force = "servo_current" if scenario.sensors.force == "servo_current" else "thrust_force"
     for pins in _lines():
         seconds = pins["time"] - before.get("time", pins["time"])
-        in_feed = pins["motion-type"] == FEED_MOTION and not pins["in-position"]
+        moves = pins["feed-velocity"] > 0.0  # not held
+        in_feed = pins["motion-type"] == FEED_MOTION and not pins["in-position"] and moves
         engaged += seconds if pins["cutting"] and in_feed else 0.0
         if commands is None or pins["time"] - begun > interval - 0.5 * max(seconds, 1e-3):
             readings = Readings(
@@ -190,7 +191,7 @@ class Fault(NamedTuple):
 
     name: str
     """One of those in ``lathe/panel.py``: ``kill`` or ``freeze`` the policy's process, ``pause``, ``e-stop``, ``feed hold``,
-    ``spindle stopped``, ``sensor stuck``, ``sensor lost``."""
+    ``spindle stopped``, ``sensor stuck``, ``sensor lost``; ``policy`` lets a faulty policy run until then."""
     after: float
     """Time after the program's start [s]."""
     lasts: float = 2.0
@@ -233,7 +234,7 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
         folder = Path(name)
         _write_lathe(folder, loaded)
         (folder / "bars.ngc").write_text(program(loaded, bars))
-        (folder / "fault.json").write_text(json.dumps(fault._asdict() if fault else None))
+        (folder / "panel.json").write_text(json.dumps({"parent": os.getpid(), "fault": fault._asdict() if fault else None}))
         places = os.pathsep.join((str(Path(__file__).parents[2]), os.getcwd()))  # this package, and a clone's
         command = ["env", f"PYTHONPATH={places}", sys.executable, "-m", "turning_env.control"]
         common = ["--scenario", str(scenario)]
@@ -279,6 +280,7 @@ def _write_lathe(folder: Path, scenario: Scenario) -> None:
 def _start(folder: Path, limit: float) -> str:
     """Start LinuxCNC on the folder's lathe, wait for its end, and leave nothing running; return its output."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")} | {"OMP_NUM_THREADS": "1"}
+    environment["TURNING_FOLDER"] = str(folder)  # marks every process that descends from here
     if os.getuid() == 0:  # as root it wants to know which user it serves
         os.chown(folder, NOBODY, -1)
         environment |= {"RTAPI_UID": str(NOBODY), "RTAPI_FIFO_PATH": str(folder / "rtapi"), "HOME": str(folder)}
@@ -287,18 +289,28 @@ def _start(folder: Path, limit: float) -> str:
         process = subprocess.Popen(
             command, cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
         )
-        begun = time.monotonic()
         try:
-            while process.poll() is None and time.monotonic() - begun < limit:
-                time.sleep(0.05)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(limit)
         finally:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGTERM)
-                process.wait(10.0)
+            _end(process, folder)
     said = (folder / "output").read_text(errors="replace")
     if process.returncode != 0:
         raise LinuxCncError(f"LinuxCNC did not run the program to its end:\n{said[-2000:]}")
     return said
+
+
+def _end(process: subprocess.Popen[bytes], folder: Path) -> None:
+    """Let LinuxCNC end in order through its panel; a second Ctrl-C, or a minute without an end, kills its processes."""
+    (folder / "stop").touch()
+    try:
+        process.wait(60.0)
+    finally:
+        if process.poll() is None:
+            for path in Path("/proc").glob("[0-9]*/environ"):
+                with contextlib.suppress(OSError):
+                    if f"TURNING_FOLDER={folder}".encode() in path.read_bytes().split(b"\0"):
+                        os.kill(int(path.parent.name), signal.SIGKILL)
 
 
 class Figures(NamedTuple):

@@ -56,7 +56,8 @@ class Observer:
         self._laws = [  # exponents of depth, hardness and edge; noise; time constant
             (power.depth_of_cut, power.hardness, power.wear / max(force.wear, 1e-9) if force.wear else 0.0,
              np.hypot(sensors.power_noise, MODEL_NOISE), sensors.power_time_constant + delay),
-            (force.depth_of_cut, force.hardness, 1.0, np.hypot(sensors.force_noise, MODEL_NOISE), sensors.force_time_constant + delay),
+            (force.depth_of_cut, force.hardness, 1.0,
+             np.hypot(sensors.force_noise, MODEL_NOISE), sensors.force_time_constant + delay),
         ]  # fmt: skip
         slope = 0.5 * np.pi * work.depth_along_spread / work.depth_correlation_length
         harder = 0.5 * np.pi * work.hardness_along_spread / work.hardness_correlation_length
