@@ -235,7 +235,7 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
         _write_lathe(folder, loaded)
         (folder / "bars.ngc").write_text(program(loaded, bars))
         (folder / "panel.json").write_text(json.dumps({"parent": os.getpid(), "fault": fault._asdict() if fault else None}))
-        places = os.pathsep.join((str(Path(__file__).parents[2]), os.getcwd()))  # this package, and a clone's
+        places = os.pathsep.join([os.getcwd(), *filter(None, sys.path)])  # LinuxCNC sets paths of its own
         command = ["env", f"PYTHONPATH={places}", sys.executable, "-m", "turning_env.control"]
         common = ["--scenario", str(scenario)]
         log, interval = folder / "log.csv", loaded.control.interval
