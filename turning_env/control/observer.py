@@ -117,6 +117,7 @@ class Observer:
             place = np.where(reading.cutting, np.where(self._in_metal, self._place, 0.0) + moved, -1e-9)
         time_in_metal = np.where(self._in_metal, interval, engaged)
         self._place, self._in_metal = place, reading.cutting
+        self._feed = reading.feed
         self._wear = np.maximum(reading.nominal_wear, MIN_WEAR * scenario.tool.wear_criterion)
         here = self._profile[np.clip(np.searchsorted(self._starts, place, side="right") - 1, 0, None)]
         here = np.maximum(here, 0.01 * self._profile.max())
@@ -127,7 +128,7 @@ class Observer:
             *_, noise, tau = self._laws[k]
             share = -np.expm1(-time_in_metal / tau) if tau > 0.0 else 1.0
             self._lags[k] += (np.where(reading.cutting, nominal, 0.0) - self._lags[k]) * share
-            readable = reading.cutting & (self._lags[k] > 0.3 * nominal)
+            readable = reading.cutting & (engaged > 0.0) & (self._lags[k] > 0.3 * nominal)
             lag = np.log(np.maximum(self._lags[k], 1e-9) / nominal)
             if k == 0:
                 noise = noise * np.maximum(reading.power / cut_power, 1.0)
@@ -202,8 +203,14 @@ class Observer:
 
     def feeds(self, speed: Values) -> tuple[Values, Values]:
         """Return the feeds [mm/rev] at which power and force reach what they may at a speed [m/min]."""
+        law = self._scenario.material.wear
+        per_minute = law(speed, self._feed, self._scenario.workpiece.depth_of_cut)
+        minutes, n = self._acts / 60.0, law.time
+        wear = (self._wear ** (1.0 / n) + per_minute ** (1.0 / n) * minutes) ** n  # at the end of the next step
+        if self._scenario.tool.wear_rule == "clock_time":  # as if the edge had always cut so
+            wear = np.maximum(wear, per_minute * (self._cutting_time + minutes) ** n)
         here, there = (
-            feeds_of(self._scenario, speed, self._depths[j], self._wear, self._loads[1, j], self._loads[0, j]) for j in (0, 1)
+            feeds_of(self._scenario, speed, self._depths[j], wear, self._loads[1, j], self._loads[0, j]) for j in (0, 1)
         )
         low = self._scenario.machine.feed_min
         power, force = (
@@ -224,6 +231,7 @@ class Observer:
             The speed; and whether no speed near and no feed keep the limits.
         """
         scenario = self._scenario
+        self._feed = np.maximum(self._feed, feed)
         ways = np.linspace(-SPEED_CHANGE, SPEED_CHANGE, 41) if free else np.zeros(1)
         ways = ways[np.argsort(np.abs(ways), kind="stable")]
         speeds = np.clip(asked * np.exp(ways)[:, None], scenario.machine.cutting_speed_min, scenario.cutting_speed_max)
