@@ -167,8 +167,8 @@ class Shield(Policy):
         share = max(lag_share(control.interval + self._settings.delay, machine.feed_time_constant), MIN_SHARE)
         bound = np.where(reading.feed > bound, reading.feed + (bound - reading.feed) / share, bound)
         rise = reading.commanded_feed + self._settings.rise * control.interval * (machine.feed_max - machine.feed_min)
-        feed = np.maximum(np.minimum(asked, np.minimum(bound, rise)), machine.feed_min)
-        feed = np.where(speed == asked_speed, feed, np.minimum(bound, rise))
+        same = asked * asked_speed / speed  # the asked removal rate, not more
+        feed = np.clip(np.minimum(same, np.minimum(bound, rise)), machine.feed_min, machine.feed_max)
         changed = (feed < asked * (1 - 1e-6)) | (np.abs(speed / asked_speed - 1.0) > 1e-6)
         by = np.where(rise < bound, "rise", np.where(by_power < by_force, "power", "force"))
         limited = towards(reading, self._scenario, speed, feed, change_edge)
