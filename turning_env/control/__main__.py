@@ -5,6 +5,7 @@ python -m turning_env.control demo --out demo.png
 """
 
 import argparse
+import logging
 import signal
 import sys
 from pathlib import Path
@@ -14,7 +15,7 @@ from turning_env.console import described, exits, number_within, picture_path, p
 from turning_env.control import measure, opcua
 from turning_env.control.core import Controller
 from turning_env.control.linuxcnc import LinuxCncError, figures, find_policy, picture, run, serve, serve_plant, simulated, table
-from turning_env.control.shield import Settings
+from turning_env.control.shield import LOG, Settings
 from turning_env.scenario import Scenario
 
 
@@ -51,6 +52,9 @@ def main(arguments: list[str] | None = None) -> int:
     linked.add_argument("--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes")
     linked.set_defaults(run=_opcua)
 
+    for each in (answers, linked):
+        each.add_argument("--log", type=Path, metavar="FILE", help="text file for every decision")
+
     plant = commands.add_parser("plant", help="answer a HAL component's pins in place of a lathe", **described(_plant.__doc__))
     plant.add_argument("--log", type=Path, required=True, metavar="CSV", help="file for every cycle")
     plant.set_defaults(run=_plant)
@@ -73,6 +77,7 @@ def _shield(options: argparse.Namespace) -> int:
     python -m turning_env.control shield --kept shield.json
     python -m turning_env.control shield --env RoughTurning-v0 --episodes 4 --json
     """
+    LOG.setLevel(logging.ERROR)  # hand-overs are counted
     measured = list(measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target), options.kept))
     print_json([row._asdict() for row in measured]) if options.json else print(measure.markdown(measured))
     return 0
@@ -104,6 +109,7 @@ def _serve(options: argparse.Namespace) -> int:
 
     python -m turning_env.control serve --policy programmed --scenario override
     """
+    _log_to(options.log)
     scenario = Scenario.load(options.scenario)
     serve(scenario, find_policy(options.policy, scenario), Settings(delay=DELAY * scenario.control.interval))
     return 0
@@ -114,10 +120,17 @@ def _opcua(options: argparse.Namespace) -> int:
 
     python -m turning_env.control opcua --policy programmed --url opc.tcp://192.0.2.1:4840 --nodes nodes.toml
     """
+    _log_to(options.log)
     scenario = Scenario.load(options.scenario)
     controller = Controller(scenario, find_policy(options.policy, scenario), Settings(delay=DELAY * scenario.control.interval))
     opcua.drive(controller, options.url, options.nodes, scenario.control.interval)
     return 0
+
+
+def _log_to(path: Path | None) -> None:
+    if path:
+        logging.basicConfig(filename=path, format="%(asctime)s %(message)s")
+        LOG.setLevel(logging.DEBUG)
 
 
 def _plant(options: argparse.Namespace) -> int:

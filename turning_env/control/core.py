@@ -165,8 +165,12 @@ class Controller:
         return self.observation
 
     def decide(self, readings: Readings) -> Commands:
-        """Return the commands for the next control interval."""
-        observation = self.observe(readings)
+        """Return the commands for the next control interval, and log them."""
+        commands = self._decided(readings, self.observe(readings))
+        LOG.debug("%s: %s: feed %.4f, %s", commands.status.name, commands.reason, commands.adaptive_feed, readings)
+        return commands
+
+    def _decided(self, readings: Readings, observation: NDArray[np.float32]) -> Commands:
         if self._shield.handed_over[0]:
             return Commands(0.0, 1.0, Status.OPERATOR, "handed over")
         turns = self._scenario.machine.cutting_speed_min * 1000.0 / np.pi / self._scenario.workpiece.diameter

@@ -115,6 +115,7 @@ class Observer:
         moved = self._velocity * engaged
         if place is None:
             place = np.where(reading.cutting, np.where(self._in_metal, self._place, 0.0) + moved, -1e-9)
+        place = np.where(reading.cutting, np.maximum(place, 0.0), place)  # a wrong zero must not free the feed
         time_in_metal = np.where(self._in_metal, interval, engaged)
         self._place, self._in_metal = place, reading.cutting
         self._feed = reading.feed

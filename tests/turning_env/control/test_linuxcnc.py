@@ -81,14 +81,18 @@ def test_the_plant_cuts_what_the_control_moves() -> None:
     scenario = Scenario.load("override")
     plant = Plant(scenario, 0)
     along, seen = 0.0, {}
-    for _ in range(1200):
+    for _ in range(1500):
         along += 4.0 * 0.012
         seen = plant.advance(0.012, along, 710.0, 4.0, True)
     assert seen["power"] > 1.0
     assert seen["along"] == pytest.approx(along)
     standing = [plant.advance(0.012, along, 710.0, 0.0, False) for _ in range(50)][-1]
     assert standing["removed"] == pytest.approx(0.0, abs=1e-4)
-    assert plant.advance(0.012, 0.0, 710.0, 0.0, False)["bar"] == 1.0
+    for back in np.linspace(along, 0.0, 20):  # a return at rapid brings the next bar, once
+        plant.advance(0.012, back, 710.0, 0.0, False)
+    again = [plant.advance(0.012, 0.05 * i, 710.0, 4.0, True) for i in range(100)][-1]
+    assert (again["bar"], again["along"]) == (1.0, pytest.approx(4.95))
+    assert again["power"] > 1.0
 
 
 def test_the_program_holds_the_highest_feed() -> None:
