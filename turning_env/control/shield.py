@@ -151,7 +151,7 @@ class Shield(Policy):
         control, machine, observer = self._scenario.control, self._scenario.machine, self._observer
         observer.follow(reading, self.place)
         observer.expect(self._settings.target)
-        asked_speed, asked = _commands(actions, reading, self._scenario)
+        asked_speed, asked = commands(actions, reading, self._scenario)
         speed, hopeless = observer.speed(asked_speed, asked, control.action != "override")
         self._hopeless = np.where(hopeless, self._hopeless + 1, 0)
         stuck = self._hopeless * control.interval >= HOPELESS
@@ -212,7 +212,7 @@ def shielded(make_policy: PolicyFactory, scenario: Scenario, settings: Settings 
     return lambda num_envs: Shield(make_policy(num_envs), scenario, num_envs, settings)
 
 
-def _commands(actions: Actions, reading: Reading, scenario: Scenario) -> tuple[Values, Values]:
+def commands(actions: Actions, reading: Reading, scenario: Scenario) -> tuple[Values, Values]:
     """Return the cutting speed [m/min] and feed [mm/rev] that actions command."""
     control, machine = scenario.control, scenario.machine
     first, last = actions[:, 0].astype(np.float64), actions[:, min(1, actions.shape[1] - 1)].astype(np.float64)
