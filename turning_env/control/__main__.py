@@ -14,7 +14,18 @@ from turning_env import IDS
 from turning_env.console import described, exits, number_within, picture_path, print_json
 from turning_env.control import measure, opcua
 from turning_env.control.core import Controller
-from turning_env.control.linuxcnc import LinuxCncError, figures, find_policy, picture, run, serve, serve_plant, simulated, table
+from turning_env.control.linuxcnc import (
+    LinuxCncError,
+    figures,
+    find_policy,
+    picture,
+    run,
+    safe_feed,
+    serve,
+    serve_plant,
+    simulated,
+    table,
+)
 from turning_env.control.shield import LOG, Settings
 from turning_env.scenario import Scenario
 
@@ -97,7 +108,7 @@ def _demo(options: argparse.Namespace) -> int:
         print(f"{policy} ...", file=sys.stderr)
         name = Path(policy).stem if policy.endswith(".onnx") else policy
         runs[name] = run(policy, options.scenario, options.bars, options.seed)
-        compared[name] = figures(runs[name]), simulated(policy, scenario, options.bars, options.seed)
+        compared[name] = figures(runs[name], safe_feed(scenario)), simulated(policy, scenario, options.bars, options.seed)
     print(table(compared))
     if options.out:
         picture(runs, scenario, options.out)

@@ -218,6 +218,11 @@ def program(scenario: Scenario, bars: int) -> str:
     return "\n".join([*lines, "M5", "M52 P0", "M2", ""])
 
 
+def safe_feed(scenario: Scenario) -> float:
+    """Return the safe feed over the highest, which the program holds."""
+    return Controller(scenario, as_factory(lambda observations: observations)).safe_feed
+
+
 def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | None = None) -> list[dict[str, float]]:
     """Run a policy through LinuxCNC; return the plant's log, one row per cycle.
 
@@ -228,8 +233,7 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
         raise LinuxCncError(f"LinuxCNC is not installed: apt-get install --no-install-recommends {PACKAGE} (Debian) brings it")
     loaded = Scenario.load(scenario)
     policy = str(Path(policy).resolve()) if Path(policy).is_file() else policy  # LinuxCNC runs in a folder of its own
-    settings = Settings()
-    safe = Controller(loaded, as_factory(lambda observations: observations), settings).safe_feed
+    safe = safe_feed(loaded)
     with tempfile.TemporaryDirectory(prefix="turning-") as name:
         folder = Path(name)
         _write_lathe(folder, loaded)
@@ -324,16 +328,20 @@ class Figures(NamedTuple):
     """Share of cutting time with an excess above the tolerance [-]."""
     edges: float
     """Edges used."""
+    safe: float = 0.0
+    """Share of the time at feed in which the safe feed held, because an answer was late [-]."""
 
 
-def figures(rows: list[dict[str, float]]) -> Figures:
-    """Return the figures of a run through LinuxCNC."""
+def figures(rows: list[dict[str, float]], safe_feed: float) -> Figures:
+    """Return the figures of a run through LinuxCNC, where ``safe_feed`` is the safe share of the highest feed."""
     feed = [row for row in rows if row["motion"] == FEED_MOTION]
     engaged = sum(row["engaged_time"] for row in feed)
     bars = len({row["bar"] for row in feed if row["engaged_time"] > 0.0})
     mean = sum(row["power"] * row["engaged_time"] for row in feed) / engaged
     severe = sum(row["severe_overload_time"] for row in feed) / engaged
-    return Figures(sum(row["seconds"] for row in feed) / bars, mean, severe, 1.0 + rows[-1]["edge"])
+    time = sum(row["seconds"] for row in feed)
+    safe = sum(row["seconds"] for row in feed if abs(row["adaptive_feed"] - safe_feed) < 1e-6)
+    return Figures(time / bars, mean, severe, 1.0 + rows[-1]["edge"], safe / time)
 
 
 def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
@@ -363,13 +371,14 @@ def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
 def table(runs: Mapping[str, tuple[Figures, Figures]]) -> str:
     """Return figures through LinuxCNC and in the simulation as a Markdown table."""
     lines = [
-        "| Policy, shielded | Where | Cycle time [s/bar] | Mean power [kW] | Over 5 % [% of cutting time] | Edges |",
-        "|---|---|---|---|---|---|",
+        "| Policy, shielded | Where | Cycle time [s/bar] | Mean power [kW] | Over 5 % [% of cutting time] | Edges | Late [%] |",
+        "|---|---|---|---|---|---|---|",
     ]
     for name, both in runs.items():
         for where, each in zip(("LinuxCNC", "simulation"), both, strict=True):
             lines.append(
-                f"| {name} | {where} | {each.time:.1f} | {each.mean_power:.2f} | {100 * each.severe:.1f} | {each.edges:.0f} |"
+                f"| {name} | {where} | {each.time:.1f} | {each.mean_power:.2f} | {100 * each.severe:.1f} | {each.edges:.0f} "
+                f"| {100 * each.safe:.1f} |"
             )
     return "\n".join(lines)
 
