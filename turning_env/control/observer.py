@@ -37,6 +37,8 @@ BRAKING = 1.0
 """Time constant with which the feed falls before a deeper section, over that of the drive [-]."""
 LAG_ERROR = 0.2
 """Standard deviation of a correction for a sensor's lag, over that correction [-]."""
+OUTLIER = 5.0
+"""Error of a reading beyond which it does not count for more [standard deviations]."""
 MIN_WEAR = 0.05
 """Nominal wear over the criterion below which predictions hold it constant [-]."""
 
@@ -129,7 +131,8 @@ class Observer:
             *_, noise, tau = self._laws[k]
             share = -np.expm1(-time_in_metal / tau) if tau > 0.0 else 1.0
             self._lags[k] += (np.where(reading.cutting, nominal, 0.0) - self._lags[k]) * share
-            readable = reading.cutting & (engaged > 0.0) & (self._lags[k] > 0.3 * nominal)
+            moves = reading.feed > 0.5 * scenario.machine.feed_min  # the models do not hold at a standstill
+            readable = reading.cutting & (engaged > 0.0) & moves & (self._lags[k] > 0.3 * nominal)
             lag = np.log(np.maximum(self._lags[k], 1e-9) / nominal)
             if k == 0:
                 noise = noise * np.maximum(reading.power / cut_power, 1.0)
@@ -168,7 +171,8 @@ class Observer:
         shared = np.einsum("nij,nj->ni", self._covariance, gradient)
         total = np.einsum("ni,ni->n", shared, gradient) + variance
         gain = np.where(readable[:, None], shared / total[:, None], 0.0)
-        self._mean = self._mean + gain * (measured - expected)[:, None]
+        error = np.clip(measured - expected, -OUTLIER * np.sqrt(total), OUTLIER * np.sqrt(total))
+        self._mean = self._mean + gain * error[:, None]
         self._covariance = self._covariance - gain[:, :, None] * shared[:, None, :]
 
     def expect(self, target: float) -> None:
