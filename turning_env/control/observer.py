@@ -37,8 +37,6 @@ BRAKING = 1.0
 """Time constant with which the feed falls before a deeper section, over that of the drive [-]."""
 LAG_ERROR = 0.2
 """Standard deviation of a correction for a sensor's lag, over that correction [-]."""
-OUTLIER = 5.0
-"""Error of a reading beyond which it does not count for more [standard deviations]."""
 MIN_WEAR = 0.05
 """Nominal wear over the criterion below which predictions hold it constant [-]."""
 
@@ -171,8 +169,7 @@ class Observer:
         shared = np.einsum("nij,nj->ni", self._covariance, gradient)
         total = np.einsum("ni,ni->n", shared, gradient) + variance
         gain = np.where(readable[:, None], shared / total[:, None], 0.0)
-        error = np.clip(measured - expected, -OUTLIER * np.sqrt(total), OUTLIER * np.sqrt(total))
-        self._mean = self._mean + gain * error[:, None]
+        self._mean = self._mean + gain * (measured - expected)[:, None]
         self._covariance = self._covariance - gain[:, :, None] * shared[:, None, :]
 
     def expect(self, target: float) -> None:
