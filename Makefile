@@ -22,7 +22,7 @@ PYTEST = .venv/bin/pytest -n 2 --dist worksteal
 
 # Extras by set-up: `make leaderboard` and the like need the first, tests, examples and the site also the second.
 RUN_EXTRAS = benchmark
-TEST_EXTRAS = distributed render ecosystem docs programs test
+TEST_EXTRAS = distributed render ecosystem docs programs opcua test
 PIP = .venv/bin/python -m pip --disable-pip-version-check
 UV = .venv/bin/uv pip install --quiet --python .venv/bin/python
 # Wheels only, compared with the hashes of constraints.txt. Torch comes from a folder of wheels if pip's settings name one with a build without

@@ -44,6 +44,7 @@ MISTAKES: dict[str, list[str]] = {
     "turning_env.control shield": ["--env nothing", "--episodes 0", "--target x"],
     "turning_env.control demo": ["--scenario nothing", "--out made.txt"],
     "turning_env.control serve": ["--policy nothing", "--policy programmed --scenario nothing"],
+    "turning_env.control opcua": ["--policy programmed", "--policy nothing --url opc.tcp://127.0.0.1:1 --nodes nodes.toml"],
     "turning_env.control plant": ["--log made.csv --scenario nothing"],
     "papers.reproduce": ["more"],
     "baselines.tune": ["--scenario nothing", "--rules nobody", "--trials 0", "--seeds 0", "--jobs 0", "--trials x"],

@@ -1,18 +1,32 @@
 """Guard policies, and run them on a real control.
 
-python -m turning_env.control shield --episodes 8
+python -m turning_env.control shield --kept shield.json
 python -m turning_env.control demo --out demo.png
 """
 
 import argparse
+import logging
+import signal
 import sys
 from pathlib import Path
 
 from turning_env import IDS
 from turning_env.console import described, exits, number_within, picture_path, print_json
-from turning_env.control import measure
-from turning_env.control.linuxcnc import LinuxCncError, figures, find_policy, picture, run, serve, serve_plant, simulated, table
-from turning_env.control.shield import Settings
+from turning_env.control import measure, opcua
+from turning_env.control.core import Controller
+from turning_env.control.linuxcnc import (
+    LinuxCncError,
+    figures,
+    find_policy,
+    picture,
+    run,
+    safe_feed,
+    serve,
+    serve_plant,
+    simulated,
+    table,
+)
+from turning_env.control.shield import LOG, Settings
 from turning_env.scenario import Scenario
 
 
@@ -23,12 +37,13 @@ def main(arguments: list[str] | None = None) -> int:
 
     guard = commands.add_parser("shield", help="measure the shield in simulation", **described(_shield.__doc__))
     guard.add_argument(
-        "--episodes", type=int, default=32, metavar="N", help="held-out seeds of every task (default: %(default)s)"
+        "--episodes", type=int, default=1000, metavar="N", help="held-out seeds of every task (default: %(default)s)"
     )
-    guard.add_argument("--env", nargs="+", choices=IDS, default=GUARDED, metavar="ID", help="tasks (default: all but Paper-v0)")
+    guard.add_argument("--env", nargs="+", choices=IDS, default=list(IDS), metavar="ID", help="tasks (default: all)")
     guard.add_argument("--agents", type=Path, default=Path("agents"), metavar="FOLDER", help="agents (default: %(default)s)")
     guard.add_argument("--target", type=number_within(0.1, 2, "-"), default=Settings.target, metavar="X",
                        help="expected load over its limit that is allowed (default: %(default)s)")  # fmt: skip
+    guard.add_argument("--kept", type=Path, metavar="FILE", help="JSON file of figures: measure only what it lacks, and add it")
     guard.add_argument("--json", action="store_true", help="print JSON")
     guard.set_defaults(run=_shield)
 
@@ -42,31 +57,39 @@ def main(arguments: list[str] | None = None) -> int:
     answers.add_argument("--policy", required=True, metavar="POLICY", help="as for demo")
     answers.set_defaults(run=_serve)
 
+    linked = commands.add_parser("opcua", help="drive a control that serves OPC UA", **described(_opcua.__doc__))
+    linked.add_argument("--policy", required=True, metavar="POLICY", help="as for demo")
+    linked.add_argument("--url", required=True, metavar="URL", help="of the control's server, such as opc.tcp://192.0.2.1:4840")
+    linked.add_argument("--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes")
+    linked.set_defaults(run=_opcua)
+
+    for each in (answers, linked):
+        each.add_argument("--log", type=Path, metavar="FILE", help="text file for every decision")
+
     plant = commands.add_parser("plant", help="answer a HAL component's pins in place of a lathe", **described(_plant.__doc__))
     plant.add_argument("--log", type=Path, required=True, metavar="CSV", help="file for every cycle")
     plant.set_defaults(run=_plant)
     for each in (show, plant):
         each.add_argument("--seed", type=int, default=0, metavar="N", help="determines bars and edges (default: %(default)s)")
-    for each in (show, answers, plant):
+    for each in (show, answers, linked, plant):
         each.add_argument("--scenario", default="override", metavar="NAME", help="preset or TOML file (default: %(default)s)")
 
     options = parser.parse_args(arguments)
-    return exits(ValueError, LinuxCncError, KeyError)(options.run)(options)
+    return exits(ValueError, LinuxCncError, KeyError, OSError)(options.run)(options)
 
 
-GUARDED = [env_id for env_id in IDS if env_id != "RoughTurning-Paper-v0"]
+DELAY = 1.5
+"""Delay of readings and commands on a control [control intervals]."""
 
 
 def _shield(options: argparse.Namespace) -> int:
     """Play uniform random actions and the best shipped agent of every task, with and without the shield.
 
-    python -m turning_env.control shield --episodes 8
+    python -m turning_env.control shield --kept shield.json
     python -m turning_env.control shield --env RoughTurning-v0 --episodes 4 --json
     """
-    measured = []
-    for row in measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target)):
-        print(f"{row.env_id}: {row.policy}{', shielded' if row.shielded else ''} played", file=sys.stderr)
-        measured.append(row)
+    LOG.setLevel(logging.ERROR)  # hand-overs are counted
+    measured = list(measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target), options.kept))
     print_json([row._asdict() for row in measured]) if options.json else print(measure.markdown(measured))
     return 0
 
@@ -77,6 +100,7 @@ def _demo(options: argparse.Namespace) -> int:
     python -m turning_env.control demo --out demo.png
     python -m turning_env.control demo --policies programmed --bars 1
     """
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # end LinuxCNC, too
     agent = measure.best_agent("RoughTurning-Override-v0", Path("agents"))
     policies = options.policies or ["programmed", "modified_fuzzy_override", *([str(agent)] if agent else [])]
     scenario, runs, compared = Scenario.load(options.scenario), {}, {}
@@ -84,7 +108,7 @@ def _demo(options: argparse.Namespace) -> int:
         print(f"{policy} ...", file=sys.stderr)
         name = Path(policy).stem if policy.endswith(".onnx") else policy
         runs[name] = run(policy, options.scenario, options.bars, options.seed)
-        compared[name] = figures(runs[name]), simulated(policy, scenario, options.bars, options.seed)
+        compared[name] = figures(runs[name], safe_feed(scenario)), simulated(policy, scenario, options.bars, options.seed)
     print(table(compared))
     if options.out:
         picture(runs, scenario, options.out)
@@ -96,9 +120,28 @@ def _serve(options: argparse.Namespace) -> int:
 
     python -m turning_env.control serve --policy programmed --scenario override
     """
+    _log_to(options.log)
     scenario = Scenario.load(options.scenario)
-    serve(scenario, find_policy(options.policy, scenario), Settings())
+    serve(scenario, find_policy(options.policy, scenario), Settings(delay=DELAY * scenario.control.interval))
     return 0
+
+
+def _opcua(options: argparse.Namespace) -> int:
+    """Read a control's nodes and command its feed over OPC UA until interrupted; then leave the safe feed.
+
+    python -m turning_env.control opcua --policy programmed --url opc.tcp://192.0.2.1:4840 --nodes nodes.toml
+    """
+    _log_to(options.log)
+    scenario = Scenario.load(options.scenario)
+    controller = Controller(scenario, find_policy(options.policy, scenario), Settings(delay=DELAY * scenario.control.interval))
+    opcua.drive(controller, options.url, options.nodes, scenario.control.interval)
+    return 0
+
+
+def _log_to(path: Path | None) -> None:
+    if path:
+        logging.basicConfig(filename=path, format="%(asctime)s %(message)s")
+        LOG.setLevel(logging.DEBUG)
 
 
 def _plant(options: argparse.Namespace) -> int:

@@ -47,6 +47,8 @@ class Readings:
     """[N]"""
     servo_current: float = _NAN
     """[A]"""
+    position: float = _NAN
+    """Tool position along the bar, below 0 before it [mm]; without it, the shield integrates the feed."""
     new_edge: bool = False
     """Whether the edge has been changed since the readings before."""
     spindle_heat: float = _NAN
@@ -163,21 +165,24 @@ class Controller:
         return self.observation
 
     def decide(self, readings: Readings) -> Commands:
-        """Return the commands for the next control interval."""
-        observation = self.observe(readings)
-        if not readings.in_feed:
-            return self._commands(Status.IDLE, "no feed motion")
-        if (
-            readings.spindle_speed
-            < 0.01 * self._scenario.machine.cutting_speed_min * 1000.0 / np.pi / self._scenario.workpiece.diameter
-        ):
-            return Commands(0.0, 1.0, Status.OPERATOR, "spindle stopped")
+        """Return the commands for the next control interval, and log them."""
+        commands = self._decided(readings, self.observe(readings))
+        LOG.debug("%s: %s: feed %.4f, %s", commands.status.name, commands.reason, commands.adaptive_feed, readings)
+        return commands
+
+    def _decided(self, readings: Readings, observation: NDArray[np.float32]) -> Commands:
         if self._shield.handed_over[0]:
             return Commands(0.0, 1.0, Status.OPERATOR, "handed over")
+        turns = self._scenario.machine.cutting_speed_min * 1000.0 / np.pi / self._scenario.workpiece.diameter
+        if readings.spindle_speed < 0.01 * turns:
+            return Commands(0.0, 1.0, Status.OPERATOR if readings.in_feed else Status.IDLE, "spindle stopped")
+        if not readings.in_feed:
+            return self._commands(Status.IDLE, "no feed motion")
         if fault := self._fault(readings):
             LOG.warning("%s: the safe feed holds", fault)
             self._set(commanded_feed=self.safe_feed * self._highest)
             return Commands(self.safe_feed, 1.0, Status.SAFE, fault)
+        self._shield.place = None if math.isnan(readings.position) else np.array([readings.position])
         self._actions[...] = self._shield.act(observation)
         apply_actions(self._states, self._scratches, self._actions)
         reason = self._shield.reasons[0]

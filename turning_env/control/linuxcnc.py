@@ -4,6 +4,7 @@
 ``run`` writes the lathe's configuration into a folder, starts LinuxCNC without a screen and waits for the program's end.
 """
 
+import contextlib
 import csv
 import json
 import os
@@ -13,7 +14,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -47,12 +47,19 @@ CONTROLLER_PINS = {
         "power": "float",  # [kW]
         "thrust-force": "float",  # [N]
         "cutting": "bit",
+        "position": "float",  # [mm] along the bar
         "edge": "u32",
     },
     "out": {"adaptive-feed": "float", "spindle-override": "float", "status": "s32"},
 }
 PLANT_PINS = {
-    "in": {"spindle-speed": "float", "feed-velocity": "float", "motion-type": "s32", "z": "float", "adaptive-feed": "float"},
+    "in": {
+        "spindle-speed": "float",
+        "feed-velocity": "float",
+        "motion-type": "s32",
+        "position": "float",
+        "adaptive-feed": "float",
+    },
     "out": {"power": "float", "thrust-force": "float", "edge": "u32"},
 }
 
@@ -109,7 +116,8 @@ def serve(scenario: Scenario, make_policy: PolicyFactory, settings: Settings) ->
     force = "servo_current" if scenario.sensors.force == "servo_current" else "thrust_force"
     for pins in _lines():
         seconds = pins["time"] - before.get("time", pins["time"])
-        in_feed = pins["motion-type"] == FEED_MOTION and not pins["in-position"]
+        moves = pins["feed-velocity"] > 0.0  # not held
+        in_feed = pins["motion-type"] == FEED_MOTION and not pins["in-position"] and moves
         engaged += seconds if pins["cutting"] and in_feed else 0.0
         if commands is None or pins["time"] - begun > interval - 0.5 * max(seconds, 1e-3):
             readings = Readings(
@@ -119,6 +127,7 @@ def serve(scenario: Scenario, make_policy: PolicyFactory, settings: Settings) ->
                 cutting=pins["cutting"],
                 engaged_time=engaged,
                 power=pins["power"],
+                position=pins["position"],
                 new_edge=pins["edge"] != before.get("edge", pins["edge"]),
                 **{force: pins["thrust-force"]},
             )
@@ -158,7 +167,7 @@ def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
             before = pins["time"]
             hidden = plant.advance(
                 max(seconds, 1e-4),
-                work.approach - pins["z"],
+                work.approach + pins["position"],
                 abs(pins["spindle-speed"]),
                 pins["feed-velocity"],
                 pins["motion-type"] == FEED_MOTION,
@@ -182,7 +191,7 @@ class Fault(NamedTuple):
 
     name: str
     """One of those in ``lathe/panel.py``: ``kill`` or ``freeze`` the policy's process, ``pause``, ``e-stop``, ``feed hold``,
-    ``spindle stopped``, ``sensor stuck``, ``sensor lost``."""
+    ``spindle stopped``, ``sensor stuck``, ``sensor lost``; ``policy`` lets a faulty policy run until then."""
     after: float
     """Time after the program's start [s]."""
     lasts: float = 2.0
@@ -209,6 +218,11 @@ def program(scenario: Scenario, bars: int) -> str:
     return "\n".join([*lines, "M5", "M52 P0", "M2", ""])
 
 
+def safe_feed(scenario: Scenario) -> float:
+    """Return the safe feed over the highest, which the program holds."""
+    return Controller(scenario, as_factory(lambda observations: observations)).safe_feed
+
+
 def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | None = None) -> list[dict[str, float]]:
     """Run a policy through LinuxCNC; return the plant's log, one row per cycle.
 
@@ -219,14 +233,13 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
         raise LinuxCncError(f"LinuxCNC is not installed: apt-get install --no-install-recommends {PACKAGE} (Debian) brings it")
     loaded = Scenario.load(scenario)
     policy = str(Path(policy).resolve()) if Path(policy).is_file() else policy  # LinuxCNC runs in a folder of its own
-    settings = Settings()
-    safe = Controller(loaded, as_factory(lambda observations: observations), settings).safe_feed
+    safe = safe_feed(loaded)
     with tempfile.TemporaryDirectory(prefix="turning-") as name:
         folder = Path(name)
         _write_lathe(folder, loaded)
         (folder / "bars.ngc").write_text(program(loaded, bars))
-        (folder / "fault.json").write_text(json.dumps(fault._asdict() if fault else None))
-        places = os.pathsep.join((str(Path(__file__).parents[2]), os.getcwd()))  # this package, and a clone's
+        (folder / "panel.json").write_text(json.dumps({"parent": os.getpid(), "fault": fault._asdict() if fault else None}))
+        places = os.pathsep.join([os.getcwd(), *filter(None, sys.path)])  # LinuxCNC sets paths of its own
         command = ["env", f"PYTHONPATH={places}", sys.executable, "-m", "turning_env.control"]
         common = ["--scenario", str(scenario)]
         log, interval = folder / "log.csv", loaded.control.interval
@@ -271,6 +284,7 @@ def _write_lathe(folder: Path, scenario: Scenario) -> None:
 def _start(folder: Path, limit: float) -> str:
     """Start LinuxCNC on the folder's lathe, wait for its end, and leave nothing running; return its output."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")} | {"OMP_NUM_THREADS": "1"}
+    environment["TURNING_FOLDER"] = str(folder)  # marks every process that descends from here
     if os.getuid() == 0:  # as root it wants to know which user it serves
         os.chown(folder, NOBODY, -1)
         environment |= {"RTAPI_UID": str(NOBODY), "RTAPI_FIFO_PATH": str(folder / "rtapi"), "HOME": str(folder)}
@@ -279,18 +293,28 @@ def _start(folder: Path, limit: float) -> str:
         process = subprocess.Popen(
             command, cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
         )
-        begun = time.monotonic()
         try:
-            while process.poll() is None and time.monotonic() - begun < limit:
-                time.sleep(0.05)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(limit)
         finally:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGTERM)
-                process.wait(10.0)
+            _end(process, folder)
     said = (folder / "output").read_text(errors="replace")
     if process.returncode != 0:
         raise LinuxCncError(f"LinuxCNC did not run the program to its end:\n{said[-2000:]}")
     return said
+
+
+def _end(process: subprocess.Popen[bytes], folder: Path) -> None:
+    """Let LinuxCNC end in order through its panel; a second Ctrl-C, or a minute without an end, kills its processes."""
+    (folder / "stop").touch()
+    try:
+        process.wait(60.0)
+    finally:
+        if process.poll() is None:
+            for path in Path("/proc").glob("[0-9]*/environ"):
+                with contextlib.suppress(OSError):
+                    if f"TURNING_FOLDER={folder}".encode() in path.read_bytes().split(b"\0"):
+                        os.kill(int(path.parent.name), signal.SIGKILL)
 
 
 class Figures(NamedTuple):
@@ -304,16 +328,20 @@ class Figures(NamedTuple):
     """Share of cutting time with an excess above the tolerance [-]."""
     edges: float
     """Edges used."""
+    safe: float = 0.0
+    """Share of the time at feed in which the safe feed held, because an answer was late [-]."""
 
 
-def figures(rows: list[dict[str, float]]) -> Figures:
-    """Return the figures of a run through LinuxCNC."""
+def figures(rows: list[dict[str, float]], safe_feed: float) -> Figures:
+    """Return the figures of a run through LinuxCNC, where ``safe_feed`` is the safe share of the highest feed."""
     feed = [row for row in rows if row["motion"] == FEED_MOTION]
     engaged = sum(row["engaged_time"] for row in feed)
     bars = len({row["bar"] for row in feed if row["engaged_time"] > 0.0})
     mean = sum(row["power"] * row["engaged_time"] for row in feed) / engaged
     severe = sum(row["severe_overload_time"] for row in feed) / engaged
-    return Figures(sum(row["seconds"] for row in feed) / bars, mean, severe, 1.0 + rows[-1]["edge"])
+    time = sum(row["seconds"] for row in feed)
+    safe = sum(row["seconds"] for row in feed if abs(row["adaptive_feed"] - safe_feed) < 1e-6)
+    return Figures(time / bars, mean, severe, 1.0 + rows[-1]["edge"], safe / time)
 
 
 def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
@@ -343,13 +371,14 @@ def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
 def table(runs: Mapping[str, tuple[Figures, Figures]]) -> str:
     """Return figures through LinuxCNC and in the simulation as a Markdown table."""
     lines = [
-        "| Policy, shielded | Where | Cycle time [s/bar] | Mean power [kW] | Over 5 % [% of cutting time] | Edges |",
-        "|---|---|---|---|---|---|",
+        "| Policy, shielded | Where | Cycle time [s/bar] | Mean power [kW] | Over 5 % [% of cutting time] | Edges | Late [%] |",
+        "|---|---|---|---|---|---|---|",
     ]
     for name, both in runs.items():
         for where, each in zip(("LinuxCNC", "simulation"), both, strict=True):
             lines.append(
-                f"| {name} | {where} | {each.time:.1f} | {each.mean_power:.2f} | {100 * each.severe:.1f} | {each.edges:.0f} |"
+                f"| {name} | {where} | {each.time:.1f} | {each.mean_power:.2f} | {100 * each.severe:.1f} | {each.edges:.0f} "
+                f"| {100 * each.safe:.1f} |"
             )
     return "\n".join(lines)
 

@@ -1,5 +1,8 @@
 """Measure the shield in simulation: overload, broken edges and material removal rate of policies with and without it."""
 
+import json
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -9,13 +12,14 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from turning_env.control.shield import Settings, Shield
+from turning_env.files import replace_file
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.packed import shipped
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 from turning_env.scoring.seeds import held_out_seeds
-from turning_env.vector_env import RoughTurningVectorEnv
+from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
 
 
 class Row(NamedTuple):
@@ -25,6 +29,8 @@ class Row(NamedTuple):
     policy: str
     shielded: bool
     episodes: int
+    target: float
+    """``Settings.target``, which the shield has."""
     severe: float
     """Share of cutting time with an excess above the tolerance, 5 % [-]."""
     edges_broken: int
@@ -37,6 +43,8 @@ class Row(NamedTuple):
 
 
 SUMS = ("severe_overload_time", "engaged_time", "edges_broken", "removed", "time")
+REPORTED = 10.0
+"""Time between lines of progress [s]."""
 
 
 class UniformRandom(Policy):
@@ -61,8 +69,18 @@ def best_agent(env_id: str, agents: Path) -> Path | None:
     return max(found)[1] if found else None
 
 
-def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) -> Iterator[Row]:
-    """Yield the figures of uniform random actions and of the best agent, each with and without the shield."""
+def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, kept: Path | None = None) -> Iterator[Row]:
+    """Yield the figures of uniform random actions and of the best agent, each with and without the shield.
+
+    Args:
+        env_ids: tasks.
+        episodes: held-out seeds of each.
+        agents: folder of the agents.
+        settings: of the shield.
+        kept: file of rows; those in it are not measured again, and new ones are added.
+    """
+    done = [Row(**each) for each in json.loads(kept.read_text())] if kept and kept.is_file() else []
+    known = {each[:5]: each for each in done}
     for env_id in env_ids:
         scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
         policies: list[tuple[str, PolicyFactory]] = [("uniform random", lambda n, s=scenario: UniformRandom(action_size(s)))]  # type: ignore[misc]
@@ -70,39 +88,48 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) ->
             policies.append((best.stem, as_factory(best)))
         for name, make in policies:
             for with_shield in (False, True):
-                yield _row(env_id, scenario, name, make, settings if with_shield else None, episodes)
+                key = env_id, name, with_shield, episodes, settings.target
+                if key not in known:
+                    done.append(_row(key, scenario, make, settings))
+                    known[key] = done[-1]
+                    if kept:
+                        text = json.dumps([each._asdict() for each in done], indent=1)
+                        replace_file(kept, lambda partial, text=text: partial.write_text(text))  # type: ignore[misc]
+                yield known[key]
 
 
-def _row(env_id: str, scenario: Scenario, policy_name: str, make: PolicyFactory, settings: Settings | None, episodes: int) -> Row:
-    seeds = held_out_seeds(episodes)
+def _row(key: tuple[str, str, bool, int, float], scenario: Scenario, make: PolicyFactory, settings: Settings) -> Row:
+    *_, with_shield, episodes, _ = key
     env = RoughTurningVectorEnv(episodes, scenario, AutoresetMode.SAME_STEP)
-    policy = make(episodes) if settings is None else Shield(make(episodes), scenario, episodes, settings)
-    observations, _ = env.reset(seed=seeds)
+    policy = Shield(make(episodes), scenario, episodes, settings) if with_shield else make(episodes)
+    observations, _ = env.reset(seed=held_out_seeds(episodes))
     policy.reset(np.ones(episodes, np.bool_))
-    running, sums, handed_over = np.ones(episodes, np.bool_), dict.fromkeys(SUMS, 0.0), 0
+    running, sums, handed_over, changed, decisions = np.ones(episodes, np.bool_), dict.fromkeys(SUMS, 0.0), 0, 0, 0
+    reported = time.monotonic()
     while running.any():
         actions = policy.act(observations)
         if isinstance(policy, Shield):  # the operator has stopped the machine
             handed_over += int((running & policy.handed_over).sum())
             running &= ~policy.handed_over
+            changed += int((running & (np.array(policy.reasons) != "passed")).sum())
+            decisions += int(running.sum())
         observations, _, terminated, truncated, infos = env.step(actions)
-        ended = terminated | truncated
         for name in SUMS:
-            values = np.where(ended, infos["final_info"][name], infos[name]) if ended.any() else infos[name]
-            sums[name] += float((values * running).sum())
+            sums[name] += float((info_at_end_of_step(infos, name) * running).sum())
+        ended = terminated | truncated
         if ended.any():
             policy.reset(ended)
             running &= ~ended
-    counts = policy.counts if isinstance(policy, Shield) else {"passed": 1}
+        if time.monotonic() > reported + REPORTED:
+            reported = time.monotonic()
+            shield = ", shielded" if with_shield else ""
+            print(f"{key[0]}: {key[1]}{shield}: {episodes - running.sum()} of {episodes} episodes", file=sys.stderr, flush=True)
     return Row(
-        env_id,
-        policy_name,
-        settings is not None,
-        episodes,
+        *key,
         sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9),
         int(sums["edges_broken"]),
         60.0 * sums["removed"] / max(sums["time"], 1e-9),
-        1.0 - counts["passed"] / sum(counts.values()),
+        changed / max(decisions, 1),
         handed_over,
     )
 
@@ -114,7 +141,7 @@ def markdown(measured: list[Row]) -> str:
         "|---|---|---|---|---|---|---|---|",
     ]
     lines += [
-        f"| {row.env_id} | {row.policy} | {'yes' if row.shielded else 'no'} | {100 * row.severe:.2f} | {row.edges_broken} "
+        f"| {row.env_id} | {row.policy} | {'yes' if row.shielded else 'no'} | {100 * row.severe:.3f} | {row.edges_broken} "
         f"| {row.removal_rate:.1f} |" + (f" {100 * row.overridden:.0f} | {row.handed_over} |" if row.shielded else " | |")
         for row in measured
     ]

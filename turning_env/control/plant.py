@@ -42,7 +42,7 @@ class Plant:
         for name, low in (("cutting_speed_min", 1e-3), ("feed_min", _STILL)):
             parameters[name] = low
         parameters["reachable_cutting_speed"] = parameters["feed_max"] = math.inf
-        self._bar, self._along = 0, 0.0
+        self._bar, self._along, self._returns = 0, 0.0, False
 
     def advance(self, seconds: float, along: float, spindle_speed: float, velocity: float, in_feed: bool) -> dict[str, float]:
         """Move the tool, and return what its sensors read and what is hidden.
@@ -57,6 +57,9 @@ class Plant:
         p, sensors = self._scratches["parameters"], self._scenario.sensors
         if self._along - along > 0.5 * self._scenario.workpiece.bar_length:
             self._bar += 1
+            self._returns = True
+        self._returns &= not in_feed
+        if self._returns:
             self._along = along
         speed = max(spindle_speed / float(p["revolutions_per_metre"][0]), 1e-3)
         feed = max(60.0 * velocity / max(spindle_speed, 1e-3), _STILL) if in_feed else _STILL

@@ -4,17 +4,10 @@ It knows what the policy knows, observations and the nominal model, and works in
 
 1. **Answers.** An answer that is late, raises an error, is not finite or has the wrong shape is replaced by the safe feed, a
    share of the programmed one.
-2. **Limits.** A load observer compares measured with nominal loads. Cutting speed and feed are limited so that the loads that it
-   expects keep their limits, in the worst case between the actual and the commanded speed.
+2. **Limits.** A load observer (``observer.py``) compares measured with nominal loads. Cutting speed and feed are limited so that
+   the loads that it expects keep their limits: in the worst case between the actual and the commanded speed, at the next step of
+   depth, and where the next bar begins. If the asked removal rate is possible at another speed near, that speed is taken.
 3. **Hand-over.** After several refused answers in a row, or if no speed and feed keeps the limits, the operator takes over.
-
-The observer (assumption: the nominal exponents hold). Power P = theta_P P_0(vc, f, ap, VB) follows depth and hardness along the
-bar within a few steps. The force follows the same depth and hardness, and wear beside:
-
-    log theta_F = g log theta_P + s,    g = (c_F + h_F) / (c_P + h_P)
-
-with the exponents c of depth and h of hardness; s changes slowly. Before the tool enters a bar, theta_P is unknown: the shield
-takes its mean so far plus ``ENTRY`` standard deviations of what bars differ by.
 """
 
 import logging
@@ -28,31 +21,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.action import set_point_action, towards
+from turning_env.control.observer import Observer, Values, feeds_of
 from turning_env.observation import Reading, read
 from turning_env.physics.drives import lag_share
 from turning_env.physics.quantities import action_size
-from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 
 LOG = logging.getLogger("turning_env.control")
 
-ENTRY = 2.0
-"""Margin for a bar whose hardness and depth are unknown [standard deviations]."""
-PART_MARGIN = 2.5
+PART_MARGIN = 2.2
 """Margin for a part, whose load is not observed before it is cut [standard deviations]."""
-SLOW = 10.0
-"""Time constant of the ratio of force to power [s]."""
 HOPELESS = 2.0
 """Time without any cutting speed that keeps both limits, after which the operator takes over [s]."""
-MIN_SHARE = 0.3
+MIN_SHARE = 0.2
 """Smallest share of the drive's way to a command that the shield counts on in a step: its gain is at most the inverse [-]."""
-MIN_WEAR = 0.05
-"""Nominal wear over the criterion below which predictions hold it constant [-]."""
 PATIENCE = 10
 """Refused answers in a row after which the operator takes over."""
-
-Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -61,10 +46,12 @@ class Settings:
 
     safe_share: float = 0.5
     """Safe over programmed feed [-]."""
-    target: float = 1.0
+    target: float = 1.02
     """Expected load over its limit that the shield allows [-]."""
-    rise: float = 10.0
+    rise: float = 20.0
     """Largest rise of the commanded feed over its range [1/s]."""
+    delay: float = 0.0
+    """Time by which loads are read late and commands act late [s]; the simulation has none."""
     deadline: float | None = None
     """Time in which a policy must answer [s]; None: not measured, so that simulations are reproducible."""
 
@@ -85,7 +72,11 @@ class Shield(Policy):
             ``error``, ``shape``, ``not finite``, ``handed over``.
         handed_over: whether the operator has taken over, shape (num_envs,); the safe feed holds until ``reset``.
         reasons: the last reason in each environment, a list of num_envs texts.
+        place: tool position along the bar [mm], below 0 before it, shape (num_envs,); set it before ``act`` if it is known.
+            None: the shield integrates the feed.
     """
+
+    place: Values | None
 
     def __init__(self, policy: Policy, scenario: Scenario, num_envs: int, settings: Settings = Settings()) -> None:
         self._policy, self._scenario, self._settings = policy, scenario.nominal(), settings
@@ -93,7 +84,8 @@ class Shield(Policy):
         self.handed_over = np.zeros(num_envs, np.bool_)
         self.reasons = ["passed"] * num_envs
         self._refused, self._hopeless = np.zeros((2, num_envs), np.int64)
-        self._observer = _Observer(self._scenario, num_envs)
+        self.place = None
+        self._observer = Observer(self._scenario, num_envs, settings.delay)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         self._policy.reset(mask)
@@ -157,11 +149,10 @@ class Shield(Policy):
     def _limited(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[Any]]:
         """Return actions that keep the limits, and what limited them, shape (num_envs,)."""
         control, machine, observer = self._scenario.control, self._scenario.machine, self._observer
-        observer.follow(reading)
-        asked_speed, asked = _commands(actions, reading, self._scenario)
-        low, high, hopeless = observer.speeds(self._settings.target)
-        speed = np.clip(asked_speed, low, high) if control.action != "override" else asked_speed
-        speed = np.clip(speed, machine.cutting_speed_min, self._scenario.cutting_speed_max)
+        observer.follow(reading, self.place)
+        observer.expect(self._settings.target)
+        asked_speed, asked = commands(actions, reading, self._scenario)
+        speed, hopeless = observer.speed(asked_speed, asked, control.action != "override")
         self._hopeless = np.where(hopeless, self._hopeless + 1, 0)
         stuck = self._hopeless * control.interval >= HOPELESS
         change_edge = None
@@ -169,15 +160,15 @@ class Shield(Policy):
             change_edge = (actions[:, -1] > 0.0) | stuck
             stuck &= self._hopeless * control.interval >= 2.0 * HOPELESS
         self._hand_over(stuck, "no speed and feed keep the limits")
-        target = self._settings.target
-        by_power, by_force = np.minimum(observer.feeds(speed, target), observer.feeds(reading.cutting_speed, target))
+        by_power, by_force = np.minimum(observer.feeds(speed), observer.feeds(reading.cutting_speed))
         bound = np.minimum(by_power, by_force)
         # If the drive is slow, a command below the bound brings the feed down sooner; too low a command would make a loop with
         # delays swing.
-        share = max(lag_share(control.interval, machine.feed_time_constant), MIN_SHARE)
+        share = max(lag_share(control.interval + self._settings.delay, machine.feed_time_constant), MIN_SHARE)
         bound = np.where(reading.feed > bound, reading.feed + (bound - reading.feed) / share, bound)
         rise = reading.commanded_feed + self._settings.rise * control.interval * (machine.feed_max - machine.feed_min)
-        feed = np.maximum(np.minimum(asked, np.minimum(bound, rise)), machine.feed_min)
+        same = asked * asked_speed / speed  # the asked removal rate, not more
+        feed = np.clip(np.minimum(same, np.minimum(bound, rise)), machine.feed_min, machine.feed_max)
         changed = (feed < asked * (1 - 1e-6)) | (np.abs(speed / asked_speed - 1.0) > 1e-6)
         by = np.where(rise < bound, "rise", np.where(by_power < by_force, "power", "force"))
         limited = towards(reading, self._scenario, speed, feed, change_edge)
@@ -203,7 +194,7 @@ class Shield(Policy):
             floor = (passes - 1 - number) * depth
             thick = np.maximum(np.minimum(blank, np.inf if number == 0 else floor + depth) - floor, 0.01)
             speed = set_point(actions[:, 2 + 2 * number], machine.cutting_speed_min, machine.cutting_speed_max)
-            bound = np.minimum(*_feeds(scenario, speed, thick, wear, force, power, self._settings.target))
+            bound = np.minimum(*feeds_of(scenario, speed, thick, wear, force, power, self._settings.target))
             most = set_point_action(np.clip(bound, machine.feed_min, machine.feed_max), machine.feed_min, machine.feed_max)
             limited |= (number < passes) & (actions[:, 3 + 2 * number] > most)
             actions[:, 3 + 2 * number] = np.minimum(actions[:, 3 + 2 * number], most)
@@ -221,105 +212,7 @@ def shielded(make_policy: PolicyFactory, scenario: Scenario, settings: Settings 
     return lambda num_envs: Shield(make_policy(num_envs), scenario, num_envs, settings)
 
 
-class _Observer:
-    """Estimates of measured over nominal power and force in each environment."""
-
-    def __init__(self, scenario: Scenario, num_envs: int) -> None:
-        self._scenario = scenario
-        material, work, sensors, interval = scenario.material, scenario.workpiece, scenario.sensors, scenario.control.interval
-        power, force = material.power, material.thrust_force
-        self._gain = (force.depth_of_cut + force.hardness) / max(power.depth_of_cut + power.hardness, 1e-9)
-        self._between_bars = ENTRY * np.hypot(
-            power.depth_of_cut * np.hypot(work.depth_bar_spread, work.depth_along_spread) / work.depth_of_cut,
-            power.hardness * np.hypot(work.hardness_bar_spread, work.hardness_along_spread),
-        )
-        self._slow = lag_share(interval, SLOW)
-        turns = scenario.control.initial_cutting_speed * 1000.0 / (np.pi * work.diameter) * interval / 60.0
-        path = turns * scenario.control.initial_feed
-        change = np.sqrt(2.0) * np.hypot(
-            power.depth_of_cut * work.depth_along_spread / work.depth_of_cut * path / work.depth_correlation_length,
-            power.hardness * work.hardness_along_spread * path / work.hardness_correlation_length,
-        ) + work.depth_ripple * np.minimum(2.0 * np.pi * turns / work.depth_ripple_period, 2.0)
-        # Gains of an alpha-beta filter (Kalman gain of a random walk; Benedict and Bordner's beta).
-        variance = 0.5 * (change**2 + np.sqrt(change**4 + 4.0 * change**2 * sensors.power_noise**2))
-        self._alpha = variance / (variance + sensors.power_noise**2) if variance > 0.0 else 1.0
-        self._beta = self._alpha**2 / (2.0 - self._alpha)
-        self._taus = (sensors.power_time_constant, sensors.force_time_constant)
-        self._profile = np.array(work.depth_profile or (work.depth_of_cut,))
-        self._reach = interval + 4.0 * scenario.machine.feed_time_constant  # [s] until a new feed holds
-        zeros = np.zeros((8, num_envs))
-        self._power, self._trend, self._mean, self._ratio, self._along, self._cutting_time, self._lag_power, self._lag_force = (
-            zeros
-        )
-        self._known = np.zeros(num_envs, np.bool_)  # whether power has been read in this bar
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        self._power[mask] = self._trend[mask] = self._mean[mask] = self._ratio[mask] = 0.0
-        self._along[mask] = self._cutting_time[mask] = self._lag_power[mask] = self._lag_force[mask] = 0.0
-        self._known[mask] = False
-
-    def follow(self, reading: Reading) -> None:
-        """Take the readings at the end of a step into the estimates."""
-        scenario, interval = self._scenario, self._scenario.control.interval
-        fresh = reading.cutting_time < self._cutting_time - 1e-5
-        self._ratio[fresh] = 0.0
-        engaged = np.clip(60.0 * (reading.cutting_time - np.where(fresh, 0.0, self._cutting_time)), 0.0, interval)
-        self._cutting_time = reading.cutting_time
-        velocity = reading.cutting_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) * reading.feed / 60.0  # [mm/s]
-        entering = reading.cutting & ~(self._along > 0.0)
-        self._along = np.where(reading.cutting, self._along + velocity * engaged, 0.0)
-        self._wear = np.maximum(reading.nominal_wear, MIN_WEAR * scenario.tool.wear_criterion)
-        here = self._depth(self._along, np.zeros_like(velocity))
-        self._ahead = self._depth(self._along, velocity * self._reach)
-        force, power = _nominal(scenario, reading.cutting_speed, reading.feed, here, self._wear)
-        time_in_metal = np.where(entering, engaged, interval)
-        shares = [np.where(tau > 0.0, -np.expm1(-time_in_metal / max(tau, 1e-9)), 1.0) for tau in self._taus]
-        self._lag_power += (np.where(reading.cutting, power, 0.0) - self._lag_power) * shares[0]
-        self._lag_force += (np.where(reading.cutting, force, 0.0) - self._lag_force) * shares[1]
-        cut_power = np.maximum(reading.power - idle_power_at(scenario, reading.cutting_speed), 0.01 * power)
-        readable = reading.cutting & (self._lag_power > 0.3 * power) & (self._lag_force > 0.3 * force)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            new_power = np.log(cut_power / self._lag_power)
-            new_ratio = np.log(np.maximum(reading.thrust_force, 0.01 * force) / self._lag_force) - self._gain * new_power
-        first = readable & ~self._known
-        follows = readable & self._known
-        error = new_power - self._power - self._trend
-        self._power = np.where(follows, self._power + self._trend + self._alpha * error, np.where(first, new_power, self._power))
-        self._trend = np.where(follows, self._trend + self._beta * error, 0.0)
-        self._mean = np.where(readable, self._mean + self._slow * (self._power - self._mean), self._mean)
-        self._ratio = np.where(readable, self._ratio + self._slow * (new_ratio - self._ratio), self._ratio)
-        self._known = np.where(reading.cutting, self._known | readable, False)
-
-    def _depth(self, along: Values, reach: Values) -> Values:
-        """Return the largest nominal depth of cut [mm] from a place along the bar [mm] over a reach [mm]."""
-        sections = len(self._profile)
-        length = self._scenario.workpiece.bar_length
-        first, last = (np.clip((x / length * sections).astype(int), 0, sections - 1) for x in (along, along + reach))
-        deepest: Values = np.maximum(self._profile[first], self._profile[last])
-        return deepest
-
-    def _thetas(self) -> tuple[Values, Values]:
-        """Return the logarithms of expected over nominal force and power."""
-        power = np.where(self._known, self._power + np.maximum(self._trend, 0.0), self._mean + self._between_bars)
-        return self._gain * power + self._ratio, power
-
-    def feeds(self, speed: Values, target: float) -> tuple[Values, Values]:
-        """Return the feeds [mm/rev] at which power and force reach ``target`` times their limits at a speed [m/min]."""
-        force, power = self._thetas()
-        return _feeds(self._scenario, speed, self._ahead, self._wear, np.exp(force), np.exp(power), target)
-
-    def speeds(self, target: float) -> tuple[Values, Values, NDArray[np.bool_]]:
-        """Return the lowest and highest speed [m/min] at which the lowest feed keeps the limits, and whether there is none."""
-        scenario, (force, power) = self._scenario, self._thetas()
-        grid = np.geomspace(scenario.machine.cutting_speed_min, scenario.cutting_speed_max, 33)[:, None]
-        by_power, by_force = _feeds(scenario, grid, self._ahead, self._wear, np.exp(force), np.exp(power), target)
-        strong, fit = by_power >= scenario.machine.feed_min, by_force >= scenario.machine.feed_min
-        low = np.where(fit.any(axis=0), grid[fit.argmax(axis=0), 0], grid[-1, 0])
-        high = np.where(strong.any(axis=0), grid[len(grid) - 1 - strong[::-1].argmax(axis=0), 0], grid[0, 0])
-        return low, high, self._known & ~(fit & strong).any(axis=0)
-
-
-def _commands(actions: Actions, reading: Reading, scenario: Scenario) -> tuple[Values, Values]:
+def commands(actions: Actions, reading: Reading, scenario: Scenario) -> tuple[Values, Values]:
     """Return the cutting speed [m/min] and feed [mm/rev] that actions command."""
     control, machine = scenario.control, scenario.machine
     first, last = actions[:, 0].astype(np.float64), actions[:, min(1, actions.shape[1] - 1)].astype(np.float64)
@@ -334,36 +227,3 @@ def _commands(actions: Actions, reading: Reading, scenario: Scenario) -> tuple[V
     return np.clip(speed, machine.cutting_speed_min, scenario.cutting_speed_max), np.clip(
         feed, machine.feed_min, machine.feed_max
     )
-
-
-def _nominal(scenario: Scenario, speed: Values, feed: Values, depth: Values, wear: Values) -> tuple[Values, Values]:
-    """Return the nominal thrust force [N] and cutting power [kW]."""
-    material = scenario.material
-    return (material.thrust_force(speed, feed, depth, wear=wear), material.power(speed, feed, depth, wear=wear))
-
-
-def _feeds(
-    scenario: Scenario, speed: Values, depth: Values, wear: Values, force: Values, power: Values, target: float
-) -> tuple[Values, Values]:
-    """Return the feeds [mm/rev] at which power and force reach ``target`` times their limits; unlimited if feed has no effect.
-
-    Args:
-        scenario: nominal model.
-        speed: cutting speed [m/min].
-        depth: depth of cut [mm].
-        wear: flank wear [mm].
-        force: expected over nominal thrust force [-].
-        power: expected over nominal cutting power [-].
-        target: load over limit [-].
-    """
-    limits, material = scenario.limits, scenario.material
-    per_force, per_power = _nominal(scenario, speed, np.ones_like(depth), depth, wear)
-    left = np.maximum(target * limits.power * capacity_at(scenario, speed) - idle_power_at(scenario, speed), 1e-6)
-    shares = (
-        (left / (power * per_power), material.power.feed),
-        (target * limits.thrust_force / (force * per_force), material.thrust_force.feed),
-    )
-    by_power, by_force = (
-        share ** (1.0 / exponent) if exponent > 0 else np.full_like(share, np.inf) for share, exponent in shares
-    )
-    return by_power, by_force

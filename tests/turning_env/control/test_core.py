@@ -118,3 +118,9 @@ def test_without_feed_motion_the_policy_is_not_asked() -> None:
 def test_the_controller_says_what_it_lacks() -> None:
     controller = Controller(Scenario.load("surface"), lambda num_envs: Scripted([]))
     assert controller.lacks(STEADY) == ["roughness_reference"]
+
+
+def test_every_decision_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("DEBUG", "turning_env.control"):
+        decided([], *noisy(3))
+    assert len([each for each in caplog.records if each.levelname == "DEBUG"]) == 3

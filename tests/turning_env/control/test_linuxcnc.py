@@ -4,18 +4,23 @@ import importlib
 import json
 import os
 import shutil
+import signal
+import subprocess
 import sys
+import time
 from itertools import groupby
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from turning_env import Scenario
 from turning_env.control import linuxcnc
 from turning_env.control.linuxcnc import Fault
 from turning_env.control.plant import Plant
+from turning_env.scoring.policy import Actions, Observations
 
 SAFE = 0.25
 PLAN = {"in": {"load": "float"}, "out": {"adaptive-feed": "float"}, "period": 0.3, "safe": {"adaptive-feed": SAFE}}
@@ -76,14 +81,18 @@ def test_the_plant_cuts_what_the_control_moves() -> None:
     scenario = Scenario.load("override")
     plant = Plant(scenario, 0)
     along, seen = 0.0, {}
-    for _ in range(1200):
+    for _ in range(1500):
         along += 4.0 * 0.012
         seen = plant.advance(0.012, along, 710.0, 4.0, True)
     assert seen["power"] > 1.0
     assert seen["along"] == pytest.approx(along)
     standing = [plant.advance(0.012, along, 710.0, 0.0, False) for _ in range(50)][-1]
     assert standing["removed"] == pytest.approx(0.0, abs=1e-4)
-    assert plant.advance(0.012, 0.0, 710.0, 0.0, False)["bar"] == 1.0
+    for back in np.linspace(along, 0.0, 20):  # a return at rapid brings the next bar, once
+        plant.advance(0.012, back, 710.0, 0.0, False)
+    again = [plant.advance(0.012, 0.05 * i, 710.0, 4.0, True) for i in range(100)][-1]
+    assert (again["bar"], again["along"]) == (1.0, pytest.approx(4.95))
+    assert again["power"] > 1.0
 
 
 def test_the_program_holds_the_highest_feed() -> None:
@@ -107,20 +116,30 @@ def running() -> list[str]:
             line = path.read_bytes().replace(b"\0", b" ").decode(errors="replace")
         except OSError:
             continue
-        if "hal_bridge.py" in line or "turning_env.control serve" in line or "milltask" in line:
+        if any(name in line for name in ("hal_bridge.py", "panel.py", "turning_env.control serve", "milltask", "rtapi_app")):
             found.append(line)
     return found
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("linuxcnc") is None, reason="LinuxCNC is not installed")
-@pytest.mark.skipif("LINUXCNC" not in os.environ, reason="one LinuxCNC runs on a machine at a time: set LINUXCNC=1, with -n 0")
-@pytest.mark.parametrize(
-    "name", ["kill", "freeze", "sensor stuck", "sensor lost", "pause", "e-stop", "feed hold", "spindle stopped"]
-)
+needs_linuxcnc = [
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which("linuxcnc") is None, reason="LinuxCNC is not installed"),
+    pytest.mark.skipif(
+        "LINUXCNC" not in os.environ, reason="one LinuxCNC runs on a machine at a time: set LINUXCNC=1, with -n 0"
+    ),
+]
+FAULTS = ["kill", "freeze", "policy", "sensor stuck", "sensor lost", "pause", "e-stop", "feed hold", "spindle stopped"]
+
+
+def not_a_number(observations: Observations) -> Actions:
+    return np.full((len(observations), 1), np.nan, np.float32)
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=needs_linuxcnc) for name in FAULTS])
 def test_faults_end_in_the_safe_feed_or_a_stop_and_leave_nothing_running(name: str) -> None:
     scenario = Scenario.load("override")
-    rows = linuxcnc.run("programmed", "override", 1, 0, Fault(name, after=3.0, lasts=2.0))
+    policy = f"{__name__}:not_a_number" if name == "policy" else "programmed"
+    rows = linuxcnc.run(policy, "override", 1, 0, Fault(name, after=3.0, lasts=2.0))
     safe = 0.5 * scenario.control.initial_feed / scenario.machine.feed_max
     held = sum(row["seconds"] for row in rows if abs(row["adaptive_feed"] - safe) < 1e-6)
     if name == "kill":
@@ -130,4 +149,20 @@ def test_faults_end_in_the_safe_feed_or_a_stop_and_leave_nothing_running(name: s
         assert held > 1.0
     else:
         assert max(row["feed"] for row in rows[-20:]) < 1e-3
+    if name == "policy":
+        at_feed = [row["adaptive_feed"] for row in rows if row["motion"] == linuxcnc.FEED_MOTION]
+        assert max(at_feed[5:]) == pytest.approx(safe)
+    assert running() == []
+
+
+@pytest.mark.parametrize("number", [pytest.param(each, marks=needs_linuxcnc) for each in (signal.SIGTERM, signal.SIGINT)])
+def test_a_signal_ends_the_demo_with_all_its_processes(number: signal.Signals) -> None:
+    command = [sys.executable, "-m", "turning_env.control", "demo", "--policies", "programmed"]
+    demo = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    limit = time.monotonic() + 60.0
+    while not any("panel.py" in line for line in running()) and time.monotonic() < limit:
+        time.sleep(0.1)
+    time.sleep(2.0)
+    demo.send_signal(number)
+    assert demo.wait(60.0) != 0
     assert running() == []

@@ -44,6 +44,7 @@ def cause(fault: dict[str, Any]) -> None:
         "spindle stopped": lambda: pins("unlinkp turning.spindle-speed", "setp turning.spindle-speed 0"),
         "sensor stuck": lambda: pins("unlinkp turning.power", "setp turning.power 1"),
         "sensor lost": lambda: pins("unlinkp turning.power", "setp turning.power nan"),
+        "policy": lambda: None,  # the policy itself is at fault
     }
     faults[fault["name"]]()
     time.sleep(fault["lasts"])
@@ -51,9 +52,15 @@ def cause(fault: dict[str, Any]) -> None:
         os.kill(pid, signal.SIGCONT)
 
 
+def stopped(parent: int) -> bool:
+    """Return whether the process that started LinuxCNC wants its end, or has ended itself."""
+    return (folder / "stop").exists() or not Path(f"/proc/{parent}").exists()
+
+
 def main() -> int:
     """Run the program; carry out the fault of the test at its time, if there is one."""
-    fault = json.loads((folder / "fault.json").read_text())
+    plan = json.loads((folder / "panel.json").read_text())
+    fault = plan["fault"]
     control.state(linuxcnc.STATE_ESTOP_RESET)
     control.wait_complete()
     control.state(linuxcnc.STATE_ON)
@@ -75,6 +82,8 @@ def main() -> int:
     while True:
         status.poll()
         report()
+        if stopped(plan["parent"]):
+            return 1
         if fault and time.monotonic() - start > fault["after"]:
             cause(fault)
             if fault["name"] not in ("kill", "freeze"):
