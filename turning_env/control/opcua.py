@@ -60,6 +60,7 @@ def drive(controller: Controller, url: str, nodes: Path, interval: float, runs: 
     """
     from asyncua import ua
     from asyncua.sync import Client
+    from asyncua.ua.attribute_ids import AttributeIds
 
     read, commanded = load_nodes(nodes)
     safe = Commands(controller.safe_feed, 1.0, Status.SAFE, "stopped")
@@ -81,7 +82,7 @@ def drive(controller: Controller, url: str, nodes: Path, interval: float, runs: 
         try:
             while runs():
                 now = time.monotonic()
-                values = dict(zip(read, client.read_attributes(sources, ua.AttributeIds.Value), strict=True))
+                values = dict(zip(read, client.read_attributes(sources, AttributeIds.Value), strict=True))
                 good = {name: each.Value.Value for name, each in values.items() if each.StatusCode.is_good()}
                 readings = _readings(good, now - before, edge)
                 before, edge, alive = now, good.get("edge", edge), (alive + 1) % 2**15
