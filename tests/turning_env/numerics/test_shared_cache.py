@@ -117,8 +117,11 @@ def test_what_was_compiled_beforehand_is_read_where_it_cannot_be_written(tmp_pat
     code = "from numba.core import caching\ndef refuse(locator): raise PermissionError\n"
     for name in ("InTree", "UserWide")[: 1 if writable else 2]:
         code += f"caching.{name}CacheLocator.ensure_cache_path = refuse\n"
-    (tmp_path / "sitecustomize.py").write_text(code)
-    assert finished(run(tmp_path, 0, XDG_CACHE_HOME=str(tmp_path / "home")))[0] == "6 0\n"
+    site = tmp_path / "site"
+    site.mkdir()
+    (site / "sitecustomize.py").write_text(code)
+    path = os.pathsep.join(map(str, (site, tmp_path, ROOT)))
+    assert finished(run(tmp_path, 0, XDG_CACHE_HOME=str(tmp_path / "home"), PYTHONPATH=path))[0] == "6 0\n"
 
 
 def test_where_no_folder_can_be_written_it_goes_without(tmp_path: Path) -> None:
