@@ -87,7 +87,7 @@ def test_workers_with_other_versions_are_refused(monkeypatch: pytest.MonkeyPatch
 def test_lost_cluster_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "_POLL", 0.2)
     with dask_cluster(tmp_path, workers=0, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as cluster:
-        monkeypatch.setattr(workers, "CONNECTING", 0.5)
+        monkeypatch.setattr(workers, "CONNECTING", 5.0)  # long enough to connect beside other work
         with pytest.raises(WorkersError, match="has no workers"), workers.cluster(cluster.address):
             pass
         monkeypatch.setattr(workers, "CONNECTING", 60.0)
