@@ -14,8 +14,8 @@ SHIPPED ?= agents
 SHIPPED_RESULTS ?= leaderboard/results
 JOBS ?= 2
 ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurning-Surface-v0 RoughTurning-Shift-v0 RoughTurning-Batch-v0
-# A quarter of the steps of agents that ship, for a first look.
-TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS)/first --steps $(or $(STEPS),1500000)
+# A sixth of the steps of agents that ship, for a first look.
+TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS)/first --steps $(or $(STEPS),1000000)
 RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --seeds $(NUM_SEEDS) --results $(RESULTS)
 AGENT = $(RUNS)/first/RoughTurning-v0/$(SCENARIO)/ppo-seed
 PYTEST = .venv/bin/pytest -n 2 --dist worksteal
