@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.models.kalman import WEAR
+from baselines.models.normal import excess
 from baselines.oracles.cells import between, start_episode_of, survey
 from benchmarks.exact_filter import NodeFilter
 from turning_env import Scenario
@@ -99,11 +100,7 @@ def _beliefs(scenario: Scenario, fields: Array, bars: int, generator: np.random.
 def expected_excess(log_mean, spread):
     """Return the expectation of max(X - 1, 0), where log X is normal with this mean and standard deviation."""
     spread = max(spread, 1e-3)
-    ratio = log_mean / spread
-    if ratio < -6.0:
-        return 0.0
-    above = 0.5 * math.erfc(-(ratio + spread) * math.sqrt(0.5))
-    return math.exp(log_mean + 0.5 * spread * spread) * above - 0.5 * math.erfc(-ratio * math.sqrt(0.5))
+    return 0.0 if log_mean < -6.0 * spread else excess(log_mean, spread)
 
 
 @compiled_entry
@@ -163,13 +160,13 @@ def _best_return(states, scratches, lengths, beliefs, speed_steps, ladder, feed_
                         time = length * crossing * np.exp(-speed - feed)
                         f_here = force + force_law.cutting_speed * speed + force_law.feed * feed
                         w_here = power + power_law.cutting_speed * speed + power_law.feed * feed
-                        excess = 0.0
+                        over = 0.0
                         for q in range(points):
-                            excess += expected_excess(f_here + beliefs[2, bar, i, q], beliefs[4, bar, i, q]) / points
-                            excess += expected_excess(w_here + beliefs[3, bar, i, q], beliefs[5, bar, i, q]) / points
+                            over += expected_excess(f_here + beliefs[2, bar, i, q], beliefs[4, bar, i, q]) / points
+                            over += expected_excess(w_here + beliefs[3, bar, i, q], beliefs[5, bar, i, q]) / points
                         taylor = nominal_life + (wear_law.cutting_speed * speed + wear_law.feed * feed) * p.life_exponent
                         using = rate * np.exp(taylor) * time
-                        gain = worth - time * (1.0 + p.overload_price * excess) - p.edge_price * using
+                        gain = worth - time * (1.0 + p.overload_price * over) - p.edge_price * using
                         after = used + using
                         if after >= 1.0:
                             gain *= (1.0 - used) / using

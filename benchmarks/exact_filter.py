@@ -12,16 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.models.kalman import DEPTH, DEPTH_SLOPE, HARDNESS, HARDNESS_SLOPE, WEAR, Array, LoadFilter
+from baselines.oracles.perfect_state import DOUBT, true_states
 from baselines.predictive import Predictive
 from turning_env import Reading, Scenario
 
 HIDDEN = {"depth": DEPTH, "hardness": HARDNESS, "wear": WEAR}
-"""States that can be told, by name."""
-DOUBT = 1e-3
-"""Standard deviation assumed of a told state [-]."""
+"""States that can be told, by name, in the order of ``true_states``."""
 _STATES = 9
 _FIELDS = ((DEPTH, DEPTH_SLOPE, 5, 6), (HARDNESS, HARDNESS_SLOPE, 7, 8))
-"""Of depth and of hardness: the states of the value here, of the node behind, of the bar's offset and of the node ahead."""
+"""States of depth and of hardness: the value here, the node behind, the bar's offset and the node ahead."""
 
 
 class NodeFilter(LoadFilter):
@@ -88,15 +87,9 @@ class ToldFilter(NodeFilter):
         super().observe(reading)
         if not self._told:
             return
-        truth = self.truth
-        known = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
-        states = {
-            "depth": truth["depth_of_cut"] / self._scenario.workpiece.depth_of_cut - 1.0,
-            "hardness": np.log(np.where(known, truth["hardness"], 1.0)),
-            "wear": np.log(np.where(known, truth["wear"], 1.0) / np.where(known, reading.nominal_wear, 1.0)),
-        }
+        known, states = true_states(self.truth, reading, self._scenario)
         rows = np.eye(_STATES)[[HIDDEN[name] for name in self._told]]
-        surprise = np.stack([states[name] for name in self._told], axis=1) - self._mean @ rows.T
+        surprise = states[:, [list(HIDDEN).index(name) for name in self._told]] - self._mean @ rows.T
         surprise = np.where(known[:, np.newaxis], surprise, 0.0)
         self._correct(rows * known[:, np.newaxis, np.newaxis], surprise, np.full(surprise.shape, DOUBT**2))
         self.measured |= known

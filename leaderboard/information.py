@@ -1,4 +1,4 @@
-"""What training gave an agent, what it sees at run time, and how long it trained: derived from what its file states.
+"""The inputs of an agent in training and at run time, and the length of its training, derived from its file.
 
 The algorithm, taken from the training command, decides what training gave; scenario and hyperparameters decide the rest. A
 policy that sees more in training than observations, rewards and costs is privileged: it is trained with what no lathe reveals
@@ -21,13 +21,13 @@ GIVEN = {
     "spreads": "how much hardness and depth of cut vary",
     "geometry": "length and diameter of the bars",
 }
-"""What training can give beside observations, by name."""
+"""Inputs of training beside observations, by name."""
 SEEN = {
     "memory": "remembers earlier observations",
     "position": "tracks the tool's position along the bar, from observations and the bars' geometry",
     "nominal model": "is told the nominal model of each job",
 }
-"""What an agent can have at run time beside the present observation, by name."""
+"""Inputs at run time beside the present observation, by name."""
 _MODEL_FREE = frozenset({"rewards", "overload share"})
 _REWARDS = frozenset({"rewards"})
 _TEACHER = frozenset({"model gradients", "true states", "life price", "spreads", "geometry"})
@@ -52,12 +52,12 @@ CLASSES = {
 
 @dataclass(frozen=True)
 class Information:
-    """What training gave an agent, and what it has at run time; None: not stated."""
+    """The inputs of an agent in training and at run time; None: not stated."""
 
     given: tuple[str, ...] | None
-    """Of ``GIVEN``."""
+    """Names in ``GIVEN`` of its inputs in training."""
     seen: tuple[str, ...] | None
-    """Of ``SEEN``."""
+    """Names in ``SEEN`` of its inputs at run time."""
     steps: int | None
     """Environment steps of the training."""
     gradient_steps: int | None

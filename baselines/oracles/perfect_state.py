@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baselines.models.kalman import DEPTH, HARDNESS, WEAR, Array, LoadFilter
 from baselines.optimiser import plays
@@ -22,6 +23,22 @@ DOUBT = 1e-3
 _TOLD = np.eye(5)[[DEPTH, HARDNESS, WEAR]]
 
 
+def true_states(truth: Mapping[str, Any], reading: Reading, scenario: Scenario) -> tuple[NDArray[np.bool_], Array]:
+    """Return where the tool cuts, shape (num_envs,), and the true states of a load filter there.
+
+    The states, shape (num_envs, 3), are relative deviation of depth, log hardness and log wear factor [-]. ``truth``: see
+    ``ToldFilter``.
+    """
+    known = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
+    wear_factor = np.where(known, truth["wear"], 1.0) / np.where(known, reading.nominal_wear, 1.0)
+    states = (
+        truth["depth_of_cut"] / scenario.workpiece.depth_of_cut - 1.0,
+        np.log(np.where(known, truth["hardness"], 1.0)),
+        np.log(wear_factor),
+    )
+    return known, np.stack(states, axis=1)
+
+
 class ToldFilter(LoadFilter):
     """A load filter that also gets the true state at the tool. Slopes along the bar follow from successive true states."""
 
@@ -31,15 +48,8 @@ class ToldFilter(LoadFilter):
     def observe(self, reading: Reading) -> None:
         """Predict up to a reading, and correct the estimate by it and by the true state."""
         super().observe(reading)
-        scenario, truth = self._scenario, self.truth
-        told = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
-        wear_factor = np.where(told, truth["wear"], 1.0) / np.where(told, reading.nominal_wear, 1.0)
-        states = (
-            truth["depth_of_cut"] / scenario.workpiece.depth_of_cut - 1.0,
-            np.log(np.where(told, truth["hardness"], 1.0)),
-            np.log(wear_factor),
-        )
-        surprise: Array = np.where(told[:, np.newaxis], np.stack(states, axis=1) - self._mean @ _TOLD.T, 0.0)
+        told, states = true_states(self.truth, reading, self._scenario)
+        surprise: Array = np.where(told[:, np.newaxis], states - self._mean @ _TOLD.T, 0.0)
         self._correct(_TOLD * told[:, np.newaxis, np.newaxis], surprise, np.full(surprise.shape, DOUBT**2))
         self.measured |= told
 

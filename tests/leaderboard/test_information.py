@@ -1,4 +1,4 @@
-"""What agents were given, as tables state it, is what their files and algorithms show."""
+"""Inputs of agents as tables state them, against their files and algorithms."""
 
 from pathlib import Path
 

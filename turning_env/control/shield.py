@@ -13,7 +13,6 @@ It knows what the policy knows, observations and the nominal model, and works in
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +25,7 @@ from turning_env.observation import Reading, read
 from turning_env.physics.drives import lag_share
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario
-from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 LOG = logging.getLogger("turning_env.control")
 
@@ -205,11 +204,6 @@ def set_point(action: NDArray[Any], low: float, high: float) -> Values:
     """Return the value that an action in -1..1 commands, linear between a range's ends."""
     value: Values = low + 0.5 * (action.astype(np.float64) + 1.0) * (high - low)
     return value
-
-
-def shielded(make_policy: PolicyFactory, scenario: Scenario, settings: Settings = Settings()) -> Callable[[int], Shield]:
-    """Return a function that makes the shielded policy for a number of environments."""
-    return lambda num_envs: Shield(make_policy(num_envs), scenario, num_envs, settings)
 
 
 def commands(actions: Actions, reading: Reading, scenario: Scenario) -> tuple[Values, Values]:

@@ -8,7 +8,7 @@ import pytest
 
 from turning_env import Scenario, read
 from turning_env.control.measure import UniformRandom, rows
-from turning_env.control.shield import PATIENCE, Settings, Shield, commands, shielded
+from turning_env.control.shield import PATIENCE, Settings, Shield, commands
 from turning_env.physics.quantities import action_size
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import Actions, Observations, Policy
@@ -71,7 +71,7 @@ def test_late_answers_are_refused() -> None:
 def test_an_override_of_the_highest_feed_is_brought_below_the_limit() -> None:
     scenario = Scenario.load("override")
     high = play(lambda n: Constant(np.ones((n, 1), np.float32)), scenario, [0, 1])
-    held = play(shielded(lambda n: Constant(np.ones((n, 1), np.float32)), scenario), scenario, [0, 1])
+    held = play(lambda n: Shield(Constant(np.ones((n, 1), np.float32)), scenario, n), scenario, [0, 1])
     share = [each["severe_overload_time"].sum() / each["engaged_time"].sum() for each in (high, held)]
     assert share[0] > 0.3
     assert share[1] < 0.01
@@ -115,7 +115,7 @@ def test_a_position_before_the_bar_while_cutting_does_not_free_the_feed() -> Non
 def test_random_actions_break_no_edge() -> None:
     scenario = Scenario.load("rough_turning")
     free = play(lambda n: UniformRandom(2), scenario, range(4))
-    held = play(shielded(lambda n: UniformRandom(2), scenario), scenario, range(4))
+    held = play(lambda n: Shield(UniformRandom(2), scenario, n), scenario, range(4))
     assert free["edges_broken"].sum() > 0
     assert held["edges_broken"].sum() == 0
 
