@@ -328,7 +328,12 @@ def _unless_zero(value: Any) -> Any:
 
 def _section_starts(s: Scenario) -> Any:
     lengths = s.workpiece.section_lengths
-    return np.pad(np.cumsum((0.0, *lengths))[:-1], (0, MAX_DEPTHS - len(lengths)))
+    return _per_section(np.cumsum((0.0, *lengths))[:-1])
+
+
+def _per_section(values: Any) -> Any:
+    """Return the sections' values, followed by zeros up to ``MAX_DEPTHS``."""
+    return np.pad(values, (0, MAX_DEPTHS - len(values)))
 
 
 def _timeless(s: Scenario) -> bool:
@@ -424,7 +429,7 @@ PARAMETERS = (
         "depth_profile",
         "mm",
         "nominal depths of the sections",
-        lambda s: np.pad(s.workpiece.depth_profile, (0, MAX_DEPTHS - len(s.workpiece.depth_profile))),
+        lambda s: _per_section(s.workpiece.depth_profile),
         np.float64,
         (MAX_DEPTHS,),
     ),
@@ -434,7 +439,7 @@ PARAMETERS = (
         "section_speeds",
         "m/min",
         "highest cutting speeds of the sections",
-        lambda s: np.pad(s.workpiece.section_speeds, (0, MAX_DEPTHS - len(s.workpiece.section_speeds))),
+        lambda s: _per_section(s.workpiece.section_speeds),
         np.float64,
         (MAX_DEPTHS,),
     ),
