@@ -21,6 +21,7 @@ from train.family_gradient import ALGORITHM, SEEDS, Lathes, Training, main, plan
 from train.model_gain import FIELDS, ModelGain, Truth
 from train.run import Run
 from turning_env import Family, FamilyVectorEnv, Scenario
+from turning_env.physics.quantities import layout
 from turning_env.scenario.plan import Columns
 
 FAMILY = Family.load(BRIEF)
@@ -142,7 +143,10 @@ def test_training_ends_by_the_clock_and_refuses_other_settings_and_seeds(tmp_pat
     ("changes", "message"),
     [
         ({"fields": FAMILY.fields | {"machine.cutting_speed_max": "2.0 * speed * exp(0.1 * edge_cost)"}}, "must be the same"),
-        ({"base": "rough_turning"}, "must have control.edge_changes"),
+        (
+            {"base": "rough_turning", "fields": FAMILY.fields | {"sensors.inspects_edges": False}},
+            "must have control.edge_changes",
+        ),
     ],
 )
 def test_jobs_must_be_alike_in_what_the_agent_takes_as_the_same(changes: dict[str, Any], message: str, tmp_path: Path) -> None:
@@ -191,7 +195,7 @@ def test_an_agent_with_a_nominal_model_acts_as_if_it_were_told_it(exported: Path
     observations, _ = env.reset(seed=5)
     for _ in range(20):
         actions = told.act(observations)
-        np.testing.assert_allclose(mine.act(observations[:, :11]), actions, atol=1e-5)
+        np.testing.assert_allclose(mine.act(observations[:, : len(layout(job.scenario))]), actions, atol=1e-5)
         observations, _, _, _, _ = env.step(actions)
 
 
