@@ -96,7 +96,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | 10    | cutting                 | 1 in metal, 0 in air                                       | 0 to 1   |
 
     Some scenarios add an entry: `roughness_reference` if a roughness is to be held, `probed_depth` if blanks are probed,
-    `spindle_heat` if the spindle may be overloaded for a short time.
+    `spindle_heat` if the spindle may be overloaded for a short time, `removed_wear` if edges are inspected.
 
     ## Reward
 

@@ -106,6 +106,9 @@ def observe(state, work, first, last, parameters):
     if p.probe:
         for i in range(first, last):
             entries[OBS.probed_depth, i] = deviation(state.probed_depth[i] / at(p, i).depth_of_cut)
+    if p.inspects_edges:
+        for i in range(first, last):
+            entries[OBS.removed_wear, i] = min(state.removed_wear[i] / at(p, i).wear_criterion, MAX_RATIO)
 
 
 class Reading(NamedTuple):
@@ -143,6 +146,8 @@ class Reading(NamedTuple):
     """Mean allowance of the next blank [mm]; NaN if blanks are not probed."""
     spindle_heat: NDArray[np.float64]
     """Heating of the spindle's motor over that of its rated load [-]; NaN without short-time overload."""
+    removed_wear: NDArray[np.float64]
+    """Measured wear of the edge that was taken out last [mm], 0 before the first change; NaN if edges are not inspected."""
 
 
 def _in_range(position: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
@@ -195,6 +200,7 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
         ),
         probed_depth=_ratio(columns["probed_depth"]) * scenario.workpiece.depth_of_cut if "probed_depth" in columns else unknown,
         spindle_heat=columns.get("spindle_heat", unknown),
+        removed_wear=columns.get("removed_wear", unknown) * scenario.tool.wear_criterion,
     )
 
 

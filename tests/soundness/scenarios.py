@@ -99,6 +99,7 @@ def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
         control["edge_changes"] = "automatic"
     else:
         sensors["probe"] = False
+    sensors["inspects_edges"] &= control["edge_changes"] != "end"
     laws = changed["material"]
     laws["wear"]["wear"] = laws["thrust_force"]["time"] = laws["power"]["time"] = 0.0
     laws["wear"]["time"] = abs(laws["wear"]["time"]) or 0.245

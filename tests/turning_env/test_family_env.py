@@ -61,8 +61,8 @@ def test_a_batch_plays_each_job_as_the_single_environment_and_as_its_scenario(mo
 def test_context_can_be_hidden():
     told, hidden = FamilyEnv(), FamilyEnv(context="hidden")
     observation, _ = told.reset(seed=3)
-    assert np.array_equal(observation[:11], hidden.reset(seed=3)[0])
-    assert observation[11:] == pytest.approx(told.job().context, abs=1e-6)
+    assert np.array_equal(observation[:12], hidden.reset(seed=3)[0])
+    assert observation[12:] == pytest.approx(told.job().context, abs=1e-6)
     with pytest.raises(ValueError, match='must be "told" or "hidden"'):
         FamilyEnv(context="shown")
 

@@ -131,6 +131,22 @@ def test_a_broken_edge_costs_its_rest_and_the_downtime():
 # --- batch ------------------------------------------------------------------------------------------------------------
 
 
+def test_inspection_tells_the_wear_of_the_edge_that_was_taken_out():
+    scenario = changed(SHIFT, sensors={"inspects_edges": True}, tool={"wear_criterion": 0.15})
+    actions = np.tile([0.0, 0.0, -1.0], (700, 1))
+    actions[20, -1] = 1.0
+    record = play(RoughTurningEnv(scenario), 0, actions)
+    told = read(record["observation"], scenario).removed_wear
+    changes = np.flatnonzero(record["stopped_time"] > 0.0)
+    assert changes[0] == 21
+    assert len(changes) > 1  # the second edge is worn out
+    assert (told[: changes[0]] == 0.0).all()
+    assert told[changes[0]] == pytest.approx(record["wear"][changes[0] - 1], rel=1e-6)
+    assert told[changes[1]] == pytest.approx(0.15, rel=0.02)
+    with pytest.raises(ValueError, match="inspects_edges"):
+        changed(Scenario(), sensors={"inspects_edges": True})
+
+
 def part(passes, allowance, speed=0.0, feed=0.0):
     """The action that turns a part in so many passes with a path for an allowance [mm]."""
     number = 2.0 * (passes - 0.5) / BATCH.control.passes_max - 1.0

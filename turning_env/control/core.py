@@ -25,6 +25,7 @@ from turning_env.scoring.policy import PolicyFactory
 STUCK = 0.5
 """Time in metal without any change of a reading after which its sensor counts as stuck [s]; 5 control intervals at least."""
 _NAN = math.nan
+_FURTHER = ("spindle_heat", "roughness_reference", "probed_depth", "removed_wear")  # readings that only some scenarios need
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,8 @@ class Readings:
     """[um]"""
     probed_depth: float = _NAN
     """[mm]"""
+    removed_wear: float = _NAN
+    """Measured flank wear of the edge that was taken out last, 0 before the first change [mm]"""
 
 
 class Status(IntEnum):
@@ -140,7 +143,7 @@ class Controller:
     def lacks(self, readings: Readings) -> list[str]:
         """Return the readings that the policy's observation needs and the machine does not give."""
         force = "servo_current" if self._scenario.sensors.force == "servo_current" else "thrust_force"
-        further = (name for name in ("spindle_heat", "roughness_reference", "probed_depth") if name in layout(self._scenario))
+        further = (name for name in _FURTHER if name in layout(self._scenario))
         return [name for name in ("power", force, *further) if math.isnan(getattr(readings, name))]
 
     def observe(self, readings: Readings) -> NDArray[np.float32]:
@@ -160,6 +163,7 @@ class Controller:
             spindle_heat=readings.spindle_heat,
             roughness_reference=readings.roughness_reference,
             probed_depth=readings.probed_depth,
+            removed_wear=readings.removed_wear,
         )
         observe_readings(self._states, self._scratches, readings.engaged_time / 60.0, self.observation)
         return self.observation

@@ -14,6 +14,7 @@ from turning_env.numerics.keyed_random import EDGE_CHANNEL, standard_normals
 from turning_env.numerics.per_env import at
 from turning_env.physics.failure import draw_chipping_margin
 from turning_env.physics.spindle import cool_down
+from turning_env.physics.wear import log_wear
 
 
 @compiled
@@ -68,7 +69,10 @@ def discard_edge(state, report, i, parameters):
 
 @compiled
 def change_edge(state, report, i, parameters, minutes):
-    """Put in the next edge, which takes ``minutes`` of machine time."""
+    """Inspect the edge and put in the next one, which takes ``minutes`` of machine time."""
+    p = at(parameters, i)
+    if p.inspects_edges:
+        state.removed_wear[i] = exp(log_wear(p, state.used_life[i])) if state.used_life[i] > 0.0 else 0.0
     stop_machine(state, report, i, parameters, minutes)
     state.edge[i] += 1
     fit_edge(state, i, parameters)

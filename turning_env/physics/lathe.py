@@ -64,6 +64,7 @@ def start_episode(state, work, report, i, parameters):
     state.measured_servo_current[i] = 0.0
     state.measured_power[i] = 0.0
     state.spindle_heat[i] = 0.0
+    state.removed_wear[i] = 0.0
     look_ahead(state, i, i + 1, p)
     clear_sums(report, i, i + 1)
     work.log_cutting_speed[i] = log(p.initial_cutting_speed)

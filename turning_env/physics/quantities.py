@@ -112,6 +112,7 @@ STATE = (
     Q("measured_servo_current", "A", "measured servo current"),
     Q("measured_power", "kW", "measured power"),
     Q("probed_depth", "mm", "mean depth of what is to be cut of the next bar"),
+    Q("removed_wear", "mm", "flank wear of the edge that was taken out last, 0 before the first"),
     Q("roughness_reference", "um", "reference of Ra"),
     Q("chipping_margin", "-", "integral of the chipping hazard that the edge still bears"),
     Q("tangle_margin", "-", "likewise until chips tangle"),
@@ -269,6 +270,13 @@ OBSERVATION = (
         _LOW,
         _HIGH,
         lambda scenario: scenario.sensors.probe,
+    ),
+    Entry(
+        "removed_wear",
+        "measured wear of the edge that was taken out last over the criterion, 0 before the first change",
+        0.0,
+        MAX_RATIO,
+        lambda scenario: scenario.sensors.inspects_edges,
     ),
 )
 """What a policy sees, in order. Entries that only some scenarios have come last."""
@@ -485,7 +493,7 @@ PARAMETERS = (
     ),
     P("reference_time", "min", "time after which the reference changes", lambda s: s.surface.reference_time / 60.0),
     P("senses_current", "-", "the servo current is measured", lambda s: s.sensors.force == "servo_current", np.bool_),
-    *_same("probe", dtype=np.bool_),
+    *_same("probe", "inspects_edges", dtype=np.bool_),
     *_same("power_noise", "force_noise", "power_bias", "force_bias"),
     P("power_sensor_share", "-", "as spindle_share", lambda s: lag_share(_sub_step(s), s.sensors.power_time_constant)),
     P("force_sensor_share", "-", "as spindle_share", lambda s: lag_share(_sub_step(s), s.sensors.force_time_constant)),

@@ -49,7 +49,8 @@ steel. Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/choi
 
 
 ALWAYS_TOLD = (
-    *("name", "mismatch", "nominal_model", "control", "surface", "economics", "limits", "sensors.force", "sensors.probe"),
+    *("name", "mismatch", "nominal_model", "control", "surface", "economics", "limits"),
+    *("sensors.force", "sensors.probe", "sensors.inspects_edges"),
     *("tool.wear_criterion", "tool.wear_rule", "machine.cutting_speed_min", "machine.cutting_speed_max", "machine.feed_min"),
     *("machine.feed_max", "machine.rated_power", "spindle", "workpiece.bars", "workpiece.diameter", "workpiece.depth_of_cut"),
     *("workpiece.depth_profile", "workpiece.bar_length", "workpiece.approach", "workpiece.support"),
@@ -173,6 +174,8 @@ class Scenario(Section):
                 )
         elif sensors.probe:
             raise ValueError('sensors.probe is true, but blanks are only probed where control.action is "part"')
+        if sensors.inspects_edges and control.edge_changes == "end":
+            raise ValueError('sensors.inspects_edges is true, but no edge is taken out where control.edge_changes is "end"')
         return self
 
     @model_validator(mode="after")

@@ -272,6 +272,8 @@ class Sensors(Section):
     with the force's lag and noise."""
     probe: bool = False
     """Whether the size of every blank is measured before it is turned; only with parts."""
+    inspects_edges: bool = False
+    """Whether the flank wear of every edge is measured when it is taken out, without error (assumption)."""
     power_noise: float = quantity(0.02, 0, 1, "-", "relative standard deviation of measured power (assumption)")
     force_noise: float = quantity(0.05, 0, 1, "-", "relative standard deviation of measured thrust force (assumption)")
     power_time_constant: float = quantity(0.1, 0, 60, "s", "time constant of measured power (assumption)")
