@@ -22,9 +22,13 @@ MARGIN = 1e-9
 NEGLIGIBLE = 10.0
 """Distance of a load below its limit over its spread [-] from which the expected excess does not reach a gain's last bit."""
 
-ENVIRONMENT = ("slowest", "fastest", "lowest", "highest", "log_speed", "log_feed", "used_life", "breakage_price")
-"""Numbers of an environment: ends of the reach of log cutting speed and log feed; see ``Prospect`` for the others."""
-SLOWEST, FASTEST, LOWEST, HIGHEST, LOG_SPEED, LOG_FEED, USED_LIFE, BREAKAGE_PRICE = range(len(ENVIRONMENT))
+ENVIRONMENT = (
+    *("slowest", "fastest", "lowest", "highest", "log_speed", "log_feed", "used_life", "breakage_price"),
+    *("force_speed", "force_feed", "force_wear", "power_speed", "power_feed", "power_wear"),
+)
+"""Numbers of an environment: ends of the reach of log cutting speed and log feed, the first fields of ``Prospect``, exponents."""
+SLOWEST, FASTEST, LOWEST, HIGHEST, LOG_SPEED, LOG_FEED, USED_LIFE, BREAKAGE_PRICE = range(8)
+FORCE_SPEED, FORCE_FEED, FORCE_WEAR, POWER_SPEED, POWER_FEED, POWER_WEAR = range(8, len(ENVIRONMENT))
 POINT = (
     "log_force",
     "log_power",
@@ -43,24 +47,27 @@ LOG_FORCE, LOG_POWER, FORCE_SPREAD, POWER_SPREAD, STRENGTH_SPREAD, METAL_VALUE, 
 
 
 @compiled_entry
-def search(parameters, left, environments, points, found):
+def search(parameters, lefts, environments, points, found):
     """Find the best cutting speeds and feeds.
 
     Args:
-        parameters: laws and prices, an array of one record.
-        left: times of the points after the step's start [s], and remaining deviations of the drives [-], shape (3, points).
+        parameters: laws and prices, an array of one record for all environments or one for each.
+        lefts: times of the points after the step's start [s], and remaining deviations of the drives [-], shape (3, points), for
+            all environments or each.
         environments: ``ENVIRONMENT``, shape (num_envs, fields).
         points: ``POINT``, shape (num_envs, fields, points).
         found: filled with log cutting speeds and log feeds, shape (num_envs, 2).
     """
-    p = parameters[0]
     speeds, feeds, gains, tried = np.empty(SPEEDS), np.empty(SPEEDS), np.empty(SPEEDS), np.empty(FEEDS)
-    work = np.empty((3, left.shape[1]))
+    work = np.empty((3, lefts.shape[2]))
     for i in range(len(found)):
+        p, left = parameters[i % len(parameters)], lefts[i % len(lefts)]
         env, ahead = environments[i], points[i]
         # If so, a feed can be left out if its metal cannot make up for the costs of a lower feed.
         costs_grow = (
-            ahead[LIFE_PRICE, 0] >= 0.0 and p.wear[2] >= 0.0 and min(p.force[2], p.force[3], p.power[2], p.power[3]) >= 0.0
+            ahead[LIFE_PRICE, 0] >= 0.0
+            and p.wear[2] >= 0.0
+            and min(env[FORCE_FEED], env[FORCE_WEAR], env[POWER_FEED], env[POWER_WEAR]) >= 0.0
         )
         for k in range(SPEEDS):
             speeds[k] = rung(env[SLOWEST], env[FASTEST], k, SPEEDS)
@@ -120,7 +127,7 @@ def gain(p, left, env, ahead, log_speed, log_feed, least, work):
     If the gain is below ``least`` even without overload and breakage, it is returned without them.
     """
     points = left.shape[1]
-    wear_law, force_law, power_law = p.wear, p.force, p.power
+    wear_law = p.wear
     for k in range(points):
         speed = log_speed + (env[LOG_SPEED] - log_speed) * left[1, k]
         feed = log_feed + (env[LOG_FEED] - log_feed) * left[2, k]
@@ -137,8 +144,8 @@ def gain(p, left, env, ahead, log_speed, log_feed, least, work):
         speed = log_speed + (env[LOG_SPEED] - log_speed) * left[1, k]
         feed = log_feed + (env[LOG_FEED] - log_feed) * left[2, k]
         wear = p.wear_time * math.log(env[USED_LIFE] + work[2, k] * left[0, k])
-        force = force_law[0] + force_law[1] * speed + force_law[2] * feed + force_law[3] * wear + ahead[LOG_FORCE, k]
-        power = power_law[0] + power_law[1] * speed + power_law[2] * feed + power_law[3] * wear + ahead[LOG_POWER, k]
+        force = p.force + env[FORCE_SPEED] * speed + env[FORCE_FEED] * feed + env[FORCE_WEAR] * wear + ahead[LOG_FORCE, k]
+        power = p.power + env[POWER_SPEED] * speed + env[POWER_FEED] * feed + env[POWER_WEAR] * wear + ahead[LOG_POWER, k]
         power -= min(speed - p.log_base_speed, 0.0)
         overload = 0.0
         if force > -NEGLIGIBLE * ahead[FORCE_SPREAD, k]:

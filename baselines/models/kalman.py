@@ -153,6 +153,16 @@ class LoadFilter:
         covariance[:, WEAR, WEAR] = self._covariance[:, WEAR, WEAR]
         return self._outlook(mean[:, np.newaxis], covariance[:, np.newaxis])
 
+    @property
+    def exponents(self) -> Array:
+        """Exponents of speed, feed and wear of force and power [-], shape (1, 2, 3)."""
+        laws = self._scenario.material.thrust_force, self._scenario.material.power
+        return np.array([[(law.cutting_speed, law.feed, law.wear) for law in laws]])
+
+    def outlook(self, distance: Array, entering: NDArray[np.bool_]) -> Outlook:
+        """Return the outlook at distances ahead [mm], or where ``entering`` on an unmeasured bar, shape (num_envs, points)."""
+        return Outlook(*(np.where(entering, b, a) for a, b in zip(self.ahead(distance), self.next_bar(), strict=True)))
+
     def _moved(self, reading: Reading) -> Array:
         """Return the distance since the last reading [mm], from the drives' response to their commands."""
         speed = reading.commanded_cutting_speed[:, np.newaxis]

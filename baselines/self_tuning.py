@@ -1,0 +1,92 @@
+"""The optimiser with foresight that learns from a job how its laws and its lot of edges differ from the nominal model.
+
+The filter of ``predictive`` gets further states (dual estimation): bias and exponents of the laws of force and power, and the wear
+factor of the lot, which lasts from edge to edge. Measured loads correct the laws. The measured wear of each removed edge corrects
+the lot, and with it the time of the next change and the price of life: if edges last shorter, time is worth less.
+
+It needs of the nominal model what ``predictive`` needs, and how far it may be wrong: the prior deviations of laws and lot.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from baselines.models.edge_value import USED_LIVES, worth_of_lots
+from baselines.models.load_filter import LOT, Array, Doubt, LoadFilter
+from baselines.optimiser import PARAMETERS, plays
+from baselines.predictive import Predictive
+from baselines.rule import Range, Rule
+from turning_env import Scenario
+
+REACH = 1.5
+"""Distance of the slowest and the fastest lot that are priced from the expected one, over the prior deviation [-]."""
+
+
+class SelfTuning(Predictive):
+    """A policy as ``Predictive``, on a filter that doubts the nominal model.
+
+    Args:
+        scenario: nominal model, or one for each environment, which all have the same actions and sensors.
+        num_envs: number of environments.
+        severity: factor on the price of overload [-].
+        caution: factor on the standard deviations of force and power [-].
+        law_doubt: scale of the prior deviations of the laws of force and power [-], see ``load_filter.LAW_ERRORS``.
+        lot_doubt: prior log standard deviation of the life of the lot's edges [-].
+        lot_life: expected life of the lot's edges over the nominal life [-].
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario | Sequence[Scenario],
+        num_envs: int,
+        severity: float,
+        caution: float,
+        law_doubt: float,
+        lot_doubt: float,
+        lot_life: float,
+    ) -> None:
+        self._doubt = Doubt(law_doubt, lot_doubt, lot_life)
+        super().__init__(scenario, num_envs, severity, caution)
+
+    def _new_filter(self, num_envs: int) -> LoadFilter:
+        return LoadFilter(self._scenarios, num_envs, self._doubt)
+
+    def _life_prices(self) -> Array:
+        """Return the price of life for a slow, an expected and a fast lot, shape (scenarios, 3, used lives)."""
+        rates = np.exp(self._doubt.lot * REACH * np.array([-1.0, 0.0, 1.0])) / self._doubt.lot_life
+        lots = tuple(rates.tolist())
+        return np.array(
+            [
+                [each.life for each in worth_of_lots(scenario, self._severity * scenario.economics.overload_price, lots)]
+                for scenario in self._scenarios
+            ]
+        )
+
+    def _price(self, used_life: Array) -> Array:
+        log_rate = self._filter.mean[:, LOT] / self._scenario.material.wear.time + np.log(self._doubt.lot_life)
+        reach = self._doubt.lot * REACH
+        lot = np.clip(1.0 + log_rate / reach, 0.0, 2.0) if reach > 0.0 else np.ones(len(used_life))
+        life = np.clip(used_life * len(USED_LIVES) - 1.0, 0.0, len(USED_LIVES) - 1.0)
+        row, place = np.minimum(lot.astype(np.int64), 1), np.minimum(life.astype(np.int64), len(USED_LIVES) - 2)
+        lot, life = lot - row, life - place
+        table = np.arange(len(used_life)) % len(self._prices)
+
+        def along(rows: Array) -> Array:
+            first, second = self._prices[table, rows, place], self._prices[table, rows, place + 1]
+            between: Array = first + life * (second - first)
+            return between
+
+        slow, fast = along(row), along(row + 1)
+        return slow + lot * (fast - slow)
+
+
+DESCRIPTION = "the optimiser with foresight, which learns the errors of the laws and the wear of the lot"
+RULES = {
+    "self_tuning": Rule(
+        DESCRIPTION,
+        lambda scenario, num_envs, parameters: SelfTuning(scenario, num_envs, **parameters),
+        lambda scenario: plays(scenario) and scenario.sensors.inspects_edges,
+        {**PARAMETERS, "law_doubt": Range(0.2, 2.0, logarithmic=True), "lot_doubt": Range(0.1, 0.8), "lot_life": Range(0.5, 1.2)},
+        changes_edges=True,
+    )
+}
