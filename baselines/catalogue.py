@@ -22,6 +22,7 @@ FILES = (
     "current_limit",
     "optimiser",
     "predictive",
+    "self_tuning",
     "part_planning",
 )
 """Files that declare rules. A new one is added here."""

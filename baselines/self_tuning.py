@@ -1,8 +1,8 @@
 """The optimiser with foresight that learns from a job how its laws and its lot of edges differ from the nominal model.
 
-The filter of ``predictive`` gets further states (dual estimation): bias and exponents of the laws of force and power, and the wear
-factor of the lot, which lasts from edge to edge. Measured loads correct the laws. The measured wear of each removed edge corrects
-the lot, and with it the time of the next change and the price of life: if edges last shorter, time is worth less.
+The filter of ``predictive`` gets further states (dual estimation): bias and exponents of the laws of force and power, and the
+wear factor of the lot, which lasts from edge to edge. Measured loads correct the laws. The measured wear of each removed edge
+corrects the lot, and with it the time of the next change and the price of life: if edges last shorter, time is worth less.
 
 It needs of the nominal model what ``predictive`` needs, and how far it may be wrong: the prior deviations of laws and lot.
 """
