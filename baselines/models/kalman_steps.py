@@ -45,6 +45,7 @@ PARAMETERS = np.dtype(
             ("both_left", np.float64),
             ("sub_steps", np.float64),
             ("wear_criterion", np.float64),
+            ("idle_power", np.float64),  # [kW] per cutting speed
         ],
     )
 )
@@ -58,6 +59,7 @@ MEMORY = np.dtype(
             ("cutting_time", np.float64),  # likewise [min]
             ("nominal_wear", np.float64),  # likewise [mm]
             ("expected", np.float64, 2),  # nominal force [N] and power [kW] behind the sensors' lags
+            ("log_idle", np.float64),  # log ratio of power with idling to cutting power in the nominal model [-]
             ("measured", np.int64),
         ],
     )
@@ -220,6 +222,9 @@ def learn(p, m, mean, covariance, speed, feed, nominal_wear, loads, time_in_meta
     for law in range(2):
         own, lag = p.log_laws[law], p.lags[law]
         nominal = math.exp(own[0] + own[1] * log_speed + own[2] * log_feed + own[3] * log_wear) if cutting else 0.0
+        if law == 1 and cutting:
+            m.log_idle = math.log(1.0 + p.idle_power * speed / nominal)
+            nominal += p.idle_power * speed
         expected = m.expected[law] * left_after(p.interval, lag) + nominal * (1.0 - left_after(time_in_metal, lag))
         m.expected[law] = expected
         good = cutting and expected > 0.5 * nominal and loads[law] > MIN_READING * nominal
@@ -314,6 +319,7 @@ def look_ahead_one(p, m, mean, covariance, distance, entering, found, work):
                 total += covariance[i, j] * derivatives[j]
             products[law, i] = total
             variances[law] += derivatives[i] * total if i >= INSERT else 0.0
+    loads[1] += m.log_idle
     for k in range(len(distance)):
         depth, hardness, free_depth, free_hardness = 0.0, 0.0, p.prior[DEPTH], p.prior[HARDNESS]
         a, b, e, f = 0.0, 0.0, 0.0, 0.0

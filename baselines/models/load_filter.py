@@ -36,6 +36,7 @@ from baselines.models.kalman_steps import (
     look_ahead,
 )
 from turning_env import Reading, Scenario
+from turning_env.physics.spindle import idle_power_at
 
 Array = NDArray[np.float64]
 
@@ -70,7 +71,7 @@ class Outlook(NamedTuple):
     log_force: Array
     """Log ratio of thrust force to the nominal law with ``LoadFilter.exponents``, at nominal wear [-]."""
     log_power: Array
-    """Likewise of power."""
+    """Likewise of power, with the idling spindle's."""
     force_spread: Array
     """Standard deviation of log force [-]."""
     power_spread: Array
@@ -200,6 +201,7 @@ def _numbers(scenario: Scenario, doubt: Doubt) -> dict[str, Any]:
         "both_left": (spindle * feed).sum(),
         "sub_steps": control.sub_steps,
         "wear_criterion": scenario.tool.wear_criterion,
+        "idle_power": idle_power_at(scenario, 1.0),
     }
 
 
