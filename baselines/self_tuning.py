@@ -12,10 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from baselines.models.edge_value import USED_LIVES, worth_of_lots
-from baselines.models.load_filter import LOT, Array, Doubt, LoadFilter
-from baselines.optimiser import PARAMETERS, plays
+from baselines.models.kalman_steps import LOT
+from baselines.models.load_filter import Array, Doubt, LoadFilter
+from baselines.optimiser import plays
 from baselines.predictive import Predictive
-from baselines.rule import Range, Rule
+from baselines.rule import Rule
 from turning_env import Scenario
 
 REACH = 1.5
@@ -86,7 +87,8 @@ RULES = {
         DESCRIPTION,
         lambda scenario, num_envs, parameters: SelfTuning(scenario, num_envs, **parameters),
         lambda scenario: plays(scenario) and scenario.sensors.inspects_edges,
-        {**PARAMETERS, "law_doubt": Range(0.2, 2.0, logarithmic=True), "lot_doubt": Range(0.1, 0.8), "lot_life": Range(0.5, 1.2)},
+        {"severity": 0.85, "caution": 0.9, "law_doubt": 1.0, "lot_doubt": 0.4, "lot_life": 0.78},
         changes_edges=True,
+        together=True,
     )
 }

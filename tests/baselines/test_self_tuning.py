@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from baselines.catalogue import spec
 from baselines.models.edge_value import worth_of_lots
 from baselines.self_tuning import SelfTuning
 from turning_env import FamilyVectorEnv, Scenario
 from turning_env.scenario.family import Family
-from turning_env.scoring.family import play_family
+from turning_env.scoring.family import play_family, play_jobs, truthful
 
 SETTINGS = (1.0, 1.0, 1.0, 0.4, 0.8)
 JOBS = [Family.load("shop").job(number).scenario.nominal() for number in range(2)]
@@ -42,10 +43,20 @@ def test_a_slower_lot_makes_time_dearer() -> None:
 
 
 @pytest.mark.slow
-def test_it_plays_a_family_whose_context_is_hidden() -> None:
-    short = {"name": "short", "variables": {}, "fields": {"control.time_limit": 2.0, "sensors.inspects_edges": True}}
-    family = Family.load(short)
-    jobs = [family.job(number) for number in range(2)]
-    scenarios = [job.scenario.nominal() for job in jobs]
-    episodes = play_family(family, jobs, lambda num_envs: SelfTuning(scenarios, num_envs, *SETTINGS), 1, "hidden")
-    assert (episodes["steps"] > 60).all()
+def test_jobs_of_a_family_are_played_in_one_batch_or_one_by_one() -> None:
+    fields = {"control.time_limit": 2.0, "sensors.inspects_edges": True, "material.power.coefficient": "0.3034 * hard"}
+    hard = {"uniform": [0.8, 1.2], "unit": "-", "source": "test", "truth": {"log_normal": [1.1, 0.0]}}
+    family = Family.load({"name": "short", "variables": {"hard": hard}, "fields": fields})
+    for each in (family, truthful(family)):
+        jobs = [each.job(number) for number in range(2)]
+        together = play_family(each, jobs, spec("self_tuning", [job.scenario for job in jobs]).make, 1, "hidden")
+        alone = play_jobs(each, jobs, lambda job: spec("self_tuning", job.scenario).make, 1)
+        assert (together["steps"] > 60).all()
+        for name, values in alone.items():
+            np.testing.assert_array_equal(values, together[name])
+    assert [bool(job.scenario.nominal_model) for job in (family.job(0), jobs[0])] == [True, False]
+
+
+def test_a_rule_for_one_scenario_refuses_several() -> None:
+    with pytest.raises(ValueError, match="one scenario at a time"):
+        spec("fixed_tuned", [Scenario(), Scenario()])
