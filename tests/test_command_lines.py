@@ -95,6 +95,7 @@ MISTAKES: dict[str, list[str]] = {
     "benchmarks.ablation": ["--variants nothing", "--seeds 0", "--jobs 0"],
     "benchmarks.bound": ["--scenario nothing", "--scenario shift", "--seeds 0"],
     "benchmarks.clients": ["nothing", "--write"],
+    "benchmarks.foresight": ["--jobs 0", "--split nothing"],
     "benchmarks.headroom": ["--seeds 0", "--rows nothing"],
     "benchmarks.growth": ["made.txt", "made.png --most 0"],
     "benchmarks.overload_price": ["--seeds 0", "--seeds x"],

@@ -1,4 +1,4 @@
-"""The network of the agent for all lathes of a family: the GRU of ``train/analytic_actor.py``, beside a tracker of the bar.
+"""The network of the agent for all lathes of a family: the GRU of ``train/analytic_actor.py``, beside a tracker of the job.
 
 The nominal model's context in the observation tells the tracker how long a bar takes, so it needs no scenario.
 """
@@ -20,14 +20,21 @@ BEST = f"speed_at_{USED_LIVES[MIDDLE]}", f"feed_at_{USED_LIVES[MIDDLE]}"
 """Numbers of the context: the nominal model's best speed and feed over the lowest ones, as logarithms."""
 BAR_TIME = "log_bar_time"
 """Number of the context: the logarithm of a bar's time [s] at these."""
+MEAN_OVER = 1000.0
+"""Steps in metal over which measured and predicted force and power are compared."""
+_HIGHEST = 5.0  # deviation of a ratio of 2; readings at the entry into metal are no measure of the material
 
 
-class BarTracker:
-    """A tracker of the tool's position along the bar, for bars of any length and diameter.
+class JobTracker:
+    """A tracker of the tool's position along the bar, and of what the job has shown of its lathe, material and inserts.
 
     The travelled share of the bar is the sum of speed times feed over the steps since the tool entered the metal, by the
-    trapezoidal rule. The state, shape (num_envs, 2), is 0 before an episode's first observation. Its columns are that share, and
-    the travel per second at the last observation [1/s].
+    trapezoidal rule. Gradients reach over a rollout only, so what earlier edges taught is averaged here: measured over predicted
+    force and power in metal, and at every change of the edge the logarithm of measured over predicted wear.
+
+    The state, shape (num_envs, STATES), is 0 before an episode's first observation. Its columns are the bar's share, the
+    travel per second at the last observation [1/s], its nominal wear over the criterion, the number of changes and the sum of
+    their logarithms, and the number of steps in metal with the mean deviations of force and power.
 
     Args:
         scenario: a job of the family, of which every job has the ranges' ratios and the interval.
@@ -36,20 +43,26 @@ class BarTracker:
         spread: spreads likewise.
     """
 
-    STATES = 2
-    READINGS = 2
+    STATES = 8
+    READINGS = 6
 
     def __init__(self, scenario: Scenario, names: Sequence[str], mean: Sequence[float], spread: Sequence[float]) -> None:
         machine = scenario.machine
         ends = (machine.cutting_speed_min, machine.cutting_speed_max), (machine.feed_min, machine.feed_max)
         self._spans = [math.log(high / low) for low, high in ends]
         self._interval = scenario.control.interval
-        places, first = [list(names).index(name) for name in (BAR_TIME, *BEST)], len(layout(scenario))
+        entries = layout(scenario)
+        places, first = [list(names).index(name) for name in (BAR_TIME, *BEST)], len(entries)
         self._scales = [(first + place, float(mean[place]), float(spread[place])) for place in places]
+        self._removed = entries.index("removed_wear") if "removed_wear" in entries else None
 
     def __call__(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
-        """Return readings of order one, shape (num_envs, READINGS), and the next state; see ``DistanceTracker``."""
-        along, before = state.unbind(dim=-1)
+        """Return readings of order one, shape (num_envs, READINGS), and the next state.
+
+        The first two are those of ``DistanceTracker``. Then follow the mean logarithm of measured over predicted wear, drawn
+        towards 0 while there are few, their number, and the mean deviations of force and power.
+        """
+        along, before, worn, changes, logs, steps, force, power = state.unbind(dim=-1)
         log_bar_time, *best = (observation[..., place] * spread + mean for place, mean, spread in self._scales)
         log_rate = -log_bar_time
         for position, span, log_best in zip(observation[..., ACTUAL].unbind(dim=-1), self._spans, best, strict=True):
@@ -59,10 +72,23 @@ class BarTracker:
         travel = self._interval * 0.5 * (rate + torch.where(along > 0.0, before, 0.0))
         along = along + travel
         along = torch.where(along > 1.0, (along - 1.0).clamp(min=1e-3), along)  # the way in air took less than a step
-        along = torch.where(observation[..., OBS.cutting] > 0.5, along, 0.0)
+        cutting = observation[..., OBS.cutting]
+        along = torch.where(cutting > 0.5, along, 0.0)
         left = (1.0 - along) / rate
-        readings = torch.stack([2.0 * along - 1.0, 2.0 * left.clamp(max=MAX_TIME) / MAX_TIME - 1.0], dim=-1)
-        return readings, torch.stack([along, rate], dim=-1)
+
+        wear = observation[..., OBS.nominal_wear]
+        if self._removed is not None:
+            removed = observation[..., self._removed]
+            inspected = ((wear < worn) & (removed > 0.0)).to(wear.dtype)
+            changes = changes + inspected
+            logs = logs + inspected * torch.log(removed.clamp(min=1e-3) / worn.clamp(min=1e-3)).clamp(-1.5, 1.5)
+        steps = steps + cutting
+        share = cutting / steps.clamp(min=1.0, max=MEAN_OVER)
+        force = force + share * (observation[..., OBS.force_ratio].clamp(max=_HIGHEST) - force)
+        power = power + share * (observation[..., OBS.power_ratio].clamp(max=_HIGHEST) - power)
+        place = 2.0 * along - 1.0, 2.0 * left.clamp(max=MAX_TIME) / MAX_TIME - 1.0
+        readings = *place, 4.0 * logs / (changes + 0.3), 0.5 * changes, force, power
+        return torch.stack(readings, dim=-1), torch.stack([along, rate, wear, changes, logs, steps, force, power], dim=-1)
 
 
 def family_actor(scenario: Scenario, context: dict[str, Any], cells: int, width: int) -> GruActor:
@@ -74,5 +100,5 @@ def family_actor(scenario: Scenario, context: dict[str, Any], cells: int, width:
         cells: size of the memory.
         width: size of the layers around it.
     """
-    tracker = BarTracker(scenario, context["names"], context["mean"], context["spread"])
+    tracker = JobTracker(scenario, context["names"], context["mean"], context["spread"])
     return GruActor(scenario, len(layout(scenario)) + len(context["names"]), cells, width, tracker)

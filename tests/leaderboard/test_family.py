@@ -80,11 +80,11 @@ def test_an_agent_of_another_family_is_told_the_context_as_in_its_training() -> 
     Retold(watching, played).act(observations)
     np.testing.assert_allclose(watching.seen, observations, atol=1e-6)
     Retold(watching, played, {"mean": mean, "spread": spread}).act(observations)
-    place = played.context_names.index("log_diameter")
+    place, entries = played.context_names.index("log_diameter"), observations.shape[1] - len(played.context_names)
     diameters = [played.job(i).scenario.workpiece.diameter for i in range(4)]
     expected = (np.log(diameters) - mean[place]) / spread[place]
-    np.testing.assert_allclose(watching.seen[:, 11 + place], np.clip(expected, -5.0, 5.0), atol=1e-5)
-    assert np.array_equal(watching.seen[:, :11], observations[:, :11])
+    np.testing.assert_allclose(watching.seen[:, entries + place], np.clip(expected, -5.0, 5.0), atol=1e-5)
+    assert np.array_equal(watching.seen[:, :entries], observations[:, :entries])
 
 
 @pytest.mark.slow

@@ -16,11 +16,12 @@ from train import export, family_gradient
 from train.agents import agent_file
 from train.agents.session import OnnxPolicy, session_of
 from train.edge_worths import worths
-from train.family_actor import BarTracker
+from train.family_actor import JobTracker
 from train.family_gradient import ALGORITHM, SEEDS, Lathes, Training, main, plan, train
 from train.model_gain import FIELDS, ModelGain, Truth
 from train.run import Run
-from turning_env import Family, FamilyVectorEnv, Scenario
+from turning_env import Family, FamilyVectorEnv, Scenario, read
+from turning_env.physics.quantities import OBS, layout
 from turning_env.scenario.plan import Columns
 
 FAMILY = Family.load(BRIEF)
@@ -73,12 +74,12 @@ def test_many_prices_are_those_of_each_scenario(monkeypatch: pytest.MonkeyPatch)
         np.testing.assert_allclose(many.life[0], single.life, rtol=0.01, atol=1.0)
 
 
-def test_the_bar_tracker_knows_where_the_tool_is() -> None:
+def test_the_job_tracker_knows_where_the_tool_is() -> None:
     env = FamilyVectorEnv(8, FAMILY)
     mean, spread = FAMILY.context_scale
-    tracker = BarTracker(FAMILY.job(0).scenario, FAMILY.context_names, mean.tolist(), spread.tolist())
+    tracker = JobTracker(FAMILY.job(0).scenario, FAMILY.context_names, mean.tolist(), spread.tolist())
     observations, infos = env.reset(seed=0)
-    state, random, numbers = torch.zeros(8, 2), np.random.default_rng(0), infos["job"]
+    state, random, numbers = torch.zeros(8, JobTracker.STATES), np.random.default_rng(0), infos["job"]
     works = [env.job(i).scenario.workpiece for i in range(8)]
     approach, length = (np.array([getattr(work, name) for work in works]) for name in ("approach", "bar_length"))
     errors = []
@@ -92,6 +93,29 @@ def test_the_bar_tracker_knows_where_the_tool_is() -> None:
         observations, _, _, _, infos = env.step(actions)
     assert np.abs(errors).max() < 0.2
     assert np.abs(errors).mean() < 0.03
+
+
+def test_the_job_tracker_compares_measured_and_predicted_wear_and_loads() -> None:
+    shop = Family.load("shop")
+    env, job = FamilyVectorEnv(1, shop), shop.job(0)
+    mean, spread = shop.context_scale
+    tracker = JobTracker(job.scenario, shop.context_names, mean.tolist(), spread.tolist())
+    observations, _ = env.reset(seed=0)
+    state, seen, logs = torch.zeros(1, JobTracker.STATES), [], []
+    for step in range(241):
+        readings, state = tracker(torch.from_numpy(observations), state)
+        reading = read(observations[:, : len(layout(job.scenario))], job.scenario)
+        if step in (80, 160):
+            assert state[0, 3] == step // 80 - 1  # the change is seen at the next observation
+            logs.append(-np.log(reading.nominal_wear[0]))
+        if step in (81, 161):
+            logs[-1] += np.log(reading.removed_wear[0])
+        if reading.cutting[0]:
+            seen.append(observations[0, [OBS.force_ratio, OBS.power_ratio]].clip(max=5.0))
+        observations, *_ = env.step(np.array([[0.0, 0.0, 1.0 if step in (80, 160) else -1.0]], np.float32))
+    np.testing.assert_allclose(readings[0, 2], 4.0 * sum(logs) / 2.3, rtol=1e-4)
+    assert readings[0, 3] == 1.0
+    np.testing.assert_allclose(readings[0, 4:], np.mean(seen, axis=0), rtol=1e-4)
 
 
 def state_of(run: Run) -> dict[str, torch.Tensor]:
@@ -142,7 +166,10 @@ def test_training_ends_by_the_clock_and_refuses_other_settings_and_seeds(tmp_pat
     ("changes", "message"),
     [
         ({"fields": FAMILY.fields | {"machine.cutting_speed_max": "2.0 * speed * exp(0.1 * edge_cost)"}}, "must be the same"),
-        ({"base": "rough_turning"}, "must have control.edge_changes"),
+        (
+            {"base": "rough_turning", "fields": FAMILY.fields | {"sensors.inspects_edges": False}},
+            "must have control.edge_changes",
+        ),
     ],
 )
 def test_jobs_must_be_alike_in_what_the_agent_takes_as_the_same(changes: dict[str, Any], message: str, tmp_path: Path) -> None:
@@ -191,7 +218,7 @@ def test_an_agent_with_a_nominal_model_acts_as_if_it_were_told_it(exported: Path
     observations, _ = env.reset(seed=5)
     for _ in range(20):
         actions = told.act(observations)
-        np.testing.assert_allclose(mine.act(observations[:, :11]), actions, atol=1e-5)
+        np.testing.assert_allclose(mine.act(observations[:, : len(layout(job.scenario))]), actions, atol=1e-5)
         observations, _, _, _, _ = env.step(actions)
 
 

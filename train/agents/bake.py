@@ -37,6 +37,8 @@ _DRIVES = (
     ("feed", (OBS.feed, OBS.commanded_feed)),
 )
 """Names of ranges, and places of their entries in observations."""
+_NEVER_SEEN = "removed_wear"
+"""Entry that a scenario may lack: it stays 0, as before the first change of an edge."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +94,8 @@ def _check_plays(trained_on: Scenario, scenario: Scenario) -> None:
         mine, its = (getattr(getattr(each, section), name) for each in (trained_on, scenario))
         if mine != its:
             raise ValueError(f"{field} is {its!r} in scenario {scenario.name!r}, but must be {mine!r}, as in the family")
-    if layout(scenario) != layout(trained_on):
-        more = sorted(set(layout(scenario)) ^ set(layout(trained_on)))
+    mine, its = set(layout(trained_on)), set(layout(scenario))
+    if more := sorted((its - mine) | (mine - its - {_NEVER_SEEN})):
         raise ValueError(f"scenario {scenario.name!r} and the family differ in the observation's {', '.join(more)}")
 
 
@@ -124,8 +126,9 @@ def _baked(file: AgentFile, scenario: Scenario) -> bytes:
     # What no training job had could mean anything to the agent.
     context = np.clip((np.array([found[name][0] for name in names]) - mean) / spread, low, high)
 
-    entries = len(layout(scenario))
-    see, seen = np.eye(entries, entries + len(context)), np.concatenate([np.zeros(entries), context])
+    entries = layout(family)
+    see = np.eye(len(entries), len(entries) + len(context))[[entries.index(name) for name in layout(scenario)]]
+    seen = np.concatenate([np.zeros(len(entries)), context])
     for name, places in _DRIVES:
         own, window = _Range.of(scenario, name), windows[name]
         for place in places:
