@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.models.edge_value import USED_LIVES, worth
+from baselines.models.edge_value import USED_LIVES, worth_of_lots
 from baselines.models.feed_search import POINT, search
-from baselines.models.kalman import Array, LoadFilter, Outlook, decay, feed_velocity
+from baselines.models.load_filter import Array, LoadFilter, Outlook, decay, feed_velocity
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
@@ -84,16 +84,18 @@ class Optimiser:
         self._scenario: Any = scenarios[0] if len(scenarios) == 1 else columns_of(scenarios)
         self._scenarios, self._severity, self._caution = scenarios, severity, caution
         self._parameters = np.concatenate([_parameters(each, severity) for each in scenarios])
-        self._filter: Any = self._new_filter(num_envs)
-        self._prices = self._life_prices()
+        self._filter = self._new_filter(num_envs)
+        rates = tuple(np.exp(self._log_rates()).tolist())
+        worths = [worth_of_lots(each, severity * each.economics.overload_price, rates) for each in scenarios]
+        self._prices = np.array([[lot.life for lot in lots] for lots in worths])  # (scenarios, lots, used lives)
         self._look_at(self._scenario.control.interval * (np.arange(POINTS) + 0.5) / POINTS)
 
-    def _new_filter(self, num_envs: int) -> Any:
-        return LoadFilter(self._scenarios[0], num_envs)
+    def _new_filter(self, num_envs: int) -> LoadFilter:
+        return LoadFilter(self._scenarios, num_envs)
 
-    def _life_prices(self) -> Array:
-        """Return the prices of life from which ``_price`` interpolates."""
-        return worth(self._scenarios[0], self._severity * self._scenario.economics.overload_price).life
+    def _log_rates(self) -> Array:
+        """Return evenly spaced log rates, over the nominal rate, at which the lots whose life is priced use it."""
+        return np.zeros(1)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Forget the estimates."""
@@ -113,8 +115,17 @@ class Optimiser:
         return nominal, nominal * np.exp(self._filter.log_wear_factor / exponent)
 
     def _price(self, used_life: Array) -> Array:
-        """Return the price of a life [s] at used shares, shape (num_envs,)."""
-        return np.interp(used_life, USED_LIVES, self._prices)
+        """Return the price of a life [s] at used shares, shape (num_envs,), between those of the priced lots."""
+        lots, table = self._log_rates(), np.arange(len(used_life)) % len(self._prices)
+        life, place = between(used_life * len(USED_LIVES) - 1.0, len(USED_LIVES))
+        log_rate = self._filter.log_lot_factor / self._scenario.material.wear.time
+        lot, row = between((log_rate - lots[0]) / max(lots[-1] - lots[0], MIN_SPREAD) * (len(lots) - 1), len(lots))
+        low, high = (self._prices[table, row, place + step] for step in (0, 1))
+        price = low + life * (high - low)
+        if len(lots) > 1:
+            low, high = (self._prices[table, row + 1, place + step] for step in (0, 1))
+            price += lot * (low + life * (high - low) - price)
+        return np.asarray(price)
 
     def _spent(self, reading: Reading) -> NDArray[np.bool_]:
         """Return whether to change the edge: its life has no price left, or may be over (at one standard deviation)."""
@@ -187,6 +198,13 @@ class Optimiser:
         return np.clip(np.log(commanded) - step, least, most), np.clip(np.log(commanded) + step, least, most)
 
 
+def between(place: Array, count: int) -> tuple[Array, NDArray[np.int64]]:
+    """Return where places in a table of so many rows lie: shares of the way to the next row, and rows."""
+    place = np.clip(place, 0.0, count - 1.0)
+    row = np.minimum(place.astype(np.int64), max(count - 2, 0))
+    return place - row, row
+
+
 def column(value: Any) -> Any:
     """Return a number, or one for each environment, as a column beside points, shape (1 or num_envs, 1)."""
     return np.reshape(value, (-1, 1))
@@ -233,9 +251,10 @@ def optimising(description: str, optimiser: Callable[..., Optimiser], version: i
         PARAMETERS,
         version=version,
         changes_edges=True,
+        together=True,
         tuned_on="rough_turning",
     )
 
 
 DESCRIPTION = "the best expected net gain of each step, on a Kalman filter's estimates and a price of life by dynamic programming"
-RULES = {"optimiser": optimising(DESCRIPTION, Optimiser, version=2)}
+RULES = {"optimiser": optimising(DESCRIPTION, Optimiser, version=3)}

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from baselines.models.kalman import Array, feed_velocity
+from baselines.models.load_filter import Array, feed_velocity
 from baselines.optimiser import Optimiser, column, optimising
 from turning_env import Reading, Scenario
 
@@ -50,4 +50,4 @@ class Predictive(Optimiser):
 
 
 DESCRIPTION = "the optimiser with foresight: it slows before it enters an unmeasured bar"
-RULES = {"predictive": optimising(DESCRIPTION, Predictive, version=2)}
+RULES = {"predictive": optimising(DESCRIPTION, Predictive, version=3)}

@@ -11,8 +11,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from baselines.models.edge_value import USED_LIVES, worth_of_lots
-from baselines.models.kalman_steps import LOT
 from baselines.models.load_filter import Array, Doubt, LoadFilter
 from baselines.optimiser import plays
 from baselines.predictive import Predictive
@@ -52,33 +50,9 @@ class SelfTuning(Predictive):
     def _new_filter(self, num_envs: int) -> LoadFilter:
         return LoadFilter(self._scenarios, num_envs, self._doubt)
 
-    def _life_prices(self) -> Array:
-        """Return the price of life for a slow, an expected and a fast lot, shape (scenarios, 3, used lives)."""
-        rates = np.exp(self._doubt.lot * REACH * np.array([-1.0, 0.0, 1.0])) / self._doubt.lot_life
-        lots = tuple(rates.tolist())
-        return np.array(
-            [
-                [each.life for each in worth_of_lots(scenario, self._severity * scenario.economics.overload_price, lots)]
-                for scenario in self._scenarios
-            ]
-        )
-
-    def _price(self, used_life: Array) -> Array:
-        log_rate = self._filter.mean[:, LOT] / self._scenario.material.wear.time + np.log(self._doubt.lot_life)
-        reach = self._doubt.lot * REACH
-        lot = np.clip(1.0 + log_rate / reach, 0.0, 2.0) if reach > 0.0 else np.ones(len(used_life))
-        life = np.clip(used_life * len(USED_LIVES) - 1.0, 0.0, len(USED_LIVES) - 1.0)
-        row, place = np.minimum(lot.astype(np.int64), 1), np.minimum(life.astype(np.int64), len(USED_LIVES) - 2)
-        lot, life = lot - row, life - place
-        table = np.arange(len(used_life)) % len(self._prices)
-
-        def along(rows: Array) -> Array:
-            first, second = self._prices[table, rows, place], self._prices[table, rows, place + 1]
-            between: Array = first + life * (second - first)
-            return between
-
-        slow, fast = along(row), along(row + 1)
-        return slow + lot * (fast - slow)
+    def _log_rates(self) -> Array:
+        lots: Array = self._doubt.lot * REACH * np.array([-1.0, 0.0, 1.0]) - np.log(self._doubt.lot_life)
+        return lots if self._doubt.lot > 0.0 else lots[:1]
 
 
 DESCRIPTION = "the optimiser with foresight, which learns the errors of the laws and the wear of the lot"

@@ -115,6 +115,12 @@ class LoadFilter:
         return self._memory["measured"] > 0
 
     @property
+    def depth_of_cut(self) -> Array:
+        """Nominal depth of cut [mm], shape (scenarios,)."""
+        depth: Array = self._parameters["depth_of_cut"]
+        return depth
+
+    @property
     def along(self) -> Array:
         """Position from the start of the present bar's approach [mm], shape (num_envs,)."""
         path, pitch = self._memory["path"], self._parameters["pitch"]
@@ -126,6 +132,11 @@ class LoadFilter:
         """Expected log ratio of wear to the nominal model [-], shape (num_envs,)."""
         factor: Array = self.mean[:, INSERT] + self.mean[:, LOT]
         return factor
+
+    @property
+    def log_lot_factor(self) -> Array:
+        """Expected part of it that all edges of the job share [-], shape (num_envs,)."""
+        return self.mean[:, LOT]
 
     @property
     def wear_doubt(self) -> Array:

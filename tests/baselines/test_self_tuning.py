@@ -5,6 +5,7 @@ import pytest
 
 from baselines.catalogue import spec
 from baselines.models.edge_value import worth_of_lots
+from baselines.models.kalman_steps import LOT
 from baselines.self_tuning import SelfTuning
 from turning_env import FamilyVectorEnv, Scenario
 from turning_env.scenario.family import Family
@@ -38,7 +39,7 @@ def test_a_slower_lot_makes_time_dearer() -> None:
     assert (nominal.life <= fast.life).all()
     policy = SelfTuning(Scenario.load("shift"), 3, *SETTINGS)
     policy.reset(np.ones(3, np.bool_))
-    policy._filter.mean[:, 5] += [-0.1, 0.0, 0.1]
+    policy._filter.mean[:, LOT] += [-0.1, 0.0, 0.1]
     assert (np.diff(policy._price(np.full(3, 0.4))) > 0.0).all()
 
 
