@@ -7,6 +7,7 @@ from baselines.models.kalman_steps import INSERT, LOT
 from baselines.models.load_filter import Doubt, LoadFilter
 from tests.turning_env.playing import changed
 from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
+from turning_env.physics.spindle import idle_power_at
 
 NOMINAL = Scenario()
 STILL = {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
@@ -87,6 +88,15 @@ def test_a_fresh_edge_forgets_the_wear_and_a_reset_everything_in_its_environment
     assert estimate.log_wear_factor[1] == 0.0
     assert estimate.along[1] == 0.0
     assert estimate.along[2] > 0.0
+
+
+def test_the_idling_spindle_is_no_deviation_of_the_bar() -> None:
+    scenario = changed(QUIET, spindle={"idle_torque": 8.0})
+    estimate, readings, _ = followed(scenario, scenario, 60)
+    outlook = estimate.outlook(np.zeros((4, 1)), HERE)
+    idle = idle_power_at(scenario, readings[-1].cutting_speed)
+    assert outlook.log_force == pytest.approx(0.0, abs=0.03)
+    assert outlook.log_power[:, 0] == pytest.approx(np.log(readings[-1].power / (readings[-1].power - idle)), abs=0.03)
 
 
 def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
