@@ -1,5 +1,6 @@
 """The catalogue of all rule-based controllers by name."""
 
+from collections.abc import Sequence
 from importlib import import_module
 
 from baselines import tuned
@@ -22,6 +23,7 @@ FILES = (
     "current_limit",
     "optimiser",
     "predictive",
+    "self_tuning",
     "part_planning",
 )
 """Files that declare rules. A new one is added here."""
@@ -54,22 +56,25 @@ def playable(name: str, scenario: Scenario) -> Rule:
     return as_played(rule, scenario)
 
 
-def spec(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> PolicySpec:
+def spec(name: str, scenario: Scenario | Sequence[Scenario], tuned_on: Scenario | None = None) -> PolicySpec:
     """Return a controller built with a scenario's nominal model and its tuned parameters, if it has any.
 
     Args:
         name: name of the controller.
-        scenario: scenario to play.
-        tuned_on: scenario on which its parameters were tuned; None: the one that it plays.
+        scenario: scenario to play, or one for each environment if the rule plays them ``together``.
+        tuned_on: scenario on which its parameters were tuned; None: the one that it plays, or the first.
 
     Raises:
         KeyError: there is no controller of this name; the message lists all names.
         ValueError: the controller cannot play the scenario, or a file of tuned parameters is damaged.
         NotTuned: the controller has not been tuned on that scenario, or with another version or other parameters.
     """
-    nominal = scenario.nominal()
-    rule = playable(name, nominal)
-    found, command = tuned.setting(name, rule, (tuned_on or scenario).nominal()) if rule.ranges else ({}, None)
+    first = scenario if isinstance(scenario, Scenario) else scenario[0]
+    nominal = scenario.nominal() if isinstance(scenario, Scenario) else [each.nominal() for each in scenario]
+    rule = playable(name, first.nominal())
+    if isinstance(nominal, list) and not rule.together:
+        raise ValueError(f"{name} plays one scenario at a time, got {len(nominal)}")
+    found, command = tuned.setting(name, rule, (tuned_on or first).nominal()) if rule.ranges else ({}, None)
     parameters = rule.fixed | found
     return PolicySpec(
         name=name,

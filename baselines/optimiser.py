@@ -15,18 +15,19 @@ factor and strength, and the lags and noise of drives and sensors.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.models.edge_value import USED_LIVES, worth
-from baselines.models.feed_search import ENVIRONMENT, POINT, search
-from baselines.models.kalman import Array, LoadFilter, Outlook, decay, feed_velocity
+from baselines.models.edge_value import USED_LIVES, worth_of_lots
+from baselines.models.feed_search import POINT, search
+from baselines.models.load_filter import Array, LoadFilter, Outlook, decay, feed_velocity
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
+from turning_env.scenario.plan import columns_of
 from turning_env.scoring.policy import Actions, Observations
 
 POINTS = 3
@@ -72,32 +73,29 @@ class Optimiser:
     """A policy that maximises the expected gain of each step alone.
 
     Args:
-        scenario: task.
+        scenario: task, or one for each environment, which all have the same actions and sensors.
         num_envs: number of environments.
         severity: factor on the price of overload [-].
         caution: factor on the standard deviations of force and power [-].
     """
 
-    def __init__(self, scenario: Scenario, num_envs: int, severity: float, caution: float) -> None:
-        self._scenario, self._caution = scenario, caution
-        self._overload_price = severity * scenario.economics.overload_price
-        material, limits, tool = scenario.material, scenario.limits, scenario.tool
-        base_speed = scenario.base_cutting_speed
-        parameters: dict[str, Any] = {
-            "wear": log_law(material.wear, scenario, tool.wear_criterion),
-            "force": log_law(material.thrust_force, scenario, limits.thrust_force),
-            "power": log_law(material.power, scenario, limits.power),
-            "wear_time": material.wear.time,
-            "log_base_speed": math.log(base_speed) if base_speed else -math.inf,
-            "log_strength": float(np.log(tool.edge_strength / limits.thrust_force)),
-            "overload_price": self._overload_price,
-            "interval": scenario.control.interval,
-        }
-        fields: Any = [(name, np.float64, np.shape(value)) for name, value in parameters.items()]
-        self._parameters = np.array([tuple(parameters.values())], np.dtype((np.record, fields)))
-        self._prices = worth(scenario, self._overload_price).life
-        self._filter = LoadFilter(scenario, num_envs)
-        self._look_at(scenario.control.interval * (np.arange(POINTS) + 0.5) / POINTS)
+    def __init__(self, scenario: Scenario | Sequence[Scenario], num_envs: int, severity: float, caution: float) -> None:
+        scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
+        self._scenario: Any = scenarios[0] if len(scenarios) == 1 else columns_of(scenarios)
+        self._scenarios, self._severity, self._caution = scenarios, severity, caution
+        self._parameters = np.concatenate([_parameters(each, severity) for each in scenarios])
+        self._filter = self._new_filter(num_envs)
+        rates = tuple(np.exp(self._log_rates()).tolist())
+        worths = [worth_of_lots(each, severity * each.economics.overload_price, rates) for each in scenarios]
+        self._prices = np.array([[lot.life for lot in lots] for lots in worths])  # (scenarios, lots, used lives)
+        self._look_at(self._scenario.control.interval * (np.arange(POINTS) + 0.5) / POINTS)
+
+    def _new_filter(self, num_envs: int) -> LoadFilter:
+        return LoadFilter(self._scenarios, num_envs)
+
+    def _log_rates(self) -> Array:
+        """Return evenly spaced log rates, over the nominal rate, at which the lots whose life is priced use it."""
+        return np.zeros(1)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Forget the estimates."""
@@ -116,23 +114,38 @@ class Optimiser:
         nominal = np.maximum(nominal, MIN_USED_LIFE)
         return nominal, nominal * np.exp(self._filter.log_wear_factor / exponent)
 
+    def _price(self, used_life: Array) -> Array:
+        """Return the price of a life [s] at used shares, shape (num_envs,), between those of the priced lots."""
+        lots, table = self._log_rates(), np.arange(len(used_life)) % len(self._prices)
+        life, place = between(used_life * len(USED_LIVES) - 1.0, len(USED_LIVES))
+        log_rate = self._filter.log_lot_factor / self._scenario.material.wear.time
+        lot, row = between((log_rate - lots[0]) / max(lots[-1] - lots[0], MIN_SPREAD) * (len(lots) - 1), len(lots))
+        low, high = (self._prices[table, row, place + step] for step in (0, 1))
+        price = low + life * (high - low)
+        if len(lots) > 1:
+            low, high = (self._prices[table, row + 1, place + step] for step in (0, 1))
+            price += lot * (low + life * (high - low) - price)
+        return np.asarray(price)
+
     def _spent(self, reading: Reading) -> NDArray[np.bool_]:
         """Return whether to change the edge: its life has no price left, or may be over (at one standard deviation)."""
         _, used_life = self._used_life(reading)
         over = used_life * np.exp(self._filter.wear_doubt / self._scenario.material.wear.time) >= 1.0
-        worthless = np.interp(used_life, USED_LIVES, self._prices) <= 0.0
-        return (reading.nominal_wear > 0.0) & (over | worthless)
+        spent: NDArray[np.bool_] = (reading.nominal_wear > 0.0) & (over | (self._price(used_life) <= 0.0))
+        return spent
 
     def _look_at(self, times: Array) -> None:
-        """Predict at these times after a step's start [s]."""
-        machine = self._scenario.machine
-        self._times = times
-        self._left = np.stack([times, decay(times, machine.spindle_time_constant), decay(times, machine.feed_time_constant)])
+        """Predict at these times after a step's start [s], shape (points,), or (num_envs, points) if they differ."""
+        machine, self._times = self._scenario.machine, np.atleast_2d(times)
+        lags = column(machine.spindle_time_constant), column(machine.feed_time_constant)
+        deviations = np.broadcast_arrays(self._times, *(decay(self._times, lag) for lag in lags))
+        self._left = np.stack(deviations, axis=1)
 
     def _set_point(self, reading: Reading) -> tuple[Array, Array]:
         """Return cutting speed [m/min] and feed [mm/rev] to command, each of shape (num_envs,)."""
         velocity = feed_velocity(self._scenario, reading.commanded_cutting_speed, reading.commanded_feed)
-        outlook = self._filter.ahead(velocity[:, np.newaxis] * self._times)
+        distance = velocity[:, np.newaxis] * self._times
+        outlook = self._filter.outlook(distance, distance < 0.0)
         cutting = np.ones(outlook.log_force.shape)
         unmeasured = cutting - self._filter.measured[:, np.newaxis]
         return self._best(reading, self._prospect(reading, outlook, cutting, unmeasured))
@@ -140,10 +153,10 @@ class Optimiser:
     def _prospect(self, reading: Reading, outlook: Outlook, cutting: Array, unmeasured: Array) -> Prospect:
         """Return the prospect for an outlook; ``cutting`` and ``unmeasured`` are 1 in metal and in an unmeasured bar, else 0."""
         economics, tool, law = self._scenario.economics, self._scenario.tool, self._scenario.material.wear
-        nominal_depth = self._scenario.workpiece.depth_of_cut
+        nominal_depth = column(self._scenario.workpiece.depth_of_cut)
         used_life, estimated = self._used_life(reading)
-        price = np.interp(estimated, USED_LIVES, self._prices)
-        wear = law.depth_of_cut * np.log(outlook.depth_of_cut / nominal_depth) + law.hardness * outlook.log_hardness
+        deeper, harder = np.log(outlook.depth_of_cut / nominal_depth), outlook.log_hardness
+        wear = column(law.depth_of_cut) * deeper + column(law.hardness) * harder
         left = np.maximum(1.0 - used_life, 0.0)
         # Air costs only time: crossing it is worth the metal that could be cut instead.
         depth = np.where(cutting > 0, outlook.depth_of_cut, nominal_depth)
@@ -156,37 +169,69 @@ class Optimiser:
             log_power=outlook.log_power,
             force_spread=np.maximum(self._caution * outlook.force_spread, MIN_SPREAD),
             power_spread=np.maximum(self._caution * outlook.power_spread, MIN_SPREAD),
-            strength_spread=np.maximum(np.hypot(outlook.force_spread, tool.edge_strength_spread), MIN_SPREAD),
-            metal_value=depth / economics.reference_removal_rate,
-            life_price=price[:, np.newaxis] * np.exp(wear / law.time),
+            strength_spread=np.maximum(np.hypot(outlook.force_spread, column(tool.edge_strength_spread)), MIN_SPREAD),
+            metal_value=depth / column(economics.reference_removal_rate),
+            life_price=self._price(estimated)[:, np.newaxis] * np.exp(wear / column(law.time)),
             cutting=cutting,
             unmeasured=unmeasured,
         )
 
     def _best(self, reading: Reading, prospect: Prospect) -> tuple[Array, Array]:
         """Return the cutting speed [m/min] and feed [mm/rev] within reach with the greatest gain."""
-        reach = (*self._reach(reading.commanded_cutting_speed, "cutting_speed"), *self._reach(reading.commanded_feed, "feed"))
-        environments = np.stack([*reach, *prospect[: len(ENVIRONMENT) - len(reach)]], axis=1)
+        exponents = np.broadcast_to(self._filter.exponents.reshape(-1, 6), (len(reading.feed), 6))
+        speeds = self._scenario.machine.cutting_speed_min, self._scenario.cutting_speed_max
+        slowest, fastest = self._reach(reading.commanded_cutting_speed, speeds, "cutting_speed")
+        lowest, highest = self._reach(reading.commanded_feed, self._scenario.feed_range, "feed")
+        known = prospect[: -len(POINT)]
+        environments = np.stack([slowest, fastest, lowest, highest, *known, *exponents.T], axis=1)
         points = np.stack(prospect[-len(POINT) :], axis=1)
         found = np.empty((len(points), 2))
         search(self._parameters, self._left, environments, points, found)
         return np.exp(found[:, 0]), np.exp(found[:, 1])
 
-    def _reach(self, commanded: Array, name: str) -> tuple[Array, Array]:
-        """Return the logarithms of the lowest and the highest value that the next action can command."""
-        control, machine = self._scenario.control, self._scenario.machine
-        speeds = machine.cutting_speed_min, machine.cutting_speed_max
-        least, most = (float(np.log(end)) for end in (speeds if name == "cutting_speed" else self._scenario.feed_range))
-        if control.action == "set_point":
-            return np.full(len(commanded), least), np.full(len(commanded), most)
-        step = getattr(control, f"{name}_step")
+    def _reach(self, commanded: Array, ends: tuple[Any, Any], name: str) -> tuple[Array, Array]:
+        """Return the logarithms of the lowest and the highest value, between two ends, that the next action can command."""
+        least, most = (np.log(end) for end in ends)
+        if self._scenario.control.action == "set_point":
+            return np.broadcast_to(least, commanded.shape), np.broadcast_to(most, commanded.shape)
+        step = getattr(self._scenario.control, f"{name}_step")
         return np.clip(np.log(commanded) - step, least, most), np.clip(np.log(commanded) + step, least, most)
 
 
-def log_law(law: PowerLaw, scenario: Scenario, limit: float) -> tuple[float, float, float, float]:
-    """Return log(response / limit) at 1 m/min, 1 mm/rev, nominal depth and the wear criterion, and the exponents of the three."""
+def between(place: Array, count: int) -> tuple[Array, NDArray[np.int64]]:
+    """Return where places in a table of so many rows lie: shares of the way to the next row, and rows."""
+    place = np.clip(place, 0.0, count - 1.0)
+    row = np.minimum(place.astype(np.int64), max(count - 2, 0))
+    return place - row, row
+
+
+def column(value: Any) -> Any:
+    """Return a number, or one for each environment, as a column beside points, shape (1 or num_envs, 1)."""
+    return np.reshape(value, (-1, 1))
+
+
+def _parameters(scenario: Scenario, severity: float) -> Any:
+    """Return what ``search`` needs of a scenario, an array of one record."""
+    material, limits, tool = scenario.material, scenario.limits, scenario.tool
+    base_speed = scenario.base_cutting_speed
+    parameters: dict[str, Any] = {
+        "wear": log_law(material.wear, scenario, tool.wear_criterion),
+        "force": log_law(material.thrust_force, scenario, limits.thrust_force)[0],
+        "power": log_law(material.power, scenario, limits.power)[0],
+        "wear_time": material.wear.time,
+        "log_base_speed": math.log(base_speed) if base_speed else -math.inf,
+        "log_strength": float(np.log(tool.edge_strength / limits.thrust_force)),
+        "overload_price": severity * scenario.economics.overload_price,
+        "interval": scenario.control.interval,
+    }
+    fields: Any = [(name, np.float64, np.shape(value)) for name, value in parameters.items()]
+    return np.array([tuple(parameters.values())], np.dtype((np.record, fields)))
+
+
+def log_law(law: PowerLaw, scenario: Scenario, limit: float) -> tuple[float, float, float]:
+    """Return log(response / limit) at 1 m/min, 1 mm/rev, nominal depth and the wear criterion, and exponents of the first two."""
     at_one = law(1.0, 1.0, scenario.workpiece.depth_of_cut, wear=scenario.tool.wear_criterion)
-    return float(np.log(at_one / limit)), law.cutting_speed, law.feed, law.wear
+    return float(np.log(at_one / limit)), law.cutting_speed, law.feed
 
 
 def plays(scenario: Scenario) -> bool:
@@ -206,9 +251,10 @@ def optimising(description: str, optimiser: Callable[..., Optimiser], version: i
         PARAMETERS,
         version=version,
         changes_edges=True,
+        together=True,
         tuned_on="rough_turning",
     )
 
 
 DESCRIPTION = "the best expected net gain of each step, on a Kalman filter's estimates and a price of life by dynamic programming"
-RULES = {"optimiser": optimising(DESCRIPTION, Optimiser, version=2)}
+RULES = {"optimiser": optimising(DESCRIPTION, Optimiser, version=3)}

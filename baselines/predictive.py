@@ -10,10 +10,12 @@ step reaches almost any other.
 It needs of the nominal model what ``optimiser`` needs.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from baselines.models.kalman import Array, Outlook, feed_velocity
-from baselines.optimiser import Optimiser, optimising
+from baselines.models.load_filter import Array, feed_velocity
+from baselines.optimiser import Optimiser, column, optimising
 from turning_env import Reading, Scenario
 
 POINTS = 8
@@ -28,25 +30,24 @@ class Predictive(Optimiser):
     See ``Optimiser`` for the arguments.
     """
 
-    def __init__(self, scenario: Scenario, num_envs: int, severity: float, caution: float) -> None:
+    def __init__(self, scenario: Scenario | Sequence[Scenario], num_envs: int, severity: float, caution: float) -> None:
         super().__init__(scenario, num_envs, severity, caution)
-        horizon = scenario.control.interval + SETTLING * scenario.machine.feed_time_constant
-        self._look_at(horizon * np.arange(1.0, POINTS + 1.0) / POINTS)
+        horizon = self._scenario.control.interval + SETTLING * self._scenario.machine.feed_time_constant
+        self._look_at(column(horizon) * np.arange(1.0, POINTS + 1.0) / POINTS)
 
     def _set_point(self, reading: Reading) -> tuple[Array, Array]:
         work = self._scenario.workpiece
         velocity = feed_velocity(self._scenario, reading.commanded_cutting_speed, reading.commanded_feed)
         distance = velocity[:, np.newaxis] * self._times
         pitch = work.bar_length + work.approach
-        left = pitch - self._filter.along[:, np.newaxis]
+        left = column(pitch - self._filter.along)
         entering = distance >= left
-        cutting = (distance - left) % pitch >= work.approach
-        here, there = self._filter.ahead(np.minimum(distance, left)), self._filter.next_bar()
-        outlook = Outlook(*(np.where(entering, b, a) for a, b in zip(here, there, strict=True)))
+        cutting = (distance - left) % column(pitch) >= column(work.approach)
+        outlook = self._filter.outlook(np.minimum(distance, left), entering)
         unmeasured = cutting & (entering | ~self._filter.measured[:, np.newaxis])
         prospect = self._prospect(reading, outlook, cutting.astype(np.float64), unmeasured.astype(np.float64))
         return self._best(reading, prospect)
 
 
 DESCRIPTION = "the optimiser with foresight: it slows before it enters an unmeasured bar"
-RULES = {"predictive": optimising(DESCRIPTION, Predictive, version=2)}
+RULES = {"predictive": optimising(DESCRIPTION, Predictive, version=3)}

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from turning_env import Scenario
 from turning_env.scoring.policy import Policy
@@ -32,7 +33,7 @@ class Rule:
 
     description: str
     """One line that names the source."""
-    build: Callable[[Scenario, int, Parameters], Policy]
+    build: Callable[[Any, int, Parameters], Policy]
     """Function that makes the policy for a scenario, a number of environments and parameters."""
     plays: Callable[[Scenario], bool]
     """Whether a scenario offers the actions and the inputs that it needs."""
@@ -44,6 +45,8 @@ class Rule:
     """Whether it decides when to change the edge, if edges are changed on command."""
     worth_tuning: bool = False
     """Whether a quick tuning includes it: the best rules that need tuning, and fixed parameters for comparison."""
+    together: bool = False
+    """Whether ``build`` also takes a sequence of scenarios, one for each environment."""
     tuned_on: str | None = None
     """The preset on which it is tuned for all scenarios; for slow rules with parameters without unit."""
 

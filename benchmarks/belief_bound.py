@@ -16,10 +16,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.models.kalman import WEAR
 from baselines.models.normal import excess
 from baselines.oracles.cells import between, start_episode_of, survey
-from benchmarks.exact_filter import NodeFilter
+from benchmarks.exact_filter import WEAR, NodeFilter
 from turning_env import Scenario
 from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.physics.records import STATE, new_records, scratch_records

@@ -90,7 +90,7 @@ class DistanceTracker:
     """A tracker of the tool's position along the bar, which observations determine but do not contain.
 
     The travelled distance is a sum of cutting speed times feed over sub-steps, and both follow their commands with known lags.
-    So two observations and the drawing's geometry give the position exactly, as in ``baselines/models/kalman.py``. If the
+    So two observations and the drawing's geometry give the position exactly, as in ``baselines/models/kalman_steps.py``. If the
     position contradicts the entry ``cutting``, it is corrected.
 
     The state, shape (num_envs, 3), is 0 before an episode's first observation. Its columns are the position from the start of

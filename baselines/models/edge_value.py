@@ -8,7 +8,8 @@ life, the set point maximises
 
 where p(D) is the price at which the best set points, averaged over bars, gain nothing. This is dynamic programming over D, with
 one equation per D, because the used life only grows (Bellman 1957). The charged price does not enter, because a whole edge costs
-the same under every policy. A slower or faster insert needs no other price if dD is counted at the nominal rate.
+the same under every policy. A slower or faster insert needs no other price if dD is counted at the nominal rate. A slower or
+faster lot only changes the price of time, as its edges last longer or shorter.
 
 If edges are changed and time is limited, a second costs what it could earn elsewhere. At that price of time, a whole edge just
 pays for itself, its change and their time. If edges are changed on command, worthless life need not be used: the price is at
@@ -52,28 +53,34 @@ class Worth(NamedTuple):
     """Price p(D) of a whole life [s] at each of ``USED_LIVES``."""
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=1024)
 def worth(scenario: Scenario, overload_price: float) -> Worth:
     """Return the prices of time and life for a price of overload [s per s and relative excess of 1].
 
-    The arrays are cached, because they can take two seconds to compute: do not write to them.
+    The arrays are cached, because they can take half a second to compute: do not write to them.
     """
+    return worth_of_lots(scenario, overload_price, (1.0,))[0]
+
+
+@lru_cache(maxsize=1024)
+def worth_of_lots(scenario: Scenario, overload_price: float, rates: tuple[float, ...]) -> list[Worth]:
+    """Return ``worth`` for lots of edges that use their life at so many times the nominal rate, at which dD is still counted."""
     value, rate, weight = _outcomes(scenario, overload_price)
     if scenario.control.edge_changes == "end":
-        return Worth(1.0, _prices(value - 1.0, rate, weight))
+        return [Worth(1.0, _prices(value - 1.0, rate, weight))] * len(rates)
     economics = scenario.economics
     least = 0.0 if scenario.control.edge_changes == "commanded" else -np.inf
 
     def prices(time_price: float) -> Array:
         return np.maximum(_prices(value - time_price, rate, weight), least)
 
-    def gain_of_an_edge(time_price: float) -> float:
+    def gain_of_an_edge(time_price: float, faster: float) -> float:
         change = time_price * economics.edge_change_time
-        return float(prices(time_price).mean()) - 60.0 * (economics.edge_cost + change)
+        return float(prices(time_price).mean()) / faster - 60.0 * (economics.edge_cost + change)
 
     most = min(_MAX_TIME_PRICE, float(value.max()) + 1.0)
-    time_price = brentq(gain_of_an_edge, 0.0, most, xtol=1e-3)
-    return Worth(time_price, prices(time_price))
+    times = [brentq(gain_of_an_edge, 0.0, most, (faster,), xtol=1e-3) for faster in rates]
+    return [Worth(time_price, prices(time_price)) for time_price in times]
 
 
 def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, Array]:
@@ -104,10 +111,14 @@ def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, 
 
 def _prices(gain: Array, rate: Array, weight: Array) -> Array:
     """Return the price at which the best gains, averaged over bars, are 0, for each used life (Dinkelbach 1967)."""
-    price = np.zeros(len(gain))
+    price, gained, used = np.zeros(len(gain)), np.empty(gain.shape[:2]), np.empty(gain.shape[:2])
+    bars, moving = np.arange(len(rate)), np.arange(len(gain))
     for _ in range(_ITERATIONS):
-        best = np.argmax(gain - price[:, np.newaxis, np.newaxis] * rate, axis=2)[..., np.newaxis]
-        gained = np.take_along_axis(gain, best, axis=2)[..., 0] @ weight
-        used = np.take_along_axis(np.broadcast_to(rate, gain.shape), best, axis=2)[..., 0] @ weight
-        price = gained / used
+        for k in moving:
+            best = np.argmax(gain[k] - price[k] * rate, axis=1)
+            gained[k], used[k] = gain[k][bars, best], rate[bars, best]
+        last, price = price, (gained @ weight) / (used @ weight)
+        moving = np.flatnonzero(price != last)
+        if not moving.size:
+            break
     return price

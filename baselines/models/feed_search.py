@@ -1,7 +1,7 @@
 """The search for the cutting speed and feed with the greatest expected gain of a step.
 
-It tries a grid of feeds for each of several cutting speeds and refines it around the best feed. A parabola through the best speed
-and its neighbours gives the speed between them.
+It climbs on a grid of cutting speeds from the middle to the best one. For each speed it climbs on a grid of feeds, and on finer
+ones around the best feed. A parabola through the best speed and its neighbours gives the speed between them.
 
 The order of operations is part of a rule's version: other last bits of a gain, amplified by the parabola, change an episode.
 """
@@ -22,9 +22,13 @@ MARGIN = 1e-9
 NEGLIGIBLE = 10.0
 """Distance of a load below its limit over its spread [-] from which the expected excess does not reach a gain's last bit."""
 
-ENVIRONMENT = ("slowest", "fastest", "lowest", "highest", "log_speed", "log_feed", "used_life", "breakage_price")
-"""Numbers of an environment: ends of the reach of log cutting speed and log feed; see ``Prospect`` for the others."""
-SLOWEST, FASTEST, LOWEST, HIGHEST, LOG_SPEED, LOG_FEED, USED_LIFE, BREAKAGE_PRICE = range(len(ENVIRONMENT))
+ENVIRONMENT = (
+    *("slowest", "fastest", "lowest", "highest", "log_speed", "log_feed", "used_life", "breakage_price"),
+    *("force_speed", "force_feed", "force_wear", "power_speed", "power_feed", "power_wear"),
+)
+"""Numbers of an environment: ends of the reach of log cutting speed and log feed, the first fields of ``Prospect``, exponents."""
+SLOWEST, FASTEST, LOWEST, HIGHEST, LOG_SPEED, LOG_FEED, USED_LIFE, BREAKAGE_PRICE = range(8)
+FORCE_SPEED, FORCE_FEED, FORCE_WEAR, POWER_SPEED, POWER_FEED, POWER_WEAR = range(8, len(ENVIRONMENT))
 POINT = (
     "log_force",
     "log_power",
@@ -43,31 +47,39 @@ LOG_FORCE, LOG_POWER, FORCE_SPREAD, POWER_SPREAD, STRENGTH_SPREAD, METAL_VALUE, 
 
 
 @compiled_entry
-def search(parameters, left, environments, points, found):
+def search(parameters, lefts, environments, points, found):
     """Find the best cutting speeds and feeds.
 
     Args:
-        parameters: laws and prices, an array of one record.
-        left: times of the points after the step's start [s], and remaining deviations of the drives [-], shape (3, points).
+        parameters: laws and prices, an array of one record for all environments or one for each.
+        lefts: times of the points after the step's start [s], and remaining deviations of the drives [-], shape (3, points), for
+            all environments or each.
         environments: ``ENVIRONMENT``, shape (num_envs, fields).
         points: ``POINT``, shape (num_envs, fields, points).
         found: filled with log cutting speeds and log feeds, shape (num_envs, 2).
     """
-    p = parameters[0]
-    speeds, feeds, gains, tried = np.empty(SPEEDS), np.empty(SPEEDS), np.empty(SPEEDS), np.empty(FEEDS)
-    work = np.empty((3, left.shape[1]))
+    speeds, feeds, gains = np.empty(SPEEDS), np.empty(SPEEDS), np.empty(SPEEDS)
+    work = np.empty((3, lefts.shape[2]))
     for i in range(len(found)):
+        p, left = parameters[i % len(parameters)], lefts[i % len(lefts)]
         env, ahead = environments[i], points[i]
-        # If so, a feed can be left out if its metal cannot make up for the costs of a lower feed.
-        costs_grow = (
-            ahead[LIFE_PRICE, 0] >= 0.0 and p.wear[2] >= 0.0 and min(p.force[2], p.force[3], p.power[2], p.power[3]) >= 0.0
-        )
         for k in range(SPEEDS):
             speeds[k] = rung(env[SLOWEST], env[FASTEST], k, SPEEDS)
-            feeds[k], gains[k] = best_feed(p, left, env, ahead, speeds[k], costs_grow, tried, work)
-        top = int(np.argmax(gains))
+        top = SPEEDS // 2
+        feeds[top], gains[top] = best_feed(p, left, env, ahead, speeds[top], work)
+        for k in range(top + 1, SPEEDS):
+            feeds[k], gains[k] = best_feed(p, left, env, ahead, speeds[k], work)
+            if not gains[k] > gains[top]:
+                break
+            top = k
+        if top == SPEEDS // 2:
+            for k in range(top - 1, -1, -1):
+                feeds[k], gains[k] = best_feed(p, left, env, ahead, speeds[k], work)
+                if gains[k] < gains[top]:
+                    break
+                top = k
         speed, feed = between(speeds, feeds, gains, top)
-        better = gain(p, left, env, ahead, speed, feed, -np.inf, work)[0] > gains[top]
+        better = gain(p, left, env, ahead, speed, feed, -np.inf, work) > gains[top]
         found[i, 0], found[i, 1] = (speed, feed) if better else (speeds[top], feeds[top])
 
 
@@ -78,24 +90,25 @@ def rung(low, high, index, count):
 
 
 @compiled_separately
-def best_feed(p, left, env, ahead, speed, costs_grow, gains, work):
+def best_feed(p, left, env, ahead, speed, work):
     """Return (best log feed, its gain) at a log speed."""
-    low, high = env[LOWEST], env[HIGHEST]
-    best, top = -np.inf, 0
+    low, high, top, best = env[LOWEST], env[HIGHEST], FEEDS // 2, -np.inf
     for grid in range(REFINEMENTS):
         if grid > 0:
             low, high = rung(low, high, max(top - 1, 0), FEEDS), rung(low, high, min(top + 1, FEEDS - 1), FEEDS)
-        # The middle of a grid is often among its best, so it shows early which feeds can be left out.
-        least, _ = gain(p, left, env, ahead, speed, 0.5 * (low + high), -np.inf, work)
-        best, top = -np.inf, 0
-        for k in range(FEEDS):
-            feed = rung(low, high, k, FEEDS)
-            value, metal = gain(p, left, env, ahead, speed, feed, least - MARGIN, work)
-            least = max(least, value)
-            if value > best:
-                best, top = value, k
-            if costs_grow and value + metal * (math.exp(high - feed) - 1.0) < least - MARGIN:
+        top = FEEDS // 2
+        best = gain(p, left, env, ahead, speed, rung(low, high, top, FEEDS), -np.inf, work)
+        for k in range(top + 1, FEEDS):
+            value = gain(p, left, env, ahead, speed, rung(low, high, k, FEEDS), best - MARGIN, work)
+            if not value > best:
                 break
+            best, top = value, k
+        if top == FEEDS // 2:
+            for k in range(top - 1, -1, -1):
+                value = gain(p, left, env, ahead, speed, rung(low, high, k, FEEDS), best - MARGIN, work)
+                if value < best:
+                    break
+                best, top = value, k
     return rung(low, high, top, FEEDS), best
 
 
@@ -115,12 +128,12 @@ def between(speeds, feeds, gains, top):
 
 @compiled_separately
 def gain(p, left, env, ahead, log_speed, log_feed, least, work):
-    """Return (expected mean gain [s of machine time per s], its part from metal) of a commanded log speed and log feed.
+    """Return the expected mean gain [s of machine time per s] of a commanded log speed and log feed.
 
     If the gain is below ``least`` even without overload and breakage, it is returned without them.
     """
     points = left.shape[1]
-    wear_law, force_law, power_law = p.wear, p.force, p.power
+    wear_law = p.wear
     for k in range(points):
         speed = log_speed + (env[LOG_SPEED] - log_speed) * left[1, k]
         feed = log_feed + (env[LOG_FEED] - log_feed) * left[2, k]
@@ -129,7 +142,7 @@ def gain(p, left, env, ahead, log_speed, log_feed, least, work):
         work[0, k] = work[1, k] - ahead[CUTTING, k] * (ahead[LIFE_PRICE, k] * work[2, k])
     most = mean(work[0])
     if most < least:
-        return most, mean(work[1])
+        return most
     risk = 0.0
     for k in range(points):
         if ahead[CUTTING, k] == 0.0:
@@ -137,8 +150,8 @@ def gain(p, left, env, ahead, log_speed, log_feed, least, work):
         speed = log_speed + (env[LOG_SPEED] - log_speed) * left[1, k]
         feed = log_feed + (env[LOG_FEED] - log_feed) * left[2, k]
         wear = p.wear_time * math.log(env[USED_LIFE] + work[2, k] * left[0, k])
-        force = force_law[0] + force_law[1] * speed + force_law[2] * feed + force_law[3] * wear + ahead[LOG_FORCE, k]
-        power = power_law[0] + power_law[1] * speed + power_law[2] * feed + power_law[3] * wear + ahead[LOG_POWER, k]
+        force = p.force + env[FORCE_SPEED] * speed + env[FORCE_FEED] * feed + env[FORCE_WEAR] * wear + ahead[LOG_FORCE, k]
+        power = p.power + env[POWER_SPEED] * speed + env[POWER_FEED] * feed + env[POWER_WEAR] * wear + ahead[LOG_POWER, k]
         power -= min(speed - p.log_base_speed, 0.0)
         overload = 0.0
         if force > -NEGLIGIBLE * ahead[FORCE_SPREAD, k]:
@@ -148,7 +161,7 @@ def gain(p, left, env, ahead, log_speed, log_feed, least, work):
         work[0, k] = work[1, k] - (ahead[LIFE_PRICE, k] * work[2, k] + p.overload_price * overload)
         if ahead[UNMEASURED, k] > 0.0:
             risk = max(risk, probability((force - p.log_strength) / ahead[STRENGTH_SPREAD, k]))
-    return mean(work[0]) - env[BREAKAGE_PRICE] * risk / p.interval, mean(work[1])
+    return mean(work[0]) - env[BREAKAGE_PRICE] * risk / p.interval
 
 
 @compiled

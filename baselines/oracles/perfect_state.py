@@ -7,32 +7,31 @@ policy's is the cost of not knowing the present, if that policy controls equally
 It is not ranked as a policy, because no control can measure its inputs.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.models.kalman import DEPTH, HARDNESS, WEAR, Array, LoadFilter
+from baselines.models.load_filter import Array, LoadFilter
 from baselines.optimiser import plays
 from baselines.predictive import Predictive
 from turning_env import Reading, Scenario
 
 DOUBT = 1e-3
 """Standard deviation assumed of the true relative depth, log hardness and log wear factor [-]."""
-_TOLD = np.eye(5)[[DEPTH, HARDNESS, WEAR]]
 
 
-def true_states(truth: Mapping[str, Any], reading: Reading, scenario: Scenario) -> tuple[NDArray[np.bool_], Array]:
+def true_states(truth: Mapping[str, Any], reading: Reading, depth_of_cut: Any) -> tuple[NDArray[np.bool_], Array]:
     """Return where the tool cuts, shape (num_envs,), and the true states of a load filter there.
 
-    The states, shape (num_envs, 3), are relative deviation of depth, log hardness and log wear factor [-]. ``truth``: see
-    ``ToldFilter``.
+    The states, shape (num_envs, 3), are relative deviation of the nominal ``depth_of_cut`` [mm], log hardness and log wear
+    factor [-]. ``truth``: see ``ToldFilter``.
     """
     known = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
     wear_factor = np.where(known, truth["wear"], 1.0) / np.where(known, reading.nominal_wear, 1.0)
     states = (
-        truth["depth_of_cut"] / scenario.workpiece.depth_of_cut - 1.0,
+        truth["depth_of_cut"] / depth_of_cut - 1.0,
         np.log(np.where(known, truth["hardness"], 1.0)),
         np.log(wear_factor),
     )
@@ -48,18 +47,19 @@ class ToldFilter(LoadFilter):
     def observe(self, reading: Reading) -> None:
         """Predict up to a reading, and correct the estimate by it and by the true state."""
         super().observe(reading)
-        told, states = true_states(self.truth, reading, self._scenario)
-        surprise: Array = np.where(told[:, np.newaxis], states - self._mean @ _TOLD.T, 0.0)
-        self._correct(_TOLD * told[:, np.newaxis, np.newaxis], surprise, np.full(surprise.shape, DOUBT**2))
-        self.measured |= told
+        self.tell(*true_states(self.truth, reading, self.depth_of_cut), DOUBT)
 
 
 class PerfectState(Predictive):
     """``Predictive`` on true states; call ``tell`` before every action."""
 
-    def __init__(self, scenario: Scenario, num_envs: int) -> None:
+    _filter: ToldFilter
+
+    def __init__(self, scenario: Scenario | Sequence[Scenario], num_envs: int) -> None:
         super().__init__(scenario, num_envs, severity=1.0, caution=1.0)
-        self._filter: ToldFilter = ToldFilter(scenario, num_envs)
+
+    def _new_filter(self, num_envs: int) -> ToldFilter:
+        return ToldFilter(self._scenarios, num_envs)
 
     def tell(self, infos: Mapping[str, Any]) -> None:
         """Take the ``infos`` that came with the next observations."""

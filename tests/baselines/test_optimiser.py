@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baselines.optimiser import RULES, Optimiser
-from tests.baselines.models.test_kalman import QUIET
+from tests.baselines.models.test_load_filter import QUIET
 from tests.baselines.observing import seen
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario

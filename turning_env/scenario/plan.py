@@ -3,7 +3,7 @@
 A scenario is given by ``Columns``: sections like those of ``Scenario`` whose numbers are arrays of shape (scenarios,).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.scenario.power_law import PowerLaw, log_response
+from turning_env.scenario.scenario import Scenario
 
 Array = NDArray[np.float64]
 
@@ -70,6 +71,18 @@ class Columns(Section):
     @property
     def _circumference(self) -> Any:
         return np.pi * self.workpiece.diameter / 1000.0  # [m]
+
+
+def columns_of(scenarios: Sequence[Scenario]) -> Columns:
+    """Return scenarios as columns; values that all have stay as they are. Their nominal models are left out."""
+
+    def joined(values: list[Any]) -> Any:
+        first = values[0]
+        if isinstance(first, dict):
+            return {name: joined([value[name] for value in values]) for name in first}
+        return first if all(value == first for value in values) else np.array(values)
+
+    return Columns(joined([scenario.model_dump(exclude={"name", "nominal_model"}) for scenario in scenarios]))
 
 
 def log_wear_at(s: Columns, used_life: float) -> Any:

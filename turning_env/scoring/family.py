@@ -1,11 +1,12 @@
 """Play policies on the jobs of a family, and compare them with two anchors per job.
 
-A controller is built for each job from its nominal model (``play_jobs``); an agent that plays all jobs is one policy for the
-family's batch (``play_family``). Seeds are those of the family's environments, so both meet the same bars.
+A controller is built for each job from its nominal model (``play_jobs``). An agent that plays all jobs is one policy for the
+family's batch (``play_family``), and so is a controller that is built for many jobs together. Seeds are those of the family's
+environments, so all meet the same bars.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
@@ -15,7 +16,8 @@ from turning_env.action import towards
 from turning_env.family_env import Context, FamilyVectorEnv
 from turning_env.observation import read
 from turning_env.physics.quantities import OBS
-from turning_env.scenario.family import Family, Job
+from turning_env.scenario.family import Draw, Family, Job
+from turning_env.scenario.plan import Columns
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 from turning_env.scoring.statistics import Floats
@@ -85,14 +87,38 @@ def play_jobs(
     return {name: np.stack([each[name] for each in played]) for name in played[0]}
 
 
+class Truthful(Family):
+    """A family whose nominal models are right: policies are told the true laws, and observations compare with them."""
+
+    def draw(self, split: str, chunk: int) -> Draw:
+        """See ``Family``."""
+        draw = super().draw(split, chunk)
+        true = Columns({name: section for name, section in draw.true if name != "nominal_model"})
+        return replace(draw, true=true, fields=(draw.fields[1], draw.fields[1]))
+
+
+def truthful(family: Family) -> Truthful:
+    """Return the family with nominal models that are right; its jobs are otherwise the same."""
+    return Truthful.model_validate(family.model_dump())
+
+
 def play_family(
-    family: Family, jobs: Sequence[Job], make_policy: PolicyFactory, episodes: int, context: Context = "told"
+    family: Family,
+    jobs: Sequence[Job],
+    make_policy: PolicyFactory,
+    episodes: int,
+    context: Context = "told",
+    *,
+    tell: bool = False,
 ) -> Episodes:
-    """Play episodes of every job, all in one batch, with a policy that plays all jobs; see ``play_jobs``."""
+    """Play episodes of every job, all in one batch, with a policy that plays all jobs; see ``play_jobs``.
+
+    The environments of a job follow one another. A controller that is built for the jobs needs the ``context`` "hidden".
+    """
     (split,) = {job.split for job in jobs}
     seeds = [seed for job in jobs for seed in job_seeds(family, job, episodes)]
     env = FamilyVectorEnv(len(seeds), family, split, context, AutoresetMode.SAME_STEP)
-    return {name: values.reshape(len(jobs), episodes) for name, values in play(make_policy, env, seeds).items()}
+    return {name: values.reshape(len(jobs), episodes) for name, values in play(make_policy, env, seeds, tell=tell).items()}
 
 
 def relative(returns: Floats, low: Floats, high: Floats) -> Floats:

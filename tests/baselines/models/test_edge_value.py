@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from baselines.models.edge_value import USED_LIVES, expected_excess, worth
+from baselines.models.edge_value import USED_LIVES, _prices, expected_excess, worth
 from tests.turning_env.playing import changed
 from turning_env import Scenario
 
@@ -29,6 +29,14 @@ def test_a_fresh_edge_is_worth_more_than_a_worn_one() -> None:
 def test_what_the_edge_is_charged_does_not_change_what_its_life_is_worth() -> None:
     dear = changed(Scenario(), economics={"edge_cost": 30.0})
     assert worth(dear, PRICE).life == pytest.approx(worth(Scenario(), PRICE).life)
+
+
+def test_prices_are_where_the_best_set_points_gain_nothing() -> None:
+    random = np.random.default_rng(0)
+    gain, rate, weight = random.normal(size=(5, 3, 200)), random.uniform(0.1, 2.0, (3, 200)), np.array([0.2, 0.5, 0.3])
+    prices = _prices(gain, rate, weight)
+    best = (gain - prices[:, np.newaxis, np.newaxis] * rate).max(axis=2)
+    assert best @ weight == pytest.approx(np.zeros(5), abs=1e-12)
 
 
 @pytest.mark.slow

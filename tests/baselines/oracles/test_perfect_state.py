@@ -1,6 +1,6 @@
 import numpy as np
 
-from baselines.models.kalman import DEPTH, HARDNESS, WEAR
+from baselines.models.kalman_steps import DEPTH, HARDNESS
 from baselines.oracles.perfect_state import PerfectState, covers
 from turning_env import IDS, RoughTurningVectorEnv, Scenario
 from turning_env.physics.quantities import OBS
@@ -17,11 +17,11 @@ def test_it_knows_depth_hardness_and_wear() -> None:
         policy.tell(infos)
         actions = policy.act(observations)
         if infos["cutting"].all():
-            mean = policy._filter._mean
+            mean = policy._filter.mean
             np.testing.assert_allclose(1.0 + mean[:, DEPTH], infos["depth_of_cut"] / BASE.workpiece.depth_of_cut, atol=0.01)
             np.testing.assert_allclose(mean[:, HARDNESS], np.log(infos["hardness"]), atol=0.01)
             nominal = observations[:, OBS.nominal_wear] * BASE.tool.wear_criterion
-            np.testing.assert_allclose(mean[:, WEAR], np.log(infos["wear"] / nominal), atol=0.01)
+            np.testing.assert_allclose(policy._filter.log_wear_factor, np.log(infos["wear"] / nominal), atol=0.01)
         observations, _, _, _, infos = env.step(actions)
     assert infos["cutting"].any()
 

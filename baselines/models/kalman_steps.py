@@ -1,0 +1,347 @@
+"""The compiled equations of ``load_filter.py``, one environment at a time."""
+
+import math
+
+import numpy as np
+
+from turning_env.numerics.compilation import compiled, compiled_entry, compiled_separately
+
+DEPTH, DEPTH_SLOPE, HARDNESS, HARDNESS_SLOPE, INSERT, LOT, LAWS = range(7)
+"""States: relative deviation of depth [-], its slope [1/mm], log hardness [-], its slope [1/mm], log wear factors [-]; from
+``LAWS`` on the errors of the force law, then of the power law: bias and exponents of speed, feed and wear [-]."""
+FIELDS = (DEPTH, HARDNESS)
+ERRORS = 4
+STATES = LAWS + 2 * ERRORS
+MIN_DEPTH = 0.05
+"""Least expected depth over the nominal depth [-]: the logarithm has no linear approximation near 0."""
+MAX_SPREAD = 1.0
+"""Upper bound of the log standard deviation of a load [-]: the linear approximation fails beyond it."""
+MIN_READING = 0.01
+"""Share of the expected reading below which a reading is ignored [-]: the tool does not cut."""
+INSPECTION_DOUBT = 0.05
+"""Log standard deviation of a removed edge's wear beside insert and lot [-] (assumption): what the edge has cut is not known."""
+
+PARAMETERS = np.dtype(
+    (
+        np.record,
+        [
+            ("depth_of_cut", np.float64),
+            ("approach", np.float64),
+            ("bar_length", np.float64),
+            ("pitch", np.float64),
+            ("velocity", np.float64),  # feed velocity [mm/s] per cutting speed and feed
+            ("rates", np.float64, 2),  # of depth and hardness [1/mm]
+            ("prior", np.float64, STATES),  # variances
+            ("history", np.float64),  # variance of an edge's log wear from the bars that it has cut
+            ("log_laws", np.float64, (2, 4)),  # log force [N] and power [kW] at 1 m/min, 1 mm/rev, 1 mm of wear; exponents
+            ("bar_exponents", np.float64, (2, 2)),  # of depth and hardness
+            ("references", np.float64, 3),  # log V0, f0, W0
+            ("lags", np.float64, 2),
+            ("noise", np.float64, 2),  # variances
+            ("interval", np.float64),
+            ("sub_step", np.float64),
+            ("spindle_left", np.float64),  # sums over a step's sub-steps of deviations that remain, per sub-step
+            ("feed_left", np.float64),
+            ("both_left", np.float64),
+            ("sub_steps", np.float64),
+            ("wear_criterion", np.float64),
+            ("idle_power", np.float64),  # [kW] per cutting speed
+        ],
+    )
+)
+MEMORY = np.dtype(
+    (
+        np.record,
+        [
+            ("path", np.float64),  # travelled distance in air and metal [mm]
+            ("speed", np.float64),  # at the last reading [m/min]; 0 before the first
+            ("feed", np.float64),  # likewise [mm/rev]
+            ("cutting_time", np.float64),  # likewise [min]
+            ("nominal_wear", np.float64),  # likewise [mm]
+            ("expected", np.float64, 2),  # nominal force [N] and power [kW] behind the sensors' lags
+            ("log_idle", np.float64),  # log ratio of power with idling to cutting power in the nominal model [-]
+            ("measured", np.int64),
+        ],
+    )
+)
+
+
+@compiled_entry
+def follow(parameters, memory, mean, covariance, readings):
+    """Predict up to readings and correct the estimates by them, see ``LoadFilter.observe``."""
+    work = np.empty((6, STATES))
+    for i in range(len(readings)):
+        follow_one(parameters[i % len(parameters)], memory[i], mean[i], covariance[i], readings[i], work)
+
+
+@compiled_separately
+def follow_one(p, m, mean, covariance, reading, work):
+    """Predict up to a reading and correct the estimate of one environment."""
+    commanded_speed, commanded_feed, speed, feed, cutting_time, nominal_wear, removed_wear, force, power, in_metal = reading
+    first = m.speed == 0.0
+    fresh_edge = cutting_time < m.cutting_time
+    if fresh_edge:
+        if removed_wear > 0.0 and m.nominal_wear > 0.0:
+            inspect_edge(mean, covariance, math.log(removed_wear / m.nominal_wear), work)
+        forget(mean, covariance, INSERT, INSERT + 1, p)
+        m.expected[0] = 0.0
+        m.expected[1] = 0.0
+    moved = 0.0 if first else distance_moved(p, m, commanded_speed, commanded_feed)
+    if fresh_edge and cutting_time == 0.0:  # an edge that is found worn or broken ends the step early, somewhere
+        moved *= 0.5
+    bar = math.floor(m.path / p.pitch)
+    m.path = on_track(p, m.path + moved, in_metal > 0.0)
+    if math.floor(m.path / p.pitch) > bar:
+        forget(mean, covariance, DEPTH, INSERT, p)
+        m.measured = 0
+    metal = max(m.path - p.pitch * math.floor(m.path / p.pitch) - p.approach, 0.0)  # of this bar, behind the tool [mm]
+    cut = min(moved, metal)
+    move_on(p, mean, covariance, cut)
+    covariance[INSERT, INSERT] += p.history * cut / p.bar_length
+    time_in_metal = 0.0 if first else min(metal / (p.velocity * (speed * feed)), p.interval)
+    learn(p, m, mean, covariance, speed, feed, nominal_wear if in_metal > 0.0 else 0.0, (force, power), time_in_metal, work)
+    m.speed, m.feed, m.cutting_time, m.nominal_wear = speed, feed, cutting_time, nominal_wear
+
+
+@compiled
+def inspect_edge(mean, covariance, log_factor, work):
+    """Learn from the measured log ratio of a removed edge's wear to the nominal wear."""
+    derivatives = work[0]
+    derivatives[:] = 0.0
+    derivatives[INSERT] = 1.0
+    derivatives[LOT] = 1.0
+    correct(mean, covariance, derivatives, log_factor - mean[INSERT] - mean[LOT], INSPECTION_DOUBT**2, work[1])
+
+
+@compiled
+def forget(mean, covariance, first, last, p):
+    """Reset some states to the prior, which has the mean 0."""
+    for k in range(first, last):
+        mean[k] = 0.0
+        for j in range(STATES):
+            covariance[k, j] = 0.0
+            covariance[j, k] = 0.0
+    for k in range(first, last):
+        covariance[k, k] = p.prior[k]
+
+
+@compiled
+def distance_moved(p, m, speed, feed):
+    """Return the distance since the last reading [mm], from the drives' response to their commands."""
+    over_speed, over_feed = m.speed - speed, m.feed - feed
+    even = p.sub_steps * (speed * feed)
+    return (
+        p.sub_step
+        * p.velocity
+        * (even + over_speed * feed * p.spindle_left + speed * over_feed * p.feed_left + over_speed * over_feed * p.both_left)
+    )
+
+
+@compiled
+def on_track(p, path, cutting):
+    """Return the distance [mm], corrected if it contradicts the reading on whether the tool cuts."""
+    start = p.pitch * math.floor(path / p.pitch)
+    along = path - start
+    in_air = along < p.approach
+    if cutting and in_air:
+        return start + p.approach if along > 0.5 * p.approach else max(start - 1e-6, 0.0)
+    if not cutting and not in_air:
+        return start + p.pitch + 1e-6 if along > 0.5 * p.pitch else start
+    return path
+
+
+@compiled
+def transition(rate, distance):
+    """Return the transition of a field and its slope over a distance [mm]: four numbers of a matrix."""
+    step = rate * distance
+    left = math.exp(-step)
+    return (1.0 + step) * left, distance * left, -rate * step * left, (1.0 - step) * left
+
+
+@compiled
+def growth(p, k, a, b, c, d):
+    """Return what the transition (a, b; c, d) adds to the variances and the covariance of the states k and k + 1."""
+    u, v = p.prior[k], p.prior[k + 1]
+    return u - (a * a * u + b * b * v), -(a * c * u + b * d * v), v - (c * c * u + d * d * v)
+
+
+@compiled
+def move_on(p, mean, covariance, distance):
+    """Move the estimate of depth and hardness along the bar by a distance [mm]."""
+    for field in range(2):
+        k = 2 * field
+        a, b, c, d = transition(p.rates[field], distance)
+        mean[k], mean[k + 1] = a * mean[k] + b * mean[k + 1], c * mean[k] + d * mean[k + 1]
+        for j in range(STATES):
+            here, slope = covariance[k, j], covariance[k + 1, j]
+            covariance[k, j], covariance[k + 1, j] = a * here + b * slope, c * here + d * slope
+        for j in range(STATES):
+            here, slope = covariance[j, k], covariance[j, k + 1]
+            covariance[j, k], covariance[j, k + 1] = a * here + b * slope, c * here + d * slope
+        first, both, second = growth(p, k, a, b, c, d)
+        covariance[k, k] += first
+        covariance[k, k + 1] += both
+        covariance[k + 1, k] += both
+        covariance[k + 1, k + 1] += second
+
+
+@compiled
+def log_load(p, mean, law, depth, hardness, place, derivatives):
+    """Return the log ratio of a law's load to the nominal model, and set its derivatives by the states.
+
+    ``place``: logarithms of speed, feed and nominal wear over the references. ``depth`` and ``hardness``: relative deviation of
+    depth and log hardness; derivatives by the other states do not depend on them.
+    """
+    speed, feed, wear = place
+    first = LAWS + ERRORS * law
+    factor = mean[INSERT] + mean[LOT]
+    share = max(1.0 + depth, MIN_DEPTH)
+    exponent = p.log_laws[law, 3] + mean[first + 3]
+    derivatives[:] = 0.0
+    derivatives[DEPTH] = p.bar_exponents[law, 0] / share
+    derivatives[HARDNESS] = p.bar_exponents[law, 1]
+    derivatives[INSERT] = exponent
+    derivatives[LOT] = exponent
+    derivatives[first] = 1.0
+    derivatives[first + 1] = speed
+    derivatives[first + 2] = feed
+    derivatives[first + 3] = wear + factor
+    of_bar = p.bar_exponents[law, 0] * math.log(share) + p.bar_exponents[law, 1] * hardness
+    of_law = mean[first] + mean[first + 1] * speed + mean[first + 2] * feed + mean[first + 3] * wear
+    return of_bar + exponent * factor + of_law
+
+
+@compiled
+def learn(p, m, mean, covariance, speed, feed, nominal_wear, loads, time_in_metal, work):
+    """Correct the estimate by measured force and power; without wear the tool does not cut."""
+    derivatives, gain, before, surprise, variance = work[:2], work[2], work[3], work[4], work[5]
+    cutting = nominal_wear > 0.0
+    log_speed, log_feed = math.log(speed), math.log(feed)
+    log_wear = math.log(nominal_wear if cutting else p.wear_criterion)
+    place = log_speed - p.references[0], log_feed - p.references[1], log_wear - p.references[2]
+    for law in range(2):
+        own, lag = p.log_laws[law], p.lags[law]
+        nominal = math.exp(own[0] + own[1] * log_speed + own[2] * log_feed + own[3] * log_wear) if cutting else 0.0
+        if law == 1 and cutting:
+            m.log_idle = math.log(1.0 + p.idle_power * speed / nominal)
+            nominal += p.idle_power * speed
+        expected = m.expected[law] * left_after(p.interval, lag) + nominal * (1.0 - left_after(time_in_metal, lag))
+        m.expected[law] = expected
+        good = cutting and expected > 0.5 * nominal and loads[law] > MIN_READING * nominal
+        variance[law] = 0.0
+        if good:
+            # Behind its lag a reading depends on when the tool entered, which is known to a sub-step.
+            timing = 0.5 * p.sub_step * (nominal / expected - 1.0) / lag if lag > 0.0 else 0.0
+            variance[law] = p.noise[law] + timing * timing
+            predicted = log_load(p, mean, law, mean[DEPTH], mean[HARDNESS], place, derivatives[law])
+            surprise[law] = math.log(loads[law] / expected) - predicted
+            m.measured = 1
+    before[:] = mean
+    for law in range(2):
+        if variance[law] > 0.0:
+            for k in range(STATES):  # the second measurement meets an estimate that the first has moved
+                surprise[law] -= derivatives[law, k] * (mean[k] - before[k])
+            correct(mean, covariance, derivatives[law], surprise[law], variance[law], gain)
+
+
+@compiled
+def left_after(time, time_constant):
+    """Return ``decay`` of a time [s]."""
+    if time_constant > 0.0:
+        return math.exp(-time / time_constant)
+    return 0.0 if time > 0.0 else 1.0
+
+
+@compiled
+def correct(mean, covariance, derivatives, surprise, variance, gain):
+    """Correct an estimate by a measurement; ``surprise`` is measured less expected, ``gain`` is overwritten."""
+    spread = variance
+    for i in range(STATES):
+        total = 0.0
+        for j in range(STATES):
+            total += covariance[i, j] * derivatives[j]
+        gain[i] = total
+        spread += derivatives[i] * total
+    for i in range(STATES):
+        share = gain[i] / spread
+        mean[i] += share * surprise
+        for j in range(i + 1):
+            value = covariance[i, j] - share * gain[j]
+            covariance[i, j] = value
+            covariance[j, i] = value
+
+
+@compiled_entry
+def learn_states(memory, mean, covariance, told, states, variance):
+    """Correct the estimates by true states, see ``LoadFilter.tell``."""
+    derivatives, gain = np.empty(STATES), np.empty(STATES)
+    for i in range(len(told)):
+        if not told[i]:
+            continue
+        memory[i].measured = 1
+        for k in range(3):
+            derivatives[:] = 0.0
+            if k < 2:
+                derivatives[FIELDS[k]] = 1.0
+            else:
+                derivatives[INSERT] = 1.0
+                derivatives[LOT] = 1.0
+            known = 0.0
+            for j in range(STATES):
+                known += derivatives[j] * mean[i, j]
+            correct(mean[i], covariance[i], derivatives, states[i, k] - known, variance, gain)
+
+
+@compiled_entry
+def look_ahead(parameters, memory, mean, covariance, distance, entering, found):
+    """Fill in ``Outlook``, shape (fields, num_envs, points), see ``LoadFilter.outlook``."""
+    work = np.empty((5, STATES))
+    for i in range(len(memory)):
+        look_ahead_one(
+            parameters[i % len(parameters)], memory[i], mean[i], covariance[i], distance[i], entering[i], found[:, i], work
+        )
+
+
+@compiled_separately
+def look_ahead_one(p, m, mean, covariance, distance, entering, found, work):
+    """Fill in the outlook of one environment, shape (fields, points)."""
+    log_wear = math.log(m.nominal_wear) - p.references[2] if m.nominal_wear > 0.0 else 0.0
+    place = math.log(m.speed) - p.references[0], math.log(m.feed) - p.references[1], log_wear
+    origin = -p.references[0], -p.references[1], math.log(p.wear_criterion) - p.references[2]
+    derivatives, products, variances, loads = work[0], work[1:3], work[3], work[4]
+    for law in range(2):  # what does not depend on the bar
+        loads[law] = log_load(p, mean, law, 0.0, 0.0, origin, derivatives)
+        log_load(p, mean, law, 0.0, 0.0, place, derivatives)
+        variances[law] = 0.0
+        for i in range(STATES):
+            total = 0.0
+            for j in range(INSERT, STATES):
+                total += covariance[i, j] * derivatives[j]
+            products[law, i] = total
+            variances[law] += derivatives[i] * total if i >= INSERT else 0.0
+    loads[1] += m.log_idle
+    for k in range(len(distance)):
+        depth, hardness, free_depth, free_hardness = 0.0, 0.0, p.prior[DEPTH], p.prior[HARDNESS]
+        a, b, e, f = 0.0, 0.0, 0.0, 0.0
+        if not entering[k]:
+            a, b, c, d = transition(p.rates[0], distance[k])
+            free_depth = growth(p, DEPTH, a, b, c, d)[0]
+            e, f, c, d = transition(p.rates[1], distance[k])
+            free_hardness = growth(p, HARDNESS, e, f, c, d)[0]
+            depth = a * mean[DEPTH] + b * mean[DEPTH_SLOPE]
+            hardness = e * mean[HARDNESS] + f * mean[HARDNESS_SLOPE]
+        share = max(1.0 + depth, MIN_DEPTH)
+        found[0, k] = p.depth_of_cut * share
+        found[1, k] = hardness
+        for law in range(2):
+            by_depth, by_hardness = p.bar_exponents[law, 0] / share, p.bar_exponents[law, 1]
+            derivatives[DEPTH], derivatives[DEPTH_SLOPE] = by_depth * a, by_depth * b
+            derivatives[HARDNESS], derivatives[HARDNESS_SLOPE] = by_hardness * e, by_hardness * f
+            variance = variances[law] + by_depth * by_depth * free_depth + by_hardness * by_hardness * free_hardness
+            for i in range(INSERT):
+                total = 2.0 * products[law, i]
+                for j in range(INSERT):
+                    total += covariance[i, j] * derivatives[j]
+                variance += derivatives[i] * total
+            found[2 + law, k] = loads[law] + p.bar_exponents[law, 0] * math.log(share) + by_hardness * hardness
+            found[4 + law, k] = math.sqrt(min(max(variance, 0.0), MAX_SPREAD * MAX_SPREAD))

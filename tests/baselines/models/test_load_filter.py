@@ -1,0 +1,157 @@
+"""The filter finds what it cannot see, and forgets what has been replaced."""
+
+import numpy as np
+import pytest
+
+from baselines.models.kalman_steps import INSERT, LOT
+from baselines.models.load_filter import Doubt, LoadFilter
+from tests.turning_env.playing import changed
+from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
+from turning_env.physics.spindle import idle_power_at
+
+NOMINAL = Scenario()
+STILL = {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
+EVERY = np.ones(4, np.bool_)
+HERE, NEXT_BAR = np.zeros((4, 1), np.bool_), np.ones((4, 1), np.bool_)
+QUIET = changed(NOMINAL, workpiece=STILL, tool={"wear_factor_spread": 0.0, "edge_strength": 1e6})
+
+
+def heavier(factor: float) -> Scenario:
+    """Bars that all take so many times the nominal force and power."""
+    material = QUIET.material
+    laws = {
+        name: getattr(material, name).model_copy(update={"coefficient": factor * getattr(material, name).coefficient})
+        for name in ("thrust_force", "power")
+    }
+    return QUIET.model_copy(update={"material": material.model_copy(update=laws)})
+
+
+def followed(played: Scenario, known: Scenario, steps: int, num_envs: int = 4) -> tuple[LoadFilter, list[Reading], list[float]]:
+    """A filter that knows one scenario while another is played at constant speed and feed: what it reads, and its force."""
+    env, estimate = RoughTurningVectorEnv(num_envs, played), LoadFilter([known], num_envs)
+    seen, _ = env.reset(seed=0)
+    estimate.reset(np.ones(num_envs, np.bool_))
+    readings, forces = [], []
+    for _ in range(steps):
+        readings.append(read(seen, known))
+        estimate.observe(readings[-1])
+        forces.append(float(estimate.outlook(np.zeros((num_envs, 1)), HERE).log_force.mean()))
+        seen = env.step(np.zeros((num_envs, 2)))[0]
+    return estimate, readings, forces
+
+
+@pytest.mark.parametrize("factor", [0.85, 1.15])
+def test_it_finds_by_how_much_the_loads_differ(factor: float) -> None:
+    estimate, readings, _ = followed(heavier(factor), NOMINAL, 60)
+    assert readings[-1].cutting.all()
+    outlook = estimate.outlook(np.zeros((4, 1)), HERE)
+    assert outlook.log_force == pytest.approx(np.full((4, 1), np.log(factor)), abs=0.04)
+    assert outlook.log_power == pytest.approx(np.full((4, 1), np.log(factor)), abs=0.03)
+
+
+def test_it_doubts_more_what_is_farther_ahead_and_most_a_bar_that_it_does_not_know() -> None:
+    estimate, _, _ = followed(heavier(1.0), NOMINAL, 40)
+    spreads = estimate.outlook(np.array([[0.0, 5.0, 20.0, 200.0]] * 4), np.zeros((4, 4), np.bool_)).force_spread
+    assert (np.diff(spreads, axis=1) > 0).all()
+    assert (spreads[:, -1] <= estimate.outlook(np.zeros((4, 1)), NEXT_BAR).force_spread[:, 0] + 1e-9).all()
+
+
+def test_in_air_it_learns_nothing() -> None:
+    known = changed(NOMINAL, workpiece={"approach": 400.0})
+    estimate, readings, forces = followed(changed(heavier(1.3), workpiece={"approach": 400.0}), known, 20)
+    assert not np.any([reading.cutting for reading in readings])
+    assert forces == [0.0] * 20
+    assert not estimate.measured.any()
+
+
+def test_its_travelled_distance_follows_the_row_of_bars() -> None:
+    played = changed(heavier(1.0), workpiece={"bar_length": 60.0})
+    estimate, _, _ = followed(played, changed(NOMINAL, workpiece={"bar_length": 60.0}), 150)
+    env = RoughTurningVectorEnv(4, played)
+    env.reset(seed=0)
+    for _ in range(149):
+        _, _, _, _, infos = env.step(np.zeros((4, 2)))
+    assert infos["path"][0] > 3 * 63.0
+    assert estimate.along == pytest.approx(infos["path"] % 63.0, abs=1.0)
+
+
+def test_a_fresh_edge_forgets_the_wear_and_a_reset_everything_in_its_environment_alone() -> None:
+    estimate, readings, _ = followed(heavier(1.15), NOMINAL, 60)
+    assert (np.abs(estimate.log_wear_factor) > 0).all()
+    fresh = np.array([True, False, False, False])
+    time = np.where(fresh, 1.0 / 60.0, readings[-1].cutting_time + 1.0 / 60.0)
+    doubt = estimate.wear_doubt.copy()
+    estimate.observe(readings[-1]._replace(cutting_time=time))
+    assert estimate.wear_doubt[0] > doubt[0]
+    assert estimate.wear_doubt[1:] == pytest.approx(doubt[1:], rel=0.2)
+    estimate.reset(np.array([False, True, False, False]))
+    assert estimate.log_wear_factor[1] == 0.0
+    assert estimate.along[1] == 0.0
+    assert estimate.along[2] > 0.0
+
+
+def test_the_idling_spindle_is_no_deviation_of_the_bar() -> None:
+    scenario = changed(QUIET, spindle={"idle_torque": 8.0})
+    estimate, readings, _ = followed(scenario, scenario, 60)
+    outlook = estimate.outlook(np.zeros((4, 1)), HERE)
+    idle = idle_power_at(scenario, readings[-1].cutting_speed)
+    assert outlook.log_force == pytest.approx(0.0, abs=0.03)
+    assert outlook.log_power[:, 0] == pytest.approx(np.log(readings[-1].power / (readings[-1].power - idle)), abs=0.03)
+
+
+def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
+    nominal = changed(QUIET, sensors={"inspects_edges": True}, control={"edge_changes": "commanded"})
+    played = changed(nominal, mismatch={"wear_factor": 1.3})
+    env, estimate = RoughTurningVectorEnv(4, played), LoadFilter([nominal], 4, Doubt(lot=1.0, lot_life=0.8))
+    observations, _ = env.reset(seed=0)
+    estimate.reset(EVERY)
+    start = estimate.mean[0, LOT]
+    assert start == pytest.approx(-nominal.material.wear.time * np.log(0.8))
+    for step in range(61):
+        estimate.observe(read(observations, nominal))
+        observations, *_ = env.step(np.array([[0.0, 0.0, 1.0 if step % 30 == 29 else -1.0]] * 4))
+    assert estimate.mean[:, LOT] == pytest.approx(np.log(1.3), abs=0.05)
+    assert estimate.mean[:, INSERT] == pytest.approx(0.0, abs=0.05)
+    estimate.reset(EVERY)
+    assert (estimate.mean[:, LOT] == start).all()
+
+
+def test_it_tells_the_bias_of_a_law_from_the_bar() -> None:
+    material = QUIET.material
+    force = material.thrust_force.model_copy(update={"coefficient": 1.3 * material.thrust_force.coefficient})
+    played = QUIET.model_copy(update={"material": material.model_copy(update={"thrust_force": force})})
+    env, estimate = RoughTurningVectorEnv(4, played), LoadFilter([QUIET], 4, Doubt(laws=1.0))
+    observations, _ = env.reset(seed=0)
+    estimate.reset(EVERY)
+    for _ in range(100):
+        reading = read(observations, NOMINAL)
+        estimate.observe(reading)
+        observations, *_ = env.step(np.zeros(env.action_space.shape))
+    next_bar = estimate.outlook(np.zeros((4, 1)), np.ones((4, 1), np.bool_))
+    place = np.log([reading.cutting_speed, reading.feed, reading.nominal_wear / NOMINAL.tool.wear_criterion])
+    for law, found, ratio in zip(range(2), (next_bar.log_force, next_bar.log_power), (1.3, 1.0), strict=True):
+        named = (material.thrust_force, material.power)[law]
+        errors = estimate.exponents[:, law] - [named.cutting_speed, named.feed, named.wear]
+        assert found[:, 0] + (errors * place.T).sum(axis=1) == pytest.approx(np.full(4, np.log(ratio)), abs=0.03)
+
+
+def test_other_models_in_other_environments_do_not_matter() -> None:
+    scenarios = [NOMINAL, changed(NOMINAL, workpiece={"diameter": 60.0, "bar_length": 80.0})]
+    doubt, distance = Doubt(1.0, 0.4, 0.8), np.array([[0.0, 5.0]] * 2)
+    env = RoughTurningVectorEnv(2, NOMINAL)
+    observations, _ = env.reset(seed=0)
+    together, alone = LoadFilter(scenarios, 2, doubt), [LoadFilter([scenario], 1, doubt) for scenario in scenarios]
+    together.reset(EVERY[:2])
+    for each in alone:
+        each.reset(EVERY[:1])
+    for _ in range(50):
+        reading = read(observations, NOMINAL)
+        together.observe(reading)
+        both = together.outlook(distance, distance < 0.0)
+        for i, each in enumerate(alone):
+            each.observe(type(reading)(*(values[i : i + 1] for values in reading)))
+            outlook = each.outlook(distance[:1], distance[:1] < 0.0)
+            np.testing.assert_array_equal(each.mean[0], together.mean[i])
+            for own, shared in zip(outlook, both, strict=True):
+                np.testing.assert_array_equal(own[0], shared[i])
+        observations, *_ = env.step(np.zeros(env.action_space.shape))
