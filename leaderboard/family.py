@@ -37,9 +37,9 @@ from turning_env import MODEL_VERSION
 from turning_env.console import described, exits, print_json
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario, ScenarioError
-from turning_env.scenario.family import CONTEXT_LIMIT, Family, Job
+from turning_env.scenario.family import CONTEXT_LIMIT, Family
 from turning_env.scenario.section import names_instead
-from turning_env.scoring.family import Forgetful, HeldOptimum, play_family, play_jobs, relative
+from turning_env.scoring.family import Forgetful, HeldOptimum, play_family, play_jobs, relative, truthful
 from turning_env.scoring.overload import KEY, RESAMPLES, ratio
 from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
@@ -48,13 +48,8 @@ from turning_env.scoring.workers import spread, workers
 
 TRUTH, FORGETFUL = ", told the truth", ", forgetful"
 ANCHOR = "held optimum"
-PIECE = 4
+PIECE = 256
 """Number of jobs that a worker plays at a time."""
-
-
-def told_the_truth(job: Job) -> Job:
-    """Return the job with a nominal model that is right."""
-    return job._replace(scenario=job.scenario.model_copy(update={"nominal_model": ()}))
 
 
 class Retold(Policy):
@@ -116,27 +111,27 @@ def keep(path: Path, episodes: Episodes) -> None:
 
 def played(piece: Piece) -> Episodes:
     """Return the episodes of a piece, fields of shape (jobs, episodes)."""
-    family, policy, episodes = piece.family, piece.policy, piece.episodes
+    policy, episodes = piece.policy, piece.episodes
+    family = truthful(piece.family) if policy == CAUSAL or str(policy).endswith(TRUTH) else piece.family
+    jobs = [family.job(number, piece.split) for number in piece.numbers]
+    each = [job for job in jobs for _ in range(episodes)]  # of each environment
+    scenarios = [job.scenario for job in each]
 
     def remembering(make: PolicyFactory) -> PolicyFactory:
         return (lambda num_envs: Forgetful(make(num_envs))) if piece.forgetful else make
 
-    jobs = [family.job(number, piece.split) for number in piece.numbers]
     if isinstance(policy, Path):
         agent = agent_spec(policy)
         told = agent.parameters.get("context")
         return play_family(family, jobs, remembering(lambda num_envs: Retold(agent.make(num_envs), family, told)), episodes)
-
-    def make(job: Job) -> PolicyFactory:
-        if policy == ANCHOR:
-            return lambda num_envs: HeldOptimum(job)
-        if policy == CAUSAL:
-            return lambda num_envs: PerfectState(job.scenario, num_envs)
-        return remembering(spec(policy.removesuffix(TRUTH), job.scenario, piece.tuned_on).make)
-
-    if policy == CAUSAL or policy.endswith(TRUTH):
-        jobs = [told_the_truth(job) for job in jobs]
-    return play_jobs(family, jobs, make, episodes, tell=policy == CAUSAL)
+    if policy == ANCHOR:
+        return play_family(family, jobs, lambda _: HeldOptimum(each), episodes, "hidden")
+    if policy == CAUSAL:
+        return play_family(family, jobs, lambda num_envs: PerfectState(scenarios, num_envs), episodes, "hidden", tell=True)
+    name = policy.removesuffix(TRUTH)
+    if RULES[name].together:
+        return play_family(family, jobs, remembering(spec(name, scenarios, piece.tuned_on).make), episodes, "hidden")
+    return play_jobs(family, jobs, lambda job: remembering(spec(name, job.scenario, piece.tuned_on).make), episodes)
 
 
 @dataclass(frozen=True)
@@ -273,7 +268,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         policies += [(each, True) for each in (*rules_told, *options.agent)]
     known: dict[str | Path, str] = {path: str(agent.sha256) for path, agent in agents.items()}
     rules = {name: spec(name.removesuffix(TRUTH), tuned_on, tuned_on) for name in options.policies if name != CAUSAL}
-    known |= {ANCHOR: ANCHOR, CAUSAL: f"{CAUSAL} 2"} | {
+    known |= {ANCHOR: ANCHOR, CAUSAL: f"{CAUSAL} 3"} | {
         name: f"{name} {rule.version} {rule.parameters}" for name, rule in rules.items()
     }
     starts = range(0, options.jobs, PIECE)

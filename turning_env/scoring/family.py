@@ -6,7 +6,8 @@ environments, so all meet the same bars.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
@@ -17,7 +18,7 @@ from turning_env.family_env import Context, FamilyVectorEnv
 from turning_env.observation import read
 from turning_env.physics.quantities import OBS
 from turning_env.scenario.family import Draw, Family, Job
-from turning_env.scenario.plan import Columns
+from turning_env.scenario.plan import Columns, columns_of
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 from turning_env.scoring.statistics import Floats
@@ -26,18 +27,22 @@ CHANGE_WEAR = 0.95
 """Nominal wear over the criterion at which the anchor changes the edge."""
 
 
-@dataclass
 class HeldOptimum(Policy):
-    """The lower anchor: the nominal model's best set point on a half-worn edge, held fixed; edges are changed by nominal wear."""
+    """The lower anchor: the nominal model's best set point on a half-worn edge, held fixed; edges are changed by nominal wear.
 
-    job: Job
+    Args:
+        jobs: the job of each environment.
+    """
+
+    def __init__(self, jobs: Sequence[Job]) -> None:
+        self._scenarios: Any = columns_of([job.scenario.nominal() for job in jobs])
+        self._speeds, self._feeds = np.array([[job.cutting_speed, job.feed] for job in jobs]).T
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, 3), for observations, shape (num_envs, entries)."""
-        scenario = self.job.scenario
-        reading, every = read(observations, scenario), np.ones(len(observations))
-        change = reading.nominal_wear >= CHANGE_WEAR * scenario.tool.wear_criterion
-        return towards(reading, scenario, self.job.cutting_speed * every, self.job.feed * every, change)
+        reading = read(observations, self._scenarios)
+        change = reading.nominal_wear >= CHANGE_WEAR * self._scenarios.tool.wear_criterion
+        return towards(reading, self._scenarios, self._speeds, self._feeds, change)
 
 
 class Forgetful(Policy):

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from leaderboard.family import told_the_truth
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import Family
 from turning_env.physics.quantities import OBS
-from turning_env.scoring.family import Forgetful, HeldOptimum, play_family, play_jobs, relative
+from turning_env.scoring.family import Forgetful, HeldOptimum, play_family, play_jobs, relative, truthful
 from turning_env.scoring.policy import Policy
 
 FAMILY = Family.load(BRIEF)
@@ -31,7 +30,7 @@ def test_a_policy_for_each_job_and_one_for_all_play_the_same_episodes():
 
 def test_the_anchor_holds_the_nominal_models_best_set_point():
     job = JOBS[0]
-    held = play_jobs(FAMILY, [job], lambda job: lambda num_envs: HeldOptimum(job), episodes=1)
+    held = play_jobs(FAMILY, [job], lambda job: lambda num_envs: HeldOptimum([job] * num_envs), episodes=1)
     work = job.scenario.workpiece
     steady = job.cutting_speed * job.feed * work.depth_of_cut * held["engaged_time"] / 60.0
     assert held["removed"] == pytest.approx(steady, rel=0.3)
@@ -61,7 +60,7 @@ def test_a_forgetful_policy_is_reset_where_the_edge_is_fresh():
 
 
 def test_told_the_truth_nothing_is_wrong_but_the_process_is_the_same():
-    told = told_the_truth(JOBS[0]).scenario
+    told = truthful(FAMILY).job(0, "unseen_jobs").scenario
     assert told.nominal().material == told.material == JOBS[0].scenario.material
 
 
