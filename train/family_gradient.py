@@ -202,12 +202,14 @@ class Training:
             self.restart(mask)
         jobs, start, steps, reward = self.jobs, self.memory, [], 0.0
         valid = np.ones(p["num_envs"], np.bool_)
+        keeps_edge = self.generator.random(p["num_envs"]) < p["keeps_edge"]
         for _ in range(p["rollout"]):
             seen = torch.from_numpy(self.observations).to(device)
             begins = torch.from_numpy(self.begins).to(device, torch.float32).unsqueeze(-1)
             with torch.no_grad():
                 actions, self.memory = self.actor(seen, self.memory * (1.0 - begins))
                 actions = (actions + p["exploration"] * torch.randn_like(actions)).clamp(-1.0, 1.0).cpu().numpy()
+            actions[keeps_edge, -1] = -1.0
             was_valid = valid
             self.observations, rewards, terminated, truncated, infos = self.env.step(actions)
             self.begins, self.jobs = terminated | truncated, infos["job"]

@@ -115,7 +115,9 @@ def test_the_job_tracker_compares_measured_and_predicted_wear_and_loads() -> Non
         observations, *_ = env.step(np.array([[0.0, 0.0, 1.0 if step in (80, 160) else -1.0]], np.float32))
     np.testing.assert_allclose(readings[0, 2], 4.0 * sum(logs) / 2.3, rtol=1e-4)
     assert readings[0, 3] == 1.0
-    np.testing.assert_allclose(readings[0, 4:], np.mean(seen, axis=0), rtol=1e-4)
+    of_job, of_edge = np.mean(seen, axis=0), np.mean(seen[-79:], axis=0)
+    np.testing.assert_allclose(readings[0, 4:6], of_job, rtol=1e-4)
+    np.testing.assert_allclose(readings[0, 6:], 79.0 / 139.0 * (of_edge - of_job), rtol=1e-3)
 
 
 def state_of(run: Run) -> dict[str, torch.Tensor]:
