@@ -32,6 +32,8 @@ from turning_env.scoring.policy import Actions, Observations
 
 POINTS = 3
 """Points of a step at which loads are predicted."""
+LEAD = 2.0
+"""Steps before its end at which an edge is changed, as it may wear faster than expected [-]."""
 MIN_SPREAD = 1e-3
 """Least standard deviation of log force and log power [-]; it keeps expectations smooth if nothing varies."""
 MIN_USED_LIFE = 1e-9
@@ -128,9 +130,13 @@ class Optimiser:
         return np.asarray(price)
 
     def _spent(self, reading: Reading) -> NDArray[np.bool_]:
-        """Return whether to change the edge: its life has no price left, or may be over (at one standard deviation)."""
+        """Return whether to change the edge: its life has no price left, or may soon be over (at one standard deviation)."""
         _, used_life = self._used_life(reading)
-        over = used_life * np.exp(self._filter.wear_doubt / self._scenario.material.wear.time) >= 1.0
+        exponent, (coefficient, speed, feed) = self._scenario.material.wear.time, self._parameters["wear"].T
+        log_wear = coefficient + speed * np.log(reading.cutting_speed) + feed * np.log(reading.feed)
+        rate = np.exp((log_wear + self._filter.log_wear_factor) / exponent)  # [1/min]
+        soon = used_life + rate * LEAD * self._scenario.control.interval / 60.0
+        over = soon * np.exp(self._filter.wear_doubt / exponent) >= 1.0
         spent: NDArray[np.bool_] = (reading.nominal_wear > 0.0) & (over | (self._price(used_life) <= 0.0))
         return spent
 

@@ -61,7 +61,7 @@ RULES = {
         DESCRIPTION,
         lambda scenario, num_envs, parameters: SelfTuning(scenario, num_envs, **parameters),
         lambda scenario: plays(scenario) and scenario.sensors.inspects_edges,
-        {"severity": 0.85, "caution": 0.9, "law_doubt": 1.0, "lot_doubt": 0.4, "lot_life": 0.78},
+        {"severity": 1.2, "caution": 1.0, "law_doubt": 1.0, "lot_doubt": 0.4, "lot_life": 0.78},
         changes_edges=True,
         together=True,
     )
