@@ -49,8 +49,6 @@ class Settings:
     """Expected load over its limit that the shield allows [-]."""
     rise: float = 20.0
     """Largest rise of the commanded feed over its range [1/s]."""
-    delay: float = 0.0
-    """Time by which loads are read late and commands act late [s]; the simulation has none."""
     deadline: float | None = None
     """Time in which a policy must answer [s]; None: not measured, so that simulations are reproducible."""
 
@@ -84,7 +82,7 @@ class Shield(Policy):
         self.reasons = ["passed"] * num_envs
         self._refused, self._hopeless = np.zeros((2, num_envs), np.int64)
         self.place = None
-        self._observer = Observer(self._scenario, num_envs, settings.delay)
+        self._observer = Observer(self._scenario, num_envs)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         self._policy.reset(mask)
@@ -163,7 +161,7 @@ class Shield(Policy):
         bound = np.minimum(by_power, by_force)
         # If the drive is slow, a command below the bound brings the feed down sooner; too low a command would make a loop with
         # delays swing.
-        share = max(lag_share(control.interval + self._settings.delay, machine.feed_time_constant), MIN_SHARE)
+        share = max(lag_share(control.interval + machine.command_delay, machine.feed_time_constant), MIN_SHARE)
         bound = np.where(reading.feed > bound, reading.feed + (bound - reading.feed) / share, bound)
         rise = reading.commanded_feed + self._settings.rise * control.interval * (machine.feed_max - machine.feed_min)
         same = asked * asked_speed / speed  # the asked removal rate, not more
