@@ -170,9 +170,7 @@ def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
             before = pins["time"]
             along = work.approach + pins["position"]
             at_feed = pins["motion-type"] == FEED_MOTION and 0.0 <= along < work.approach + work.bar_length
-            hidden = plant.advance(
-                max(seconds, 1e-4), along, abs(pins["spindle-speed"]), pins["feed-velocity"], at_feed
-            )
+            hidden = plant.advance(max(seconds, 1e-4), along, abs(pins["spindle-speed"]), pins["feed-velocity"], at_feed)
             row = {
                 "time": pins["time"],
                 "seconds": seconds,

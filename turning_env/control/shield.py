@@ -12,7 +12,6 @@ It knows what the policy knows, observations and the nominal model, and works in
 
 import logging
 import time
-from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,10 +64,9 @@ class Shield(Policy):
         settings: see ``Settings``.
 
     Attributes:
-        counts: number of decisions by reason: ``passed``, ``power``, ``force``, ``load`` (a part's), ``rise``, ``late``,
-            ``error``, ``shape``, ``not finite``, ``handed over``.
         handed_over: whether the operator has taken over, shape (num_envs,); the safe feed holds until ``reset``.
-        reasons: the last reason in each environment, a list of num_envs texts.
+        reasons: the last decision's reason in each environment: ``passed``, ``power``, ``force``, ``load`` (a part's), ``rise``,
+            ``late``, ``error``, ``shape``, ``not finite`` or ``handed over``.
         place: tool position along the bar [mm], below 0 before it, shape (num_envs,); set it before ``act`` if it is known.
             None: the shield integrates the feed.
     """
@@ -77,7 +75,6 @@ class Shield(Policy):
 
     def __init__(self, policy: Policy, scenario: Scenario, num_envs: int, settings: Settings = Settings()) -> None:
         self._policy, self._scenario, self._settings = policy, scenario.nominal(), settings
-        self.counts: Counter[str] = Counter()
         self.handed_over = np.zeros(num_envs, np.bool_)
         self.reasons = ["passed"] * num_envs
         self._refused, self._hopeless = np.zeros((2, num_envs), np.int64)
@@ -102,7 +99,6 @@ class Shield(Policy):
         actions, limited_by = limit(actions, reading)
         why = np.where(refused, why, np.where(self.handed_over, "handed over", limited_by))
         self.reasons = [reason or "passed" for reason in why.tolist()]
-        self.counts.update(self.reasons)
         return actions
 
     def _answers(self, observations: Observations) -> tuple[Actions, NDArray[Any]]:
