@@ -28,6 +28,8 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 
 LOG = logging.getLogger("turning_env.control")
 
+SHIELD_VERSION = 1
+"""Raise it when the shield decides differently: kept figures of other versions are refused."""
 PART_MARGIN = 2.2
 """Margin for a part, whose load is not observed before it is cut [standard deviations]."""
 HOPELESS = 2.0

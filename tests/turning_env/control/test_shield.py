@@ -135,3 +135,11 @@ def test_an_interrupted_measurement_goes_on_where_it_was(tmp_path: Any, monkeypa
     assert next(again) == first_row
     with pytest.raises(TypeError):
         next(again)
+
+
+def test_kept_figures_of_other_code_are_refused(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept, task = tmp_path / "kept.json", ["RoughTurning-Batch-v0"]
+    next(rows(task, 1, tmp_path, Settings(), kept))
+    monkeypatch.setattr("turning_env.control.measure.VERSION", "0.0")
+    with pytest.raises(ValueError, match="version"):
+        next(rows(task, 1, tmp_path, Settings(), kept))
