@@ -85,13 +85,14 @@ def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
         changed["mismatch"]["initial_wear"] = 0.0
     if control["time_limit"] * 60.0 < control["interval"]:
         control["interval"] = control["time_limit"] * 60.0
+    machine["command_delay"] = min(machine["command_delay"], 4.0 * control["interval"])
     if control["action"] == "override":
         control["override_max"] = min(control["override_max"], machine["feed_max"] / control["initial_feed"])
         if control["override_max"] < 0.01:
             control["action"] = "set_point"
     if control["action"] == "part":
         for section, names in (
-            (machine, ("feed_time_constant", "spindle_time_constant", "chip_lag")),
+            (machine, ("feed_time_constant", "spindle_time_constant", "chip_lag", "command_delay")),
             (sensors, ("power_time_constant", "force_time_constant")),
         ):
             section.update(dict.fromkeys(names, 0.0))

@@ -13,7 +13,7 @@ from pathlib import Path
 from turning_env import IDS
 from turning_env.console import described, exits, number_within, picture_path, print_json
 from turning_env.control import measure, opcua
-from turning_env.control.core import Controller
+from turning_env.control.core import Controller, on_control
 from turning_env.control.linuxcnc import (
     LinuxCncError,
     figures,
@@ -78,10 +78,6 @@ def main(arguments: list[str] | None = None) -> int:
     return exits(ValueError, LinuxCncError, KeyError, OSError)(options.run)(options)
 
 
-DELAY = 1.5
-"""Delay of readings and commands on a control [control intervals]."""
-
-
 def _shield(options: argparse.Namespace) -> int:
     """Play uniform random actions and the best shipped agent of every task, with and without the shield.
 
@@ -122,7 +118,7 @@ def _serve(options: argparse.Namespace) -> int:
     """
     _log_to(options.log)
     scenario = Scenario.load(options.scenario)
-    serve(scenario, find_policy(options.policy, scenario), Settings(delay=DELAY * scenario.control.interval))
+    serve(on_control(scenario), find_policy(options.policy, scenario))
     return 0
 
 
@@ -133,7 +129,7 @@ def _opcua(options: argparse.Namespace) -> int:
     """
     _log_to(options.log)
     scenario = Scenario.load(options.scenario)
-    controller = Controller(scenario, find_policy(options.policy, scenario), Settings(delay=DELAY * scenario.control.interval))
+    controller = Controller(on_control(scenario), find_policy(options.policy, scenario))
     opcua.drive(controller, options.url, options.nodes, scenario.control.interval)
     return 0
 

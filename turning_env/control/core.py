@@ -24,6 +24,8 @@ from turning_env.scoring.policy import PolicyFactory
 
 STUCK = 0.5
 """Time in metal without any change of a reading after which its sensor counts as stuck [s]; 5 control intervals at least."""
+COMMAND_DELAY = 0.006
+"""Time from readings until LinuxCNC follows the command [s], if the scenario gives none: measured in the demo."""
 _NAN = math.nan
 _FURTHER = ("spindle_heat", "roughness_reference", "probed_depth", "removed_wear")  # readings that only some scenarios need
 
@@ -211,6 +213,13 @@ class Controller:
     def _set(self, **values: float) -> None:
         for name, value in values.items():
             self._states[name][0, 0] = value
+
+
+def on_control(scenario: Scenario) -> Scenario:
+    """Return a scenario with the delay of a control, ``COMMAND_DELAY``, if it has none."""
+    machine = scenario.machine
+    delay = machine.command_delay or min(COMMAND_DELAY, scenario.control.interval)
+    return scenario.model_copy(update={"machine": machine.model_copy(update={"command_delay": delay})})
 
 
 @compiled_entry

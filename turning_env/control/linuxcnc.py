@@ -21,10 +21,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from turning_env.control.core import Controller, Readings, Status
+from turning_env.control.core import Controller, Readings, Status, on_control
 from turning_env.control.plant import Plant
-from turning_env.control.shield import LOG, Settings, Shield
+from turning_env.control.shield import LOG, Shield
 from turning_env.files import replace_file
+from turning_env.physics.drives import lag_share
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import PolicyFactory
@@ -59,6 +60,7 @@ PLANT_PINS = {
         "motion-type": "s32",
         "position": "float",
         "adaptive-feed": "float",
+        "delay": "float",  # of the controller [s]
     },
     "out": {"power": "float", "thrust-force": "float", "edge": "u32"},
 }
@@ -107,16 +109,17 @@ def _answer(pins: Mapping[str, Any]) -> None:
     print(json.dumps(pins), flush=True)
 
 
-def serve(scenario: Scenario, make_policy: PolicyFactory, settings: Settings) -> None:
+def serve(scenario: Scenario, make_policy: PolicyFactory) -> None:
     """Answer the controller's pins until standard input ends."""
-    controller = Controller(scenario, make_policy, settings)
+    controller = Controller(scenario, make_policy)
     _warm_up(controller)
     before: dict[str, Any] = {}
     interval, begun, engaged, commands = scenario.control.interval, 0.0, 0.0, None
+    lowest = 0.5 * scenario.machine.feed_min / 60.0  # over the spindle's speed
     force = "servo_current" if scenario.sensors.force == "servo_current" else "thrust_force"
     for pins in _lines():
         seconds = pins["time"] - before.get("time", pins["time"])
-        moves = pins["feed-velocity"] > 0.0  # not held
+        moves = pins["feed-velocity"] > lowest * abs(pins["spindle-speed"])  # not held
         in_feed = pins["motion-type"] == FEED_MOTION and not pins["in-position"] and moves
         engaged += seconds if pins["cutting"] and in_feed else 0.0
         if commands is None or pins["time"] - begun > interval - 0.5 * max(seconds, 1e-3):
@@ -165,18 +168,15 @@ def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
         for pins in _lines():
             seconds = pins["time"] - before if before else 0.001
             before = pins["time"]
-            hidden = plant.advance(
-                max(seconds, 1e-4),
-                work.approach + pins["position"],
-                abs(pins["spindle-speed"]),
-                pins["feed-velocity"],
-                pins["motion-type"] == FEED_MOTION,
-            )
+            along = work.approach + pins["position"]
+            at_feed = pins["motion-type"] == FEED_MOTION and 0.0 <= along < work.approach + work.bar_length
+            hidden = plant.advance(max(seconds, 1e-4), along, abs(pins["spindle-speed"]), pins["feed-velocity"], at_feed)
             row = {
                 "time": pins["time"],
                 "seconds": seconds,
-                "motion": pins["motion-type"],
+                "at_feed": int(at_feed),
                 "adaptive_feed": pins["adaptive-feed"],
+                "delay": pins["delay"],
             } | hidden
             if writer is None:
                 writer = csv.DictWriter(file, list(row))
@@ -199,23 +199,28 @@ class Fault(NamedTuple):
 
 
 def program(scenario: Scenario, bars: int) -> str:
-    """Return the part program: ``bars`` passes at the highest feed, with adaptive feed."""
+    """Return the part program: ``bars`` passes at the highest feed, with adaptive feed, between run-ups at the programmed one."""
     work, control, machine = scenario.workpiece, scenario.control, scenario.machine
     highest = min(
         control.override_max * control.initial_feed if control.action == "override" else machine.feed_max, machine.feed_max
     )
     spindle_speed = 1000.0 * control.initial_cutting_speed / (np.pi * work.diameter)
     radius = 0.5 * work.diameter
-    lines = [
-        "G18 G21 G8 G90 G54",
-        "M52 P1",
-        f"G97 S{spindle_speed:.1f} M3",
-        f"G95 F{highest:.4f}",
-        f"G0 X{radius + 5:.3f} Z{work.approach:.3f}",
-    ]
+    lag = spindle_speed / 60.0 * machine.feed_time_constant  # [rev] by which the drive is behind
+    run_up = 5.0 * lag * highest + 1.0  # [mm] in which it settles
+    lines = ["G18 G21 G8 G90 G54", f"G97 S{spindle_speed:.1f} M3", "G95"]
     for _ in range(bars):
-        lines += [f"G0 X{radius:.3f}", f"G1 Z{-work.bar_length:.3f}", f"G0 X{radius + 5:.3f}", f"G0 Z{work.approach:.3f}"]
-    return "\n".join([*lines, "M5", "M52 P0", "M2", ""])
+        lines += [
+            "M52 P0",
+            f"G0 X{radius + 5:.3f}",
+            f"G0 Z{work.approach + run_up:.3f}",
+            f"G4 P{10.0 * machine.feed_time_constant:.2f}",
+            f"G0 X{radius:.3f}",
+            f"G1 Z{work.approach - lag * control.initial_feed:.3f} F{control.initial_feed:.4f}",
+            "M52 P1",
+            f"G1 Z{-work.bar_length - run_up:.3f} F{highest:.4f}",
+        ]
+    return "\n".join([*lines, "M52 P0", f"G0 X{radius + 5:.3f}", "M5", "M2", ""])
 
 
 def safe_feed(scenario: Scenario) -> float:
@@ -246,9 +251,9 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
         held = {"adaptive-feed": safe, "spindle-override": 1.0, "status": int(Status.SAFE)}
         served = [*command, "serve", "--policy", policy, *common]
         _write_plan(folder / "turning.json", CONTROLLER_PINS, interval, held, served)
-        no_load = {"power": 0.0, "thrust-force": 0.0}
         acted = [*command, "plant", "--seed", str(seed), "--log", str(log), *common]
-        _write_plan(folder / "plant.json", PLANT_PINS, min(interval, 0.02), no_load, acted)
+        sub_step = min(interval / loaded.control.sub_steps, 0.02)
+        _write_plan(folder / "plant.json", PLANT_PINS, sub_step, {}, acted)  # late: the readings before hold
         output = _start(folder, 60.0 + bars * 120.0)
         lines = log.read_text().splitlines() if log.is_file() else []
         rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(lines)]
@@ -262,13 +267,14 @@ def _write_plan(path: Path, pins: Mapping[str, Any], period: float, safe: Mappin
 
 
 def _write_lathe(folder: Path, scenario: Scenario) -> None:
-    """Write the lathe's configuration; the drive's acceleration reaches the highest feed within its time constant."""
+    """Write the lathe's configuration: accelerations ten times what the drive's lag needs, which therefore decides."""
     turns = scenario.control.initial_cutting_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) / 60.0
-    velocity = turns * scenario.machine.feed_max
+    velocity, lag = turns * scenario.machine.feed_max, scenario.machine.feed_time_constant
     values = {
         "PYTHON": PYTHON,
         "FOLDER": str(folder),
-        "ACCELERATION": f"{max(velocity / max(scenario.machine.feed_time_constant, 0.01), 10.0):.1f}",
+        "ACCELERATION": f"{max(10.0 * velocity / max(lag, 0.01), 10.0):.1f}",
+        "LAG_SHARE": f"{lag_share(0.001, lag):.9f}",  # in a servo cycle
         "METAL_POWER": f"{0.02 * scenario.limits.power:.4f}",
         "METAL_HYSTERESIS": f"{0.01 * scenario.limits.power:.4f}",
     }
@@ -330,30 +336,35 @@ class Figures(NamedTuple):
     """Edges used."""
     safe: float = 0.0
     """Share of the time at feed in which the safe feed held, because an answer was late [-]."""
+    delay: float = 0.0
+    """Mean time from the controller's readings to its command; in the simulation, until drives follow [s]."""
 
 
 def figures(rows: list[dict[str, float]], safe_feed: float) -> Figures:
     """Return the figures of a run through LinuxCNC, where ``safe_feed`` is the safe share of the highest feed."""
-    feed = [row for row in rows if row["motion"] == FEED_MOTION]
+    feed = [row for row in rows if row["at_feed"]]
     engaged = sum(row["engaged_time"] for row in feed)
     bars = len({row["bar"] for row in feed if row["engaged_time"] > 0.0})
     mean = sum(row["power"] * row["engaged_time"] for row in feed) / engaged
     severe = sum(row["severe_overload_time"] for row in feed) / engaged
     time = sum(row["seconds"] for row in feed)
     safe = sum(row["seconds"] for row in feed if abs(row["adaptive_feed"] - safe_feed) < 1e-6)
-    return Figures(time / bars, mean, severe, 1.0 + rows[-1]["edge"], safe / time)
+    delay = sum(row["seconds"] * row["delay"] for row in feed) / time
+    return Figures(time / bars, mean, severe, 1.0 + rows[-1]["edge"], safe / time, delay)
 
 
 def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
     """Return the figures of the same shielded policy on the same bars in the simulation."""
-    control = scenario.control.model_copy(update={"edge_changes": "automatic"})
-    played = scenario.model_copy(update={"control": control, "workpiece": scenario.workpiece.model_copy(update={"bars": bars})})
+    control, delayed = scenario.control.model_copy(update={"edge_changes": "automatic"}), on_control(scenario)
+    played = delayed.model_copy(update={"control": control, "workpiece": scenario.workpiece.model_copy(update={"bars": bars})})
     env = RoughTurningVectorEnv(1, played)
-    guard = Shield(find_policy(policy, scenario)(1), scenario, 1)
-    observations, _ = env.reset(seed=[seed])
+    guard = Shield(find_policy(policy, scenario)(1), delayed, 1)
+    observations, info = env.reset(seed=[seed])
     guard.reset(np.ones(1, np.bool_))
     ended, sums, edges = False, np.zeros(4), 1.0
+    pitch = scenario.workpiece.approach + scenario.workpiece.bar_length
     while not ended:
+        guard.place = info["path"] % pitch - scenario.workpiece.approach  # which a control knows
         observations, _, terminated, truncated, info = env.step(guard.act(observations))
         engaged = info["engaged_time"][0]
         sums += (
@@ -365,20 +376,21 @@ def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
         edges += info["edges_broken"][0]
         ended = bool(terminated[0] or truncated[0])
     time_at_feed, engaged, energy, severe = sums
-    return Figures(time_at_feed / bars, energy / engaged, severe / engaged, edges)
+    return Figures(time_at_feed / bars, energy / engaged, severe / engaged, edges, 0.0, delayed.machine.command_delay)
 
 
 def table(runs: Mapping[str, tuple[Figures, Figures]]) -> str:
     """Return figures through LinuxCNC and in the simulation as a Markdown table."""
     lines = [
-        "| Policy, shielded | Where | Cycle time [s/bar] | Mean power [kW] | Over 5 % [% of cutting time] | Edges | Late [%] |",
-        "|---|---|---|---|---|---|---|",
+        "| Policy, shielded | Where | Cycle time [s/bar] | Mean power [kW] | Over 5 % [% of cutting time] | Edges | Late [%] "
+        "| Delay [ms] |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for name, both in runs.items():
         for where, each in zip(("LinuxCNC", "simulation"), both, strict=True):
             lines.append(
-                f"| {name} | {where} | {each.time:.1f} | {each.mean_power:.2f} | {100 * each.severe:.1f} | {each.edges:.0f} "
-                f"| {100 * each.safe:.1f} |"
+                f"| {name} | {where} | {each.time:.2f} | {each.mean_power:.2f} | {100 * each.severe:.1f} | {each.edges:.0f} "
+                f"| {100 * each.safe:.1f} | {1000 * each.delay:.1f} |"
             )
     return "\n".join(lines)
 
@@ -391,7 +403,7 @@ def picture(runs: Mapping[str, list[dict[str, float]]], scenario: Scenario, path
 
     figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(DOUBLE, 0.6 * DOUBLE), layout="constrained")
     for (name, rows), (colour, dashes) in zip(runs.items(), LINES, strict=False):
-        first = [row for row in rows if row["bar"] == 0.0 and row["motion"] == FEED_MOTION]
+        first = [row for row in rows if row["bar"] == 0.0 and row["at_feed"]]
         along = [row["along"] - scenario.workpiece.approach for row in first]
         upper.plot(
             along,

@@ -11,8 +11,9 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from turning_env.control.shield import Settings, Shield
+from turning_env.control.shield import SHIELD_VERSION, Settings, Shield
 from turning_env.files import replace_file
+from turning_env.physics import MODEL_VERSION
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
@@ -31,6 +32,8 @@ class Row(NamedTuple):
     episodes: int
     target: float
     """``Settings.target``, which the shield has."""
+    version: str
+    """``VERSION`` of the code that measured it."""
     severe: float
     """Share of cutting time with an excess above the tolerance, 5 % [-]."""
     edges_broken: int
@@ -43,6 +46,8 @@ class Row(NamedTuple):
 
 
 SUMS = ("severe_overload_time", "engaged_time", "edges_broken", "removed", "time")
+VERSION = f"{MODEL_VERSION}.{SHIELD_VERSION}"
+"""Versions of the model and of the shield. Figures of others do not hold."""
 REPORTED = 10.0
 """Time between lines of progress [s]."""
 
@@ -78,9 +83,15 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, ke
         agents: folder of the agents.
         settings: of the shield.
         kept: file of rows; those in it are not measured again, and new ones are added.
+
+    Raises:
+        ValueError: the file holds rows of another version of the code.
     """
-    done = [Row(**each) for each in json.loads(kept.read_text())] if kept and kept.is_file() else []
-    known = {each[:5]: each for each in done}
+    found = json.loads(kept.read_text()) if kept and kept.is_file() else []
+    if others := {str(each.get("version", "none")) for each in found} - {VERSION}:
+        raise ValueError(f"{kept} has figures of version {others.pop()}, but the code's is {VERSION}: name another file")
+    done = [Row(**each) for each in found]
+    known = {each[:6]: each for each in done}
     for env_id in env_ids:
         scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
         policies: list[tuple[str, PolicyFactory]] = [("uniform random", lambda n, s=scenario: UniformRandom(action_size(s)))]  # type: ignore[misc]
@@ -88,7 +99,7 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, ke
             policies.append((best.stem, as_factory(best)))
         for name, make in policies:
             for with_shield in (False, True):
-                key = env_id, name, with_shield, episodes, settings.target
+                key = env_id, name, with_shield, episodes, settings.target, VERSION
                 if key not in known:
                     done.append(_row(key, scenario, make, settings))
                     known[key] = done[-1]
@@ -98,8 +109,8 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, ke
                 yield known[key]
 
 
-def _row(key: tuple[str, str, bool, int, float], scenario: Scenario, make: PolicyFactory, settings: Settings) -> Row:
-    *_, with_shield, episodes, _ = key
+def _row(key: tuple[str, str, bool, int, float, str], scenario: Scenario, make: PolicyFactory, settings: Settings) -> Row:
+    _, _, with_shield, episodes, *_ = key
     env = RoughTurningVectorEnv(episodes, scenario, AutoresetMode.SAME_STEP)
     policy = Shield(make(episodes), scenario, episodes, settings) if with_shield else make(episodes)
     observations, _ = env.reset(seed=held_out_seeds(episodes))

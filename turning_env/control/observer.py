@@ -49,15 +49,15 @@ class Observer:
     The state's rows are d [mm], its slope along the bar [-], b, s and m.
     """
 
-    def __init__(self, scenario: Scenario, num_envs: int, delay: float) -> None:
+    def __init__(self, scenario: Scenario, num_envs: int) -> None:
         self._scenario = scenario
         material, work, sensors, tool = scenario.material, scenario.workpiece, scenario.sensors, scenario.tool
         power, force = material.power, material.thrust_force
         self._laws = [  # exponents of depth, hardness and edge; noise; time constant
             (power.depth_of_cut, power.hardness, power.wear / max(force.wear, 1e-9) if force.wear else 0.0,
-             np.hypot(sensors.power_noise, MODEL_NOISE), sensors.power_time_constant + delay),
+             np.hypot(sensors.power_noise, MODEL_NOISE), sensors.power_time_constant),
             (force.depth_of_cut, force.hardness, 1.0,
-             np.hypot(sensors.force_noise, MODEL_NOISE), sensors.force_time_constant + delay),
+             np.hypot(sensors.force_noise, MODEL_NOISE), sensors.force_time_constant),
         ]  # fmt: skip
         slope = 0.5 * np.pi * work.depth_along_spread / work.depth_correlation_length
         harder = 0.5 * np.pi * work.hardness_along_spread / work.hardness_correlation_length
@@ -74,7 +74,7 @@ class Observer:
         lengths = work.section_lengths or (work.bar_length / len(self._profile),) * len(self._profile)
         self._starts = np.cumsum([0.0, *lengths])[:-1]
         settling = scenario.machine.feed_time_constant
-        self._acts = scenario.control.interval + delay  # [s] until the end of the next command's step
+        self._acts = scenario.control.interval + scenario.machine.command_delay  # [s] until the end of the next command's step
         self._horizon = self._acts + settling  # [s]
         self._mean, self._covariance = np.zeros((num_envs, 5)), np.zeros((num_envs, 5, 5))
         self._place, self._cutting_time = np.zeros((2, num_envs))

@@ -12,7 +12,6 @@ It knows what the policy knows, observations and the nominal model, and works in
 
 import logging
 import time
-from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +28,8 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 
 LOG = logging.getLogger("turning_env.control")
 
+SHIELD_VERSION = 1
+"""Raise it when the shield decides differently: kept figures of other versions are refused."""
 PART_MARGIN = 2.2
 """Margin for a part, whose load is not observed before it is cut [standard deviations]."""
 HOPELESS = 2.0
@@ -49,8 +50,6 @@ class Settings:
     """Expected load over its limit that the shield allows [-]."""
     rise: float = 20.0
     """Largest rise of the commanded feed over its range [1/s]."""
-    delay: float = 0.0
-    """Time by which loads are read late and commands act late [s]; the simulation has none."""
     deadline: float | None = None
     """Time in which a policy must answer [s]; None: not measured, so that simulations are reproducible."""
 
@@ -67,10 +66,9 @@ class Shield(Policy):
         settings: see ``Settings``.
 
     Attributes:
-        counts: number of decisions by reason: ``passed``, ``power``, ``force``, ``load`` (a part's), ``rise``, ``late``,
-            ``error``, ``shape``, ``not finite``, ``handed over``.
         handed_over: whether the operator has taken over, shape (num_envs,); the safe feed holds until ``reset``.
-        reasons: the last reason in each environment, a list of num_envs texts.
+        reasons: the last decision's reason in each environment: ``passed``, ``power``, ``force``, ``load`` (a part's), ``rise``,
+            ``late``, ``error``, ``shape``, ``not finite`` or ``handed over``.
         place: tool position along the bar [mm], below 0 before it, shape (num_envs,); set it before ``act`` if it is known.
             None: the shield integrates the feed.
     """
@@ -79,12 +77,11 @@ class Shield(Policy):
 
     def __init__(self, policy: Policy, scenario: Scenario, num_envs: int, settings: Settings = Settings()) -> None:
         self._policy, self._scenario, self._settings = policy, scenario.nominal(), settings
-        self.counts: Counter[str] = Counter()
         self.handed_over = np.zeros(num_envs, np.bool_)
         self.reasons = ["passed"] * num_envs
         self._refused, self._hopeless = np.zeros((2, num_envs), np.int64)
         self.place = None
-        self._observer = Observer(self._scenario, num_envs, settings.delay)
+        self._observer = Observer(self._scenario, num_envs)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         self._policy.reset(mask)
@@ -104,7 +101,6 @@ class Shield(Policy):
         actions, limited_by = limit(actions, reading)
         why = np.where(refused, why, np.where(self.handed_over, "handed over", limited_by))
         self.reasons = [reason or "passed" for reason in why.tolist()]
-        self.counts.update(self.reasons)
         return actions
 
     def _answers(self, observations: Observations) -> tuple[Actions, NDArray[Any]]:
@@ -163,7 +159,7 @@ class Shield(Policy):
         bound = np.minimum(by_power, by_force)
         # If the drive is slow, a command below the bound brings the feed down sooner; too low a command would make a loop with
         # delays swing.
-        share = max(lag_share(control.interval + self._settings.delay, machine.feed_time_constant), MIN_SHARE)
+        share = max(lag_share(control.interval + machine.command_delay, machine.feed_time_constant), MIN_SHARE)
         bound = np.where(reading.feed > bound, reading.feed + (bound - reading.feed) / share, bound)
         rise = reading.commanded_feed + self._settings.rise * control.interval * (machine.feed_max - machine.feed_min)
         same = asked * asked_speed / speed  # the asked removal rate, not more

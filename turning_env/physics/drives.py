@@ -1,7 +1,8 @@
-"""Feed servo and spindle: first-order lags behind their commands, and the current of the feed's motor.
+"""Feed servo and spindle: dead time and first-order lags behind their commands, and the current of the feed's motor.
 
 The feed servo's time constant, 0.13 s, was measured (roughness control paper); the spindle's is an assumption. The lag is solved
-exactly over a sub-step, so a time constant of 0 means no lag.
+exactly over a sub-step, so a time constant of 0 means no lag. In the sub-step in which a dead time ends, drives follow the mean
+of the two commands over time.
 """
 
 import math
@@ -11,6 +12,8 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import sine_and_cosine
+from turning_env.numerics.per_env import at
+from turning_env.scenario.sections import MAX_DELAY
 
 
 def lag_share(time: float, time_constant: Any) -> Any:
@@ -30,6 +33,27 @@ def clipped(action):
 def set_point(action, low, high):
     """Return the value that an action commands, linear between a range's ends; the action is clipped to -1..1."""
     return low + 0.5 * (clipped(action) + 1.0) * (high - low)
+
+
+@compiled
+def note_command(state, i):
+    """Store the commands of the step before in the queue of past ones; all of it before the first step."""
+    for k in range(MAX_DELAY - 1, -1, -1):
+        before = k > 0 and state.step_count[i] > 0
+        state.past_cutting_speeds[k, i] = state.past_cutting_speeds[k - 1, i] if before else state.commanded_cutting_speed[i]
+        state.past_feeds[k, i] = state.past_feeds[k - 1, i] if before else state.commanded_feed[i]
+
+
+@compiled
+def hold_command(state, work, i, parameters):
+    """Set the past command that drives still follow at the beginning of a step, how long, and the one that they follow then."""
+    p = at(parameters, i)
+    whole = min(max(math.ceil(p.steps_late) - 1, 0), MAX_DELAY - 1)
+    work.sub_steps_held[i] = (p.steps_late - whole) * p.sub_steps
+    work.held_cutting_speed[i] = state.past_cutting_speeds[whole, i]
+    work.held_feed[i] = state.past_feeds[whole, i]
+    work.next_cutting_speed[i] = state.past_cutting_speeds[whole - 1, i] if whole > 0 else state.commanded_cutting_speed[i]
+    work.next_feed[i] = state.past_feeds[whole - 1, i] if whole > 0 else state.commanded_feed[i]
 
 
 @compiled

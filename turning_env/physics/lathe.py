@@ -14,7 +14,7 @@ import math
 from turning_env.numerics.compilation import compiled, compiled_separately
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.numerics.per_env import at
-from turning_env.physics.drives import clipped, set_point
+from turning_env.physics.drives import clipped, hold_command, note_command, set_point
 from turning_env.physics.economics import compute_reward
 from turning_env.physics.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
 from turning_env.physics.failure import chip, collapse
@@ -134,7 +134,13 @@ def prepare(state, work, actions, first, last, parameters):
     """Apply the actions; return the number of travels: 1, or with parts the largest number of passes of any environment."""
     p = parameters
     if p.action != PART:
+        if p.delays_commands:
+            for i in range(first, last):
+                note_command(state, i)
         command(state, work, actions, first, last, p)
+        if p.delays_commands:
+            for i in range(first, last):
+                hold_command(state, work, i, p)
         for i in range(first, last):
             work.sub_step[i] = at(p, i).sub_step
             work.sub_steps_left[i] = p.sub_steps
@@ -301,8 +307,14 @@ def move(state, work, i, parameters):
     sub_step = work.sub_step[i] if runs else 0.0
     spindle_share = p.spindle_share if runs else 0.0
     feed_share = p.feed_share if runs else 0.0
-    state.cutting_speed[i] += (state.commanded_cutting_speed[i] - state.cutting_speed[i]) * spindle_share
-    state.feed[i] += (state.commanded_feed[i] - state.feed[i]) * feed_share
+    speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
+    if p.delays_commands:
+        held = min(work.sub_steps_held[i], 1.0)
+        work.sub_steps_held[i] -= held
+        speed = work.next_cutting_speed[i] + (work.held_cutting_speed[i] - work.next_cutting_speed[i]) * held
+        feed = work.next_feed[i] + (work.held_feed[i] - work.next_feed[i]) * held
+    state.cutting_speed[i] += (speed - state.cutting_speed[i]) * spindle_share
+    state.feed[i] += (feed - state.feed[i]) * feed_share
     spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre  # [rev/min]
     feed_velocity = spindle_speed * state.feed[i]  # [mm/min]
     turns = spindle_speed * sub_step

@@ -16,7 +16,7 @@ from turning_env.physics.spindle import idle_power_at
 from turning_env.physics.wear import CLOCK_TIME, EQUIVALENT_TIME
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import POWER_LAW_RECORD
-from turning_env.scenario.sections import MAX_DEPTHS, NO_LIMIT
+from turning_env.scenario.sections import MAX_DELAY, MAX_DEPTHS, NO_LIMIT
 
 WIDTH = 32
 """Environments of a block. Every quantity of a block is one array over its environments, so that the compiled loops take several
@@ -80,6 +80,8 @@ STATE = (
     Q("turns", "rev", "turns of the spindle since the start"),
     Q("commanded_cutting_speed", "m/min", "commanded cutting speed"),
     Q("commanded_feed", "mm/rev", "commanded feed"),
+    Q("past_cutting_speeds", "m/min", "those before, the last first", np.float64, (MAX_DELAY, WIDTH)),
+    Q("past_feeds", "mm/rev", "likewise", np.float64, (MAX_DELAY, WIDTH)),
     Q("cutting_speed", "m/min", "actual cutting speed"),
     Q("feed", "mm/rev", "actual feed"),
     Q("edge", "-", "edges used before this one", np.int64),
@@ -124,6 +126,11 @@ WORK = (
     Q("action", "-", "speed and feed of the action, clipped", np.float64, (2, WIDTH)),
     Q("sub_step", "min", "length of a sub-step"),
     Q("sub_steps_left", "-", "sub-steps left in the step or pass", np.int64),
+    Q("sub_steps_held", "-", "sub-steps until the drives follow the next command"),
+    Q("held_cutting_speed", "m/min", "command that the drives follow until then"),
+    Q("held_feed", "mm/rev", "likewise"),
+    Q("next_cutting_speed", "m/min", "command that they follow from then on"),
+    Q("next_feed", "mm/rev", "likewise"),
     Q("time", "min", "time since clock and life were last brought up to date"),
     Q("used_life_before", "-", "used life at the beginning of that time"),
     Q("cutting_time_before", "min", "cutting time at the beginning of that time"),
@@ -400,6 +407,8 @@ PARAMETERS = (
         lambda s: lag_share(_sub_step(s), s.machine.spindle_time_constant),
     ),
     P("feed_share", "-", "likewise of the feed", lambda s: lag_share(_sub_step(s), s.machine.feed_time_constant)),
+    P("delays_commands", "-", "commands act late", lambda s: bool(np.any(s.machine.command_delay > 0)), np.bool_),
+    P("steps_late", "-", "steps by which commands act late", lambda s: s.machine.command_delay / s.control.interval),
     P("reachable_cutting_speed", "m/min", "highest cutting speed at the diameter", lambda s: s.cutting_speed_max),
     P(
         "idle_power_per_speed",

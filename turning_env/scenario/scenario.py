@@ -19,6 +19,7 @@ from pydantic import BeforeValidator, Field, PlainSerializer, ValidationError, W
 from turning_env.files import replace_file
 from turning_env.scenario.section import Section, names_instead
 from turning_env.scenario.sections import (
+    MAX_DELAY,
     Control,
     Economics,
     EdgeFailure,
@@ -162,8 +163,13 @@ class Scenario(Section):
         if control.action == "override" and control.initial_feed * control.override_max > machine.feed_max * (1 + 1e-9):
             reached = f"{control.initial_feed} mm/rev times control.override_max, {control.override_max}"
             raise ValueError(f"control.initial_feed is {reached}: above machine.feed_max, {machine.feed_max}")
+        if machine.command_delay > MAX_DELAY * control.interval * (1 + 1e-9) and control.action != "part":
+            raise ValueError(
+                f"machine.command_delay is {machine.command_delay} s, but must be at most {MAX_DELAY} times control.interval, "
+                f"which is {control.interval} s"
+            )
         if control.action == "part":
-            lags = ("machine.feed_time_constant", "machine.spindle_time_constant", "machine.chip_lag")
+            lags = ("machine.feed_time_constant", "machine.spindle_time_constant", "machine.chip_lag", "machine.command_delay")
             for name in (*lags, "sensors.power_time_constant", "sensors.force_time_constant"):
                 if (lag := attrgetter(name)(self)) != 0:
                     raise ValueError(f"{name} is {lag}, but passes of whole parts are cut without lags: only 0")

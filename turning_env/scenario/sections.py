@@ -14,6 +14,8 @@ from turning_env.scenario.section import Section, quantity
 
 MAX_DEPTHS = 64
 """Largest number of sections of different depth along a bar."""
+MAX_DELAY = 4
+"""Longest delay of commands [control intervals]."""
 MAX_PASSES = 6
 """Largest number of passes of a part."""
 
@@ -109,6 +111,9 @@ class Machine(Section):
     spindle_time_constant: float = quantity(0.4, 0, 60, "s", "time constant of the spindle drive (assumption)")
     chip_lag: float = quantity(
         0, 0, 100, "rev", "lag of force and power behind feed and depth: a chip needs a revolution to reach its thickness"
+    )
+    command_delay: float = quantity(
+        0, 0, 60, "s", "dead time until the drives follow a command, at most 4 control intervals (measured on LinuxCNC: docs)"
     )
     rated_power: float = quantity(7.5, 0.001, 1e4, "kW", "spindle power at a load of 100 % (assumption)")
     return_time: float = quantity(0.1, 0, 1e3, "min", "time from the end of a pass to the start of the next (assumption)")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from turning_env import Scenario
-from turning_env.control.core import Commands, Controller, Readings, Status, apply_actions
+from turning_env.control.core import Commands, Controller, Readings, Status, apply_actions, on_control
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 STEADY = Readings(
@@ -124,3 +124,10 @@ def test_every_decision_is_logged(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level("DEBUG", "turning_env.control"):
         decided([], *noisy(3))
     assert len([each for each in caplog.records if each.levelname == "DEBUG"]) == 3
+
+
+def test_a_control_has_its_stated_delay_or_that_of_linuxcnc() -> None:
+    scenario = Scenario.load("override")
+    delayed = on_control(scenario)
+    assert delayed.machine.command_delay == pytest.approx(0.5 * scenario.control.interval)
+    assert on_control(delayed) == delayed

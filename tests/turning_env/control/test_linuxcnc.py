@@ -98,8 +98,7 @@ def test_the_plant_cuts_what_the_control_moves() -> None:
 def test_the_program_holds_the_highest_feed() -> None:
     text = linuxcnc.program(Scenario.load("override"), bars=3)
     assert "F0.8" in text
-    assert text.count("G1 ") == 3
-    assert text.index("M52 P1") < text.index("G1 ")
+    assert text.count("M52 P1\nG1 ") == 3
 
 
 def test_without_linuxcnc_the_message_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -139,7 +138,7 @@ def not_a_number(observations: Observations) -> Actions:
 def test_faults_end_in_the_safe_feed_or_a_stop_and_leave_nothing_running(name: str) -> None:
     scenario = Scenario.load("override")
     policy = f"{__name__}:not_a_number" if name == "policy" else "programmed"
-    rows = linuxcnc.run(policy, "override", 1, 0, Fault(name, after=3.0, lasts=2.0))
+    rows = linuxcnc.run(policy, "override", 1, 0, Fault(name, after=5.0, lasts=2.0))
     safe = 0.5 * scenario.control.initial_feed / scenario.machine.feed_max
     held = sum(row["seconds"] for row in rows if abs(row["adaptive_feed"] - safe) < 1e-6)
     if name == "kill":
@@ -149,9 +148,8 @@ def test_faults_end_in_the_safe_feed_or_a_stop_and_leave_nothing_running(name: s
         assert held > 1.0
     else:
         assert max(row["feed"] for row in rows[-20:]) < 1e-3
-    if name == "policy":
-        at_feed = [row["adaptive_feed"] for row in rows if row["motion"] == linuxcnc.FEED_MOTION]
-        assert max(at_feed[5:]) == pytest.approx(safe)
+    if name == "policy":  # held before the tool reaches the bar
+        assert sum(row["removed"] for row in rows) == 0.0
     assert running() == []
 
 

@@ -34,7 +34,7 @@ def test_actions_far_from_the_limits_pass_unchanged(preset: str) -> None:
     action = np.full((2, action_size(scenario)), -0.9, np.float32)
     shield = Shield(Constant(action), scenario, 2)
     np.testing.assert_array_equal(shield.act(first(scenario, 2)), action)
-    assert shield.counts == {"passed": 2}
+    assert shield.reasons == ["passed"] * 2
 
 
 @pytest.mark.parametrize("answer", [np.full((2, 2), np.nan), np.zeros((2, 3)), np.zeros(2), [["a", "b"]] * 2, None])
@@ -135,3 +135,11 @@ def test_an_interrupted_measurement_goes_on_where_it_was(tmp_path: Any, monkeypa
     assert next(again) == first_row
     with pytest.raises(TypeError):
         next(again)
+
+
+def test_kept_figures_of_other_code_are_refused(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept, task = tmp_path / "kept.json", ["RoughTurning-Batch-v0"]
+    next(rows(task, 1, tmp_path, Settings(), kept))
+    monkeypatch.setattr("turning_env.control.measure.VERSION", "0.0")
+    with pytest.raises(ValueError, match="version"):
+        next(rows(task, 1, tmp_path, Settings(), kept))

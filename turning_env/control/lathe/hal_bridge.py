@@ -7,7 +7,8 @@ Runs in the system's Python, which has LinuxCNC's modules; it needs nothing of t
 The file names pins (``in``, ``out``: name to HAL type), the ``safe`` outputs, the ``period`` [s] and the ``command`` of the other
 process. Once per period, the inputs go to its standard input as one line of JSON; it answers with a line of outputs. If no answer
 has come when the next period begins, the outputs are the safe ones until it answers again. ``late`` counts such periods;
-``alive`` tells whether the process runs. It ends with this component.
+``latency`` is the time from the last inputs to their answer [s]; ``alive`` tells whether the process runs, which ends with this
+component. ``heartbeat`` changes once per period as long as the component itself runs.
 """
 
 import contextlib
@@ -22,7 +23,7 @@ from typing import Any
 
 import hal
 
-ALWAYS = {"late": "u32", "alive": "bit", "pid": "s32"}
+ALWAYS = {"late": "u32", "latency": "float", "alive": "bit", "heartbeat": "bit", "pid": "s32"}
 TYPES = {"float": hal.HAL_FLOAT, "bit": hal.HAL_BIT, "s32": hal.HAL_S32, "u32": hal.HAL_U32}
 
 
@@ -67,15 +68,17 @@ def serve(component: Any, child: Any, plan: dict[str, Any]) -> None:
     selector = selectors.DefaultSelector()
     selector.register(child.stdout, selectors.EVENT_READ)
     alive, waiting, received, begun = bool(ready), False, b"", time.monotonic()
+    asked = begun
     while True:
         if alive and not waiting:  # a process that has not answered gets no further line
-            inputs = {pin: component[pin] for pin in plan["in"]}
+            asked, inputs = time.monotonic(), {pin: component[pin] for pin in plan["in"]}
             try:
-                child.stdin.write(json.dumps({"time": time.monotonic(), **inputs}).encode() + b"\n")
+                child.stdin.write(json.dumps({"time": asked, **inputs}).encode() + b"\n")
                 child.stdin.flush()
                 waiting = True
             except OSError:
                 alive = False
+        component["heartbeat"] = not component["heartbeat"]
         begun = max(begun + plan["period"], time.monotonic() - plan["period"])
         while alive and waiting and (left := begun - time.monotonic()) > 0.0 and selector.select(left):
             chunk = child.stdout.read() or b""
@@ -83,7 +86,7 @@ def serve(component: Any, child: Any, plan: dict[str, Any]) -> None:
             received += chunk
             lines, newline, received = received.rpartition(b"\n")
             if newline:
-                write(component, json.loads(lines.splitlines()[-1]))
+                write(component, {**json.loads(lines.splitlines()[-1]), "latency": time.monotonic() - asked})
                 waiting = False
         if waiting or not alive:
             component["late"] += 1
