@@ -36,7 +36,7 @@ _ALGORITHMS: Mapping[str, frozenset[str]] = {
     "recurrent_ppo": _REWARDS,
     "sac": _REWARDS,
     "tqc": _REWARDS,
-    "lagrangian_ppo": _REWARDS | {"overload share"},
+    **dict.fromkeys(("lagrangian_ppo", "pid_lagrangian_ppo"), _REWARDS | {"overload share"}),
     "analytic_gradient": _TEACHER,
     "family_gradient": _TEACHER,
 }
