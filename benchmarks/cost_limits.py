@@ -27,7 +27,7 @@ from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Result, Task, result_folder
 from leaderboard.shipped import RESULTS
 from leaderboard.standings import Standing, rank
-from train import lagrangian_ppo, pid_lagrangian_ppo
+from train import focops, lagrangian_ppo, pid_lagrangian_ppo
 from train.actor import ActorPolicy
 from train.run import Run
 from train.training import SEEDS, train
@@ -40,7 +40,7 @@ from turning_env.scoring.statistics import Estimate
 from turning_env.workshop import plot_style as style
 
 ENV_ID = "RoughTurning-v0"
-ALGORITHMS = {module.ALGORITHM.name: module.ALGORITHM for module in (lagrangian_ppo, pid_lagrangian_ppo)}
+ALGORITHMS = {module.ALGORITHM.name: module.ALGORITHM for module in (lagrangian_ppo, pid_lagrangian_ppo, focops)}
 SHARES = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Targets as shares of the allowance [-]."""
 SHIPPED = {"ppo": "s", "predictive": "^", "analytic_gradient": "D"}

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from train import analytic_gradient, lagrangian_ppo, pid_lagrangian_ppo, ppo, recurrent_ppo, sac, tqc
+from train import analytic_gradient, focops, lagrangian_ppo, pid_lagrangian_ppo, ppo, recurrent_ppo, sac, tqc
 from train.run import Run
 from train.training import Algorithm
 from turning_env import Scenario
@@ -12,7 +12,7 @@ SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 
 
 ALGORITHMS = {
     module.ALGORITHM.name: module.ALGORITHM
-    for module in (ppo, sac, tqc, recurrent_ppo, lagrangian_ppo, pid_lagrangian_ppo, analytic_gradient)
+    for module in (ppo, sac, tqc, recurrent_ppo, lagrangian_ppo, pid_lagrangian_ppo, focops, analytic_gradient)
 }
 
 _ON_POLICY = {"steps": 2048, "num_envs": 8, "rollout": 64, "batch_size": 256, "epochs": 2}
@@ -25,6 +25,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     "recurrent_ppo": _ON_POLICY | {"memory_cells": 4},
     "lagrangian_ppo": _ON_POLICY,
     "pid_lagrangian_ppo": _ON_POLICY,
+    "focops": _ON_POLICY,
     "analytic_gradient": {"steps": 2048, "num_envs": 8, "rollout": 16, "batch_envs": 4, "cells": 8},
 }
 
