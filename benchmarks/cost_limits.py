@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from leaderboard.ranking import read_leaderboard
@@ -55,8 +56,8 @@ class Point:
     algorithm: str
     target: float
     """Severely overloaded share of cutting time [-]."""
-    trained: tuple[float, ...]
-    """That share in the last fifth of each training [-]."""
+    trained: tuple[NDArray[np.float64], ...]
+    """That share after each rollout in the last fifth of each training [-]."""
     seeds: tuple[Standing, ...]
     """Each training seed's numbers on the held-out seeds."""
     all_seeds: Standing
@@ -69,7 +70,7 @@ def value(standing: Standing, name: str) -> float:
     return found.value if isinstance(found, Estimate) else np.nan if found is None else found
 
 
-def point(algorithm: str, share: float, results: Sequence[tuple[Result, float]]) -> Point:
+def point(algorithm: str, share: float, results: Sequence[tuple[Result, NDArray[np.float64]]]) -> Point:
     """Return the numbers of one target's agents, given their results and their severe shares in training."""
     played = [result for result, _ in results]
     target = share * played[0].task.scenario.limits.overload_allowance
@@ -77,24 +78,26 @@ def point(algorithm: str, share: float, results: Sequence[tuple[Result, float]])
     return Point(algorithm, target, tuple(trained for _, trained in results), seeds, rank(played)[0])
 
 
-def played(run: Run, task: Task) -> tuple[Result, float]:
-    """Train an agent unless that is finished, and play it; return its result and its severe share late in training [-]."""
+def played(run: Run, task: Task) -> tuple[Result, NDArray[np.float64]]:
+    """Train an agent unless that is finished, and play it; return its result and its severe shares late in training [-]."""
     algorithm = ALGORITHMS[run.algorithm]
     actor = algorithm.actor(train(run, algorithm))
-    shares = [row["severe_share"] for row in run.read_learning_curve()]
+    shares = np.array([row["severe_share"] for row in run.read_learning_curve()])
     spec = PolicySpec(name=run.algorithm, kind="agent", parameters=run.parameters, training_seed=run.seed)
     episodes = play(partial(ActorPolicy, actor), run.scenario, task.seeds)
-    return Result.of(task, spec, episodes), float(np.mean(shares[-max(1, len(shares) // 5) :]))
+    return Result.of(task, spec, episodes), shares[-max(1, len(shares) // 5) :]
 
 
 def table(points: Sequence[Point]) -> list[str]:
     """Return the lines of a Markdown table of the points."""
     lines = [
-        "| Algorithm | Target [%] | In training [%] | Reached [%] | Removal rate [cm3/min] | Cost [min/dm3] | Return [s] |",
-        "|---|---|---|---|---|---|---|",
+        "| Algorithm | Target [%] | In training [%] | Off target there [%] | Reached [%] | Removal rate [cm3/min] "
+        "| Cost [min/dm3] | Return [s] |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for each in points:
-        shares = (each.trained, [seed.severe_share for seed in each.seeds])
+        off = [np.abs(shares - each.target).mean() for shares in each.trained]
+        shares = ([shares.mean() for shares in each.trained], off, [seed.severe_share for seed in each.seeds])
         cells = [f"`{each.algorithm}`", f"{100 * each.target:.3g}"]
         cells += [", ".join(f"{100 * share:.1f}" for share in seeds) for seeds in shares]
         cells += [", ".join(f"{seed.removal_rate:.1f}" for seed in each.seeds)]
@@ -166,7 +169,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # One training seed after the other, so that an interrupted command leaves whole curves.
     names, targets = dict.fromkeys(parsed.algorithms), sorted(set(parsed.shares))
     agents = [(name, share, seed) for seed in range(parsed.seeds) for name in names for share in targets]
-    found: dict[tuple[str, float], list[tuple[Result, float]]] = {}
+    found: dict[tuple[str, float], list[tuple[Result, NDArray[np.float64]]]] = {}
     for name, share, seed in (bar := tqdm(agents, unit="agent", disable=None)):
         bar.set_postfix_str(f"{name} at {share:g}, seed {seed}")
         values = {"steps": parsed.steps, "share_of_allowance": share}
