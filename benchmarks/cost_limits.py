@@ -134,7 +134,12 @@ def draw(points: Sequence[Point], shipped: Sequence[Standing], allowance: float)
         axes.xaxis.set_minor_locator(NullLocator())
         axes.xaxis.set_major_formatter("{x:g}")
         axes.grid(alpha=0.4)
-    figure.supxlabel("severely overloaded share of cutting time [%]", fontsize=style.MIN_FONT)
+        if name == "mean_return":  # falls to -1000 s at lax targets
+            axes.set_yscale("symlog", linthresh=100.0)
+            axes.yaxis.set_major_locator(FixedLocator([-2000, -1000, -500, -200, -100, -50, 0]))
+            axes.yaxis.set_minor_locator(NullLocator())
+            axes.yaxis.set_major_formatter("{x:g}")
+        axes.set_xlabel("severe overload [% of cutting time]")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
