@@ -36,7 +36,7 @@ _ALGORITHMS: Mapping[str, frozenset[str]] = {
     "recurrent_ppo": _REWARDS,
     "sac": _REWARDS,
     "tqc": _REWARDS,
-    "lagrangian_ppo": _REWARDS | {"overload share"},
+    **dict.fromkeys(("lagrangian_ppo", "pid_lagrangian_ppo", "focops"), _REWARDS | {"overload share"}),
     "analytic_gradient": _TEACHER,
     "family_gradient": _TEACHER,
 }
@@ -61,7 +61,7 @@ class Information:
     steps: int | None
     """Environment steps of the training."""
     gradient_steps: int | None
-    """Updates of the network."""
+    """Updates of the network; None also if they depend on how training went."""
 
 
 def class_of(policy: PolicySpec) -> str:
@@ -94,7 +94,7 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
         given=tuple(name for name in GIVEN if name in given),
         seen=tuple(name for name in SEEN if has[name]),
         steps=_whole(p, "steps"),
-        gradient_steps=_gradient_steps(p),
+        gradient_steps=None if algorithm == "focops" else _gradient_steps(p),  # it may leave out epochs
     )
 
 

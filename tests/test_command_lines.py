@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from tests.train.small import ALGORITHMS
 from tests.walking import ROOT, blocks, commands
 
 PACKAGES = ("turning_env", "baselines", "train", "leaderboard", "papers", "benchmarks")
@@ -52,7 +53,7 @@ MISTAKES: dict[str, list[str]] = {
     "papers.figures": ["--only nothing", "--format gif"],
     **{
         f"train.{name}": ["--scenario nothing", "--env nothing", "--seed -1", "--steps 0", "--steps 1 --runs file"]
-        for name in ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
+        for name in ALGORITHMS
     },
     "train.family_gradient": ["--family nothing", "--seed -1", "--device nothing", "--set nothing=1", "--runs file"],
     "train.tune": ["--algorithm ppo --scenario nothing", "--algorithm nobody", "--algorithm ppo --trials 0"],
@@ -94,6 +95,7 @@ MISTAKES: dict[str, list[str]] = {
     ],
     "benchmarks.ablation": ["--variants nothing", "--seeds 0", "--jobs 0"],
     "benchmarks.bound": ["--scenario nothing", "--scenario shift", "--seeds 0"],
+    "benchmarks.cost_limits": ["--seeds 0", "--shares 0", "--algorithms nothing", "--out made.txt"],
     "benchmarks.clients": ["nothing", "--write"],
     "benchmarks.foresight": ["--jobs 0", "--split nothing"],
     "benchmarks.headroom": ["--seeds 0", "--rows nothing"],

@@ -14,7 +14,7 @@ PAGES = (ROOT / "README.md", DOCS / "results.md", *sorted((DOCS / "tutorials").g
 # tests/test_identity.py walks this one, interpreted.
 INTERPRETED = DOCS / "tutorials" / "change_the_lathe.md"
 # What commands begin with that other tests run: these tests themselves, and those of papers, wheel, verification and benchmarks.
-BENCHMARKS = ("throughput", "ablation", "bound", "headroom", "peers", "growth", "training", "time_to_beat")
+BENCHMARKS = ("throughput", "ablation", "bound", "headroom", "peers", "growth", "training", "time_to_beat", "cost_limits")
 ELSEWHERE = (
     *("make test", "python -m papers.reproduce", "pip install", "python -m leaderboard verify --seeds"),
     *(f"python -m benchmarks.{name}" for name in BENCHMARKS),

@@ -12,6 +12,7 @@ Files: see ``train/training.py``.
 
 import math
 import sys
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -46,8 +47,8 @@ class AllowanceVecEnv(RoughTurningVecEnv):
         self._engaged_time += float(engaged.sum())
         return rewards - overload - self.multiplier * severe
 
-    def adapt(self, target: float, rate: float) -> None:
-        """Scale the multiplier by exp(rate * (severe share since the last adaptation - target)).
+    def adapt(self, target: float, parameters: Mapping[str, Any]) -> None:
+        """Change the multiplier by the severe share since the last adaptation, its target [-] and the hyperparameters.
 
         It is constant until the first severe overload: if overload is impossible, no price is needed.
         """
@@ -55,27 +56,31 @@ class AllowanceVecEnv(RoughTurningVecEnv):
             self.severe_share = self._severe_time / self._engaged_time
             self._has_overloaded |= self.severe_share > 0.0
             if self._has_overloaded:
-                self.multiplier *= math.exp(rate * (self.severe_share - target))
+                self.multiplier = self.next_multiplier(self.severe_share - target, parameters)
         self._severe_time = self._engaged_time = 0.0
+
+    def next_multiplier(self, excess: float, parameters: Mapping[str, Any]) -> float:
+        """Return the multiplier times exp(multiplier_rate * excess); the excess is the severe share less its target [-]."""
+        return self.multiplier * math.exp(parameters["multiplier_rate"] * excess)
 
 
 _TERMS = ("reward_overload", "severe_overload_time", "engaged_time")  # all [s]
 
 
-class DualAscent(BaseCallback):
+class Adaptation(BaseCallback):
     """A callback that adapts the multiplier after each rollout."""
 
     def __init__(self, run: Run) -> None:
         super().__init__()
         self._target = run.parameters["share_of_allowance"] * run.scenario.limits.overload_allowance
-        self._rate = run.parameters["multiplier_rate"]
+        self._parameters = run.parameters
 
     def _on_step(self) -> bool:
         return True
 
     def _on_rollout_end(self) -> None:
         vec_env: Any = self.training_env
-        vec_env.adapt(self._target, self._rate)
+        vec_env.adapt(self._target, self._parameters)
         for name, value in columns(self.model).items():
             self.logger.record(f"overload/{name}", value)
 
@@ -100,7 +105,7 @@ SEARCH = ppo.SEARCH | {
 ALGORITHM = Algorithm(
     *("lagrangian_ppo", "Lagrangian PPO", PPO, new_model, ppo.network, SEARCH),
     vec_env=AllowanceVecEnv,
-    callbacks=lambda run: [DualAscent(run)],
+    callbacks=lambda run: [Adaptation(run)],
     columns=columns,
 )
 
