@@ -267,7 +267,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rules_told = [name for name in options.policies if name != CAUSAL and not name.endswith(TRUTH)]
         policies += [(each, True) for each in (*rules_told, *options.agent)]
     known: dict[str | Path, str] = {path: str(agent.sha256) for path, agent in agents.items()}
-    rules = {name: spec(name.removesuffix(TRUTH), tuned_on, tuned_on) for name in options.policies if name != CAUSAL}
+    rules = {
+        name: spec(name.removesuffix(TRUTH), family.job(0).scenario, tuned_on) for name in options.policies if name != CAUSAL
+    }
     known |= {ANCHOR: ANCHOR, CAUSAL: f"{CAUSAL} 3"} | {
         name: f"{name} {rule.version} {rule.parameters}" for name, rule in rules.items()
     }
