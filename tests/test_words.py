@@ -22,7 +22,6 @@ WORDS = {
     "victims": "targets",
     "accounts": "summary",
     "as_told": "nominal",
-    "lot": "mismatch",
     "made_for": "tuned_for",
     "way_gone": "gap_closed",
 }
