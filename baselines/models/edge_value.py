@@ -78,9 +78,13 @@ def worth_of_lots(scenario: Scenario, overload_price: float, rates: tuple[float,
         change = time_price * economics.edge_change_time
         return float(prices(time_price).mean()) / faster - 60.0 * (economics.edge_cost + change)
 
-    most = min(_MAX_TIME_PRICE, float(value.max()) + 1.0)
-    times = [brentq(gain_of_an_edge, 0.0, most, (faster,), xtol=1e-3) for faster in rates]
-    return [Worth(time_price, prices(time_price)) for time_price in times]
+    def time_price(faster: float) -> float:
+        if gain_of_an_edge(0.0, faster) <= 0.0:
+            return 0.0  # the edge does not even pay for itself
+        most = min(_MAX_TIME_PRICE, float(value.max()) + 1.0)
+        return float(brentq(gain_of_an_edge, 0.0, most, (faster,), xtol=1e-3))
+
+    return [Worth(price, prices(price)) for price in map(time_price, rates)]
 
 
 def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, Array]:
