@@ -35,6 +35,7 @@ def test_jobs_played_together_are_those_played_alone() -> None:
 def test_a_slower_lot_makes_time_dearer() -> None:
     slow, nominal, fast = worth_of_lots(Scenario.load("shift"), 10.0, (0.5, 1.0, 2.0))
     assert slow.time > nominal.time > fast.time
+    assert worth_of_lots(Scenario.load("shift"), 10.0, (50.0,))[0].time == 0.0  # an edge does not pay for itself
     assert (slow.life <= nominal.life).all()
     assert (nominal.life <= fast.life).all()
     policy = SelfTuning(Scenario.load("shift"), 3, *SETTINGS)
