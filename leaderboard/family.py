@@ -48,8 +48,8 @@ from turning_env.scoring.workers import spread, workers
 
 TRUTH, FORGETFUL = ", told the truth", ", forgetful"
 ANCHOR = "held optimum"
-PIECE = 256
-"""Number of jobs that a worker plays at a time."""
+TOGETHER, APART = 256, 4
+"""Numbers of jobs that a worker plays at a time: in one batch, or one by one."""
 
 
 class Retold(Policy):
@@ -107,6 +107,12 @@ def keep(path: Path, episodes: Episodes) -> None:
             np.savez(file, **episodes)  # type: ignore[arg-type]
 
     replace_file(path, write)
+
+
+def jobs_at_once(policy: str | Path) -> int:
+    """Return the number of jobs of a policy's pieces: few if every job has a policy of its own."""
+    rule = RULES.get(str(policy).removesuffix(TRUTH))
+    return APART if rule and not rule.together else TOGETHER
 
 
 def played(piece: Piece) -> Episodes:
@@ -273,14 +279,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     known |= {ANCHOR: ANCHOR, CAUSAL: f"{CAUSAL} 3"} | {
         name: f"{name} {rule.version} {rule.parameters}" for name, rule in rules.items()
     }
-    starts = range(0, options.jobs, PIECE)
     # Slow policies first, so that no worker is left with a long piece at the end.
-    tags = [(split, policy, start) for policy in reversed(policies) for split in options.split for start in starts]
+    tags = [
+        (split, policy, start)
+        for policy in reversed(policies)
+        for split in options.split
+        for start in range(0, options.jobs, jobs_at_once(policy[0]))
+    ]
     pieces = {}
     ended: dict[tuple[str, tuple[str | Path, bool], int], Episodes] = {}
     for tag in tags:
         split, policy, start = tag
-        numbers = range(start, min(start + PIECE, options.jobs))
+        numbers = range(start, min(start + jobs_at_once(policy[0]), options.jobs))
         piece = Piece(family, split, numbers, *policy, options.episodes, tuned_on, known[policy[0]])
         if options.keep and piece.file(options.keep).exists():
             with np.load(piece.file(options.keep)) as kept:
@@ -296,7 +306,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for split in options.split:
         rows = results[split] = {}
         for policy in policies:
-            of_policy = joined([ended[split, policy, start] for start in starts], 0)
+            of_policy = joined([ended[tag] for tag in tags if tag[:2] == (split, policy)], 0)
             which, forgetful = policy
             name = (agents[which].name if isinstance(which, Path) else which) + FORGETFUL * forgetful
             rows[name] = joined([rows[name], of_policy], 1) if name in rows else of_policy
