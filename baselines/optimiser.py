@@ -87,7 +87,8 @@ class Optimiser:
         self._scenarios, self._severity, self._caution = scenarios, severity, caution
         self._parameters = np.concatenate([_parameters(each, severity) for each in scenarios])
         self._filter = self._new_filter(num_envs)
-        rates = tuple(np.exp(self._log_rates()).tolist())
+        self._lots = self._log_rates()
+        rates = tuple(np.exp(self._lots).tolist())
         worths = [worth_of_lots(each, severity * each.economics.overload_price, rates) for each in scenarios]
         self._prices = np.array([[lot.life for lot in lots] for lots in worths])  # (scenarios, lots, used lives)
         self._look_at(self._scenario.control.interval * (np.arange(POINTS) + 0.5) / POINTS)
@@ -118,16 +119,17 @@ class Optimiser:
 
     def _price(self, used_life: Array) -> Array:
         """Return the price of a life [s] at used shares, shape (num_envs,), between those of the priced lots."""
-        lots, table = self._log_rates(), np.arange(len(used_life)) % len(self._prices)
+        lots, table = self._lots, np.arange(len(used_life)) % len(self._prices)
         life, place = between(used_life * len(USED_LIVES) - 1.0, len(USED_LIVES))
         log_rate = self._filter.log_lot_factor / self._scenario.material.wear.time
         lot, row = between((log_rate - lots[0]) / max(lots[-1] - lots[0], MIN_SPREAD) * (len(lots) - 1), len(lots))
-        low, high = (self._prices[table, row, place + step] for step in (0, 1))
-        price = low + life * (high - low)
-        if len(lots) > 1:
-            low, high = (self._prices[table, row + 1, place + step] for step in (0, 1))
-            price += lot * (low + life * (high - low) - price)
-        return np.asarray(price)
+
+        def along(row: NDArray[np.int64]) -> Array:
+            low, high = (self._prices[table, row, place + step] for step in (0, 1))
+            return np.asarray(low + life * (high - low))
+
+        slow, fast = along(row), along(np.minimum(row + 1, len(lots) - 1))
+        return np.asarray(slow + lot * (fast - slow))
 
     def _spent(self, reading: Reading) -> NDArray[np.bool_]:
         """Return whether to change the edge: its life has no price left, or may soon be over (at one standard deviation)."""

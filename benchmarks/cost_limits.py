@@ -57,7 +57,7 @@ class Point:
     target: float
     """Severely overloaded share of cutting time [-]."""
     trained: tuple[NDArray[np.float64], ...]
-    """That share after each rollout in the last fifth of each training [-]."""
+    """Severely overloaded share of cutting time after each rollout in the last fifth of each training [-]."""
     seeds: tuple[Standing, ...]
     """Each training seed's numbers on the held-out seeds."""
     all_seeds: Standing

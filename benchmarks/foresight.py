@@ -84,9 +84,7 @@ class Edges:
         value = [metal - 1.0 - economics.overload_price * each for each in excess]
         self._gain = np.stack([each[chosen].reshape(jobs, -1) for each in value])  # per second, without the edge
         self._jobs = np.arange(jobs)
-        places = (np.abs(np.log(grid.reshape(CHUNK, -1) / best[:, MIDDLE, None])).argmin(axis=1)
-                  for grid, best in ((nominal.speed, draw.plan.speed), (nominal.feed, draw.plan.feed)))  # fmt: skip
-        row, column = places
+        row, column = nominal.nearest(draw.plan.speed[:, MIDDLE], draw.plan.feed[:, MIDDLE])
         best = (row * nominal.feed.shape[2] + column)[chosen]
         shown = self.true_rate[self._jobs, best] / self.nominal_rate[self._jobs, best]
         self.shown_rate = self.nominal_rate * shown[:, None]

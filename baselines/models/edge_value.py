@@ -53,7 +53,6 @@ class Worth(NamedTuple):
     """Price p(D) of a whole life [s] at each of ``USED_LIVES``."""
 
 
-@lru_cache(maxsize=1024)
 def worth(scenario: Scenario, overload_price: float) -> Worth:
     """Return the prices of time and life for a price of overload [s per s and relative excess of 1].
 

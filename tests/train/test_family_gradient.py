@@ -10,7 +10,7 @@ import tomli_w
 import torch
 
 from baselines.models import edge_value
-from baselines.models.edge_value import Worth, worth
+from baselines.models.edge_value import Worth
 from tests.turning_env.test_family_env import BRIEF
 from train import export, family_gradient
 from train.agents import agent_file
@@ -67,7 +67,7 @@ def test_many_prices_are_those_of_each_scenario(monkeypatch: pytest.MonkeyPatch)
     for number in (3, 60):
         job = FAMILY.job(number).scenario
         scenario = job.model_copy(update={"spindle": job.spindle.model_copy(update={"idle_torque": 0.0, "max_speed": 0.0})})
-        single = worth.__wrapped__(scenario, scenario.economics.overload_price)
+        single = edge_value.worth_of_lots.__wrapped__(scenario, scenario.economics.overload_price, (1.0,))[0]
         columns = Columns(scenario.model_dump(exclude={"name", "nominal_model"}))
         many = worths(columns, 1, grid=(12, 16), lives=len(edge_value.USED_LIVES))
         assert float(many.time[0]) == pytest.approx(single.time, abs=2e-3)  # type: ignore[index]

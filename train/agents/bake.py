@@ -94,8 +94,8 @@ def _check_plays(trained_on: Scenario, scenario: Scenario) -> None:
         mine, its = (getattr(getattr(each, section), name) for each in (trained_on, scenario))
         if mine != its:
             raise ValueError(f"{field} is {its!r} in scenario {scenario.name!r}, but must be {mine!r}, as in the family")
-    mine, its = set(layout(trained_on)), set(layout(scenario))
-    if more := sorted((its - mine) | (mine - its - {_NEVER_SEEN})):
+    known, given = set(layout(trained_on)), set(layout(scenario))
+    if more := sorted((given - known) | (known - given - {_NEVER_SEEN})):
         raise ValueError(f"scenario {scenario.name!r} and the family differ in the observation's {', '.join(more)}")
 
 

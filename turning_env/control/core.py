@@ -162,10 +162,7 @@ class Controller:
             measured_power=readings.power,
             measured_thrust_force=readings.thrust_force,
             measured_servo_current=readings.servo_current,
-            spindle_heat=readings.spindle_heat,
-            roughness_reference=readings.roughness_reference,
-            probed_depth=readings.probed_depth,
-            removed_wear=readings.removed_wear,
+            **{name: getattr(readings, name) for name in _FURTHER},
         )
         observe_readings(self._states, self._scratches, readings.engaged_time / 60.0, self.observation)
         return self.observation

@@ -220,11 +220,8 @@ def makes_sense(true: Columns, plan: Plan) -> NDArray[np.bool_]:
     nominal_life, jobs = plan.life[:, MIDDLE], len(plan.life)
     loads = Loads(true, jobs)
     bearable = (loads.excess(USED_LIVES[-1], deviations=2.0) <= true.limits.overload_tolerance).any(axis=(1, 2))
-    nearest = [
-        abs(np.log(grid.reshape(jobs, -1) / best[:, MIDDLE, None])).argmin(axis=1)
-        for grid, best in ((loads.speed, plan.speed), (loads.feed, plan.feed))
-    ]
-    true_life = 1.0 / loads.life_rate[np.arange(jobs), nearest[0], nearest[1]]
+    row, column = loads.nearest(plan.speed[:, MIDDLE], plan.feed[:, MIDDLE])
+    true_life = 1.0 / loads.life_rate[np.arange(jobs), row, column]
     lasts = (nominal_life > 4.0) & (nominal_life < 60.0) & (true_life > 2.0)
     sensible: NDArray[np.bool_] = plan.feasible.all(axis=1) & lasts & bearable
     return sensible

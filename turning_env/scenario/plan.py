@@ -120,6 +120,12 @@ class Loads:
         over: Array = np.exp(along_speed + _wide(law.feed * exponent) * self._log_feed)
         return over
 
+    def nearest(self, speed: Array, feed: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the places of the grid's speeds and feeds that are nearest to some [m/min, mm/rev], shape (scenarios,) each."""
+        pairs = (self.speed, speed), (self.feed, feed)
+        first, second = (abs(np.log(grid.reshape(len(at), -1) / at[:, None])).argmin(axis=1) for grid, at in pairs)
+        return first, second
+
     def excess(self, used_life: float, deviations: float = 0.0) -> Array:
         """Return the larger of force and power over their limits, less 1, for bars so many standard deviations worse."""
         s = self._s

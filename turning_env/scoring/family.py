@@ -35,7 +35,7 @@ class HeldOptimum(Policy):
     """
 
     def __init__(self, jobs: Sequence[Job]) -> None:
-        self._scenarios: Any = columns_of([job.scenario.nominal() for job in jobs])
+        self._scenarios: Any = columns_of([job.scenario for job in jobs])
         self._speeds, self._feeds = np.array([[job.cutting_speed, job.feed] for job in jobs]).T
 
     def act(self, observations: Observations) -> Actions:
