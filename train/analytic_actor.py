@@ -99,6 +99,8 @@ class DistanceTracker:
 
     STATES = 3
     READINGS = 2
+    PROPOSED = 0
+    """Number of readings, the first ones, that propose targets to which the network adds its own."""
 
     def __init__(self, scenario: Scenario, commands: TargetCommands) -> None:
         control, machine, work = scenario.control, scenario.machine, scenario.workpiece
@@ -162,27 +164,38 @@ class GruActor(Actor):
                 self.head.bias[-1] = -1.0
 
     def forward(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
-        position, cells = self._parts(memory)
-        readings, position = self.tracker(observation, position)
-        seen = torch.cat([observation, readings], dim=-1)
+        return self.respond(*self.see(observation, memory))
+
+    def see(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
+        """Return observations with the tracker's readings, and the memory with the tracker's next state."""
+        state, cells = self._parts(memory)
+        readings, state = self.tracker(observation, state)
+        return torch.cat([observation, readings], dim=-1), torch.cat([state, cells], dim=-1)
+
+    def respond(self, seen: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
+        """Return actions and the next memory for what ``see`` has returned."""
+        state, cells = self._parts(memory)
         cells = self.memory_cell(torch.relu(self.encoder(seen)), cells)
         target = self.bounded(self._unbounded(cells, seen))
-        return self.commands.action(target, observation), torch.cat([position, cells], dim=-1)
+        return self.commands.action(target, seen), torch.cat([state, cells], dim=-1)
 
     def unroll(self, observations: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
         """Return unbounded targets for a sequence of observations, shape (steps, num_envs, entries).
 
         If an episode begins (``begins`` is 1, shape (steps, num_envs, 1)), the memory is cleared first.
         """
-        position, cells = self._parts(memory)
-        keeps = 1.0 - begins
-        all_readings, all_cells = [], []
-        for observation, keep in zip(observations, keeps, strict=True):
-            readings, position = self.tracker(observation, position * keep)
-            all_readings.append(readings)
-        seen = torch.cat([observations, torch.stack(all_readings)], dim=-1)
-        for step, keep in zip(torch.relu(self.encoder(seen)), keeps, strict=True):
-            cells = self.memory_cell(step, cells * keep)
+        state, all_readings = memory, []
+        for observation, begin in zip(observations, begins, strict=True):
+            seen, state = self.see(observation, state * (1.0 - begin))
+            all_readings.append(seen)
+        return self.unroll_seen(torch.stack(all_readings), memory, begins)
+
+    def unroll_seen(self, seen: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
+        """Return the same for what ``see`` has returned of the observations."""
+        _, cells = self._parts(memory)
+        all_cells = []
+        for step, begin in zip(torch.relu(self.encoder(seen)), begins, strict=True):
+            cells = self.memory_cell(step, cells * (1.0 - begin))
             all_cells.append(cells)
         return self._unbounded(torch.stack(all_cells), seen)
 
@@ -196,4 +209,9 @@ class GruActor(Actor):
 
     def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
         target: Tensor = self.head(torch.relu(self.hidden(torch.cat([cells, seen], dim=-1))))
+        if proposed := self.tracker.PROPOSED:
+            first = seen.shape[-1] - self.tracker.READINGS
+            position = seen[..., first : first + proposed]
+            targets = target[..., :proposed] + 0.5 * torch.log((1.0 + position) / (1.0 - position))
+            target = torch.cat([targets, target[..., proposed:]], dim=-1)
         return target

@@ -1,6 +1,12 @@
-"""The network of the agent for all lathes of a family: the GRU of ``train/analytic_actor.py``, beside a tracker of the job.
+"""The network of the agent for all lathes of a family: the GRU of ``train/analytic_actor.py``, beside a filter.
 
-The nominal model's context in the observation tells the tracker how long a bar takes, so it needs no scenario.
+Gradients reach over a rollout only, and a GRU must learn to average. The extended Kalman filter is given: that of
+``baselines/models/kalman_steps.py``, which estimates depth and hardness of the bar, the wear of insert and lot, and the errors of
+the laws of force and power. The agent's file must play alone, so here the filter consists of tensors, and takes the nominal model
+from the context in the observation. It is of double precision, so that agent and file differ by no more than the network does.
+
+Lengths are shares of the bar, loads are ratios to the nominal model, and states are divided by their prior standard deviations.
+Then the prior has the mean 0 and the covariance I, so an empty memory holds the prior.
 """
 
 import math
@@ -9,99 +15,309 @@ from typing import Any
 
 import torch
 
-from train.analytic_actor import ACTUAL, MAX_TIME, GruActor
+from baselines.models.kalman_steps import (
+    DEPTH,
+    ERRORS,
+    HARDNESS,
+    INSERT,
+    INSPECTION_DOUBT,
+    LAWS,
+    LOT,
+    MIN_DEPTH,
+    STATES,
+)
+from baselines.models.load_filter import LAW_ERRORS, READING_DOUBT, SLOPE, Doubt
+from train.analytic_actor import MAX_TIME, GruActor
 from turning_env import Scenario
-from turning_env.physics.quantities import OBS, layout
+from turning_env.physics.quantities import DEVIATION_SCALE, OBS, layout
 from turning_env.scenario.plan import MIDDLE, USED_LIVES
 
 Tensor = torch.Tensor
+Told = dict[str, Tensor]
+"""Numbers of the context by name, not standardised, each of shape (num_envs,)."""
 
-BEST = f"speed_at_{USED_LIVES[MIDDLE]}", f"feed_at_{USED_LIVES[MIDDLE]}"
-"""Numbers of the context: the nominal model's best speed and feed over the lowest ones, as logarithms."""
-BAR_TIME = "log_bar_time"
-"""Number of the context: the logarithm of a bar's time [s] at these."""
-MEAN_OVER = 1000.0
-"""Steps in metal over which measured and predicted force and power are compared."""
-SETTLED = 60.0
-"""Steps in metal after which an edge's means count half."""
-_HIGHEST = 5.0  # deviation of a ratio of 2; readings at the entry into metal are no measure of the material
+DOUBT = Doubt(1.0, 0.4, 0.78)
+"""How far the nominal model may be wrong (assumption)."""
+LEAST_RATIO = 0.3
+"""Measured over expected load below which a reading is ignored [-]: the tool was partly in air."""
+LEAST_SEEN = 0.5
+"""Share of the load behind the sensor's lag below which a reading is ignored [-]: the tool has just entered."""
+TIMING_DOUBT = 0.05
+"""Standard deviation of the time at which the tool entered the bar [s] (assumption)."""
+PLACE = 5
+"""Columns of the state that follow the tool: whether there was an observation, its position from the start of the bar over the
+bar's length, logarithms of speed and feed over the plan's at half a life, nominal wear over the criterion."""
+_ACTUAL, _COMMANDED = (OBS.cutting_speed, OBS.feed), (OBS.commanded_cutting_speed, OBS.commanded_feed)
+_LAWS = ("thrust_force", "power")
+_ENDS = 0.97  # of the range -1..1, from which a proposal keeps away
 
 
-class JobTracker:
-    """A tracker of the tool's position along the bar, and of what the job has shown of its lathe, material and inserts.
+class JobFilter(torch.nn.Module):
+    """A filter of bar, insert, lot and laws, beside a tracker of the tool's position along the bar.
 
-    The travelled share of the bar is the sum of speed times feed over the steps since the tool entered the metal, by the
-    trapezoidal rule. Gradients reach over a rollout only, so what took longer to see is averaged here: measured over predicted
-    force and power in metal, of the job and of the present edge, and at every change of the edge the logarithm of measured over
-    predicted wear.
-
-    The state, shape (num_envs, STATES), is 0 before an episode's first observation. Its columns are the bar's share, the
-    travel per second at the last observation [1/s], its nominal wear over the criterion, the number of changes and the sum of
-    their logarithms; and of the job and of the edge, the number of steps in metal and the mean deviations of force and power.
+    The state, shape (num_envs, STATES), is 0 before an episode's first observation. Its columns are those of ``PLACE``, the
+    mean, and the covariance less I.
 
     Args:
-        scenario: a job of the family, of which every job has the ranges' ratios and the interval.
+        scenario: a job of the family; see ``ALIKE``.
         names: names of the context's numbers.
         mean: means by which they are standardised.
         spread: spreads likewise.
     """
 
-    STATES = 11
-    READINGS = 8
+    READINGS = 4 + STATES + 4 + 2 + 4 + 2
+    PROPOSED = 2
+    STATES = PLACE + STATES + STATES * STATES
+    ALIKE = (
+        *("control.interval", "control.sub_steps", "workpiece.approach", "sensors.force_noise", "sensors.power_noise"),
+        *("sensors.force_time_constant", "sensors.power_time_constant"),
+        *(f"material.{law}.hardness" for law in (*_LAWS, "wear")),
+    )
+    """Fields of the scenario that all jobs must share, beside the ratios of the ranges of speed and feed."""
+
+    _told_mean: Tensor
+    _told_spread: Tensor
+    _law_spreads: Tensor
+    _fields: Tensor
+    _one: Tensor
+    _bar: Tensor
+    _insert: Tensor
+    _worn: Tensor
 
     def __init__(self, scenario: Scenario, names: Sequence[str], mean: Sequence[float], spread: Sequence[float]) -> None:
-        machine = scenario.machine
+        super().__init__()
+        control, machine, material, sensors = scenario.control, scenario.machine, scenario.material, scenario.sensors
         ends = (machine.cutting_speed_min, machine.cutting_speed_max), (machine.feed_min, machine.feed_max)
-        self._spans = [math.log(high / low) for low, high in ends]
-        self._interval = scenario.control.interval
         entries = layout(scenario)
-        places, first = [list(names).index(name) for name in (BAR_TIME, *BEST)], len(entries)
-        self._scales = [(first + place, float(mean[place]), float(spread[place])) for place in places]
+        self._first, self._names = len(entries), list(names)
         self._removed = entries.index("removed_wear") if "removed_wear" in entries else None
+        self._spans = [math.log(high / low) for low, high in ends]
+        self._interval, self._sub_steps, self._approach = control.interval, control.sub_steps, scenario.workpiece.approach
+        self._hardness = [law.hardness for law in (material.thrust_force, material.power, material.wear)]
+        self._noise = [noise**2 + READING_DOUBT**2 for noise in (sensors.force_noise, sensors.power_noise)]
+        self._lags = [sensors.force_time_constant, sensors.power_time_constant]
+        one = torch.eye(STATES)
+        fields = [torch.outer(one[start + row], one[start + k]) for start in (DEPTH, HARDNESS) for row in (0, 1) for k in (0, 1)]
+        constants = {
+            "told_mean": torch.tensor(mean),
+            "told_spread": torch.tensor(spread),
+            "law_spreads": torch.tensor([DOUBT.laws * each for law in LAW_ERRORS for each in law]),
+            "fields": torch.stack(fields).flatten(1),
+            "one": one,
+            "bar": one[DEPTH:INSERT].sum(dim=0),
+            "insert": one[INSERT],
+            "worn": one[INSERT] + one[LOT],
+        }
+        for name, value in constants.items():
+            self.register_buffer(f"_{name}", value.double(), persistent=False)
 
-    def __call__(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
-        """Return readings of order one, shape (num_envs, READINGS), and the next state.
+    def forward(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        """Return readings, shape (num_envs, READINGS), from -5 to 5, and the next state.
 
-        The first two are those of ``DistanceTracker``. Then follow the mean logarithm of measured over predicted wear, drawn
-        towards 0 while there are few, their number, the job's mean deviations of force and power, and by how much those of the
-        edge differ from them.
+        The first two propose targets: the plan's speed at the estimated wear, and the feed at the limits of force and power at
+        that speed. Then follow that feed for the mean bar, the plan's feed, the means, the variances of depth, hardness, insert
+        and lot, used life and its doubt, the logarithms of force and power over their limits at the plan's set point in the
+        present and in the mean bar, and the readings of ``DistanceTracker``.
         """
-        along, before, worn, changes, logs, *means = state.unbind(dim=-1)
-        log_bar_time, *best = (observation[..., place] * spread + mean for place, mean, spread in self._scales)
-        log_rate = -log_bar_time
-        for position, span, log_best in zip(observation[..., ACTUAL].unbind(dim=-1), self._spans, best, strict=True):
-            log_rate = log_rate + 0.5 * (position + 1.0) * span - log_best
-        rate = torch.exp(log_rate)
-        # The tool has entered within the step: take half of it.
-        travel = self._interval * 0.5 * (rate + torch.where(along > 0.0, before, 0.0))
-        along = along + travel
-        along = torch.where(along > 1.0, (along - 1.0).clamp(min=1e-3), along)  # the way in air took less than a step
-        cutting = observation[..., OBS.cutting]
-        along = torch.where(cutting > 0.5, along, 0.0)
-        left = (1.0 - along) / rate
+        observation, state = observation.double(), state.double()
+        context = observation[:, self._first :] * self._told_spread + self._told_mean
+        told = dict(zip(self._names, context.unbind(dim=-1), strict=True))
+        scales, lot_mean = self._prior(told)
+        begun, along, last_speed, last_feed, worn = state[:, :PLACE].unbind(dim=-1)
+        mean, excess = state[:, PLACE : PLACE + STATES], state[:, PLACE + STATES :].reshape(-1, STATES, STATES)
+        of_wear = scales * self._worn
 
-        wear = observation[..., OBS.nominal_wear]
+        wear = observation[:, OBS.nominal_wear]
+        fresh_edge = wear < worn
         if self._removed is not None:
-            removed = observation[..., self._removed]
-            inspected = ((wear < worn) & (removed > 0.0)).to(wear.dtype)
-            changes = changes + inspected
-            logs = logs + inspected * torch.log(removed.clamp(min=1e-3) / worn.clamp(min=1e-3)).clamp(-1.5, 1.5)
-        deviations = [observation[..., entry].clamp(max=_HIGHEST) for entry in (OBS.force_ratio, OBS.power_ratio)]
-        same_edge = (wear >= worn).to(wear.dtype)
-        job = _averaged(means[:3], cutting, deviations)
-        edge = _averaged([mean * same_edge for mean in means[3:]], cutting, deviations)
-        place = 2.0 * along - 1.0, 2.0 * left.clamp(max=MAX_TIME) / MAX_TIME - 1.0
-        shown = edge[0] / (edge[0] + SETTLED)
-        differ = [shown * (mine - its) for mine, its in zip(edge[1:], job[1:], strict=True)]
-        readings = *place, 4.0 * logs / (changes + 0.3), 0.5 * changes, *job[1:], *differ
-        return torch.stack(readings, dim=-1), torch.stack([along, rate, wear, changes, logs, *job, *edge], dim=-1)
+            removed = observation[:, self._removed]
+            surprise = torch.log(removed.clamp(min=1e-3) / worn.clamp(min=1e-3)) - (of_wear * mean).sum(dim=-1) - lot_mean
+            seen = fresh_edge & (removed > 0.0) & (worn > 0.0)
+            mean, excess = corrected(mean, excess, of_wear, surprise, seen, INSPECTION_DOUBT**2)
+
+        speed, feed = self._set_point(observation, _ACTUAL, told)
+        rate = torch.exp(speed + feed - told["log_bar_time"])
+        commanded = self._set_point(observation, _COMMANDED, told)
+        travel = begun * self._travel(told, (last_speed, last_feed), commanded)
+        approach, cutting = self._approach_share(told), observation[:, OBS.cutting] > 0.5
+        along = torch.where(begun > 0.0, along + travel, -approach)
+        passed = along >= 1.0
+        along = torch.where(passed, along - 1.0 - approach, along)
+        # The reading on whether the tool cuts corrects the position.
+        left_late, left_early = cutting & (along < -0.5 * approach), ~cutting & (along > 0.5)
+        along = torch.where(cutting, along.clamp(min=1e-4), along.clamp(max=0.0))
+        along = torch.where(left_late, 1.0, torch.where(left_early, -approach, along))
+        fresh_bar = left_early | (passed & ~left_late)
+        forgets = torch.where(fresh_bar.unsqueeze(-1), self._bar, 0.0) + torch.where(fresh_edge.unsqueeze(-1), self._insert, 0.0)
+        keeps = 1.0 - forgets
+        mean, excess = keeps * mean, keeps.unsqueeze(-1) * excess * keeps.unsqueeze(-2)
+        mean, excess = self._moved(mean, excess, told, scales, torch.minimum(travel, along.clamp(min=0.0)))
+
+        log_wear = torch.log(wear.clamp(min=1e-3)) - told["wear_time_exponent"] * math.log(USED_LIVES[MIDDLE])
+        in_metal = (along / rate).clamp(min=0.0, max=self._interval)
+        before, found = mean, []
+        for law in range(2):
+            row, expected = self._load(law, before, told, scales, lot_mean, (speed, feed, log_wear))
+            ratio = observation[:, (OBS.force_ratio, OBS.power_ratio)[law]] / DEVIATION_SCALE + 1.0
+            shown = (1.0 - torch.exp(-in_metal / self._lags[law])).clamp(min=1e-3)
+            found.append((row, torch.log(ratio.clamp(min=0.01) / shown) - expected, ratio, shown))
+        for law, (row, surprise, ratio, shown) in enumerate(found):
+            surprise = surprise - (row * (mean - before)).sum(dim=-1)
+            seen = cutting & ~left_late & (shown > LEAST_SEEN) & (ratio > LEAST_RATIO) & (wear > 0.0)
+            timing = TIMING_DOUBT / self._lags[law] * (1.0 / shown - 1.0)
+            mean, excess = corrected(mean, excess, row, surprise, seen, self._noise[law] + timing.square())
+
+        time_left = ((1.0 - along) / rate).clamp(max=MAX_TIME)
+        position = 2.0 * along - 1.0, 2.0 * time_left / MAX_TIME - 1.0
+        others = self._readings(mean, excess, told, scales, of_wear, lot_mean, wear)
+        readings = torch.stack([*others, *position], dim=-1)
+        place = torch.stack([torch.ones_like(wear), along, speed, feed, wear], dim=-1)
+        return readings.clamp(-5.0, 5.0).float(), torch.cat([place, mean, excess.flatten(1)], dim=-1).float()
+
+    def _prior(self, told: Told) -> tuple[Tensor, Tensor]:
+        """Return prior standard deviations of the states, and the prior mean of the lot's log wear factor."""
+        depth, hardness = _spread(told, "depth"), _spread(told, "hardness")
+        history = self._history(told, depth, hardness)
+        insert = (torch.exp(told["log_wear_factor_spread"]).square() + history).sqrt()
+        one, exponent = torch.ones_like(depth), told["wear_time_exponent"]
+        first = torch.stack([depth, one, hardness, one, insert, exponent * DOUBT.lot], dim=-1)
+        return torch.cat([first, one.unsqueeze(-1) * self._law_spreads], dim=-1), -exponent * math.log(DOUBT.lot_life)
+
+    def _history(self, told: Told, depth: Tensor, hardness: Tensor) -> Tensor:
+        """Return the variance of an edge's log wear from the depth and hardness of a bar that it has cut."""
+        return (told["wear_depth_of_cut_exponent"] * depth).square() + (self._hardness[2] * hardness).square()
+
+    def _set_point(self, observation: Tensor, entries: Sequence[int], told: Told) -> list[Tensor]:
+        """Return logarithms of speed and feed over the plan's at half a life."""
+        best = _middle(told)
+        return [0.5 * (observation[:, entries[k]] + 1.0) * self._spans[k] - best[k] for k in range(2)]
+
+    def _travel(self, told: Told, last: Sequence[Tensor], commanded: Sequence[Tensor]) -> Tensor:
+        """Return the distance since the last observation, from the drives' response to their commands."""
+        sub_step = self._interval / self._sub_steps
+        decays = [sub_step * torch.exp(-told[f"log_{drive}_time_constant"]) for drive in ("spindle", "feed")]
+        decays.append(decays[0] + decays[1])
+        numbers = range(1, self._sub_steps + 1)
+        slow, late, both = (torch.stack([torch.exp(-k * decay) for k in numbers]).mean(dim=0) for decay in decays)
+        (speed, feed), (over_speed, over_feed) = (
+            [torch.exp(each) for each in commanded],
+            [torch.exp(was) - torch.exp(now) for was, now in zip(last, commanded, strict=True)],
+        )
+        mean = speed * feed + over_speed * feed * slow + speed * over_feed * late + over_speed * over_feed * both
+        return self._interval * mean * torch.exp(-told["log_bar_time"])
+
+    def _approach_share(self, told: Told) -> Tensor:
+        """Return the length of the approach over the bar's, which follows from the sustained removal rate."""
+        edge = torch.exp(told["log_edge_change_time"]) + torch.exp(told["log_edge_price"])
+        cutting = 1.0 + edge * torch.exp(-told["log_life"])
+        log_rate = told["log_removal_rate"] - told["log_depth_of_cut"] - told["log_diameter"]
+        bar = torch.exp(log_rate + told["log_bar_time"]) * cutting * (1000.0 / (60.0 * math.pi))
+        return self._approach / bar
+
+    def _moved(self, mean: Tensor, excess: Tensor, told: Told, scales: Tensor, cut: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the estimate after a distance in metal: depth, hardness and their slopes change, and the insert's doubt grows.
+
+        The fields are stationary: with a transition T, the covariance P becomes T P T' + I - T T', so P - I becomes T (P - I) T'.
+        """
+        changes = []
+        for name, k in (("depth", DEPTH), ("hardness", HARDNESS)):
+            share = SLOPE * torch.exp(told[f"log_{name}_along_spread"]) / scales[:, k]
+            step = cut * share * torch.exp(told["log_bar_time"] - told[f"log_{name}_correlation_time"])
+            stays = torch.exp(-step)
+            changes += [(1.0 + step) * stays - 1.0, step * stays, -step * stays, (1.0 - step) * stays - 1.0]
+        change = (torch.stack(changes, dim=-1) @ self._fields).reshape(-1, STATES, STATES)
+        transition = self._one + change
+        grown = self._history(told, scales[:, DEPTH], scales[:, HARDNESS]) * cut / scales[:, INSERT].square()
+        moved = transition @ excess @ transition.transpose(-1, -2)
+        return (transition @ mean.unsqueeze(-1)).squeeze(-1), moved + grown[:, None, None] * self._insert.diag()
+
+    def _load(
+        self, law: int, mean: Tensor, told: Told, scales: Tensor, lot_mean: Tensor, place: Sequence[Tensor]
+    ) -> tuple[Tensor, Tensor]:
+        """Return the derivatives by the states of the log ratio of a law's load to the nominal model, and that ratio.
+
+        ``place``: logarithms of speed, feed and nominal wear over the plan's at half a life.
+        """
+        speed, feed, wear = place
+        states, first = (scales * mean).unbind(dim=-1), LAWS + ERRORS * law
+        factor = states[INSERT] + states[LOT] + lot_mean
+        share = (1.0 + states[DEPTH]).clamp(min=MIN_DEPTH)
+        of_depth, of_hardness = told[f"{_LAWS[law]}_depth_of_cut_exponent"], self._hardness[law]
+        exponent = told[f"{_LAWS[law]}_wear_exponent"] + states[first + 3]
+        one = torch.ones_like(speed)
+        row = [0.0 * one] * STATES
+        row[DEPTH], row[HARDNESS] = of_depth / share, of_hardness * one
+        row[INSERT] = row[LOT] = exponent
+        row[first : first + ERRORS] = one, speed, feed, wear + factor
+        ratio = of_depth * torch.log(share) + of_hardness * states[HARDNESS] + exponent * factor
+        ratio = ratio + states[first] + states[first + 1] * speed + states[first + 2] * feed + states[first + 3] * wear
+        return scales * torch.stack(row, dim=-1), ratio
+
+    def _readings(
+        self, mean: Tensor, excess: Tensor, told: Told, scales: Tensor, of_wear: Tensor, lot_mean: Tensor, wear: Tensor
+    ) -> list[Tensor]:
+        """Return all readings but those of the position."""
+        exponent = told["wear_time_exponent"]
+        log_wear = torch.log(wear.clamp(min=1e-6))
+        used = torch.exp((log_wear + (of_wear * mean).sum(dim=-1) + lot_mean) / exponent).clamp(max=1.5)
+        variance = (of_wear * ((excess @ of_wear.unsqueeze(-1)).squeeze(-1) + of_wear)).sum(dim=-1)
+        plan = [_planned(told, name, used) for name in ("speed", "feed")]
+        at_plan = [value - best for value, best in zip(plan, _middle(told), strict=True)]
+        worn = log_wear.clamp(min=math.log(1e-3)) - exponent * math.log(USED_LIVES[MIDDLE])
+        loads, feeds = [], []
+        for states in (mean, mean * (1.0 - self._bar)):
+            over = []
+            for law, name in enumerate(_LAWS):
+                _, ratio = self._load(law, states, told, scales, lot_mean, (*at_plan, worn))
+                nominal = told[f"log_{name}_load"] + told[f"{name}_wear_exponent"] * worn
+                nominal = nominal + told[f"{name}_cutting_speed_exponent"] * at_plan[0]
+                over.append(nominal + told[f"{name}_feed_exponent"] * at_plan[1] + ratio)
+            over[1] = over[1] - (at_plan[0] + told["log_speed_over_base_speed"]).clamp(max=0.0)  # constant torque
+            excesses = [each / told[f"{name}_feed_exponent"].clamp(min=0.1) for each, name in zip(over, _LAWS, strict=True)]
+            feeds.append(plan[1] - torch.maximum(*excesses))
+            loads += over
+        speed_position = 2.0 * plan[0] / self._spans[0] - 1.0
+        feed_positions = [2.0 * feed / self._spans[1] - 1.0 for feed in (*feeds, plan[1])]
+        return [
+            *(each.clamp(-_ENDS, _ENDS) for each in (speed_position, feed_positions[0])),
+            *feed_positions[1:],
+            *mean.unbind(dim=-1),
+            *(excess[:, k, k] + 1.0 for k in (DEPTH, HARDNESS, INSERT, LOT)),
+            2.0 * used - 1.0,
+            variance.clamp(min=0.0).sqrt() / exponent,
+            *(4.0 * load for load in loads),
+        ]
 
 
-def _averaged(means: Sequence[Tensor], weight: Tensor, values: Sequence[Tensor]) -> list[Tensor]:
-    """Return (count, means) after values with a weight of 0 or 1."""
-    count = means[0] + weight
-    share = weight / count.clamp(min=1.0, max=MEAN_OVER)
-    return [count, *(mean + share * (value - mean) for mean, value in zip(means[1:], values, strict=True))]
+def corrected(
+    mean: Tensor, excess: Tensor, row: Tensor, surprise: Tensor, seen: Tensor, variance: float | Tensor
+) -> tuple[Tensor, Tensor]:
+    """Return the estimate after a measurement where it is ``seen``; ``row`` holds its derivatives by the states."""
+    gain = (excess @ row.unsqueeze(-1)).squeeze(-1) + row
+    share = seen.to(gain.dtype) / ((row * gain).sum(dim=-1) + variance)
+    mean = mean + gain * (share * surprise).unsqueeze(-1)
+    return mean, excess - share[:, None, None] * gain.unsqueeze(-1) * gain.unsqueeze(-2)
+
+
+def _spread(told: Told, name: str) -> Tensor:
+    """Return the standard deviation of depth over the nominal depth, or of log hardness, over all bars."""
+    squares = (torch.exp(2.0 * told[f"log_{name}_{part}_spread"]) for part in ("bar", "along"))
+    return torch.stack(list(squares)).sum(dim=0).sqrt()
+
+
+def _middle(told: Told) -> list[Tensor]:
+    """Return the plan's speed and feed at half a life, logarithms over the lowest ones."""
+    return [told[f"{name}_at_{USED_LIVES[MIDDLE]}"] for name in ("speed", "feed")]
+
+
+def _planned(told: Told, name: str, used: Tensor) -> Tensor:
+    """Return the plan's speed or feed at used lives, the logarithm over the lowest one."""
+    nodes = [told[f"{name}_at_{node}"] for node in USED_LIVES]
+    found = nodes[0]
+    for k in range(len(nodes) - 1):
+        share = ((used - USED_LIVES[k]) / (USED_LIVES[k + 1] - USED_LIVES[k])).clamp(0.0, 1.0)
+        found = found + share * (nodes[k + 1] - nodes[k])
+    return found
 
 
 def family_actor(scenario: Scenario, context: dict[str, Any], cells: int, width: int) -> GruActor:
@@ -113,5 +329,5 @@ def family_actor(scenario: Scenario, context: dict[str, Any], cells: int, width:
         cells: size of the memory.
         width: size of the layers around it.
     """
-    tracker = JobTracker(scenario, context["names"], context["mean"], context["spread"])
+    tracker = JobFilter(scenario, context["names"], context["mean"], context["spread"])
     return GruActor(scenario, len(layout(scenario)) + len(context["names"]), cells, width, tracker)

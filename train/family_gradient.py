@@ -18,6 +18,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -32,7 +33,7 @@ from baselines.models.edge_value import Worth
 from train.actor import Actor
 from train.analytic_actor import ACTUAL, GruActor
 from train.edge_worths import LIVES, worths
-from train.family_actor import family_actor
+from train.family_actor import JobFilter, family_actor
 from train.model_gain import Hindsight, ModelGain, Truth
 from train.run import Run, hyperparameters, overrides, warn_of_pickle
 from turning_env import FAMILY_ID, Family, FamilyVectorEnv
@@ -111,6 +112,7 @@ class Rollout:
     begins: Tensor
     """1 where an episode begins, shape (steps, num_envs, 1)."""
     observations: Tensor
+    """With the tracker's readings."""
     valid: Tensor
     """1 where the job is that of the first step, shape (steps, num_envs)."""
     hidden: list[NDArray[Any]]
@@ -138,7 +140,7 @@ class Teacher:
 
         envs = envs.to(device)
         observations = rollout.observations[:, envs]
-        unbounded = self.actor.unroll(observations, rollout.memory[envs], rollout.begins[:, envs])
+        unbounded = self.actor.unroll_seen(observations, rollout.memory[envs], rollout.begins[:, envs])
         target = self.actor.bounded(unbounded)
         speed, feed = commands.speed_and_feed(observations, ACTUAL)
         log_speed, log_feed = (log + offset for log, offset in zip(commands.commanded(target, observations), low, strict=True))
@@ -207,7 +209,8 @@ class Training:
             seen = torch.from_numpy(self.observations).to(device)
             begins = torch.from_numpy(self.begins).to(device, torch.float32).unsqueeze(-1)
             with torch.no_grad():
-                actions, self.memory = self.actor(seen, self.memory * (1.0 - begins))
+                seen, memory = self.actor.see(seen, self.memory * (1.0 - begins))
+                actions, self.memory = self.actor.respond(seen, memory)
                 actions = (actions + p["exploration"] * torch.randn_like(actions)).clamp(-1.0, 1.0).cpu().numpy()
             actions[keeps_edge, -1] = -1.0
             was_valid = valid
@@ -323,6 +326,10 @@ def check_alike(scenarios: Columns) -> None:
             raise ValueError(
                 f"machine.{name}_max / {name}_min is {ratio.min():g} to {ratio.max():g}, but must be the same in all jobs"
             )
+    for field in JobFilter.ALIKE:
+        value = np.asarray(attrgetter(field)(scenarios))
+        if np.ptp(value) > 0.0:
+            raise ValueError(f"{field} is {value.min():g} to {value.max():g}, but must be the same in all jobs")
 
 
 def plan(family: Family, seed: int, runs: Path, command: str, given: dict[str, Any]) -> Run:

@@ -11,18 +11,20 @@ import torch
 
 from baselines.models import edge_value
 from baselines.models.edge_value import Worth
+from baselines.models.kalman_steps import STATES
+from baselines.models.load_filter import LoadFilter
 from tests.turning_env.test_family_env import BRIEF
 from train import export, family_gradient
 from train.agents import agent_file
 from train.agents.session import OnnxPolicy, session_of
 from train.edge_worths import worths
-from train.family_actor import JobTracker
+from train.family_actor import DOUBT, PLACE, JobFilter
 from train.family_gradient import ALGORITHM, SEEDS, Lathes, Training, main, plan, train
 from train.model_gain import FIELDS, ModelGain, Truth
 from train.run import Run
 from turning_env import Family, FamilyVectorEnv, Scenario, read
-from turning_env.physics.quantities import OBS, layout
-from turning_env.scenario.plan import Columns
+from turning_env.physics.quantities import layout
+from turning_env.scenario.plan import Columns, columns_of
 
 FAMILY = Family.load(BRIEF)
 SMALL = {"steps": 4 * 16 * 8, "num_envs": 8, "rollout": 16, "batch_envs": 4, "cells": 8, "width": 8, "restart_steps": 40}
@@ -74,19 +76,19 @@ def test_many_prices_are_those_of_each_scenario(monkeypatch: pytest.MonkeyPatch)
         np.testing.assert_allclose(many.life[0], single.life, rtol=0.01, atol=1.0)
 
 
-def test_the_job_tracker_knows_where_the_tool_is() -> None:
+def test_the_agent_knows_where_the_tool_is() -> None:
     env = FamilyVectorEnv(8, FAMILY)
     mean, spread = FAMILY.context_scale
-    tracker = JobTracker(FAMILY.job(0).scenario, FAMILY.context_names, mean.tolist(), spread.tolist())
+    tracker = JobFilter(FAMILY.job(0).scenario, FAMILY.context_names, mean.tolist(), spread.tolist())
     observations, infos = env.reset(seed=0)
-    state, random, numbers = torch.zeros(8, JobTracker.STATES), np.random.default_rng(0), infos["job"]
+    state, random, numbers = torch.zeros(8, JobFilter.STATES), np.random.default_rng(0), infos["job"]
     works = [env.job(i).scenario.workpiece for i in range(8)]
     approach, length = (np.array([getattr(work, name) for work in works]) for name in ("approach", "bar_length"))
     errors = []
     for _ in range(60):
         readings, state = tracker(torch.from_numpy(observations), state)
         share = (infos["path"] % (approach + length) - approach) / length
-        along = 0.5 * (readings[:, 0].numpy() + 1.0)
+        along = 0.5 * (readings[:, -2].numpy() + 1.0)
         error = (along - share + 0.5) % 1.0 - 0.5
         errors.append(np.where((infos["job"] == numbers) & (share > 0.0), error, 0.0))
         actions = np.concatenate([random.uniform(-1, 1, (8, 2)), -np.ones((8, 1))], axis=1)
@@ -95,29 +97,30 @@ def test_the_job_tracker_knows_where_the_tool_is() -> None:
     assert np.abs(errors).mean() < 0.03
 
 
-def test_the_job_tracker_compares_measured_and_predicted_wear_and_loads() -> None:
-    shop = Family.load("shop")
-    env, job = FamilyVectorEnv(1, shop), shop.job(0)
+def test_the_filter_estimates_what_the_compiled_one_does() -> None:
+    shop, steps = Family.load("shop"), 300
+    jobs = [shop.job(number) for number in range(4)]
+    env = FamilyVectorEnv(len(jobs), shop)
     mean, spread = shop.context_scale
-    tracker = JobTracker(job.scenario, shop.context_names, mean.tolist(), spread.tolist())
-    observations, _ = env.reset(seed=0)
-    state, seen, logs = torch.zeros(1, JobTracker.STATES), [], []
-    for step in range(241):
-        readings, state = tracker(torch.from_numpy(observations), state)
-        reading = read(observations[:, : len(layout(job.scenario))], job.scenario)
-        if step in (80, 160):
-            assert state[0, 3] == step // 80 - 1  # the change is seen at the next observation
-            logs.append(-np.log(reading.nominal_wear[0]))
-        if step in (81, 161):
-            logs[-1] += np.log(reading.removed_wear[0])
-        if reading.cutting[0]:
-            seen.append(observations[0, [OBS.force_ratio, OBS.power_ratio]].clip(max=5.0))
-        observations, *_ = env.step(np.array([[0.0, 0.0, 1.0 if step in (80, 160) else -1.0]], np.float32))
-    np.testing.assert_allclose(readings[0, 2], 4.0 * sum(logs) / 2.3, rtol=1e-4)
-    assert readings[0, 3] == 1.0
-    of_job, of_edge = np.mean(seen, axis=0), np.mean(seen[-79:], axis=0)
-    np.testing.assert_allclose(readings[0, 4:6], of_job, rtol=1e-4)
-    np.testing.assert_allclose(readings[0, 6:], 79.0 / 139.0 * (of_edge - of_job), rtol=1e-3)
+    tracker = JobFilter(jobs[0].scenario, shop.context_names, mean.tolist(), spread.tolist())
+    compiled = LoadFilter([job.scenario.nominal() for job in jobs], len(jobs), DOUBT)
+    compiled.reset(np.ones(len(jobs), np.bool_))
+    start, scales = compiled.mean.copy(), np.sqrt(np.diagonal(compiled.covariance, axis1=1, axis2=2))
+    observations, infos = env.reset(seed=list(range(len(jobs))))
+    assert infos["job"].tolist() == [0, 1, 2, 3]
+    state, columns = torch.zeros(len(jobs), JobFilter.STATES), columns_of([job.scenario for job in jobs])
+    differences = []
+    for step in range(steps):
+        _, state = tracker(torch.from_numpy(observations), state)
+        compiled.observe(read(observations[:, : len(layout(jobs[0].scenario))], columns))
+        mine, its = state[:, PLACE : PLACE + STATES].numpy(), (compiled.mean - start) / scales
+        differences.append(np.abs(mine - its))
+        swing = 0.3 * np.sin(0.4 * step)
+        actions = np.tile(np.array([swing, -swing, 1.0 if step % 140 == 139 else -1.0], np.float32), (len(jobs), 1))
+        observations, *_ = env.step(actions)
+    assert np.abs(its).max() > 1.0
+    assert np.median(differences) < 0.05
+    assert np.mean(differences) < 0.15
 
 
 def state_of(run: Run) -> dict[str, torch.Tensor]:
@@ -168,6 +171,7 @@ def test_training_ends_by_the_clock_and_refuses_other_settings_and_seeds(tmp_pat
     ("changes", "message"),
     [
         ({"fields": FAMILY.fields | {"machine.cutting_speed_max": "2.0 * speed * exp(0.1 * edge_cost)"}}, "must be the same"),
+        ({"fields": FAMILY.fields | {"sensors.power_noise": "0.01 * edge_cost"}}, "power_noise is .* must be the same"),
         (
             {"base": "rough_turning", "fields": FAMILY.fields | {"sensors.inspects_edges": False}},
             "must have control.edge_changes",
