@@ -85,7 +85,7 @@ class Optimiser:
         scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
         self._scenario: Any = scenarios[0] if len(scenarios) == 1 else columns_of(scenarios)
         self._scenarios, self._severity, self._caution = scenarios, severity, caution
-        self._parameters = np.concatenate([_parameters(each, severity) for each in scenarios])
+        self._parameters = np.concatenate([parameter_record(each, severity) for each in scenarios])
         self._filter = self._new_filter(num_envs)
         self._lots = self._log_rates()
         rates = tuple(np.exp(self._lots).tolist())
@@ -108,9 +108,12 @@ class Optimiser:
         """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenario)
         self._filter.observe(reading)
-        return towards(reading, self._scenario, *self._set_point(reading), self._spent(reading))
+        nominal, expected = self._used_lives(reading)
+        price = self._price(expected)
+        best = self._best(reading, self._prospect(reading, nominal, price, *self._ahead(reading)))
+        return towards(reading, self._scenario, *best, self._spent(reading, expected, price))
 
-    def _used_life(self, reading: Reading) -> tuple[Array, Array]:
+    def _used_lives(self, reading: Reading) -> tuple[Array, Array]:
         """Return the used share of the edge's life [-] by the nominal model and by the filter."""
         exponent = self._scenario.material.wear.time
         nominal = (reading.nominal_wear / self._scenario.tool.wear_criterion) ** (1.0 / exponent)
@@ -131,15 +134,14 @@ class Optimiser:
         slow, fast = along(row), along(np.minimum(row + 1, len(lots) - 1))
         return np.asarray(slow + lot * (fast - slow))
 
-    def _spent(self, reading: Reading) -> NDArray[np.bool_]:
+    def _spent(self, reading: Reading, used_life: Array, price: Array) -> NDArray[np.bool_]:
         """Return whether to change the edge: its life has no price left, or may soon be over (at one standard deviation)."""
-        _, used_life = self._used_life(reading)
-        exponent, (coefficient, speed, feed) = self._scenario.material.wear.time, self._parameters["wear"].T
-        log_wear = coefficient + speed * np.log(reading.cutting_speed) + feed * np.log(reading.feed)
-        rate = np.exp((log_wear + self._filter.log_wear_factor) / exponent)  # [1/min]
-        soon = used_life + rate * LEAD * self._scenario.control.interval / 60.0
+        exponent, (log_rate, speed, feed) = self._scenario.material.wear.time, self._parameters["life"].T
+        log_rate = log_rate + speed * np.log(reading.cutting_speed) + feed * np.log(reading.feed)
+        rate = np.exp(log_rate + self._filter.log_wear_factor / exponent)  # [1/s]
+        soon = used_life + rate * LEAD * self._scenario.control.interval
         over = soon * np.exp(self._filter.wear_doubt / exponent) >= 1.0
-        spent: NDArray[np.bool_] = (reading.nominal_wear > 0.0) & (over | (self._price(used_life) <= 0.0))
+        spent: NDArray[np.bool_] = (reading.nominal_wear > 0.0) & (over | (price <= 0.0))
         return spent
 
     def _look_at(self, times: Array) -> None:
@@ -149,20 +151,20 @@ class Optimiser:
         deviations = np.broadcast_arrays(self._times, *(decay(self._times, lag) for lag in lags))
         self._left = np.stack(deviations, axis=1)
 
-    def _set_point(self, reading: Reading) -> tuple[Array, Array]:
-        """Return cutting speed [m/min] and feed [mm/rev] to command, each of shape (num_envs,)."""
+    def _ahead(self, reading: Reading) -> tuple[Outlook, Array, Array]:
+        """Return the outlook, and 1 in metal and 1 in an unmeasured bar, else 0, each of shape (num_envs, points)."""
         velocity = feed_velocity(self._scenario, reading.commanded_cutting_speed, reading.commanded_feed)
         distance = velocity[:, np.newaxis] * self._times
         outlook = self._filter.outlook(distance, distance < 0.0)
         cutting = np.ones(outlook.log_force.shape)
-        unmeasured = cutting - self._filter.measured[:, np.newaxis]
-        return self._best(reading, self._prospect(reading, outlook, cutting, unmeasured))
+        return outlook, cutting, cutting - self._filter.measured[:, np.newaxis]
 
-    def _prospect(self, reading: Reading, outlook: Outlook, cutting: Array, unmeasured: Array) -> Prospect:
-        """Return the prospect for an outlook; ``cutting`` and ``unmeasured`` are 1 in metal and in an unmeasured bar, else 0."""
+    def _prospect(
+        self, reading: Reading, used_life: Array, price: Array, outlook: Outlook, cutting: Array, unmeasured: Array
+    ) -> Prospect:
+        """Return the prospect at a nominal used life [-] and a price of life [s], shape (num_envs,)."""
         economics, tool, law = self._scenario.economics, self._scenario.tool, self._scenario.material.wear
         nominal_depth = column(self._scenario.workpiece.depth_of_cut)
-        used_life, estimated = self._used_life(reading)
         deeper, harder = np.log(outlook.depth_of_cut / nominal_depth), outlook.log_hardness
         wear = column(law.depth_of_cut) * deeper + column(law.hardness) * harder
         left = np.maximum(1.0 - used_life, 0.0)
@@ -179,7 +181,7 @@ class Optimiser:
             power_spread=np.maximum(self._caution * outlook.power_spread, MIN_SPREAD),
             strength_spread=np.maximum(np.hypot(outlook.force_spread, column(tool.edge_strength_spread)), MIN_SPREAD),
             metal_value=depth / column(economics.reference_removal_rate),
-            life_price=self._price(estimated)[:, np.newaxis] * np.exp(wear / column(law.time)),
+            life_price=price[:, np.newaxis] * np.exp(wear / column(law.time)),
             cutting=cutting,
             unmeasured=unmeasured,
         )
@@ -218,16 +220,17 @@ def column(value: Any) -> Any:
     return np.reshape(value, (-1, 1))
 
 
-def _parameters(scenario: Scenario, severity: float) -> Any:
+def parameter_record(scenario: Scenario, severity: float) -> Any:
     """Return what ``search`` needs of a scenario, an array of one record."""
     material, limits, tool = scenario.material, scenario.limits, scenario.tool
-    base_speed = scenario.base_cutting_speed
+    wear, wear_speed, wear_feed = log_law(material.wear, scenario, tool.wear_criterion)
+    time = material.wear.time
     parameters: dict[str, Any] = {
-        "wear": log_law(material.wear, scenario, tool.wear_criterion),
+        "life": (wear / time - math.log(60.0), wear_speed / time, wear_feed / time),  # of the log used life [1/s]
         "force": log_law(material.thrust_force, scenario, limits.thrust_force)[0],
         "power": log_law(material.power, scenario, limits.power)[0],
-        "wear_time": material.wear.time,
-        "log_base_speed": math.log(base_speed) if base_speed else -math.inf,
+        "wear_time": time,
+        "log_base_speed": math.log(scenario.base_cutting_speed or 1e-9),
         "log_strength": float(np.log(tool.edge_strength / limits.thrust_force)),
         "overload_price": severity * scenario.economics.overload_price,
         "interval": scenario.control.interval,
@@ -265,4 +268,4 @@ def optimising(description: str, optimiser: Callable[..., Optimiser], version: i
 
 
 DESCRIPTION = "the best expected net gain of each step, on a Kalman filter's estimates and a price of life by dynamic programming"
-RULES = {"optimiser": optimising(DESCRIPTION, Optimiser, version=3)}
+RULES = {"optimiser": optimising(DESCRIPTION, Optimiser, version=4)}

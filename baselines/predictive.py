@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from baselines.models.load_filter import Array, feed_velocity
+from baselines.models.load_filter import Array, Outlook, feed_velocity
 from baselines.optimiser import Optimiser, column, optimising
 from turning_env import Reading, Scenario
 
@@ -35,7 +35,7 @@ class Predictive(Optimiser):
         horizon = self._scenario.control.interval + SETTLING * self._scenario.machine.feed_time_constant
         self._look_at(column(horizon) * np.arange(1.0, POINTS + 1.0) / POINTS)
 
-    def _set_point(self, reading: Reading) -> tuple[Array, Array]:
+    def _ahead(self, reading: Reading) -> tuple[Outlook, Array, Array]:
         work = self._scenario.workpiece
         velocity = feed_velocity(self._scenario, reading.commanded_cutting_speed, reading.commanded_feed)
         distance = velocity[:, np.newaxis] * self._times
@@ -45,9 +45,8 @@ class Predictive(Optimiser):
         cutting = (distance - left) % column(pitch) >= column(work.approach)
         outlook = self._filter.outlook(np.minimum(distance, left), entering)
         unmeasured = cutting & (entering | ~self._filter.measured[:, np.newaxis])
-        prospect = self._prospect(reading, outlook, cutting.astype(np.float64), unmeasured.astype(np.float64))
-        return self._best(reading, prospect)
+        return outlook, cutting.astype(np.float64), unmeasured.astype(np.float64)
 
 
 DESCRIPTION = "the optimiser with foresight: it slows before it enters an unmeasured bar"
-RULES = {"predictive": optimising(DESCRIPTION, Predictive, version=3)}
+RULES = {"predictive": optimising(DESCRIPTION, Predictive, version=4)}

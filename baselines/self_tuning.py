@@ -62,6 +62,7 @@ RULES = {
         lambda scenario, num_envs, parameters: SelfTuning(scenario, num_envs, **parameters),
         lambda scenario: plays(scenario) and scenario.sensors.inspects_edges,
         {"severity": 1.2, "caution": 1.0, "law_doubt": 1.0, "lot_doubt": 0.4, "lot_life": 0.78},
+        version=2,
         changes_edges=True,
         together=True,
     )

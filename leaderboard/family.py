@@ -276,7 +276,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rules = {
         name: spec(name.removesuffix(TRUTH), family.job(0).scenario, tuned_on) for name in options.policies if name != CAUSAL
     }
-    known |= {ANCHOR: ANCHOR, CAUSAL: f"{CAUSAL} 3"} | {
+    known |= {ANCHOR: ANCHOR, CAUSAL: f"{CAUSAL} 4"} | {
         name: f"{name} {rule.version} {rule.parameters}" for name, rule in rules.items()
     }
     # Slow policies first, so that no worker is left with a long piece at the end.

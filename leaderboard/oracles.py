@@ -31,7 +31,7 @@ def oracles(scenario: Scenario) -> list[PolicySpec]:
         known.append(
             PolicySpec(
                 name=CAUSAL,
-                version=3,
+                version=4,
                 kind="oracle",
                 description="the optimiser with foresight, told the true depth, hardness and wear after every step",
                 tolerance=TOLERANCE,

@@ -1,26 +1,26 @@
 """The search for the cutting speed and feed with the greatest expected gain of a step.
 
-It climbs on a grid of cutting speeds from the middle to the best one. For each speed it climbs on a grid of feeds, and on finer
-ones around the best feed. A parabola through the best speed and its neighbours gives the speed between them.
-
-The order of operations is part of a rule's version: other last bits of a gain, amplified by the parabola, change an episode.
+It is Newton's method in log speed and log feed, from the actual ones, within reach. The gain's derivatives are computed with the
+gain. A step goes to the top of a parabola within reach; it is shortened until the gain rises. Where the gain is not concave, the
+parabola takes the curvatures' magnitudes (Dauphin et al. 2014), so the step still goes uphill.
 """
 
 import math
 
-import numpy as np
-
 from baselines.models.normal import excess, probability
 from turning_env.numerics.compilation import compiled, compiled_entry, compiled_separately
+from turning_env.numerics.functions import exp, log
 
-SPEEDS = 7
-"""Number of cutting speeds to try, from the lowest to the highest within reach."""
-FEEDS, REFINEMENTS = 9, 3
-"""Number of feeds to try for each cutting speed, and of grids; each grid refines the last around its best feed."""
-MARGIN = 1e-9
-"""Difference of gains [-] that rounding does not reach."""
-NEGLIGIBLE = 10.0
-"""Distance of a load below its limit over its spread [-] from which the expected excess does not reach a gain's last bit."""
+TRIES = 30
+"""Greatest number of steps that are tried."""
+ENOUGH = 1e-6
+"""Expected rise of the mean gain [-] below which the search ends."""
+FLAT = 1e-6
+"""Curvature that is added, as a parabola without curvature has no top."""
+CORNER = 0.001
+"""Log distance from the base speed within which the limit of power bends smoothly [-]."""
+NEGLIGIBLE = 6.0
+"""Distance of a load below its limit over its spread [-] from which its excess does not count."""
 
 ENVIRONMENT = (
     *("slowest", "fastest", "lowest", "highest", "log_speed", "log_feed", "used_life", "breakage_price"),
@@ -58,119 +58,88 @@ def search(parameters, lefts, environments, points, found):
         points: ``POINT``, shape (num_envs, fields, points).
         found: filled with log cutting speeds and log feeds, shape (num_envs, 2).
     """
-    speeds, feeds, gains = np.empty(SPEEDS), np.empty(SPEEDS), np.empty(SPEEDS)
-    work = np.empty((3, lefts.shape[2]))
     for i in range(len(found)):
-        p, left = parameters[i % len(parameters)], lefts[i % len(lefts)]
-        env, ahead = environments[i], points[i]
-        for k in range(SPEEDS):
-            speeds[k] = rung(env[SLOWEST], env[FASTEST], k, SPEEDS)
-        top = SPEEDS // 2
-        feeds[top], gains[top] = best_feed(p, left, env, ahead, speeds[top], work)
-        for k in range(top + 1, SPEEDS):
-            feeds[k], gains[k] = best_feed(p, left, env, ahead, speeds[k], work)
-            if not gains[k] > gains[top]:
+        p, left, env, ahead = parameters[i % len(parameters)], lefts[i % len(lefts)], environments[i], points[i]
+        x = min(max(env[LOG_SPEED], env[SLOWEST]), env[FASTEST])
+        y = min(max(env[LOG_FEED], env[LOWEST]), env[HIGHEST])
+        gain, dx, dy, rise = outlook(p, left, env, ahead, x, y)
+        for _ in range(TRIES):
+            if rise < ENOUGH:
                 break
-            top = k
-        if top == SPEEDS // 2:
-            for k in range(top - 1, -1, -1):
-                feeds[k], gains[k] = best_feed(p, left, env, ahead, speeds[k], work)
-                if gains[k] < gains[top]:
-                    break
-                top = k
-        speed, feed = between(speeds, feeds, gains, top)
-        better = gain(p, left, env, ahead, speed, feed, -np.inf, work) > gains[top]
-        found[i, 0], found[i, 1] = (speed, feed) if better else (speeds[top], feeds[top])
-
-
-@compiled
-def rung(low, high, index, count):
-    """Return one of several values from low to high, as ``numpy.linspace`` does."""
-    return high if index == count - 1 else index * ((high - low) / (count - 1)) + low
+            there = outlook(p, left, env, ahead, x + dx, y + dy)
+            if there[0] > gain:
+                x, y = x + dx, y + dy
+                gain, dx, dy, rise = there
+            else:
+                dx, dy, rise = 0.5 * dx, 0.5 * dy, 0.5 * rise
+        found[i, 0], found[i, 1] = x, y
 
 
 @compiled_separately
-def best_feed(p, left, env, ahead, speed, work):
-    """Return (best log feed, its gain) at a log speed."""
-    low, high, top, best = env[LOWEST], env[HIGHEST], FEEDS // 2, -np.inf
-    for grid in range(REFINEMENTS):
-        if grid > 0:
-            low, high = rung(low, high, max(top - 1, 0), FEEDS), rung(low, high, min(top + 1, FEEDS - 1), FEEDS)
-        top = FEEDS // 2
-        best = gain(p, left, env, ahead, speed, rung(low, high, top, FEEDS), -np.inf, work)
-        for k in range(top + 1, FEEDS):
-            value = gain(p, left, env, ahead, speed, rung(low, high, k, FEEDS), best - MARGIN, work)
-            if not value > best:
-                break
-            best, top = value, k
-        if top == FEEDS // 2:
-            for k in range(top - 1, -1, -1):
-                value = gain(p, left, env, ahead, speed, rung(low, high, k, FEEDS), best - MARGIN, work)
-                if value < best:
-                    break
-                best, top = value, k
-    return rung(low, high, top, FEEDS), best
-
-
-@compiled
-def between(speeds, feeds, gains, top):
-    """Return the log speed and log feed at the top of a parabola through the best speed and its neighbours."""
-    middle = min(max(top, 1), SPEEDS - 2)
-    a, b, c = middle - 1, middle, middle + 1
-    curvature = 2.0 * gains[b] - gains[a] - gains[c]
-    share = 0.5 * (gains[c] - gains[a]) / curvature if curvature > 0.0 else 0.0
-    share = min(max(share, -1.0), 1.0)
-    below, at, above = 0.5 * share * (share - 1.0), 1.0 - share * share, 0.5 * share * (share + 1.0)
-    speed = below * speeds[a] + at * speeds[b] + above * speeds[c]
-    feed = below * feeds[a] + at * feeds[b] + above * feeds[c]
-    return speed, min(max(feed, min(feeds[a], feeds[b], feeds[c])), max(feeds[a], feeds[b], feeds[c]))
-
-
-@compiled_separately
-def gain(p, left, env, ahead, log_speed, log_feed, least, work):
-    """Return the expected mean gain [s of machine time per s] of a commanded log speed and log feed.
-
-    If the gain is below ``least`` even without overload and breakage, it is returned without them.
-    """
-    points = left.shape[1]
-    wear_law = p.wear
+def outlook(p, left, env, ahead, x, y):
+    """Return the mean gain [s of machine time per s] expected of a commanded log speed x and log feed y, and the next step."""
+    points, life, overload_price = left.shape[1], p.life, -p.overload_price
+    sums, worst, worst_x, worst_y = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), -math.inf, 0.0, 0.0
     for k in range(points):
-        speed = log_speed + (env[LOG_SPEED] - log_speed) * left[1, k]
-        feed = log_feed + (env[LOG_FEED] - log_feed) * left[2, k]
-        work[1, k] = ahead[METAL_VALUE, k] * math.exp(speed + feed)
-        work[2, k] = math.exp((wear_law[0] + wear_law[1] * speed + wear_law[2] * feed) / p.wear_time) / 60.0  # life used [1/s]
-        work[0, k] = work[1, k] - ahead[CUTTING, k] * (ahead[LIFE_PRICE, k] * work[2, k])
-    most = mean(work[0])
-    if most < least:
-        return most
-    risk = 0.0
-    for k in range(points):
+        a, b = 1.0 - left[1, k], 1.0 - left[2, k]
+        speed, feed = env[LOG_SPEED] + a * (x - env[LOG_SPEED]), env[LOG_FEED] + b * (y - env[LOG_FEED])
+        metal = ahead[METAL_VALUE, k] * exp(speed + feed)
+        sums = plus(sums, metal, metal, metal, a, b)
         if ahead[CUTTING, k] == 0.0:
             continue
-        speed = log_speed + (env[LOG_SPEED] - log_speed) * left[1, k]
-        feed = log_feed + (env[LOG_FEED] - log_feed) * left[2, k]
-        wear = p.wear_time * math.log(env[USED_LIFE] + work[2, k] * left[0, k])
+        rate = exp(life[0] + life[1] * speed + life[2] * feed)
+        cost = -ahead[LIFE_PRICE, k] * rate
+        sums = plus(sums, cost, cost, cost, a * life[1], b * life[2])
+        used = env[USED_LIFE] + rate * left[0, k]
+        wear, by_rate = p.wear_time * log(used), p.wear_time * rate * left[0, k] / used
+        wear_x, wear_y = by_rate * a * life[1], by_rate * b * life[2]
         force = p.force + env[FORCE_SPEED] * speed + env[FORCE_FEED] * feed + env[FORCE_WEAR] * wear + ahead[LOG_FORCE, k]
-        power = p.power + env[POWER_SPEED] * speed + env[POWER_FEED] * feed + env[POWER_WEAR] * wear + ahead[LOG_POWER, k]
-        power -= min(speed - p.log_base_speed, 0.0)
-        overload = 0.0
+        force_x, force_y = env[FORCE_SPEED] * a + env[FORCE_WEAR] * wear_x, env[FORCE_FEED] * b + env[FORCE_WEAR] * wear_y
         if force > -NEGLIGIBLE * ahead[FORCE_SPREAD, k]:
-            overload += excess(force, ahead[FORCE_SPREAD, k])
+            over, slope, bend = excess(force, ahead[FORCE_SPREAD, k])
+            sums = plus(sums, overload_price * over, overload_price * slope, overload_price * bend, force_x, force_y)
+        above = speed - p.log_base_speed
+        root = math.sqrt(above * above + CORNER * CORNER)
+        power = p.power + env[POWER_SPEED] * speed + env[POWER_FEED] * feed + env[POWER_WEAR] * wear + ahead[LOG_POWER, k]
+        power += 0.5 * (root - above)
         if power > -NEGLIGIBLE * ahead[POWER_SPREAD, k]:
-            overload += excess(power, ahead[POWER_SPREAD, k])
-        work[0, k] = work[1, k] - (ahead[LIFE_PRICE, k] * work[2, k] + p.overload_price * overload)
-        if ahead[UNMEASURED, k] > 0.0:
-            risk = max(risk, probability((force - p.log_strength) / ahead[STRENGTH_SPREAD, k]))
-    return mean(work[0]) - env[BREAKAGE_PRICE] * risk / p.interval
+            over, slope, bend = excess(power, ahead[POWER_SPREAD, k])
+            power_x = (env[POWER_SPEED] + 0.5 * (above / root - 1.0)) * a + env[POWER_WEAR] * wear_x
+            power_y = env[POWER_FEED] * b + env[POWER_WEAR] * wear_y
+            sums = plus(sums, overload_price * over, overload_price * slope, overload_price * bend, power_x, power_y)
+            sums = plus(sums, 0.0, 0.0, overload_price * slope * 0.5 * (CORNER * CORNER) / (root * root * root), a, 0.0)
+        deviation = (force - p.log_strength) / ahead[STRENGTH_SPREAD, k]
+        if ahead[UNMEASURED, k] > 0.0 and deviation > worst:
+            worst, worst_x, worst_y = deviation, force_x / ahead[STRENGTH_SPREAD, k], force_y / ahead[STRENGTH_SPREAD, k]
+    if worst > -math.inf:
+        risk, density = probability(worst)
+        price = -env[BREAKAGE_PRICE] / p.interval * points
+        sums = plus(sums, price * risk, price * density, -price * density * worst, worst_x, worst_y)
+    dx, dy, rise = step(env, x, y, sums)
+    return sums[0] / points, dx, dy, rise / points
 
 
 @compiled
-def mean(values):
-    """Return the mean, added up as NumPy does up to eight values."""
-    if len(values) == 8:
-        low, high = (values[0] + values[1]) + (values[2] + values[3]), (values[4] + values[5]) + (values[6] + values[7])
-        return (low + high) / 8.0
-    total = 0.0
-    for value in values:
-        total += value
-    return total / len(values)
+def plus(sums, value, slope, bend, x, y):
+    """Add a term to sums of values, slopes and curvatures; x and y are the slopes of the form of which it is a function."""
+    total, by_x, by_y, by_xx, by_xy, by_yy = sums
+    bend_x, bend_y = bend * x, bend * y
+    return total + value, by_x + slope * x, by_y + slope * y, by_xx + bend_x * x, by_xy + bend_x * y, by_yy + bend_y * y
+
+
+@compiled
+def step(env, x, y, sums):
+    """Return the step to the top within reach of the parabola with these slopes and magnitudes of curvatures, and its rise."""
+    _, by_x, by_y, by_xx, by_xy, by_yy = sums
+    determinant = abs(by_xx * by_yy - by_xy * by_xy)
+    root = math.sqrt(by_xx * by_xx + 2.0 * by_xy * by_xy + by_yy * by_yy + 2.0 * determinant) + FLAT
+    xx = (by_xx * by_xx + by_xy * by_xy + determinant) / root + FLAT
+    yy = (by_yy * by_yy + by_xy * by_xy + determinant) / root + FLAT
+    xy = by_xy * (by_xx + by_yy) / root
+    dx = min(max((by_x * yy - by_y * xy) / (xx * yy - xy * xy), env[SLOWEST] - x), env[FASTEST] - x)
+    dy = min(max((by_y - xy * dx) / yy, env[LOWEST] - y), env[HIGHEST] - y)
+    best = dx, dy, by_x * dx + by_y * dy - 0.5 * (xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy)
+    dy = min(max((by_y * xx - by_x * xy) / (xx * yy - xy * xy), env[LOWEST] - y), env[HIGHEST] - y)
+    dx = min(max((by_x - xy * dy) / xx, env[SLOWEST] - x), env[FASTEST] - x)
+    rise = by_x * dx + by_y * dy - 0.5 * (xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy)
+    return (dx, dy, rise) if rise > best[2] else best

@@ -3,17 +3,24 @@
 import numpy as np
 import pytest
 from scipy.special import ndtr
+from scipy.stats import norm
 
 from baselines.models.edge_value import expected_excess
 from baselines.models.normal import excess, probability
 
 
-def test_probabilities_are_those_of_scipy() -> None:
+def test_probabilities_and_densities_are_those_of_scipy() -> None:
     values = np.concatenate([np.linspace(-40.0, 40.0, 801), np.array([-np.sqrt(2.0), 0.0, np.sqrt(2.0)])])
-    assert [probability(value) for value in values] == pytest.approx(ndtr(values), rel=1e-14, abs=1e-290)
+    found, density = np.transpose([probability(value) for value in values])
+    assert found == pytest.approx(ndtr(values), abs=1e-7)
+    assert density == pytest.approx(norm.pdf(values), rel=1e-12, abs=1e-300)
 
 
 @pytest.mark.parametrize("spread", [1e-3, 0.05, 1.0])
 def test_the_expected_excess_is_that_of_the_price_of_life(spread: float) -> None:
-    means = np.linspace(-2.0, 1.0, 61)
-    assert [excess(mean, spread) for mean in means] == pytest.approx(expected_excess(means, spread), rel=1e-13, abs=1e-16)
+    means, by = np.linspace(-2.0, 1.0, 61), 0.01 * spread
+    value, slope, bend = np.transpose([excess(mean, spread) for mean in means])
+    below, at, above = (expected_excess(means + step, spread) for step in (-by, 0.0, by))
+    assert value == pytest.approx(at, abs=1e-6)
+    assert slope == pytest.approx((above - below) / (2.0 * by), rel=1e-4, abs=1e-4)
+    assert bend == pytest.approx((above - 2.0 * at + below) / by**2, rel=1e-3, abs=1e-3)
