@@ -10,6 +10,9 @@ from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
 from turning_env.numerics.per_env import at
 from turning_env.physics.edge import stop_machine
 
+ROUNDING = 1e-6
+"""Relative error of a commanded feed [-]: actions are of single precision, and an end of the window belongs to it."""
+
 
 @compiled
 def start_swarf(state, i):
@@ -22,7 +25,7 @@ def start_swarf(state, i):
 def tangle(state, work, i, parameters):
     """Use up the margin while cutting outside the window, and count a tangle at its end: at most one per sub-step."""
     p = at(parameters, i)
-    breaks = p.chip_feed_min <= state.feed[i] <= p.chip_feed_max
+    breaks = p.chip_feed_min <= state.feed[i] * (1.0 + ROUNDING) and state.feed[i] <= p.chip_feed_max * (1.0 + ROUNDING)
     breaks &= p.chip_depth_min <= state.depth_of_cut[i] <= p.chip_depth_max
     state.tangle_margin[i] -= 0.0 if breaks else p.tangle_rate * work.engaged[i]
     if state.tangle_margin[i] <= 0.0:

@@ -39,6 +39,11 @@ def test_inside_the_window_and_by_default_chips_break() -> None:
     assert episodes(UNDISTURBED, 0.3, 2.5, **WINDOW)["return"].tolist() == neutral["return"].tolist()
 
 
+def test_the_ends_of_the_window_belong_to_it_whatever_the_rounding_of_actions() -> None:
+    for feed in (0.2 * (1.0 - 1e-7), 0.4 * (1.0 + 1e-7)):
+        assert not episodes(UNDISTURBED, feed, 2.5, **WINDOW)["stopped_time"].any()
+
+
 def test_stops_do_not_outlast_an_episode_that_ends_by_the_clock() -> None:
     shift = changed(
         Scenario.load("shift"), control={"time_limit": 20.0}, swarf=WINDOW | {"tangle_rate": 10.0, "tangle_time": 7.0}
