@@ -18,7 +18,7 @@ from leaderboard.private_seeds import PUBLIC, private_task, read_seeds
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import MANIFEST_FILE, ResultError, Task, result_folder
 from train.agents.agent_file import NAME
-from turning_env import IDS, SPLITS, Scenario, ScenarioError
+from turning_env import FAMILY_ID, IDS, SPLITS, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.workers import WorkersError, workers
@@ -112,10 +112,13 @@ def _show(options: argparse.Namespace) -> None:
 
     python -m leaderboard show --results leaderboard/results
     python -m leaderboard show --results leaderboard/results --env RoughTurning-Surface-v0 --json
+    python -m leaderboard show --results leaderboard/results --env RoughTurning-Family-v0
     python -m leaderboard show --results leaderboard/results --track constraint
     python -m leaderboard show --results leaderboard/results --all --information
     python -m leaderboard show --results leaderboard/results --all
     """
+    if options.env == FAMILY_ID:
+        return _show_families(options)
     chosen = {"env_id": options.env, "scenario": options.scenario, "most": None if options.all else 1}
     leaderboards = read_leaderboards(options.results, **chosen)
     if options.information:
@@ -124,6 +127,20 @@ def _show(options: argparse.Namespace) -> None:
         _print(leaderboards, options.json, options.track)
     if not options.all and len(list(options.results.glob(f"*/*/{MANIFEST_FILE}"))) > 1:
         print("--all prints the other leaderboards", file=sys.stderr)
+
+
+def _show_families(options: argparse.Namespace) -> None:
+    from leaderboard import family_table  # needed only here: imports the controllers
+
+    boards = family_table.read_boards(options.results, options.scenario or "*")
+    if not boards:
+        raise ResultError(f"{options.results} holds no results of {FAMILY_ID}; python -m leaderboard.family --keep makes some")
+    if options.information:
+        print(information.markdown({name: each for board in boards for name, each in board.information.items()}))
+    elif options.json:
+        print_json({"boards": [each.data() for each in boards]})
+    else:
+        print(*(each.text() for each in boards), sep="\n")
 
 
 def _trainings(leaderboards: Sequence[Leaderboard]) -> dict[str, information.Information]:
@@ -313,8 +330,11 @@ def _parser() -> argparse.ArgumentParser:
     add("--fresh", action="store_true", help="play again, even if results exist")
 
     add = command(_show, "print the ranking", results, printed)
-    add("--env", choices=IDS, help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)")
-    add("--scenario", metavar="NAME", help="the scenario's name (default: the id's own)")
+    ids = [*IDS, FAMILY_ID]
+    add("--env", choices=ids, help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)")
+    add(
+        "--scenario", metavar="NAME", help="the scenario's name (default: the id's own), or family and split, as shop-unseen_jobs"
+    )
     add("--all", action="store_true", help="print all rankings, of all ids and scenarios unless one is named")
     which = "order of policies: penalty, by return (default), or constraint, feasible policies by cost"
     add("--track", choices=table.TRACKS, default="penalty", help=which)
@@ -323,7 +343,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)")
 
     add = command(_verify, "play results again; fail if any differs", project, agents_folder, elsewhere)
-    add("--env", choices=IDS, help="only results of this id")
+    add("--env", choices=ids, help="only results of this id")
     add("--scenario", metavar="NAME", help="only results on this scenario")
     add("--policies", nargs="+", metavar="NAME", help="only results of these policies")
     add("--seeds", type=positive, metavar="N", help="play only the N shortest episodes of each result")
