@@ -24,6 +24,8 @@ TRUTH, FORGETFUL = ", told the truth", ", forgetful"
 ANCHOR = "held optimum"
 TOGETHER, APART = 256, 4
 """Numbers of jobs that a worker plays at a time: in one batch, or one by one."""
+FILLED = 16
+"""Agents play a multiple of so many jobs: ONNX Runtime computes the last few of other batches with other last bits."""
 
 
 class Retold(Policy):
@@ -113,7 +115,7 @@ def played(piece: Piece) -> Rows:
 
 
 def _played(piece: Piece, numbers: Sequence[int], episodes: int) -> Episodes:
-    """Return episodes of jobs, fields of shape (jobs, episodes)."""
+    """Return episodes of jobs, and perhaps of further ones: fields of shape (jobs, episodes)."""
     policy = piece.policy
     family = truthful(piece.family) if policy == CAUSAL or str(policy).endswith(TRUTH) else piece.family
     jobs = [family.job(number, piece.split) for number in numbers]
@@ -126,7 +128,8 @@ def _played(piece: Piece, numbers: Sequence[int], episodes: int) -> Episodes:
     if isinstance(policy, Path):
         agent = agent_spec(policy)
         told = agent.parameters.get("context")
-        return play_family(family, jobs, remembering(lambda num_envs: Retold(agent.make(num_envs), family, told)), episodes)
+        filled = [*jobs, *jobs[-1:] * (-len(jobs) % FILLED)]
+        return play_family(family, filled, remembering(lambda num_envs: Retold(agent.make(num_envs), family, told)), episodes)
     if policy == ANCHOR:
         return play_family(family, jobs, lambda _: HeldOptimum(each), episodes, "hidden")
     if policy == CAUSAL:

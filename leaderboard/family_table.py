@@ -68,7 +68,9 @@ def compare(rows: dict[str, Episodes], rules: Sequence[str], allowance: float) -
         return Estimate.of(float(interquartile_mean(shares.ravel())), bootstrap.interquartile_means(shares, name))
 
     gap = returns.get(best + TRUTH, returns[best]) - returns[best]
-    gaps = bootstrap.means(gap, best) if gap.mean() > 0.0 else np.nan
+    if gap.mean() <= 0.0:
+        gap = np.full_like(gap, np.nan)
+    gaps = bootstrap.means(gap, best)
     found = []
     for name, each in rows.items():
         lead = returns[name] - returns[best]
@@ -82,7 +84,7 @@ def compare(rows: dict[str, Episodes], rules: Sequence[str], allowance: float) -
                 mean(lead, name),
                 float(np.median(lead)),
                 float((lead > 0.0).mean()),
-                Estimate.of(lead.mean() / (gap.mean() or np.nan), bootstrap.means(lead, name) / gaps),
+                Estimate.of(lead.mean() / gap.mean(), bootstrap.means(lead, name) / gaps),
                 float((shares <= allowance).mean()),
                 float(shares.mean()),
             )
@@ -159,6 +161,11 @@ class Board:
         return cls(task.model_copy(update={"seeds": seeds}), rows, policies, comparisons)
 
     @property
+    def jobs(self) -> int:
+        """Return the number of jobs."""
+        return len({seed % self.task.jobs for seed in self.task.seeds})
+
+    @property
     def information(self) -> dict[str, Information]:
         """Return what each agent was given and sees."""
         known = {name: information(first, self.task.scenario) for name, (first, *_) in self.policies.items()}
@@ -170,8 +177,8 @@ class Board:
             name: f"{name} ({class_of(self.policies[name][0])}, seeds: {len(self.policies[name])})" for name in self.information
         }
         shown = [replace(each, name=agents.get(each.name, each.name)) for each in self.comparisons]
-        _, jobs, episodes = self.rows[self.comparisons[0].name]["return"].shape
-        return f"{self.task.family.name}, {self.task.split}, {jobs} jobs of {episodes} episodes\n\n{table(shown)}\n"
+        episodes = len(self.task.seeds) // self.jobs
+        return f"{self.task.family.name}, {self.task.split}, {self.jobs} jobs of {episodes} episodes\n\n{table(shown)}\n"
 
     def data(self) -> dict[str, Any]:
         """Return all numbers."""

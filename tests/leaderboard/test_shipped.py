@@ -1,6 +1,7 @@
 """What comes with the project: agents, their cards, and results that are valid, say what is claimed and keep to the bound."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,7 +14,7 @@ from leaderboard.standings import CLAIRVOYANT
 from leaderboard.verify import Selection
 from train.agents import onnx_policy
 from train.learning_curves import FILE, Trainings
-from turning_env import IDS, SPLITS, Scenario
+from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario
 from turning_env.scoring.policy import ScenarioId
 
 ROOT = Path(__file__).parents[2]
@@ -48,6 +49,10 @@ def test_learning_curves_are_those_of_agents_beside_them() -> None:
         ("RoughTurning-Override-v0", None, 1, ["omative", f"{BEST}-seed2"]),
         ("RoughTurning-Surface-v0", None, 1, ["constant_force", "ppo-seed3"]),
         ("RoughTurning-Batch-v0", None, 2, ["parts_mt", "ppo-seed4"]),
+        pytest.param(
+            *(FAMILY_ID, "shop-unseen_jobs", 1, ["predictive", "self_tuning", "causal", "family_gradient-seed0"]),
+            marks=pytest.mark.skipif(not (RESULTS / FAMILY_ID).exists(), reason="no results of a family ship"),
+        ),
     ],
 )
 def test_the_first_seeds_come_back(tmp_path: Path, env_id: str, scenario: str | None, seeds: int, policies: list[str]) -> None:
@@ -93,7 +98,8 @@ def test_every_agent_can_be_loaded_and_has_a_card(path: Path) -> None:
     agent = onnx_policy.load(path)
     assert agent.trained_on is not None
     assert agent.tuned_for == ScenarioId.of(agent.trained_on)
-    assert (agent.trained_on.name, agent.label) == (path.parent.name, path.stem)
+    family: Any = agent.parameters.get("family")
+    assert (Family.load(family).name if family else agent.trained_on.name, agent.label) == (path.parent.name, path.stem)
     assert path.with_name(f"{agent.name}.md").is_file()
     assert path.stat().st_size < 500_000
 
