@@ -7,10 +7,12 @@ import pytest
 
 from baselines.catalogue import names
 from leaderboard import verify
+from leaderboard.family_play import TRUTH
+from leaderboard.family_table import read_boards
 from leaderboard.oracles import oracles
 from leaderboard.ranking import read_leaderboard, read_trainings
 from leaderboard.result import MANIFEST_FILE, SUFFIX, Manifest, read_part, read_result, result_files
-from leaderboard.standings import CLAIRVOYANT
+from leaderboard.standings import CAUSAL, CLAIRVOYANT
 from leaderboard.verify import Selection
 from train.agents import onnx_policy
 from train.learning_curves import FILE, Trainings
@@ -20,6 +22,7 @@ from turning_env.scoring.policy import ScenarioId
 ROOT = Path(__file__).parents[2]
 RESULTS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"
 FILES = sorted(AGENTS.glob("*/*/*.onnx"))
+FAMILY = pytest.mark.skipif(not (RESULTS / FAMILY_ID).exists(), reason="no results of a family ship")
 BEST = "analytic_gradient"
 AGENTS_OF_ALL_KINDS = ["ppo-seed0", "recurrent_ppo-seed1", "lagrangian_ppo-seed2", "sac-seed3", "tqc-seed4", f"{BEST}-seed0"]
 
@@ -50,8 +53,7 @@ def test_learning_curves_are_those_of_agents_beside_them() -> None:
         ("RoughTurning-Surface-v0", None, 1, ["constant_force", "ppo-seed3"]),
         ("RoughTurning-Batch-v0", None, 2, ["parts_mt", "ppo-seed4"]),
         pytest.param(
-            *(FAMILY_ID, "shop-unseen_jobs", 1, ["predictive", "self_tuning", "causal", "family_gradient-seed0"]),
-            marks=pytest.mark.skipif(not (RESULTS / FAMILY_ID).exists(), reason="no results of a family ship"),
+            *(FAMILY_ID, "shop-unseen_jobs", 1, ["predictive", "self_tuning", "causal", "family_gradient-seed0"]), marks=FAMILY
         ),
     ],
 )
@@ -90,6 +92,23 @@ def test_agents_that_are_said_to_beat_every_rule_do(task: str, name: str) -> Non
         assert best.gap_closed is not None
         assert best.gap_closed.value >= 2.0 / 3.0
         assert best.broken_share <= rules[str(best.best_rule)].broken_share
+
+
+@FAMILY
+def test_policies_of_the_family_play_every_job_of_the_three_splits() -> None:
+    boards = read_boards(RESULTS)
+    assert [board.task.split for board in boards] == ["unseen_jobs", "unseen_machines", "unseen_materials"]
+    for board in boards:
+        assert board.jobs == 256
+        assert {
+            "held optimum",
+            "predictive",
+            "self_tuning",
+            f"self_tuning{TRUTH}",
+            CAUSAL,
+            "family_gradient",
+        } <= board.rows.keys()
+    assert sum(path.stat().st_size for path in (RESULTS / FAMILY_ID).rglob("*.xz")) < 500_000
 
 
 @pytest.mark.slow
