@@ -77,9 +77,11 @@ results: .venv/run
 			RoughTurning-Batch-v0) seeds="--seeds $(NUM_SEEDS)";; \
 			RoughTurning-Shift-v0) seeds="--seeds $(SPLIT_SEEDS)";; \
 			RoughTurning-Family-v0) \
-				.venv/bin/python -m leaderboard.family --split unseen_jobs unseen_materials unseen_machines --jobs $(NUM_SEEDS) \
-					--episodes 1 --policies predictive "predictive, told the truth" self_tuning "self_tuning, told the truth" \
-					causal --forgetful --agent $$(ls $(SHIPPED)/$$env/*/*.onnx) --keep $(SHIPPED_RESULTS) --workers $(JOBS); \
+				agents=$$(ls $(SHIPPED)/$$env/*/*.onnx); \
+				play="--jobs $(NUM_SEEDS) --episodes 1 --keep $(SHIPPED_RESULTS) --workers $(JOBS) --agent $$agents --split unseen_jobs"; \
+				.venv/bin/python -m leaderboard.family $$play unseen_materials unseen_machines \
+					--policies predictive "predictive, told the truth" self_tuning "self_tuning, told the truth" causal; \
+				.venv/bin/python -m leaderboard.family $$play --policies self_tuning --forgetful; \
 				continue;; \
 			*) seeds="--seeds $(TASK_SEEDS)";; \
 		esac; \

@@ -11,7 +11,7 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from leaderboard import generalisation, information, shipped, table
 from leaderboard.private_seeds import PUBLIC, private_task, read_seeds
@@ -22,6 +22,9 @@ from turning_env import FAMILY_ID, IDS, SPLITS, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.workers import WorkersError, workers
+
+if TYPE_CHECKING:
+    from leaderboard import family_table
 
 PAGE = "index.html"
 SHIPPED = Path("leaderboard/results")
@@ -117,30 +120,30 @@ def _show(options: argparse.Namespace) -> None:
     python -m leaderboard show --results leaderboard/results --all --information
     python -m leaderboard show --results leaderboard/results --all
     """
-    if options.env == FAMILY_ID:
-        return _show_families(options)
+    of_family = options.env == FAMILY_ID
+    families = _families(options) if of_family or (options.all and options.env is None) else []
     chosen = {"env_id": options.env, "scenario": options.scenario, "most": None if options.all else 1}
-    leaderboards = read_leaderboards(options.results, **chosen)
+    leaderboards = [] if of_family else read_leaderboards(options.results, **chosen)
     if options.information:
-        print(information.markdown(_trainings(leaderboards)))
+        trainings = {name: each for board in families for name, each in board.information.items()}
+        print(information.markdown(_trainings(leaderboards) | trainings))
+    elif options.json and families:
+        print_json({**table.as_data(leaderboards, options.track), "families": [each.data() for each in families]})
     else:
         _print(leaderboards, options.json, options.track)
+        print(*(each.text() + "\n" for each in families), sep="", end="")
     if not options.all and len(list(options.results.glob(f"*/*/{MANIFEST_FILE}"))) > 1:
         print("--all prints the other leaderboards", file=sys.stderr)
 
 
-def _show_families(options: argparse.Namespace) -> None:
+def _families(options: argparse.Namespace) -> "list[family_table.Board]":
+    """Return the boards of families; if they are asked for, there must be some."""
     from leaderboard import family_table  # needed only here: imports the controllers
 
     boards = family_table.read_boards(options.results, options.scenario or "*")
-    if not boards:
+    if not boards and options.env == FAMILY_ID:
         raise ResultError(f"{options.results} holds no results of {FAMILY_ID}; python -m leaderboard.family --keep makes some")
-    if options.information:
-        print(information.markdown({name: each for board in boards for name, each in board.information.items()}))
-    elif options.json:
-        print_json({"boards": [each.data() for each in boards]})
-    else:
-        print(*(each.text() for each in boards), sep="\n")
+    return boards
 
 
 def _trainings(leaderboards: Sequence[Leaderboard]) -> dict[str, information.Information]:

@@ -97,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json:
         print_json({each.task.split: {name: rows["return"] for name, rows in each.rows.items()} for each in boards})
     else:
-        print(*(each.text() for each in boards), sep="\n")
+        print(*(each.text() + "\n" for each in boards), sep="", end="")
     return 0
 
 

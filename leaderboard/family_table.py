@@ -167,16 +167,16 @@ class Board:
 
     @property
     def information(self) -> dict[str, Information]:
-        """Return what each agent was given and sees."""
-        known = {name: information(first, self.task.scenario) for name, (first, *_) in self.policies.items()}
+        """Return what each agent was given and sees that forgets nothing."""
+        whole = {name: group[0] for name, group in self.policies.items() if not name.endswith(FORGETFUL)}
+        known = {name: information(first, self.task.scenario) for name, first in whole.items()}
         return {name: each for name, each in known.items() if each is not None}
 
     def text(self) -> str:
         """Return the table under a line that names the task; agents with their class and number of training seeds."""
-        agents = {
-            name: f"{name} ({class_of(self.policies[name][0])}, seeds: {len(self.policies[name])})" for name in self.information
-        }
-        shown = [replace(each, name=agents.get(each.name, each.name)) for each in self.comparisons]
+        agents = {name: group for name, group in self.policies.items() if group[0].kind == "agent"}
+        names = {name: f"{name} ({class_of(group[0])}, seeds: {len(group)})" for name, group in agents.items()}
+        shown = [replace(each, name=names.get(each.name, each.name)) for each in self.comparisons]
         episodes = len(self.task.seeds) // self.jobs
         return f"{self.task.family.name}, {self.task.split}, {self.jobs} jobs of {episodes} episodes\n\n{table(shown)}\n"
 
