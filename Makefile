@@ -13,7 +13,8 @@ RESULTS ?= results
 SHIPPED ?= agents
 SHIPPED_RESULTS ?= leaderboard/results
 JOBS ?= 2
-ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurning-Surface-v0 RoughTurning-Shift-v0 RoughTurning-Batch-v0
+ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurning-Surface-v0 RoughTurning-Shift-v0 RoughTurning-Batch-v0 \
+	RoughTurning-Family-v0
 # A sixth of the steps of agents that ship, for a first look.
 TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS)/first --steps $(or $(STEPS),1000000)
 RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --seeds $(NUM_SEEDS) --results $(RESULTS)
@@ -75,6 +76,13 @@ results: .venv/run
 			RoughTurning-v0) seeds="--seeds $(NUM_SEEDS) --splits --split-seeds $(SPLIT_SEEDS)";; \
 			RoughTurning-Batch-v0) seeds="--seeds $(NUM_SEEDS)";; \
 			RoughTurning-Shift-v0) seeds="--seeds $(SPLIT_SEEDS)";; \
+			RoughTurning-Family-v0) \
+				agents=$$(ls $(SHIPPED)/$$env/*/*.onnx); \
+				play="--jobs $(NUM_SEEDS) --episodes 1 --keep $(SHIPPED_RESULTS) --workers $(JOBS) --agent $$agents --split unseen_jobs"; \
+				.venv/bin/python -m leaderboard.family $$play unseen_materials unseen_machines \
+					--policies predictive "predictive, told the truth" self_tuning "self_tuning, told the truth" causal; \
+				.venv/bin/python -m leaderboard.family $$play --policies self_tuning --forgetful; \
+				continue;; \
 			*) seeds="--seeds $(TASK_SEEDS)";; \
 		esac; \
 		.venv/bin/python -m leaderboard run --env $$env --results $(SHIPPED_RESULTS) --jobs $(JOBS) $$seeds \

@@ -11,17 +11,20 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from leaderboard import generalisation, information, shipped, table
 from leaderboard.private_seeds import PUBLIC, private_task, read_seeds
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import MANIFEST_FILE, ResultError, Task, result_folder
 from train.agents.agent_file import NAME
-from turning_env import IDS, SPLITS, Scenario, ScenarioError
+from turning_env import FAMILY_ID, IDS, SPLITS, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.workers import WorkersError, workers
+
+if TYPE_CHECKING:
+    from leaderboard import family_table
 
 PAGE = "index.html"
 SHIPPED = Path("leaderboard/results")
@@ -112,18 +115,35 @@ def _show(options: argparse.Namespace) -> None:
 
     python -m leaderboard show --results leaderboard/results
     python -m leaderboard show --results leaderboard/results --env RoughTurning-Surface-v0 --json
+    python -m leaderboard show --results leaderboard/results --env RoughTurning-Family-v0
     python -m leaderboard show --results leaderboard/results --track constraint
     python -m leaderboard show --results leaderboard/results --all --information
     python -m leaderboard show --results leaderboard/results --all
     """
+    of_family = options.env == FAMILY_ID
+    families = _families(options) if of_family or (options.all and options.env is None) else []
     chosen = {"env_id": options.env, "scenario": options.scenario, "most": None if options.all else 1}
-    leaderboards = read_leaderboards(options.results, **chosen)
+    leaderboards = [] if of_family else read_leaderboards(options.results, **chosen)
     if options.information:
-        print(information.markdown(_trainings(leaderboards)))
+        trainings = {name: each for board in families for name, each in board.information.items()}
+        print(information.markdown(_trainings(leaderboards) | trainings))
+    elif options.json and families:
+        print_json({**table.as_data(leaderboards, options.track), "families": [each.data() for each in families]})
     else:
         _print(leaderboards, options.json, options.track)
+        print(*(each.text() + "\n" for each in families), sep="", end="")
     if not options.all and len(list(options.results.glob(f"*/*/{MANIFEST_FILE}"))) > 1:
         print("--all prints the other leaderboards", file=sys.stderr)
+
+
+def _families(options: argparse.Namespace) -> "list[family_table.Board]":
+    """Return the boards of families; if they are asked for, there must be some."""
+    from leaderboard import family_table  # needed only here: imports the controllers
+
+    boards = family_table.read_boards(options.results, options.scenario or "*")
+    if not boards and options.env == FAMILY_ID:
+        raise ResultError(f"{options.results} holds no results of {FAMILY_ID}; python -m leaderboard.family --keep makes some")
+    return boards
 
 
 def _trainings(leaderboards: Sequence[Leaderboard]) -> dict[str, information.Information]:
@@ -313,8 +333,11 @@ def _parser() -> argparse.ArgumentParser:
     add("--fresh", action="store_true", help="play again, even if results exist")
 
     add = command(_show, "print the ranking", results, printed)
-    add("--env", choices=IDS, help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)")
-    add("--scenario", metavar="NAME", help="the scenario's name (default: the id's own)")
+    ids = [*IDS, FAMILY_ID]
+    add("--env", choices=ids, help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)")
+    add(
+        "--scenario", metavar="NAME", help="the scenario's name (default: the id's own), or family and split, as shop-unseen_jobs"
+    )
     add("--all", action="store_true", help="print all rankings, of all ids and scenarios unless one is named")
     which = "order of policies: penalty, by return (default), or constraint, feasible policies by cost"
     add("--track", choices=table.TRACKS, default="penalty", help=which)
@@ -323,7 +346,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)")
 
     add = command(_verify, "play results again; fail if any differs", project, agents_folder, elsewhere)
-    add("--env", choices=IDS, help="only results of this id")
+    add("--env", choices=ids, help="only results of this id")
     add("--scenario", metavar="NAME", help="only results on this scenario")
     add("--policies", nargs="+", metavar="NAME", help="only results of these policies")
     add("--seeds", type=positive, metavar="N", help="play only the N shortest episodes of each result")

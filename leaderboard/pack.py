@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from leaderboard.result import MANIFEST_FILE, Manifest, ResultError, read_part, read_result, result_files, result_folder
+from leaderboard.result import MANIFEST_FILE, Manifest, Result, ResultError, read_part, read_result, result_files, result_folder
 from turning_env import IDS
 from turning_env.console import described, exits
 from turning_env.files import replace_file
@@ -22,7 +22,7 @@ from turning_env.scoring.packed import FOLDER, Played, as_text, unpacked
 def played(folder: Path) -> list[Played]:
     """Return every policy on the task that is ranked in a folder, by name."""
     task = read_part(Manifest, folder / MANIFEST_FILE).task
-    results = [each for each in map(read_result, result_files(folder)) if each.task.digest == task.digest]
+    results = [each for each in (read_result(path, Result) for path in result_files(folder)) if each.task.digest == task.digest]
     results.sort(key=lambda each: (each.policy.name, each.policy.training_seed or 0))
     policies = []
     for name, group in groupby(results, key=lambda each: each.policy.name):

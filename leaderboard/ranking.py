@@ -22,7 +22,7 @@ from leaderboard.result import (
 from leaderboard.standings import Standing, names_of, rank
 from leaderboard.trajectories import Trajectories
 from train.learning_curves import FILE, Training, Trainings
-from turning_env import IDS
+from turning_env import FAMILY_ID, IDS
 from turning_env.scoring.policy import ScenarioId
 
 
@@ -90,7 +90,8 @@ def read_leaderboards(
 ) -> list[Leaderboard]:
     """Rank every environment on every scenario that ``results`` holds. A folder that cannot be used is named on standard error.
 
-    Ids come in the order in which they are declared, and of an id first its own preset, then other scenarios by name.
+    Ids come in the order in which they are declared, and of an id first its own preset, then other scenarios by name. Families
+    have ``family_table.read_boards``.
 
     Args:
         results: the folder of all results.
@@ -103,7 +104,8 @@ def read_leaderboards(
         ResultError: there are no results that can be used.
     """
     leaderboards: list[Leaderboard] = []
-    chosen = (folder for folder in results.glob(f"{env_id or '*'}/{scenario or '*'}") if result_files(folder))
+    folders = (folder for folder in results.glob(f"{env_id or '*'}/{scenario or '*'}") if folder.parent.name != FAMILY_ID)
+    chosen = (folder for folder in folders if result_files(folder))
     for folder in sorted(chosen, key=_place):
         if len(leaderboards) == most:
             break

@@ -17,7 +17,7 @@ from functools import cache, lru_cache
 from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, model_validator
@@ -91,11 +91,12 @@ class Task(Part):
 class Result(Part):
     """One policy's episodes on one task."""
 
+    FIELDS: ClassVar[tuple[str, ...]] = EPISODE_FIELDS
     schema_: Literal["rough-turning/result/4"] = Field(alias="schema", default=SCHEMA)
     task: Task
     policy: PolicySpec
     episodes: dict[str, list[float]]
-    """For each of ``EPISODE_FIELDS``, one value per seed."""
+    """For each of ``FIELDS``, one value per seed."""
     versions: dict[str, str]
     """Versions of packages that played it; they do not identify the result."""
     checksum: str
@@ -103,8 +104,8 @@ class Result(Part):
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
-        if set(self.episodes) != set(EPISODE_FIELDS):
-            raise ValueError(f"episodes holds {', '.join(self.episodes)}, but must hold {', '.join(EPISODE_FIELDS)}")
+        if set(self.episodes) != set(self.FIELDS):
+            raise ValueError(f"episodes holds {', '.join(self.episodes)}, but must hold {', '.join(self.FIELDS)}")
         for name, values in self.episodes.items():
             if len(values) != len(self.task.seeds):
                 raise ValueError(f"episodes.{name} holds {len(values)} values, but there are {len(self.task.seeds)} seeds")
@@ -114,7 +115,7 @@ class Result(Part):
 
     @classmethod
     def of(cls, task: Task, policy: PolicySpec, episodes: Episodes) -> Self:
-        """Return the result of episodes that have just been played: arrays of shape (seeds,) for each of ``EPISODE_FIELDS``."""
+        """Return the result of episodes that have just been played: arrays of shape (seeds,) for each of ``FIELDS``."""
         values = {name: array.tolist() for name, array in episodes.items()}
         versions = {name: version(name) for name in _RECORDED_VERSIONS}
         return cls(task=task, policy=policy, episodes=values, versions=versions, checksum=_checksum(task, policy, values))
@@ -184,17 +185,20 @@ def result_folder(results: Path, env_id: str, scenario_name: str) -> Path:
 
 
 def result_path(folder: Path, policy: PolicySpec) -> Path:
-    """Return the path of a policy's result in its ``result_folder``."""
-    return folder / f"{policy.label}{SUFFIX}"
+    """Return the path of a policy's result in its ``result_folder``; "mine, forgetful" is in ``mine-forgetful``."""
+    return folder / f"{policy.label.replace(', ', '-').replace(' ', '_')}{SUFFIX}"
 
 
-def read_result(path: Path) -> Result:
+ResultType = TypeVar("ResultType", bound=Result)
+
+
+def read_result(path: Path, kind: type[ResultType] = Result) -> ResultType:  # type: ignore[assignment]
     """Read the result of a policy; folders and file are named by the environment's id, the scenario and the policy.
 
     Raises:
         ResultError: the file is no result, or not one of this environment, scenario and policy.
     """
-    result = read_part(Result, path)
+    result = read_part(kind, path)
     place = result_path(result_folder(Path(), result.task.env_id, result.task.scenario.name), result.policy)
     if path.parts[-3:] != place.parts:
         raise ResultError(f"{path} holds the result of {result.policy.label} and should be at {place} in the folder of results")
@@ -205,7 +209,7 @@ def write_result(result: Result, folder: Path) -> None:
     """Write a result into its folder, unless the file there already says the same: no number changes, no file changes."""
     path = result_path(folder, result.policy)
     with suppress(ResultError):
-        if read_result(path).same_as(result):
+        if read_result(path, type(result)).same_as(result):
             return
     write_part(result, path)
 
@@ -218,7 +222,7 @@ def result_files(folder: Path) -> list[Path]:
 
 def read_results(folder: Path) -> dict[Path, Result]:
     """Return the results of one ``result_folder``. A file that cannot be used is named on standard error and left out."""
-    results = {}
+    results: dict[Path, Result] = {}
     for path in result_files(folder):
         try:
             results[path] = read_result(path)

@@ -18,7 +18,8 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.oracles import clairvoyant
-from leaderboard import oracles, run
+from leaderboard import family_play, oracles, run
+from leaderboard.family_result import FamilyResult, FamilyTask, columns
 from leaderboard.result import (
     MANIFEST_FILE,
     SUFFIX,
@@ -36,8 +37,8 @@ from leaderboard.standings import CLAIRVOYANT
 from train.agents import onnx_policy
 from train.agents.agent_file import ONNX_SUFFIX, check_fits
 from train.agents.sandbox import LIMITS
-from turning_env import MODEL_VERSION, Scenario, presets
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_together
+from turning_env import FAMILY_ID, MODEL_VERSION, Scenario, presets
+from turning_env.scoring.play import Episodes, play_together
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.workers import Workers, spread
 
@@ -140,7 +141,7 @@ def _examine(results: Path, agents: Path, selection: Selection) -> tuple[dict[Pa
     found: dict[Path, _Found] = {}
     complaints, files = list[str](), agent_files(agents)
     for folder in sorted(results.glob("*/*")):
-        manifest = folder / MANIFEST_FILE
+        manifest, of_family = folder / MANIFEST_FILE, folder.parent.name == FAMILY_ID
         entries: dict[str, Entry] = {}
         try:
             entries = read_part(Manifest, manifest).results if manifest.is_file() else {}
@@ -149,13 +150,13 @@ def _examine(results: Path, agents: Path, selection: Selection) -> tuple[dict[Pa
         for path in result_files(folder):
             if selection.holds(path, SUFFIX):
                 try:
-                    found[path] = _Found(read_result(path), None)
+                    found[path] = _Found(read_result(path, FamilyResult if of_family else Result), None)
                     found[path] = _Found(result := found[path].result, player_of(result, files))
-                    if entries.get(result.policy.label) != Entry.of(result):
+                    if not of_family and entries.get(result.policy.label) != Entry.of(result):
                         raise ResultError(f"{manifest.name} beside it says otherwise: run python -m leaderboard run again")
                 except ResultError as error:
                     complaints.append(_complaint(path, error))
-    played = {(path.parent, each.result.policy.sha256) for path, each in found.items()}
+    played = {(_home(path, each.result), each.result.policy.sha256) for path, each in found.items()}
     for digest, path in files.items():
         folder = results / path.parent.relative_to(agents)
         if selection.holds(path, ONNX_SUFFIX) and len(path.relative_to(agents).parts) == 3 and (folder, digest) not in played:
@@ -163,35 +164,46 @@ def _examine(results: Path, agents: Path, selection: Selection) -> tuple[dict[Pa
     return found, complaints
 
 
+def _home(path: Path, result: Result) -> Path:
+    """Return the folder of a result, or, without a folder of its own, that of its family."""
+    return path.parent.with_name(result.task.family.name) if isinstance(result, FamilyResult) else path.parent
+
+
 class _Piece(NamedTuple):
     """Policies that play the same tasks: scenarios, each with the seeds of every policy."""
 
     players: list[PolicySpec | Path]
-    tasks: list[tuple[Scenario, list[Sequence[int]]]]
+    tasks: list[tuple[Scenario, list[list[int]]]]
 
 
-def _pieces(wanted: Mapping[Path, _Found], seeds: int | None) -> list[tuple[list[Path], _Piece]]:
+def _pieces(wanted: Mapping[Path, _Found], seeds: int | None) -> list[tuple[list[Path], _Piece | family_play.Piece]]:
     """Return results, by policy and then by task, and what comes back if they are right; long pieces first.
 
-    An agent's file plays all its tasks in one piece. Policies with few seeds on the same tasks share a piece.
+    An agent's file plays all its tasks in one piece. Policies with few seeds on the same tasks share a piece. A result on a
+    family is a piece.
     """
-    by_player: dict[Path, list[Path]] = {}
-    for path, each in wanted.items():
-        by_player.setdefault(each.player if isinstance(each.player, Path) else path, []).append(path)
-    sharing: dict[tuple[Path, ...], list[list[Path]]] = {}
-    for paths in by_player.values():
-        alone = wanted[paths[0]].result.policy.kind == "oracle"
-        sharing.setdefault(tuple(paths if alone else (path.parent for path in paths)), []).append(paths)
     chosen = {path: _chosen(each.result, seeds) for path, each in wanted.items()}
 
     def steps(paths: Sequence[Path]) -> float:
         """Return the steps of its tasks; a bound has none, and takes as long as any."""
         return sum(max(np.array(wanted[path].result.episodes["steps"])[chosen[path]]) or math.inf for path in paths)
 
-    def seeds_of(path: Path) -> Sequence[int]:
+    def seeds_of(path: Path) -> list[int]:
         return [wanted[path].result.task.seeds[i] for i in chosen[path]]
 
-    pieces = []
+    pieces: list[tuple[float, list[Path], _Piece | family_play.Piece]] = []
+    by_player: dict[Path, list[Path]] = {}
+    for path, each in wanted.items():
+        if isinstance(each.result, FamilyResult) and each.player is not None:
+            tuned_on = _tuned_on(each.result.policy.tuned_for) if each.result.policy.kind != "agent" else None
+            piece = family_play.Piece.again(each.result, each.player, tuned_on, seeds_of(path))
+            pieces.append((steps([path]), [path], piece))
+        else:
+            by_player.setdefault(each.player if isinstance(each.player, Path) else path, []).append(path)
+    sharing: dict[tuple[Path, ...], list[list[Path]]] = {}
+    for paths in by_player.values():
+        alone = wanted[paths[0]].result.policy.kind == "oracle"
+        sharing.setdefault(tuple(paths if alone else (path.parent for path in paths)), []).append(paths)
     size = max(1, MAX_SHARED // seeds) if seeds else 1
     for group in sharing.values():
         ordered = sorted(group, key=steps)  # those that share take as long as the longest
@@ -211,11 +223,16 @@ def _chosen(result: Result, seeds: int | None) -> list[int]:
     return sorted(np.argsort(steps, kind="stable")[:seeds].tolist())
 
 
-def _attempts(piece: _Piece) -> list[run.Attempt]:
+def _attempts(piece: _Piece | family_play.Piece) -> list[run.Attempt]:
     """Play every policy on every task: a single policy one task after another, several together.
 
     An agent's file plays in one process, which may use as much as one for each task.
     """
+    if isinstance(piece, family_play.Piece):
+        try:
+            return [columns(family_play.played(piece), piece.seeds)]
+        except (OSError, ValueError) as error:
+            return [ResultError(f"it cannot play: {error}")]
     players, tasks = piece
     limits = replace(LIMITS, computing=LIMITS.computing * len(tasks))
     try:
@@ -252,13 +269,17 @@ def player_of(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path:
         raise ResultError("was played on private seeds: only the owner of their file can play it again, by run --seeds FILE")
     if task.model_version != MODEL_VERSION:
         raise ResultError(f"was played with version {task.model_version} of the model, which is now {MODEL_VERSION}")
-    if scenario.name in presets() and Scenario.load(scenario.name) != scenario:
+    if isinstance(task, FamilyTask):
+        task.present()
+    elif scenario.name in presets() and Scenario.load(scenario.name) != scenario:
         raise ResultError(f"is not of the present preset {scenario.name!r}: values differ")
     if policy.kind == "agent":
         if (path := files.get(policy.sha256 or "")) is None:
             raise ResultError(f"{policy.label} is no longer what played: none of the agents' files has its SHA-256")
         return path
-    if policy.kind == "rule":
+    if isinstance(task, FamilyTask):
+        now = family_play.present_spec(policy.name, task.present(), _tuned_on(policy.tuned_for))
+    elif policy.kind == "rule":
         now = run.rule(policy.name, scenario, _tuned_on(policy.tuned_for))
     elif known := [oracle for oracle in oracles.oracles(scenario) if oracle.name == policy.name]:
         (now,) = known
@@ -282,9 +303,9 @@ def _tuned_on(known: ScenarioId | None) -> Scenario | None:
 def differences(result: Result, episodes: Episodes, tolerance: float, places: Sequence[int]) -> list[str]:
     """Return a complaint for every field of a result that differs from episodes of its seeds at ``places``; see the module."""
     complaints = []
-    for name in EPISODE_FIELDS:
+    for name, values in result.episodes.items():
         played = episodes[name]
-        recorded = np.array(result.episodes[name])[places]
+        recorded = np.array(values)[places]
         other = recorded.view(np.int64) != played.view(np.int64) if tolerance == 0.0 else abs(recorded - played) > tolerance
         if other.any():
             largest = float(np.max(np.abs(recorded - played)))

@@ -14,13 +14,14 @@ CHECK = """
 from pathlib import Path
 from baselines import tuned
 from train.agents import agent_file
-from turning_env import Scenario, presets
+from turning_env import Family, Scenario, presets
 
 for path in sorted(tuned.FOLDER.glob("*.json")):
     assert tuned.contents(Scenario.load(path.stem)) == tuned.read(path), path
 for path in sorted(Path("agents").glob("*/*/*.onnx")):
     metadata = agent_file.read(path).metadata
-    assert metadata.scenario == Scenario.load(metadata.scenario.name), path
+    family = metadata.parameters.get("family")
+    assert metadata.scenario == (Family.load(family).job(0).scenario if family else Scenario.load(metadata.scenario.name)), path
 """
 
 

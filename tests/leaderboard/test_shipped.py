@@ -1,24 +1,28 @@
 """What comes with the project: agents, their cards, and results that are valid, say what is claimed and keep to the bound."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from baselines.catalogue import names
 from leaderboard import verify
+from leaderboard.family_play import TRUTH
+from leaderboard.family_table import read_boards
 from leaderboard.oracles import oracles
 from leaderboard.ranking import read_leaderboard, read_trainings
 from leaderboard.result import MANIFEST_FILE, SUFFIX, Manifest, read_part, read_result, result_files
-from leaderboard.standings import CLAIRVOYANT
+from leaderboard.standings import CAUSAL, CLAIRVOYANT
 from leaderboard.verify import Selection
 from train.agents import onnx_policy
 from train.learning_curves import FILE, Trainings
-from turning_env import IDS, SPLITS, Scenario
+from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario
 from turning_env.scoring.policy import ScenarioId
 
 ROOT = Path(__file__).parents[2]
 RESULTS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"
 FILES = sorted(AGENTS.glob("*/*/*.onnx"))
+FAMILY = pytest.mark.skipif(not (RESULTS / FAMILY_ID).exists(), reason="no results of a family ship")
 BEST = "analytic_gradient"
 AGENTS_OF_ALL_KINDS = ["ppo-seed0", "recurrent_ppo-seed1", "lagrangian_ppo-seed2", "sac-seed3", "tqc-seed4", f"{BEST}-seed0"]
 
@@ -48,6 +52,9 @@ def test_learning_curves_are_those_of_agents_beside_them() -> None:
         ("RoughTurning-Override-v0", None, 1, ["omative", f"{BEST}-seed2"]),
         ("RoughTurning-Surface-v0", None, 1, ["constant_force", "ppo-seed3"]),
         ("RoughTurning-Batch-v0", None, 2, ["parts_mt", "ppo-seed4"]),
+        pytest.param(
+            *(FAMILY_ID, "shop-unseen_jobs", 1, ["predictive", "self_tuning", "causal", "family_gradient-seed0"]), marks=FAMILY
+        ),
     ],
 )
 def test_the_first_seeds_come_back(tmp_path: Path, env_id: str, scenario: str | None, seeds: int, policies: list[str]) -> None:
@@ -87,13 +94,31 @@ def test_agents_that_are_said_to_beat_every_rule_do(task: str, name: str) -> Non
         assert best.broken_share <= rules[str(best.best_rule)].broken_share
 
 
+@FAMILY
+def test_policies_of_the_family_play_every_job_of_the_three_splits() -> None:
+    boards = read_boards(RESULTS)
+    assert [board.task.split for board in boards] == ["unseen_jobs", "unseen_machines", "unseen_materials"]
+    for board in boards:
+        assert board.jobs == 256
+        assert {
+            "held optimum",
+            "predictive",
+            "self_tuning",
+            f"self_tuning{TRUTH}",
+            CAUSAL,
+            "family_gradient",
+        } <= board.rows.keys()
+    assert sum(path.stat().st_size for path in (RESULTS / FAMILY_ID).rglob("*.xz")) < 500_000
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=lambda path: f"{path.parent.parent.name}-{path.stem}")
 def test_every_agent_can_be_loaded_and_has_a_card(path: Path) -> None:
     agent = onnx_policy.load(path)
     assert agent.trained_on is not None
     assert agent.tuned_for == ScenarioId.of(agent.trained_on)
-    assert (agent.trained_on.name, agent.label) == (path.parent.name, path.stem)
+    family: Any = agent.parameters.get("family")
+    assert (Family.load(family).name if family else agent.trained_on.name, agent.label) == (path.parent.name, path.stem)
     assert path.with_name(f"{agent.name}.md").is_file()
     assert path.stat().st_size < 500_000
 

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 from onnx.helper import make_node
 
+from train import family_gradient
 from train.actor import Actor, Feedforward
+from train.agents.agent_file import Metadata
 from train.export import metadata
 from train.run import Run
-from turning_env import Scenario
+from turning_env import Family, Scenario
 
 SCENARIO = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.2}})
 Weights = Mapping[str, NDArray[np.generic]]
@@ -84,21 +86,45 @@ def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = Fa
     return path
 
 
+def write_of_family(folder: Path, family: Family, seed: int = 0) -> Path:
+    """The file of an agent of a family that holds its set point, nearly, and changes no edge."""
+    about = metadata(family_gradient.plan(family, seed, folder, f"python -m train.family_gradient --seed {seed}", {}))
+    entries = len(about.observation_space.low)
+    weights = {
+        "weight": np.random.default_rng(seed).uniform(-1e-3, 1e-3, (entries, 3)).astype(np.float32),
+        "bias": np.array([0.0, 0.0, -0.5], np.float32),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{about.label}.onnx"
+    path.write_bytes(of_nodes([make_node("Gemm", ["observation", "weight", "bias"], ["action"])], weights, about=about))
+    return path
+
+
 def of_nodes(
-    nodes: Sequence[onnx.NodeProto], weights: Weights, memory: int = 0, seed: int = 0, algorithm: str = "ppo", actions: int = 2
+    nodes: Sequence[onnx.NodeProto],
+    weights: Weights,
+    memory: int = 0,
+    seed: int = 0,
+    algorithm: str = "ppo",
+    actions: int = 2,
+    about: Metadata | None = None,
 ) -> bytes:
     """A file of nodes from ``observation`` (and ``memory``) to ``action`` (and ``next_memory``)."""
+    if about is None:
+        about = metadata(run(Path(), seed, algorithm), algorithm)
+    else:
+        actions = len(about.action_space.low)
 
     def value(name: str, entries: int) -> onnx.ValueInfoProto:
         return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["environments", entries])
 
-    inputs, outputs = [value("observation", 11)], [value("action", actions)]
+    inputs, outputs = [value("observation", len(about.observation_space.low))], [value("action", actions)]
     if memory:
         inputs, outputs = [*inputs, value("memory", memory)], [*outputs, value("next_memory", memory)]
     held = [numpy_helper.from_array(array, name) for name, array in weights.items()]
     graph = helper.make_graph(nodes, "network", inputs, outputs, held)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
-    helper.set_model_props(model, metadata(run(Path(), seed, algorithm), algorithm).properties())
+    helper.set_model_props(model, about.properties())
     return bytes(model.SerializeToString())
 
 
