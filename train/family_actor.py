@@ -3,7 +3,8 @@
 Gradients reach over a rollout only, and a GRU must learn to average. The extended Kalman filter is given: that of
 ``baselines/models/kalman_steps.py``, which estimates depth and hardness of the bar, the wear of insert and lot, and the errors of
 the laws of force and power. The agent's file must play alone, so here the filter consists of tensors, and takes the nominal model
-from the context in the observation. It is of double precision, so that agent and file differ by no more than the network does.
+from the context in the observation. It computes in double precision, so that agent and file differ by no more than the network
+does. But the exporter rounds a network's numbers to single precision, so those here are rounded before (``single``).
 
 Lengths are shares of the bar, loads are ratios to the nominal model, and states are divided by their prior standard deviations.
 Then the prior has the mean 0 and the covariance I, so an empty memory holds the prior.
@@ -13,6 +14,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import torch
 
 from baselines.models.kalman_steps import (
@@ -36,9 +38,15 @@ Tensor = torch.Tensor
 Told = dict[str, Tensor]
 """Numbers of the context by name, not standardised, each of shape (num_envs,)."""
 
+
+def single(value: float) -> float:
+    """Return the nearest number of single precision."""
+    return float(np.float32(value))
+
+
 DOUBT = Doubt(1.0, 0.4, 0.78)
 """How far the nominal model may be wrong (assumption)."""
-LEAST_RATIO = 0.3
+LEAST_RATIO = single(0.3)
 """Measured over expected load below which a reading is ignored [-]: the tool was partly in air."""
 LEAST_SEEN = 0.5
 """Share of the load behind the sensor's lag below which a reading is ignored [-]: the tool has just entered."""
@@ -49,7 +57,9 @@ PLACE = 5
 bar's length, logarithms of speed and feed over the plan's at half a life, nominal wear over the criterion."""
 _ACTUAL, _COMMANDED = (OBS.cutting_speed, OBS.feed), (OBS.commanded_cutting_speed, OBS.commanded_feed)
 _LAWS = ("thrust_force", "power")
-_ENDS = 0.97  # of the range -1..1, from which a proposal keeps away
+_ENDS = single(0.97)  # of the range -1..1, from which a proposal keeps away
+_LOG_MIDDLE = single(math.log(USED_LIVES[MIDDLE]))
+_SMALL = single(1e-3)  # below which wear over the criterion, or a share, is not told apart from 0
 
 
 class JobFilter(torch.nn.Module):
@@ -91,11 +101,12 @@ class JobFilter(torch.nn.Module):
         entries = layout(scenario)
         self._first, self._names = len(entries), list(names)
         self._removed = entries.index("removed_wear") if "removed_wear" in entries else None
-        self._spans = [math.log(high / low) for low, high in ends]
-        self._interval, self._sub_steps, self._approach = control.interval, control.sub_steps, scenario.workpiece.approach
-        self._hardness = [law.hardness for law in (material.thrust_force, material.power, material.wear)]
-        self._noise = [noise**2 + READING_DOUBT**2 for noise in (sensors.force_noise, sensors.power_noise)]
-        self._lags = [sensors.force_time_constant, sensors.power_time_constant]
+        self._spans = [single(math.log(high / low)) for low, high in ends]
+        self._interval, self._sub_step = single(control.interval), single(control.interval / control.sub_steps)
+        self._sub_steps, self._approach = control.sub_steps, single(scenario.workpiece.approach)
+        self._hardness = [single(law.hardness) for law in (material.thrust_force, material.power, material.wear)]
+        self._noise = [single(noise**2 + READING_DOUBT**2) for noise in (sensors.force_noise, sensors.power_noise)]
+        self._lags = [single(lag) for lag in (sensors.force_time_constant, sensors.power_time_constant)]
         one = torch.eye(STATES)
         fields = [torch.outer(one[start + row], one[start + k]) for start in (DEPTH, HARDNESS) for row in (0, 1) for k in (0, 1)]
         constants = {
@@ -131,9 +142,9 @@ class JobFilter(torch.nn.Module):
         fresh_edge = wear < worn
         if self._removed is not None:
             removed = observation[:, self._removed]
-            surprise = torch.log(removed.clamp(min=1e-3) / worn.clamp(min=1e-3)) - (of_wear * mean).sum(dim=-1) - lot_mean
+            surprise = torch.log(removed.clamp(min=_SMALL) / worn.clamp(min=_SMALL)) - (of_wear * mean).sum(dim=-1) - lot_mean
             seen = fresh_edge & (removed > 0.0) & (worn > 0.0)
-            mean, excess = corrected(mean, excess, of_wear, surprise, seen, INSPECTION_DOUBT**2)
+            mean, excess = corrected(mean, excess, of_wear, surprise, seen, single(INSPECTION_DOUBT**2))
 
         speed, feed = self._set_point(observation, _ACTUAL, told)
         rate = torch.exp(speed + feed - told["log_bar_time"])
@@ -145,7 +156,7 @@ class JobFilter(torch.nn.Module):
         along = torch.where(passed, along - 1.0 - approach, along)
         # The reading on whether the tool cuts corrects the position.
         left_late, left_early = cutting & (along < -0.5 * approach), ~cutting & (along > 0.5)
-        along = torch.where(cutting, along.clamp(min=1e-4), along.clamp(max=0.0))
+        along = torch.where(cutting, along.clamp(min=_SMALL), along.clamp(max=0.0))
         along = torch.where(left_late, 1.0, torch.where(left_early, -approach, along))
         fresh_bar = left_early | (passed & ~left_late)
         forgets = torch.where(fresh_bar.unsqueeze(-1), self._bar, 0.0) + torch.where(fresh_edge.unsqueeze(-1), self._insert, 0.0)
@@ -153,18 +164,18 @@ class JobFilter(torch.nn.Module):
         mean, excess = keeps * mean, keeps.unsqueeze(-1) * excess * keeps.unsqueeze(-2)
         mean, excess = self._moved(mean, excess, told, scales, torch.minimum(travel, along.clamp(min=0.0)))
 
-        log_wear = torch.log(wear.clamp(min=1e-3)) - told["wear_time_exponent"] * math.log(USED_LIVES[MIDDLE])
+        log_wear = torch.log(wear.clamp(min=_SMALL)) - told["wear_time_exponent"] * _LOG_MIDDLE
         in_metal = (along / rate).clamp(min=0.0, max=self._interval)
         before, found = mean, []
         for law in range(2):
             row, expected = self._load(law, before, told, scales, lot_mean, (speed, feed, log_wear))
             ratio = observation[:, (OBS.force_ratio, OBS.power_ratio)[law]] / DEVIATION_SCALE + 1.0
-            shown = (1.0 - torch.exp(-in_metal / self._lags[law])).clamp(min=1e-3)
-            found.append((row, torch.log(ratio.clamp(min=0.01) / shown) - expected, ratio, shown))
+            shown = (1.0 - torch.exp(-in_metal / self._lags[law])).clamp(min=_SMALL)
+            found.append((row, torch.log(ratio.clamp(min=_SMALL) / shown) - expected, ratio, shown))
         for law, (row, surprise, ratio, shown) in enumerate(found):
             surprise = surprise - (row * (mean - before)).sum(dim=-1)
             seen = cutting & ~left_late & (shown > LEAST_SEEN) & (ratio > LEAST_RATIO) & (wear > 0.0)
-            timing = TIMING_DOUBT / self._lags[law] * (1.0 / shown - 1.0)
+            timing = single(TIMING_DOUBT / self._lags[law]) * (1.0 / shown - 1.0)
             mean, excess = corrected(mean, excess, row, surprise, seen, self._noise[law] + timing.square())
 
         time_left = ((1.0 - along) / rate).clamp(max=MAX_TIME)
@@ -180,8 +191,8 @@ class JobFilter(torch.nn.Module):
         history = self._history(told, depth, hardness)
         insert = (torch.exp(told["log_wear_factor_spread"]).square() + history).sqrt()
         one, exponent = torch.ones_like(depth), told["wear_time_exponent"]
-        first = torch.stack([depth, one, hardness, one, insert, exponent * DOUBT.lot], dim=-1)
-        return torch.cat([first, one.unsqueeze(-1) * self._law_spreads], dim=-1), -exponent * math.log(DOUBT.lot_life)
+        first = torch.stack([depth, one, hardness, one, insert, exponent * single(DOUBT.lot)], dim=-1)
+        return torch.cat([first, one.unsqueeze(-1) * self._law_spreads], dim=-1), exponent * single(-math.log(DOUBT.lot_life))
 
     def _history(self, told: Told, depth: Tensor, hardness: Tensor) -> Tensor:
         """Return the variance of an edge's log wear from the depth and hardness of a bar that it has cut."""
@@ -194,8 +205,7 @@ class JobFilter(torch.nn.Module):
 
     def _travel(self, told: Told, last: Sequence[Tensor], commanded: Sequence[Tensor]) -> Tensor:
         """Return the distance since the last observation, from the drives' response to their commands."""
-        sub_step = self._interval / self._sub_steps
-        decays = [sub_step * torch.exp(-told[f"log_{drive}_time_constant"]) for drive in ("spindle", "feed")]
+        decays = [self._sub_step * torch.exp(-told[f"log_{drive}_time_constant"]) for drive in ("spindle", "feed")]
         decays.append(decays[0] + decays[1])
         numbers = range(1, self._sub_steps + 1)
         slow, late, both = (torch.stack([torch.exp(-k * decay) for k in numbers]).mean(dim=0) for decay in decays)
@@ -211,7 +221,7 @@ class JobFilter(torch.nn.Module):
         edge = torch.exp(told["log_edge_change_time"]) + torch.exp(told["log_edge_price"])
         cutting = 1.0 + edge * torch.exp(-told["log_life"])
         log_rate = told["log_removal_rate"] - told["log_depth_of_cut"] - told["log_diameter"]
-        bar = torch.exp(log_rate + told["log_bar_time"]) * cutting * (1000.0 / (60.0 * math.pi))
+        bar = torch.exp(log_rate + told["log_bar_time"]) * cutting * single(1000.0 / (60.0 * math.pi))
         return self._approach / bar
 
     def _moved(self, mean: Tensor, excess: Tensor, told: Told, scales: Tensor, cut: Tensor) -> tuple[Tensor, Tensor]:
@@ -221,7 +231,7 @@ class JobFilter(torch.nn.Module):
         """
         changes = []
         for name, k in (("depth", DEPTH), ("hardness", HARDNESS)):
-            share = SLOPE * torch.exp(told[f"log_{name}_along_spread"]) / scales[:, k]
+            share = single(SLOPE) * torch.exp(told[f"log_{name}_along_spread"]) / scales[:, k]
             step = cut * share * torch.exp(told["log_bar_time"] - told[f"log_{name}_correlation_time"])
             stays = torch.exp(-step)
             changes += [(1.0 + step) * stays - 1.0, step * stays, -step * stays, (1.0 - step) * stays - 1.0]
@@ -241,7 +251,7 @@ class JobFilter(torch.nn.Module):
         speed, feed, wear = place
         states, first = (scales * mean).unbind(dim=-1), LAWS + ERRORS * law
         factor = states[INSERT] + states[LOT] + lot_mean
-        share = (1.0 + states[DEPTH]).clamp(min=MIN_DEPTH)
+        share = (1.0 + states[DEPTH]).clamp(min=single(MIN_DEPTH))
         of_depth, of_hardness = told[f"{_LAWS[law]}_depth_of_cut_exponent"], self._hardness[law]
         exponent = told[f"{_LAWS[law]}_wear_exponent"] + states[first + 3]
         one = torch.ones_like(speed)
@@ -258,12 +268,12 @@ class JobFilter(torch.nn.Module):
     ) -> list[Tensor]:
         """Return all readings but those of the position."""
         exponent = told["wear_time_exponent"]
-        log_wear = torch.log(wear.clamp(min=1e-6))
+        log_wear = torch.log(wear.clamp(min=single(1e-6)))
         used = torch.exp((log_wear + (of_wear * mean).sum(dim=-1) + lot_mean) / exponent).clamp(max=1.5)
         variance = (of_wear * ((excess @ of_wear.unsqueeze(-1)).squeeze(-1) + of_wear)).sum(dim=-1)
         plan = [_planned(told, name, used) for name in ("speed", "feed")]
         at_plan = [value - best for value, best in zip(plan, _middle(told), strict=True)]
-        worn = log_wear.clamp(min=math.log(1e-3)) - exponent * math.log(USED_LIVES[MIDDLE])
+        worn = torch.log(wear.clamp(min=_SMALL)) - exponent * _LOG_MIDDLE
         loads, feeds = [], []
         for states in (mean, mean * (1.0 - self._bar)):
             over = []
@@ -273,7 +283,9 @@ class JobFilter(torch.nn.Module):
                 nominal = nominal + told[f"{name}_cutting_speed_exponent"] * at_plan[0]
                 over.append(nominal + told[f"{name}_feed_exponent"] * at_plan[1] + ratio)
             over[1] = over[1] - (at_plan[0] + told["log_speed_over_base_speed"]).clamp(max=0.0)  # constant torque
-            excesses = [each / told[f"{name}_feed_exponent"].clamp(min=0.1) for each, name in zip(over, _LAWS, strict=True)]
+            excesses = [
+                each / told[f"{name}_feed_exponent"].clamp(min=single(0.1)) for each, name in zip(over, _LAWS, strict=True)
+            ]
             feeds.append(plan[1] - torch.maximum(*excesses))
             loads += over
         speed_position = 2.0 * plan[0] / self._spans[0] - 1.0
@@ -315,7 +327,7 @@ def _planned(told: Told, name: str, used: Tensor) -> Tensor:
     nodes = [told[f"{name}_at_{node}"] for node in USED_LIVES]
     found = nodes[0]
     for k in range(len(nodes) - 1):
-        share = ((used - USED_LIVES[k]) / (USED_LIVES[k + 1] - USED_LIVES[k])).clamp(0.0, 1.0)
+        share = ((used - single(USED_LIVES[k])) / single(USED_LIVES[k + 1] - USED_LIVES[k])).clamp(0.0, 1.0)
         found = found + share * (nodes[k + 1] - nodes[k])
     return found
 
