@@ -46,9 +46,9 @@ def single(value: float) -> float:
 
 DOUBT = Doubt(1.0, 0.4, 0.78)
 """How far the nominal model may be wrong (assumption)."""
-LEAST_RATIO = single(0.3)
+MIN_RATIO = single(0.3)
 """Measured over expected load below which a reading is ignored [-]: the tool was partly in air."""
-LEAST_SEEN = 0.5
+MIN_SEEN = 0.5
 """Share of the load behind the sensor's lag below which a reading is ignored [-]: the tool has just entered."""
 TIMING_DOUBT = 0.05
 """Standard deviation of the time at which the tool entered the bar [s] (assumption)."""
@@ -174,7 +174,7 @@ class JobFilter(torch.nn.Module):
             found.append((row, torch.log(ratio.clamp(min=_SMALL) / shown) - expected, ratio, shown))
         for law, (row, surprise, ratio, shown) in enumerate(found):
             surprise = surprise - (row * (mean - before)).sum(dim=-1)
-            seen = cutting & ~left_late & (shown > LEAST_SEEN) & (ratio > LEAST_RATIO) & (wear > 0.0)
+            seen = cutting & ~left_late & (shown > MIN_SEEN) & (ratio > MIN_RATIO) & (wear > 0.0)
             timing = single(TIMING_DOUBT / self._lags[law]) * (1.0 / shown - 1.0)
             mean, excess = corrected(mean, excess, row, surprise, seen, self._noise[law] + timing.square())
 
