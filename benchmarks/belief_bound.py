@@ -99,7 +99,7 @@ def _beliefs(scenario: Scenario, fields: Array, bars: int, generator: np.random.
 def expected_excess(log_mean, spread):
     """Return the expectation of max(X - 1, 0), where log X is normal with this mean and standard deviation."""
     spread = max(spread, 1e-3)
-    return 0.0 if log_mean < -6.0 * spread else excess(log_mean, spread)
+    return 0.0 if log_mean < -6.0 * spread else excess(log_mean, spread)[0]
 
 
 @compiled_entry
