@@ -36,7 +36,7 @@ def careless(folder: Path) -> int:
 
 @pytest.mark.slow
 def test_a_careless_program_is_found_out(tmp_path: Path) -> None:
-    toll = soak.kill(careless, 1, tmp_path, Random(5))
+    toll = soak.kill(careless, 5, tmp_path, Random(5))
     assert toll.torn
     assert toll.differing
     assert not toll.survived
