@@ -125,7 +125,7 @@ class Board:
     rows: dict[str, Episodes]
     """Episodes by policy, fields of shape (training seeds, jobs, episodes)."""
     policies: dict[str, list[PolicySpec]]
-    """What played by name, one per training seed."""
+    """Identities of the policies by name, one per training seed."""
     comparisons: list[Comparison]
 
     @classmethod

@@ -269,16 +269,15 @@ def player_of(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path:
         raise ResultError("was played on private seeds: only the owner of their file can play it again, by run --seeds FILE")
     if task.model_version != MODEL_VERSION:
         raise ResultError(f"was played with version {task.model_version} of the model, which is now {MODEL_VERSION}")
-    if isinstance(task, FamilyTask):
-        task.present()
-    elif scenario.name in presets() and Scenario.load(scenario.name) != scenario:
+    family = task.present() if isinstance(task, FamilyTask) else None
+    if family is None and scenario.name in presets() and Scenario.load(scenario.name) != scenario:
         raise ResultError(f"is not of the present preset {scenario.name!r}: values differ")
     if policy.kind == "agent":
         if (path := files.get(policy.sha256 or "")) is None:
             raise ResultError(f"{policy.label} is no longer what played: none of the agents' files has its SHA-256")
         return path
-    if isinstance(task, FamilyTask):
-        now = family_play.present_spec(policy.name, task.present(), _tuned_on(policy.tuned_for))
+    if family is not None:
+        now = family_play.present_spec(policy.name, family, _tuned_on(policy.tuned_for))
     elif policy.kind == "rule":
         now = run.rule(policy.name, scenario, _tuned_on(policy.tuned_for))
     elif known := [oracle for oracle in oracles.oracles(scenario) if oracle.name == policy.name]:

@@ -184,14 +184,14 @@ class GruActor(Actor):
 
         If an episode begins (``begins`` is 1, shape (steps, num_envs, 1)), the memory is cleared first.
         """
-        state, all_readings = memory, []
+        state, all_seen = memory, []
         for observation, begin in zip(observations, begins, strict=True):
             seen, state = self.see(observation, state * (1.0 - begin))
-            all_readings.append(seen)
-        return self.unroll_seen(torch.stack(all_readings), memory, begins)
+            all_seen.append(seen)
+        return self.unroll_seen(torch.stack(all_seen), memory, begins)
 
     def unroll_seen(self, seen: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
-        """Return the same for what ``see`` has returned of the observations."""
+        """Return unbounded targets as ``unroll``, for what ``see`` has returned of the observations."""
         _, cells = self._parts(memory)
         all_cells = []
         for step, begin in zip(torch.relu(self.encoder(seen)), begins, strict=True):

@@ -166,21 +166,19 @@ class JobFilter(torch.nn.Module):
 
         log_wear = torch.log(wear.clamp(min=_SMALL)) - told["wear_time_exponent"] * _LOG_MIDDLE
         in_metal = (along / rate).clamp(min=0.0, max=self._interval)
-        before, found = mean, []
-        for law in range(2):
+        before = mean
+        for law, entry in enumerate((OBS.force_ratio, OBS.power_ratio)):
             row, expected = self._load(law, before, told, scales, lot_mean, (speed, feed, log_wear))
-            ratio = observation[:, (OBS.force_ratio, OBS.power_ratio)[law]] / DEVIATION_SCALE + 1.0
+            ratio = observation[:, entry] / DEVIATION_SCALE + 1.0
             shown = (1.0 - torch.exp(-in_metal / self._lags[law])).clamp(min=_SMALL)
-            found.append((row, torch.log(ratio.clamp(min=_SMALL) / shown) - expected, ratio, shown))
-        for law, (row, surprise, ratio, shown) in enumerate(found):
-            surprise = surprise - (row * (mean - before)).sum(dim=-1)
+            surprise = torch.log(ratio.clamp(min=_SMALL) / shown) - expected - (row * (mean - before)).sum(dim=-1)
             seen = cutting & ~left_late & (shown > MIN_SEEN) & (ratio > MIN_RATIO) & (wear > 0.0)
             timing = single(TIMING_DOUBT / self._lags[law]) * (1.0 / shown - 1.0)
             mean, excess = corrected(mean, excess, row, surprise, seen, self._noise[law] + timing.square())
 
         time_left = ((1.0 - along) / rate).clamp(max=MAX_TIME)
         position = 2.0 * along - 1.0, 2.0 * time_left / MAX_TIME - 1.0
-        others = self._readings(mean, excess, told, scales, of_wear, lot_mean, wear)
+        others = self._readings(mean, excess, told, scales, of_wear, lot_mean, wear, log_wear)
         readings = torch.stack([*others, *position], dim=-1)
         place = torch.stack([torch.ones_like(wear), along, speed, feed, wear], dim=-1)
         return readings.clamp(-5.0, 5.0).float(), torch.cat([place, mean, excess.flatten(1)], dim=-1).float()
@@ -264,16 +262,23 @@ class JobFilter(torch.nn.Module):
         return scales * torch.stack(row, dim=-1), ratio
 
     def _readings(
-        self, mean: Tensor, excess: Tensor, told: Told, scales: Tensor, of_wear: Tensor, lot_mean: Tensor, wear: Tensor
+        self,
+        mean: Tensor,
+        excess: Tensor,
+        told: Told,
+        scales: Tensor,
+        of_wear: Tensor,
+        lot_mean: Tensor,
+        wear: Tensor,
+        worn: Tensor,
     ) -> list[Tensor]:
-        """Return all readings but those of the position."""
+        """Return all readings but those of the position; ``worn``: log nominal wear over that at half a life."""
         exponent = told["wear_time_exponent"]
-        log_wear = torch.log(wear.clamp(min=single(1e-6)))
-        used = torch.exp((log_wear + (of_wear * mean).sum(dim=-1) + lot_mean) / exponent).clamp(max=1.5)
-        variance = (of_wear * ((excess @ of_wear.unsqueeze(-1)).squeeze(-1) + of_wear)).sum(dim=-1)
+        log_factor = (of_wear * mean).sum(dim=-1)
+        used = torch.exp((torch.log(wear.clamp(min=single(1e-6))) + log_factor + lot_mean) / exponent).clamp(max=1.5)
+        variance = (of_wear * covariances(excess, of_wear)).sum(dim=-1)
         plan = [_planned(told, name, used) for name in ("speed", "feed")]
         at_plan = [value - best for value, best in zip(plan, _middle(told), strict=True)]
-        worn = torch.log(wear.clamp(min=_SMALL)) - exponent * _LOG_MIDDLE
         loads, feeds = [], []
         for states in (mean, mean * (1.0 - self._bar)):
             over = []
@@ -301,11 +306,16 @@ class JobFilter(torch.nn.Module):
         ]
 
 
+def covariances(excess: Tensor, row: Tensor) -> Tensor:
+    """Return the covariances of the states with a quantity; ``row`` holds its derivatives by them."""
+    return (excess @ row.unsqueeze(-1)).squeeze(-1) + row
+
+
 def corrected(
     mean: Tensor, excess: Tensor, row: Tensor, surprise: Tensor, seen: Tensor, variance: float | Tensor
 ) -> tuple[Tensor, Tensor]:
     """Return the estimate after a measurement where it is ``seen``; ``row`` holds its derivatives by the states."""
-    gain = (excess @ row.unsqueeze(-1)).squeeze(-1) + row
+    gain = covariances(excess, row)
     share = seen.to(gain.dtype) / ((row * gain).sum(dim=-1) + variance)
     mean = mean + gain * (share * surprise).unsqueeze(-1)
     return mean, excess - share[:, None, None] * gain.unsqueeze(-1) * gain.unsqueeze(-2)

@@ -112,7 +112,7 @@ class Rollout:
     begins: Tensor
     """1 where an episode begins, shape (steps, num_envs, 1)."""
     observations: Tensor
-    """With the tracker's readings."""
+    """Observations with the tracker's readings, shape (steps, num_envs, entries)."""
     valid: Tensor
     """1 where the job is that of the first step, shape (steps, num_envs)."""
     hidden: list[NDArray[Any]]
