@@ -100,7 +100,8 @@ class DistanceTracker:
     STATES = 3
     READINGS = 2
     PROPOSED = 0
-    """Number of readings, the first ones, that propose targets to which the network adds its own."""
+    """Number of targets that the first readings propose, as many then give least and as many greatest values of; the network adds
+    to what is proposed."""
 
     def __init__(self, scenario: Scenario, commands: TargetCommands) -> None:
         control, machine, work = scenario.control, scenario.machine, scenario.workpiece
@@ -176,7 +177,7 @@ class GruActor(Actor):
         """Return actions and the next memory for what ``see`` has returned."""
         state, cells = self._parts(memory)
         cells = self.memory_cell(torch.relu(self.encoder(seen)), cells)
-        target = self.bounded(self._unbounded(cells, seen))
+        target = self.bounded(self._unbounded(cells, seen), seen)
         return self.commands.action(target, seen), torch.cat([state, cells], dim=-1)
 
     def unroll(self, observations: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
@@ -203,15 +204,32 @@ class GruActor(Actor):
         """Return the tracker's state and the cells."""
         return memory[:, : self.tracker.STATES], memory[:, self.tracker.STATES :]
 
-    def bounded(self, target: Tensor) -> Tensor:
-        """Return targets with speed and feed squashed to -1..1; the edge-change score needs no bounds."""
-        return torch.cat([target[..., : self.commands.targets].tanh(), target[..., self.commands.targets :]], dim=-1)
+    def bounded(self, target: Tensor, seen: Tensor) -> Tensor:
+        """Return targets with speed and feed squashed to -1..1; the edge-change score needs no bounds.
+
+        A target that is held gets the gradient of a free one (straight-through estimator).
+        """
+        free = target[..., : self.commands.targets]
+        held = free + (self.held(target, seen) - free).detach()
+        return torch.cat([held.tanh(), target[..., self.commands.targets :]], dim=-1)
+
+    def held(self, target: Tensor, seen: Tensor) -> Tensor:
+        """Return unbounded targets of speed and feed, kept within what the tracker allows."""
+        free = target[..., : self.commands.targets]
+        if not self.tracker.PROPOSED:
+            return free
+        _, least, greatest = self._proposals(seen)
+        return torch.minimum(torch.maximum(free, least), greatest)
+
+    def _proposals(self, seen: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return proposed, least and greatest targets, not bounded."""
+        count, first = self.tracker.PROPOSED, seen.shape[-1] - self.tracker.READINGS
+        positions = seen[..., first : first + 3 * count]
+        targets = 0.5 * torch.log((1.0 + positions) / (1.0 - positions))
+        return targets[..., :count], targets[..., count : 2 * count], targets[..., 2 * count :]
 
     def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
         target: Tensor = self.head(torch.relu(self.hidden(torch.cat([cells, seen], dim=-1))))
-        if proposed := self.tracker.PROPOSED:
-            first = seen.shape[-1] - self.tracker.READINGS
-            position = seen[..., first : first + proposed]
-            targets = target[..., :proposed] + 0.5 * torch.log((1.0 + position) / (1.0 - position))
-            target = torch.cat([targets, target[..., proposed:]], dim=-1)
+        if count := self.tracker.PROPOSED:
+            target = torch.cat([target[..., :count] + self._proposals(seen)[0], target[..., count:]], dim=-1)
         return target

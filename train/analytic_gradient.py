@@ -199,7 +199,7 @@ class AnalyticGradient(BaseAlgorithm):
         observations = rollout.observations[:, envs]
         truth = Truth(self.scenario, *(each[..., envs.numpy()] for each in rollout.hidden))
         unbounded = self.policy.unroll(observations, rollout.memory[envs], rollout.begins[:, envs])
-        target = self.policy.bounded(unbounded)
+        target = self.policy.bounded(unbounded, observations)
         commands = self.policy.commands
         speed, feed = commands.speed_and_feed(observations, ACTUAL)
         log_speed, log_feed = commands.commanded(target, observations)

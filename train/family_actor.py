@@ -2,9 +2,11 @@
 
 Gradients reach over a rollout only, and a GRU must learn to average. The extended Kalman filter is given: that of
 ``baselines/models/kalman_steps.py``, which estimates depth and hardness of the bar, the wear of insert and lot, and the errors of
-the laws of force and power. The agent's file must play alone, so here the filter consists of tensors, and takes the nominal model
-from the context in the observation. It computes in double precision, so that agent and file differ by no more than the network
-does. But the exporter rounds a network's numbers to single precision, so those here are rounded before (``single``).
+the laws of force and power. ``train/job_optimum.py`` finds the best set point by the estimates, and the network adds to it.
+
+The agent's file must play alone, so here the filter consists of tensors, and takes the nominal model from the context in the
+observation. It computes in double precision, so that agent and file differ by no more than the network does. But the exporter
+rounds a network's numbers to single precision, so those here are rounded before (``single``).
 
 Lengths are shares of the bar, loads are ratios to the nominal model, and states are divided by their prior standard deviations.
 Then the prior has the mean 0 and the covariance I, so an empty memory holds the prior.
@@ -14,7 +16,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import torch
 
 from baselines.models.kalman_steps import (
@@ -30,19 +31,12 @@ from baselines.models.kalman_steps import (
 )
 from baselines.models.load_filter import LAW_ERRORS, READING_DOUBT, SLOPE, Doubt
 from train.analytic_actor import MAX_TIME, GruActor
+from train.job_optimum import Bar, JobOptimum, Load, Told, log_over_half, single
 from turning_env import Scenario
 from turning_env.physics.quantities import DEVIATION_SCALE, OBS, layout
 from turning_env.scenario.plan import MIDDLE, USED_LIVES
 
 Tensor = torch.Tensor
-Told = dict[str, Tensor]
-"""Numbers of the context by name, not standardised, each of shape (num_envs,)."""
-
-
-def single(value: float) -> float:
-    """Return the nearest number of single precision."""
-    return float(np.float32(value))
-
 
 DOUBT = Doubt(1.0, 0.4, 0.78)
 """How far the nominal model may be wrong (assumption)."""
@@ -57,8 +51,9 @@ PLACE = 5
 bar's length, logarithms of speed and feed over the plan's at half a life, nominal wear over the criterion."""
 _ACTUAL, _COMMANDED = (OBS.cutting_speed, OBS.feed), (OBS.commanded_cutting_speed, OBS.commanded_feed)
 _LAWS = ("thrust_force", "power")
-_ENDS = single(0.97)  # of the range -1..1, from which a proposal keeps away
-_LOG_MIDDLE = single(math.log(USED_LIVES[MIDDLE]))
+_ENDS = single(0.995)  # of the range -1..1, from which targets keep away
+_INSIDE = single(1e-4)  # distance of log feed from the ends of the chip breaker's window
+_LOG_HALF = single(math.log(USED_LIVES[MIDDLE]))
 _SMALL = single(1e-3)  # below which wear over the criterion, or a share, is not told apart from 0
 
 
@@ -75,7 +70,7 @@ class JobFilter(torch.nn.Module):
         spread: spreads likewise.
     """
 
-    READINGS = 4 + STATES + 4 + 2 + 4 + 2
+    READINGS = 6 + 1 + STATES + 4 + 2 + 4 + 4 + 2 + 2
     PROPOSED = 2
     STATES = PLACE + STATES + STATES * STATES
     ALIKE = (
@@ -105,6 +100,7 @@ class JobFilter(torch.nn.Module):
         self._interval, self._sub_step = single(control.interval), single(control.interval / control.sub_steps)
         self._sub_steps, self._approach = control.sub_steps, single(scenario.workpiece.approach)
         self._hardness = [single(law.hardness) for law in (material.thrust_force, material.power, material.wear)]
+        self._overload_price = single(scenario.economics.overload_price)
         self._noise = [single(noise**2 + READING_DOUBT**2) for noise in (sensors.force_noise, sensors.power_noise)]
         self._lags = [single(lag) for lag in (sensors.force_time_constant, sensors.power_time_constant)]
         one = torch.eye(STATES)
@@ -125,10 +121,11 @@ class JobFilter(torch.nn.Module):
     def forward(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """Return readings, shape (num_envs, READINGS), from -5 to 5, and the next state.
 
-        The first two propose targets: the plan's speed at the estimated wear, and the feed at the limits of force and power at
-        that speed. Then follow that feed for the mean bar, the plan's feed, the means, the variances of depth, hardness, insert
-        and lot, used life and its doubt, the logarithms of force and power over their limits at the plan's set point in the
-        present and in the mean bar, and the readings of ``DistanceTracker``.
+        The first two propose targets: the best speed, and the feed at which force and power are one standard deviation below
+        their limits. Then follow the least and the greatest targets, the feed for a bar not yet measured, the means, the
+        variances of depth, hardness, insert and lot, used life and its doubt, the logarithms of force and power over their
+        limits at the best set point in the present and in the expected bar, their standard deviations in the present bar and in
+        one not yet measured, the prices of time and life, and the readings of ``DistanceTracker``.
         """
         observation, state = observation.double(), state.double()
         context = observation[:, self._first :] * self._told_spread + self._told_mean
@@ -164,7 +161,7 @@ class JobFilter(torch.nn.Module):
         mean, excess = keeps * mean, keeps.unsqueeze(-1) * excess * keeps.unsqueeze(-2)
         mean, excess = self._moved(mean, excess, told, scales, torch.minimum(travel, along.clamp(min=0.0)))
 
-        log_wear = torch.log(wear.clamp(min=_SMALL)) - told["wear_time_exponent"] * _LOG_MIDDLE
+        log_wear = torch.log(wear.clamp(min=_SMALL)) - told["wear_time_exponent"] * _LOG_HALF
         in_metal = (along / rate).clamp(min=0.0, max=self._interval)
         before = mean
         for law, entry in enumerate((OBS.force_ratio, OBS.power_ratio)):
@@ -179,9 +176,9 @@ class JobFilter(torch.nn.Module):
         time_left = ((1.0 - along) / rate).clamp(max=MAX_TIME)
         position = 2.0 * along - 1.0, 2.0 * time_left / MAX_TIME - 1.0
         others = self._readings(mean, excess, told, scales, of_wear, lot_mean, wear, log_wear)
-        readings = torch.stack([*others, *position], dim=-1)
+        readings = torch.stack([each.float() for each in (*others, *position)], dim=-1)
         place = torch.stack([torch.ones_like(wear), along, speed, feed, wear], dim=-1)
-        return readings.clamp(-5.0, 5.0).float(), torch.cat([place, mean, excess.flatten(1)], dim=-1).float()
+        return readings.clamp(-5.0, 5.0), torch.cat([place, mean, excess.flatten(1)], dim=-1).float()
 
     def _prior(self, told: Told) -> tuple[Tensor, Tensor]:
         """Return prior standard deviations of the states, and the prior mean of the lot's log wear factor."""
@@ -273,37 +270,80 @@ class JobFilter(torch.nn.Module):
         worn: Tensor,
     ) -> list[Tensor]:
         """Return all readings but those of the position; ``worn``: log nominal wear over that at half a life."""
-        exponent = told["wear_time_exponent"]
-        log_factor = (of_wear * mean).sum(dim=-1)
-        used = torch.exp((torch.log(wear.clamp(min=single(1e-6))) + log_factor + lot_mean) / exponent).clamp(max=1.5)
-        variance = (of_wear * covariances(excess, of_wear)).sum(dim=-1)
-        plan = [_planned(told, name, used) for name in ("speed", "feed")]
-        at_plan = [value - best for value, best in zip(plan, _middle(told), strict=True)]
-        loads, feeds = [], []
-        for states in (mean, mean * (1.0 - self._bar)):
-            over = []
-            for law, name in enumerate(_LAWS):
-                _, ratio = self._load(law, states, told, scales, lot_mean, (*at_plan, worn))
-                nominal = told[f"log_{name}_load"] + told[f"{name}_wear_exponent"] * worn
-                nominal = nominal + told[f"{name}_cutting_speed_exponent"] * at_plan[0]
-                over.append(nominal + told[f"{name}_feed_exponent"] * at_plan[1] + ratio)
-            over[1] = over[1] - (at_plan[0] + told["log_speed_over_base_speed"]).clamp(max=0.0)  # constant torque
-            excesses = [
-                each / told[f"{name}_feed_exponent"].clamp(min=single(0.1)) for each, name in zip(over, _LAWS, strict=True)
-            ]
-            feeds.append(plan[1] - torch.maximum(*excesses))
-            loads += over
-        speed_position = 2.0 * plan[0] / self._spans[0] - 1.0
-        feed_positions = [2.0 * feed / self._spans[1] - 1.0 for feed in (*feeds, plan[1])]
+        exponent = told["wear_time_exponent"].clamp(min=single(0.1))
+        log_factor = (of_wear * mean).sum(dim=-1) + lot_mean
+        used = torch.exp((torch.log(wear.clamp(min=single(1e-6))) + log_factor) / exponent)
+        wear_doubt = (of_wear * covariances(excess, of_wear)).sum(dim=-1).clamp(min=0.0).sqrt() / exponent
+        log_used = log_over_half(used)
+
+        states = (scales * mean).unbind(dim=-1)
+        log_depth, hardness = torch.log((1.0 + states[DEPTH]).clamp(min=single(MIN_DEPTH))), states[HARDNESS]
+        of_depth = [told[f"{name}_depth_of_cut_exponent"] for name in (*_LAWS, "wear")]
+        force, power, wear_rate = (
+            share * log_depth + each * hardness for share, each in zip(of_depth, self._hardness, strict=True)
+        )
+        bar = Bar((force, power), log_depth, wear_rate / exponent)
+        known = told, self._estimated(told, states), (states[LOT] + lot_mean) / exponent
+        job = JobOptimum(*known, self._overload_price)
+        time_price, life_price = job.prices(used)
+        speed = job.best_speed(log_used, life_price, bar)
+        feed = job.feed(speed, log_used, bar.loads)
+
+        doubts = self._doubts(mean, excess, told, scales, lot_mean, (speed, feed, worn))
+        next_force, next_power = job.loads(speed, feed, log_used)
+        feeds = [job.feed(speed, log_used, more) for more in ((force + doubts[0], power + doubts[1]), doubts[2:])]
+        middle = _middle(told)
+        here, there = (self._position(1, each + middle[1]) for each in feeds)
+        least = torch.full_like(here, -_ENDS), self._position(1, told["log_lowest_feed"] + _INSIDE)
+        greatest = (
+            self._position(0, middle[0] - told["log_speed_over_fastest"]),
+            self._position(1, told["log_highest_feed"] - _INSIDE),
+        )
+        proposed = self._position(0, speed + middle[0]), torch.minimum(torch.maximum(here, least[1]), greatest[1])
+        life = torch.exp(told["log_edge_price"]) + time_price * torch.exp(told["log_edge_change_time"])
         return [
-            *(each.clamp(-_ENDS, _ENDS) for each in (speed_position, feed_positions[0])),
-            *feed_positions[1:],
+            *proposed,
+            *least,
+            *greatest,
+            there,
             *mean.unbind(dim=-1),
             *(excess[:, k, k] + 1.0 for k in (DEPTH, HARDNESS, INSERT, LOT)),
-            2.0 * used - 1.0,
-            variance.clamp(min=0.0).sqrt() / exponent,
-            *(4.0 * load for load in loads),
+            2.0 * used.clamp(max=1.5) - 1.0,
+            wear_doubt,
+            *(4.0 * load for load in (next_force + force, next_power + power, next_force, next_power)),
+            *(8.0 * doubt for doubt in doubts),
+            2.0 * (time_price - 1.0),
+            life_price / life - 1.0,
         ]
+
+    def _position(self, drive: int, log_value: Tensor) -> Tensor:
+        """Return the position of a speed (0) or feed (1) in its range, from -1 to 1, for logarithms over the lowest one."""
+        return (2.0 * log_value / self._spans[drive] - 1.0).clamp(-_ENDS, _ENDS)
+
+    def _doubts(
+        self, mean: Tensor, excess: Tensor, told: Told, scales: Tensor, lot_mean: Tensor, place: Sequence[Tensor]
+    ) -> list[Tensor]:
+        """Return standard deviations of log force and log power, first in the present bar, then in one not yet measured.
+
+        ``place``: see ``_load``.
+        """
+        rows = [self._load(law, mean, told, scales, lot_mean, place)[0] for law in (0, 1)]
+        both = torch.stack([*rows, *(row * (1.0 - self._bar) for row in rows)], dim=1)
+        variances = list((both * (both @ excess + both)).sum(dim=-1).unbind(dim=-1))
+        for law, name in enumerate(_LAWS):
+            of_depth = told[f"{name}_depth_of_cut_exponent"] * scales[:, DEPTH]
+            variances[2 + law] = variances[2 + law] + of_depth.square() + (self._hardness[law] * scales[:, HARDNESS]).square()
+        return [variance.clamp(min=0.0).sqrt() for variance in variances]
+
+    def _estimated(self, told: Told, states: Sequence[Tensor]) -> tuple[Load, Load]:
+        """Return the laws of force and power for the expected bar."""
+        found = []
+        for law, name in enumerate(_LAWS):
+            bias, speed, feed, wear = states[LAWS + ERRORS * law : LAWS + ERRORS * (law + 1)]
+            used_life = (told[f"{name}_wear_exponent"] + wear) * told["wear_time_exponent"]
+            exponents = told[f"{name}_cutting_speed_exponent"] + speed, told[f"{name}_feed_exponent"] + feed
+            found.append(Load(told[f"log_{name}_load"] + bias, *exponents, used_life))
+        return found[0], found[1]
 
 
 def covariances(excess: Tensor, row: Tensor) -> Tensor:
@@ -330,16 +370,6 @@ def _spread(told: Told, name: str) -> Tensor:
 def _middle(told: Told) -> list[Tensor]:
     """Return the plan's speed and feed at half a life, logarithms over the lowest ones."""
     return [told[f"{name}_at_{USED_LIVES[MIDDLE]}"] for name in ("speed", "feed")]
-
-
-def _planned(told: Told, name: str, used: Tensor) -> Tensor:
-    """Return the plan's speed or feed at used lives, the logarithm over the lowest one."""
-    nodes = [told[f"{name}_at_{node}"] for node in USED_LIVES]
-    found = nodes[0]
-    for k in range(len(nodes) - 1):
-        share = ((used - single(USED_LIVES[k])) / single(USED_LIVES[k + 1] - USED_LIVES[k])).clamp(0.0, 1.0)
-        found = found + share * (nodes[k + 1] - nodes[k])
-    return found
 
 
 def family_actor(scenario: Scenario, context: dict[str, Any], cells: int, width: int) -> GruActor:

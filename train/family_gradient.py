@@ -141,14 +141,15 @@ class Teacher:
         envs = envs.to(device)
         observations = rollout.observations[:, envs]
         unbounded = self.actor.unroll_seen(observations, rollout.memory[envs], rollout.begins[:, envs])
-        target = self.actor.bounded(unbounded)
+        target = self.actor.bounded(unbounded, observations)
         speed, feed = commands.speed_and_feed(observations, ACTUAL)
         log_speed, log_feed = (log + offset for log, offset in zip(commands.commanded(target, observations), low, strict=True))
         log_speed = log_speed - torch.relu(log_speed - reachable).detach()
         gain: Tensor
         gain, going_on = model(log_speed, log_feed, speed * low[0].exp(), feed * low[1].exp(), truth)
         gain = gain * (1.0 - truth.changed) + model.edge_change_gain(target[..., -1], going_on)
-        gain = gain - self._saturation_price * unbounded[..., : commands.targets].square().sum(dim=-1)
+        beyond = unbounded[..., : commands.targets] - self.actor.held(unbounded, observations)
+        gain = gain - self._saturation_price * beyond.square().sum(dim=-1)
         valid = rollout.valid[:, envs]
         return (gain * valid).sum() / valid.sum()
 

@@ -210,6 +210,7 @@ def features(s: Columns, plan: Plan) -> dict[str, Array]:
         "removal_rate": plan.removal_rate,
         "edge_price": s.economics.edge_cost,
         "edge_change_time": s.economics.edge_change_time,
+        "idle_power": s.spindle.idle_torque / (30.0 * work.diameter) * speed / s.limits.power,
         "edge_strength": s.tool.edge_strength / s.limits.thrust_force,
         "wear_factor_spread": s.tool.wear_factor_spread,
         "depth_bar_spread": work.depth_bar_spread / work.depth_of_cut,
