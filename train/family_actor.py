@@ -31,7 +31,7 @@ from baselines.models.kalman_steps import (
 )
 from baselines.models.load_filter import LAW_ERRORS, READING_DOUBT, SLOPE, Doubt
 from train.analytic_actor import MAX_TIME, GruActor
-from train.job_optimum import Bar, JobOptimum, Load, Told, log_over_half, single
+from train.job_optimum import MIN_EXPONENT, Bar, JobOptimum, Load, Told, log_over_half, single
 from turning_env import Scenario
 from turning_env.physics.quantities import DEVIATION_SCALE, OBS, layout
 from turning_env.scenario.plan import MIDDLE, USED_LIVES
@@ -270,7 +270,7 @@ class JobFilter(torch.nn.Module):
         worn: Tensor,
     ) -> list[Tensor]:
         """Return all readings but those of the position; ``worn``: log nominal wear over that at half a life."""
-        exponent = told["wear_time_exponent"].clamp(min=single(0.1))
+        exponent = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
         log_factor = (of_wear * mean).sum(dim=-1) + lot_mean
         used = torch.exp((torch.log(wear.clamp(min=single(1e-6))) + log_factor) / exponent)
         wear_doubt = (of_wear * covariances(excess, of_wear)).sum(dim=-1).clamp(min=0.0).sqrt() / exponent
@@ -283,8 +283,7 @@ class JobFilter(torch.nn.Module):
             share * log_depth + each * hardness for share, each in zip(of_depth, self._hardness, strict=True)
         )
         bar = Bar((force, power), log_depth, wear_rate / exponent)
-        known = told, self._estimated(told, states), (states[LOT] + lot_mean) / exponent
-        job = JobOptimum(*known, self._overload_price)
+        job = JobOptimum(told, self._estimated(told, states), (states[LOT] + lot_mean) / exponent, self._overload_price)
         time_price, life_price = job.prices(used)
         speed = job.best_speed(log_used, life_price, bar)
         feed = job.feed(speed, log_used, bar.loads)

@@ -31,10 +31,11 @@ LIVES = 6
 """Number of used shares of the life at which it is priced, beside the present one."""
 SPEEDS = 24
 """Number of cutting speeds that are compared, evenly spaced on a logarithmic scale."""
+MIN_EXPONENT = single(0.1)
+"""Smallest exponent of the feed in a load, and of time in wear [-]."""
 _NEWTON_STEPS = 4
 _SOFTNESS = single(0.005)  # cutting speeds whose value is less by this still count
 _MAX_LOG = single(20.0)
-_MIN_EXPONENT = single(0.1)  # of the feed in a load, and of time in wear
 _MIN_CAPACITY = single(1e-3)  # of the spindle, over the limit of power
 _MIN_USED_LIFE = single(0.01)
 
@@ -80,7 +81,7 @@ class JobOptimum:
         # A minute of the plan's set point, edges included, is worth a minute.
         self._log_metal = _wide(torch.log(1.0 + (self._cost + self._change) * _exp(-told["log_life"])))
         self._log_rate = _wide(log_life_rate - told["log_life"])
-        time = told["wear_time_exponent"].clamp(min=_MIN_EXPONENT)
+        time = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
         self._rate_speed, self._rate_feed = (_wide(told[f"wear_{name}_exponent"] / time) for name in ("cutting_speed", "feed"))
         self._over_base, self._idle = _wide(told["log_speed_over_base_speed"]), _wide(_exp(told["log_idle_power"]))
         speed, feed = (told[f"{name}_at_{USED_LIVES[MIDDLE]}"] for name in ("speed", "feed"))
@@ -136,7 +137,7 @@ class JobOptimum:
         logs = self._without_feed(speed, log_used)
         if more:
             logs = [log + _wide(each) for log, each in zip(logs, more, strict=True)]
-        feeds = [-log / load.feed.clamp(min=_MIN_EXPONENT) for log, load in zip(logs, self._loads, strict=True)]
+        feeds = [-log / load.feed.clamp(min=MIN_EXPONENT) for log, load in zip(logs, self._loads, strict=True)]
         highest = torch.minimum(*feeds)
         feed = torch.minimum(torch.maximum(highest, self._lowest_feed), self._highest_feed)
         return feed, torch.relu(feed - highest)
