@@ -81,6 +81,9 @@ class Optimiser:
         caution: factor on the standard deviations of force and power [-].
     """
 
+    wear_caution = 1.0
+    """Factor on the standard deviation of the wear at which an edge may soon be worn out [-]."""
+
     def __init__(self, scenario: Scenario | Sequence[Scenario], num_envs: int, severity: float, caution: float) -> None:
         scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
         self._scenario: Any = scenarios[0] if len(scenarios) == 1 else columns_of(scenarios)
@@ -135,12 +138,12 @@ class Optimiser:
         return np.asarray(slow + lot * (fast - slow))
 
     def _spent(self, reading: Reading, used_life: Array, price: Array) -> NDArray[np.bool_]:
-        """Return whether to change the edge: its life has no price left, or may soon be over (at one standard deviation)."""
+        """Return whether to change the edge: its life has no price left, or may soon be over."""
         exponent, (log_rate, speed, feed) = self._scenario.material.wear.time, self._parameters["life"].T
         log_rate = log_rate + speed * np.log(reading.cutting_speed) + feed * np.log(reading.feed)
         rate = np.exp(log_rate + self._filter.log_wear_factor / exponent)  # [1/s]
         soon = used_life + rate * LEAD * self._scenario.control.interval
-        over = soon * np.exp(self._filter.wear_doubt / exponent) >= 1.0
+        over = soon * np.exp(self.wear_caution * self._filter.wear_doubt / exponent) >= 1.0
         spent: NDArray[np.bool_] = (reading.nominal_wear > 0.0) & (over | (price <= 0.0))
         return spent
 

@@ -48,7 +48,7 @@ class Rule:
     together: bool = False
     """Whether ``build`` also takes a sequence of scenarios, one for each environment."""
     tuned_on: str | None = None
-    """The preset on which it is tuned for all scenarios; for slow rules with parameters without unit."""
+    """The preset or family on which it is tuned for all scenarios; for slow rules with parameters without unit."""
 
     @property
     def ranges(self) -> dict[str, Range]:

@@ -14,7 +14,7 @@ import numpy as np
 from baselines.models.load_filter import Array, Doubt, LoadFilter
 from baselines.optimiser import plays
 from baselines.predictive import Predictive
-from baselines.rule import Rule
+from baselines.rule import Range, Rule
 from turning_env import Scenario
 
 REACH = 1.5
@@ -29,6 +29,7 @@ class SelfTuning(Predictive):
         num_envs: number of environments.
         severity: factor on the price of overload [-].
         caution: factor on the standard deviations of force and power [-].
+        wear_caution: factor on the standard deviation of the wear at which an edge may soon be worn out [-].
         law_doubt: scale of the prior deviations of the laws of force and power [-], see ``load_filter.LAW_ERRORS``.
         lot_doubt: prior log standard deviation of the life of the lot's edges [-].
         lot_life: expected life of the lot's edges over the nominal life [-].
@@ -40,10 +41,12 @@ class SelfTuning(Predictive):
         num_envs: int,
         severity: float,
         caution: float,
+        wear_caution: float,
         law_doubt: float,
         lot_doubt: float,
         lot_life: float,
     ) -> None:
+        self.wear_caution = wear_caution
         self._doubt = Doubt(law_doubt, lot_doubt, lot_life)
         super().__init__(scenario, num_envs, severity, caution)
 
@@ -61,9 +64,17 @@ RULES = {
         DESCRIPTION,
         lambda scenario, num_envs, parameters: SelfTuning(scenario, num_envs, **parameters),
         lambda scenario: plays(scenario) and scenario.sensors.inspects_edges,
-        {"severity": 1.2, "caution": 1.0, "law_doubt": 1.0, "lot_doubt": 0.4, "lot_life": 0.78},
-        version=2,
+        {
+            "severity": 1.2,
+            "caution": Range(0.5, 2.0, logarithmic=True),
+            "wear_caution": Range(0.3, 3.0, logarithmic=True),
+            "law_doubt": Range(0.3, 3.0, logarithmic=True),
+            "lot_doubt": 0.4,
+            "lot_life": 0.78,
+        },
+        version=3,
         changes_edges=True,
         together=True,
+        tuned_on="shop",
     )
 }

@@ -11,29 +11,37 @@ from pathlib import Path
 from typing import Any
 
 from baselines.rule import Parameters, Rule
-from turning_env import Scenario, presets
+from turning_env import Family, Scenario, presets
+from turning_env.scenario.family import families
 
+Task = Scenario | Family
+"""What rules are tuned on."""
 FOLDER = Path(__file__).parent / "tuned"
 """The folder of the tuned values that ship."""
+
+
+def task(source: str) -> Task:
+    """Return the family that ships under a name, else the scenario of a preset's name or a TOML file."""
+    return Family.load(source) if source in families() else Scenario.load(source)
 
 
 class NotTuned(ValueError):
     """A rule has not been tuned for this scenario."""
 
 
-def path(scenario: Scenario) -> Path:
-    """Return the path of a scenario's tuned parameters: beside the scenario's file or, for a preset, the file that ships."""
-    if scenario.file is None:
+def path(scenario: Task) -> Path:
+    """Return the path of a task's tuned parameters: beside the scenario's file or, if it ships, the file that ships."""
+    if isinstance(scenario, Family) or scenario.file is None:
         return FOLDER / f"{scenario.name}.json"
     return scenario.file.with_name(f"{scenario.file.stem}.tuned.json")
 
 
-def command(scenario: Scenario) -> str:
-    """Return the command that tunes the rules for a scenario."""
-    if scenario.file is not None:
+def command(scenario: Task) -> str:
+    """Return the command that tunes the rules for a task."""
+    if isinstance(scenario, Scenario) and scenario.file is not None:
         source = shlex.quote(str(scenario.file))
     else:
-        source = f"{scenario.name} --shipped" if scenario.name in presets() else "FILE.toml"
+        source = f"{scenario.name} --shipped" if scenario.name in (*presets(), *families()) else "FILE.toml"
     return f"python -m baselines.tune --scenario {source}"
 
 
@@ -54,7 +62,7 @@ def read(file: Path) -> dict[str, Any]:
     return values
 
 
-def contents(scenario: Scenario) -> dict[str, Any]:
+def contents(scenario: Task) -> dict[str, Any]:
     """Return the contents of the file for a scenario with these values.
 
     Raises:
@@ -76,9 +84,8 @@ def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]
         NotTuned: there are none for this scenario, or for another version or other parameters of the rule. The message says
             which command makes them.
     """
-    if rule.tuned_on is not None:
-        scenario = Scenario.load(rule.tuned_on)
-    values = contents(scenario)
+    home = scenario if rule.tuned_on is None else task(rule.tuned_on)
+    values = contents(home)
     known = values["rules"]
     if name not in known:
         found = "has not been tuned"
@@ -88,4 +95,4 @@ def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]
         found = "was tuned in other parameters"
     else:
         return dict(known[name]["parameters"]), f"{values['command']} --rules {name}"
-    raise NotTuned(f"{name} {found} for scenario {scenario.name!r}: run `{command(scenario)} --rules {name}`")
+    raise NotTuned(f"{name} {found} for scenario {home.name!r}: run `{command(home)} --rules {name}`")

@@ -36,7 +36,7 @@ class FamilyTask(Task):
         """Return the task of a family's split."""
         allowance = family.job(0).scenario.limits.overload_allowance
         values = {"base": family.base, "name": f"{family.name}-{split}", "limits": {"overload_allowance": allowance}}
-        identity = ScenarioId(name=family.name, digest=digest_of(family.model_dump(mode="json")))
+        identity = ScenarioId(name=family.name, digest=family.digest())
         jobs = family.jobs if split == "train" else family.held_out_jobs
         scenario = Scenario.load(values)
         return cls(env_id=FAMILY_ID, scenario=scenario, seeds=sorted(seeds), family=identity, split=split, jobs=jobs)

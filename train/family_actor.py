@@ -40,6 +40,10 @@ Tensor = torch.Tensor
 
 DOUBT = Doubt(1.0, 0.4, 0.78)
 """How far the nominal model may be wrong (assumption)."""
+CAUTION = single(1.3)
+"""Distance of proposed loads below their limits over their standard deviation [-] (found on training jobs)."""
+SETTLING = single(1.5)
+"""Time before the next bar at which the feed falls, less the interval, over the feed servo's time constant [-]."""
 MIN_RATIO = single(0.3)
 """Measured over expected load below which a reading is ignored [-]: the tool was partly in air."""
 MIN_SEEN = 0.5
@@ -99,6 +103,7 @@ class JobFilter(torch.nn.Module):
         self._spans = [single(math.log(high / low)) for low, high in ends]
         self._interval, self._sub_step = single(control.interval), single(control.interval / control.sub_steps)
         self._sub_steps, self._approach = control.sub_steps, single(scenario.workpiece.approach)
+        self._speed_step = single(control.cutting_speed_step)
         self._hardness = [single(law.hardness) for law in (material.thrust_force, material.power, material.wear)]
         self._overload_price = single(scenario.economics.overload_price)
         self._noise = [single(noise**2 + READING_DOUBT**2) for noise in (sensors.force_noise, sensors.power_noise)]
@@ -121,11 +126,12 @@ class JobFilter(torch.nn.Module):
     def forward(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """Return readings, shape (num_envs, READINGS), from -5 to 5, and the next state.
 
-        The first two propose targets: the best speed, and the feed at which force and power are one standard deviation below
-        their limits. Then follow the least and the greatest targets, the feed for a bar not yet measured, the means, the
-        variances of depth, hardness, insert and lot, used life and its doubt, the logarithms of force and power over their
-        limits at the best set point in the present and in the expected bar, their standard deviations in the present bar and in
-        one not yet measured, the prices of time and life, and the readings of ``DistanceTracker``.
+        The first two propose targets: the best speed, and the feed at which force and power are ``CAUTION`` standard deviations
+        below their limits an interval later. Then follow the least and the greatest targets, the feed for a bar not yet measured,
+        the means, the variances of depth, hardness, insert and lot, used life and its doubt, the logarithms of force and power
+        over their limits at the best set point in the present and in the expected bar, their standard deviations in the present
+        bar and in one not yet measured, the prices of time and life, and the readings of ``DistanceTracker``. The estimates are
+        those for the place that the tool reaches in an interval, as commands take effect late.
         """
         observation, state = observation.double(), state.double()
         context = observation[:, self._first :] * self._told_spread + self._told_mean
@@ -173,9 +179,13 @@ class JobFilter(torch.nn.Module):
             timing = single(TIMING_DOUBT / self._lags[law]) * (1.0 / shown - 1.0)
             mean, excess = corrected(mean, excess, row, surprise, seen, self._noise[law] + timing.square())
 
-        time_left = ((1.0 - along) / rate).clamp(max=MAX_TIME)
+        left = (1.0 - along).clamp(min=0.0)
+        time_left = (left / rate).clamp(max=MAX_TIME)
         position = 2.0 * along - 1.0, 2.0 * time_left / MAX_TIME - 1.0
-        others = self._readings(mean, excess, told, scales, of_wear, lot_mean, wear, log_wear)
+        ahead = torch.where(cutting, torch.minimum(self._interval * rate, left), 0.0)
+        estimate = self._moved(mean, excess, told, scales, ahead)
+        enters = (left + approach) / rate < self._interval + SETTLING * torch.exp(told["log_feed_time_constant"])
+        others = self._readings(*estimate, told, scales, of_wear, lot_mean, wear, log_wear, (speed, commanded[0]), enters)
         readings = torch.stack([each.float() for each in (*others, *position)], dim=-1)
         place = torch.stack([torch.ones_like(wear), along, speed, feed, wear], dim=-1)
         return readings.clamp(-5.0, 5.0), torch.cat([place, mean, excess.flatten(1)], dim=-1).float()
@@ -200,16 +210,21 @@ class JobFilter(torch.nn.Module):
 
     def _travel(self, told: Told, last: Sequence[Tensor], commanded: Sequence[Tensor]) -> Tensor:
         """Return the distance since the last observation, from the drives' response to their commands."""
-        decays = [self._sub_step * torch.exp(-told[f"log_{drive}_time_constant"]) for drive in ("spindle", "feed")]
-        decays.append(decays[0] + decays[1])
-        numbers = range(1, self._sub_steps + 1)
-        slow, late, both = (torch.stack([torch.exp(-k * decay) for k in numbers]).mean(dim=0) for decay in decays)
+        slow, late, both = self._left(told, ("spindle", "feed"))
         (speed, feed), (over_speed, over_feed) = (
             [torch.exp(each) for each in commanded],
             [torch.exp(was) - torch.exp(now) for was, now in zip(last, commanded, strict=True)],
         )
         mean = speed * feed + over_speed * feed * slow + speed * over_feed * late + over_speed * over_feed * both
         return self._interval * mean * torch.exp(-told["log_bar_time"])
+
+    def _left(self, told: Told, drives: Sequence[str]) -> list[Tensor]:
+        """Return the mean remaining deviations in an interval [-] of drives, and of the product of two."""
+        decays = [self._sub_step * torch.exp(-told[f"log_{drive}_time_constant"]) for drive in drives]
+        if len(decays) == 2:
+            decays.append(decays[0] + decays[1])
+        numbers = range(1, self._sub_steps + 1)
+        return [torch.stack([torch.exp(-k * decay) for k in numbers]).mean(dim=0) for decay in decays]
 
     def _approach_share(self, told: Told) -> Tensor:
         """Return the length of the approach over the bar's, which follows from the sustained removal rate."""
@@ -268,8 +283,14 @@ class JobFilter(torch.nn.Module):
         lot_mean: Tensor,
         wear: Tensor,
         worn: Tensor,
+        speeds: Sequence[Tensor],
+        enters: Tensor,
     ) -> list[Tensor]:
-        """Return all readings but those of the position; ``worn``: log nominal wear over that at half a life."""
+        """Return all readings but those of the position.
+
+        ``worn``: log nominal wear over that at half a life; ``speeds``: actual and commanded one, logarithms over the plan's
+        there; ``enters``: whether the tool soon enters the next bar.
+        """
         exponent = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
         log_factor = (of_wear * mean).sum(dim=-1) + lot_mean
         used = torch.exp((torch.log(wear.clamp(min=single(1e-6))) + log_factor) / exponent)
@@ -289,10 +310,14 @@ class JobFilter(torch.nn.Module):
         feed = job.feed(speed, log_used, bar.loads)
 
         doubts = self._doubts(mean, excess, told, scales, lot_mean, (speed, feed, worn))
+        margins = [CAUTION * doubt for doubt in doubts]
         next_force, next_power = job.loads(speed, feed, log_used)
-        feeds = [job.feed(speed, log_used, more) for more in ((force + doubts[0], power + doubts[1]), doubts[2:])]
+        in_effect = self._speed_in_effect(told, speed, *speeds)
+        here = job.feed(in_effect, log_used, (force + margins[0], power + margins[1]))
+        there = job.feed(speed, log_used, margins[2:])
         middle = _middle(told)
-        here, there = (self._position(1, each + middle[1]) for each in feeds)
+        here = torch.where(enters, torch.minimum(here, there), here)
+        here, there = (self._position(1, each + middle[1]) for each in (here, there))
         least = torch.full_like(here, -_ENDS), self._position(1, told["log_lowest_feed"] + _INSIDE)
         greatest = (
             self._position(0, middle[0] - told["log_speed_over_fastest"]),
@@ -314,6 +339,11 @@ class JobFilter(torch.nn.Module):
             2.0 * (time_price - 1.0),
             life_price / life - 1.0,
         ]
+
+    def _speed_in_effect(self, told: Told, target: Tensor, actual: Tensor, commanded: Tensor) -> Tensor:
+        """Return the mean log speed in the next interval on the way to a target, from the drive's response."""
+        reached = torch.minimum(torch.maximum(target, commanded - self._speed_step), commanded + self._speed_step)
+        return reached + (actual - reached) * self._left(told, ("spindle",))[0]
 
     def _position(self, drive: int, log_value: Tensor) -> Tensor:
         """Return the position of a speed (0) or feed (1) in its range, from -1 to 1, for logarithms over the lowest one."""

@@ -33,10 +33,10 @@ SPEEDS = 24
 """Number of cutting speeds that are compared, evenly spaced on a logarithmic scale."""
 MIN_EXPONENT = single(0.1)
 """Smallest exponent of the feed in a load, and of time in wear [-]."""
-_NEWTON_STEPS = 4
+_NEWTON_STEPS = 8
 _SOFTNESS = single(0.005)  # cutting speeds whose value is less by this still count
 _MAX_LOG = single(20.0)
-_MIN_CAPACITY = single(1e-3)  # of the spindle, over the limit of power
+_MIN_CAPACITY = single(1e-3)  # of the spindle, less idle power, over that at the plan's speed
 _MIN_USED_LIFE = single(0.01)
 
 
@@ -145,7 +145,8 @@ class JobOptimum:
     def _without_feed(self, speed: Tensor, log_used: Tensor) -> list[Tensor]:
         """Return logarithms of force and power over their limits at the plan's feed."""
         force, power = (load.log_load + load.speed * speed + load.used_life * log_used for load in self._loads)
-        capacity = torch.exp((speed + self._over_base).clamp(max=0.0)) - self._idle * torch.exp(speed)
+        reserve = (speed + self._over_base).clamp(max=0.0) - self._over_base.clamp(max=0.0)
+        capacity = torch.exp(reserve) - self._idle * torch.exp(speed)
         return [force, power - torch.log(capacity.clamp(min=_MIN_CAPACITY))]
 
 

@@ -56,7 +56,7 @@ class FamilyEnv(RoughTurningEnv):
 
     The 11 entries of `RoughTurningEnv`, scaled by the job's ranges and limits, and `removed_wear`, the measured wear of the edge
     that was taken out last over the criterion (0 before the first change). With `context="told"`, the nominal model's
-    numbers follow, standardised by the training jobs and limited to -5..5 (`Family.context_names`): exponents of the three
+    numbers follow, standardised by the training jobs and limited to -10..10 (`Family.context_names`): exponents of the three
     laws; logarithms of load, life, removal rate, prices, spreads, lengths and lags; and at five used lives the best speed,
     feed and life.
 

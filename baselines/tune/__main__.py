@@ -3,6 +3,7 @@
     python -m baselines.tune --scenario my_mill.toml --quick
     python -m baselines.tune --scenario my_mill.toml --rules fixed_tuned rescaled_grid_search
     python -m baselines.tune --scenario forging --out my_forging.tuned.json
+    python -m baselines.tune --scenario shop --seeds 96 --shipped
 
 The parameters of ``my_mill.toml`` go to ``my_mill.tuned.json`` beside it, where all commands find them. Every rule gets the same
 number of trials on the same tuning seeds, however many parameters it has. The file states this budget, also in episodes and
@@ -24,9 +25,11 @@ from baselines import tuned
 from baselines.catalogue import RULES, names, playable
 from baselines.rule import Rule
 from baselines.tune import study
-from turning_env import Scenario, presets
+from baselines.tuned import Task
+from turning_env import Family, Scenario, presets
 from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, file_lock, replace_file
+from turning_env.scenario.family import families
 from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.workers import workers
 
@@ -35,37 +38,41 @@ BUDGET: Budget = {"trials": 64, "seeds": 32}
 QUICK: Budget = {"trials": 12, "seeds": 16}
 
 
-def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario, quick: bool = False) -> dict[str, Rule]:
-    """Return the named rules, or all that can play the scenario and have parameters to tune; if ``quick``, the best of them.
+def chosen_rules(wanted: Sequence[str] | None, task: Task, quick: bool = False) -> dict[str, Rule]:
+    """Return the named rules, or all that can play the task and have parameters to tune; if ``quick``, the best of them.
 
     Raises:
         KeyError: there is no rule of that name.
-        ValueError: a rule cannot play the scenario or has nothing to tune there.
+        ValueError: a rule cannot play the task or has nothing to tune there.
     """
+    scenario = task.job(0).scenario.nominal() if isinstance(task, Family) else task
     rules = {name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)}
-    digest = scenario.digest()
-    chosen = {
-        name: rule
-        for name, rule in rules.items()
-        if rule.ranges and (rule.tuned_on is None or Scenario.load(rule.tuned_on).digest() == digest)
-    }
+    digest = task.digest()
+
+    def tunable(rule: Rule) -> bool:
+        if rule.tuned_on is None:
+            return isinstance(task, Scenario)
+        return tuned.task(rule.tuned_on).digest() == digest
+
+    chosen = {name: rule for name, rule in rules.items() if rule.ranges and tunable(rule)}
     if wanted is not None and (fixed := rules.keys() - chosen.keys()):
-        raise ValueError(f"{', '.join(sorted(fixed))} has nothing to tune on scenario {scenario.name!r}")
+        raise ValueError(f"{', '.join(sorted(fixed))} has nothing to tune on scenario {task.name!r}")
     if quick and wanted is None:
         return {name: rule for name, rule in chosen.items() if rule.worth_tuning}
     return chosen
 
 
-def target_of(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
+def target_of(task: Task, out: Path | None, shipped: bool) -> Path:
     """Return the file to write.
 
     Raises:
         ValueError: the file ships and ``shipped`` is false; ``shipped`` is given for a scenario that does not ship; or the file's
             name has another suffix.
     """
-    if shipped and (scenario.file is not None or out is not None):
-        raise ValueError(f"--shipped rewrites the parameters of a preset, one of {', '.join(presets())}, without --out")
-    target = out or tuned.path(scenario)
+    if shipped and ((isinstance(task, Scenario) and task.file is not None) or out is not None):
+        known = ", ".join((*presets(), *families()))
+        raise ValueError(f"--shipped rewrites the parameters of a preset, one of {known}, without --out")
+    target = out or tuned.path(task)
     if not shipped and target.resolve().parent == tuned.FOLDER.resolve():
         said = f"{target} ships with the project: give the scenario as a TOML file of your own, or another --out FILE.json"
         raise ValueError(f"{said}; a maintainer rewrites it by --shipped")
@@ -74,14 +81,14 @@ def target_of(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
     return target
 
 
-def kept_rules(chosen: Collection[str], scenario: Scenario, target: Path, budget: Budget) -> dict[str, Any]:
-    """Return the entries of a file of the scenario's tuned parameters for the rules that are not tuned now.
+def kept_rules(chosen: Collection[str], task: Task, target: Path, budget: Budget) -> dict[str, Any]:
+    """Return the entries of a file of the task's tuned parameters for the rules that are not tuned now.
 
     Raises:
         ValueError: they were tuned with another budget, and a file must not mix budgets; or the file is damaged.
     """
     values = tuned.read(target)
-    if values.get("scenario_digest") != scenario.digest():
+    if values.get("scenario_digest") != task.digest():
         return {}
     kept = {name: values["rules"][name] for name in RULES if name in values["rules"] and name not in chosen}
     if kept and values.get("budget") != budget:
@@ -98,7 +105,7 @@ def journal(name: str, target: Path) -> Path:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m baselines.tune", **described(__doc__))
-    parser.add_argument("--scenario", required=True, metavar="PRESET_OR_TOML", help="scenario on which to tune")
+    parser.add_argument("--scenario", required=True, metavar="PRESET_OR_TOML", help="scenario or family on which to tune")
     parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune only these rules, and keep the others in the file")
     which = ", ".join(name for name, rule in RULES.items() if rule.worth_tuning)
     quick = " and ".join(f"{number} {what}" for what, number in QUICK.items())
@@ -116,19 +123,19 @@ def main(arguments: list[str] | None = None) -> int:
         if number < 1:
             raise ValueError(f"{number} {what} asked for, but there must be 1 or more")
     tuning_seeds(budget["seeds"])
-    scenario = Scenario.load(parsed.scenario)
-    if scenario != scenario.nominal():
-        raise ValueError(f"scenario {scenario.name!r} has a model mismatch: tune the rules on its nominal model")
-    target = target_of(scenario, parsed.out, parsed.shipped)
-    chosen = chosen_rules(parsed.rules, scenario, parsed.quick)
+    task = tuned.task(parsed.scenario)
+    if isinstance(task, Scenario) and task != task.nominal():
+        raise ValueError(f"scenario {task.name!r} has a model mismatch: tune the rules on its nominal model")
+    target = target_of(task, parsed.out, parsed.shipped)
+    chosen = chosen_rules(parsed.rules, task, parsed.quick)
     some = parsed.quick or parsed.rules is not None
-    kept_rules(chosen if some else RULES, scenario, target, budget)  # refuse before hours of playing, not after
+    kept_rules(chosen if some else RULES, task, target, budget)  # refuse before hours of playing, not after
     with workers(parsed.jobs, parsed.scheduler) as over, ExitStack() as held:
         for name in chosen:
             held.enter_context(file_lock(journal(name, target)))
             # Optuna's own lock, left by a process that was killed while writing.
             journal(name, target).with_suffix(".log.lock").unlink(missing_ok=True)
-        searches = [study.Search(name, rule, scenario, **budget, journal=journal(name, target)) for name, rule in chosen.items()]
+        searches = [study.Search(name, rule, task, **budget, journal=journal(name, target)) for name, rule in chosen.items()]
         study.run_all(searches, over)
         found = {search.name: asdict(search.found()) for search in searches}
         for name, best in found.items():
@@ -138,11 +145,11 @@ def main(arguments: list[str] | None = None) -> int:
         words = ["--shipped"] * parsed.shipped + [word for what, number in budget.items() for word in (f"--{what}", str(number))]
         values = {
             "command": shlex.join(["python", "-m", "baselines.tune", "--scenario", parsed.scenario, *words]),
-            "scenario_digest": scenario.digest(),
+            "scenario_digest": task.digest(),
             "budget": budget,
         }
         with exclusive_lock(target.parent, wait=True):  # read again: another process may have tuned another rule
-            rules = found | (kept_rules(found, scenario, target, budget) if some else {})
+            rules = found | (kept_rules(found, task, target, budget) if some else {})
             values["rules"] = {name: rules[name] for name in RULES if name in rules}
             replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
         for name in chosen:

@@ -13,8 +13,10 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import optuna
+from gymnasium.vector import AutoresetMode
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.samplers import TPESampler
 from optuna.storages import JournalStorage
@@ -24,7 +26,8 @@ from tqdm import tqdm
 
 from baselines.rule import Parameters, Range, Rule
 from baselines.tune.journal import cut_off_half_line
-from turning_env import MODEL_VERSION, Scenario
+from baselines.tuned import Task
+from turning_env import MODEL_VERSION, Family, FamilyVectorEnv
 from turning_env.scoring.overload import severe_limit, severe_share
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
@@ -66,9 +69,14 @@ class Found:
     steps_played: int
 
 
-def play_setting(rule: Rule, scenario: Scenario, setting: Parameters, seeds: Sequence[int]) -> Played:
-    """Play a rule with some parameters on seeds."""
-    episodes = play(lambda num_envs: rule.build(scenario, num_envs, setting), scenario, seeds)
+def play_setting(rule: Rule, task: Task, setting: Parameters, seeds: Sequence[int]) -> Played:
+    """Play a rule with some parameters on seeds; those of a family are of its training jobs."""
+    if isinstance(task, Family):
+        models: Any = [task.job(seed).scenario.nominal() for seed in seeds]
+        played: Any = FamilyVectorEnv(len(seeds), task, context="hidden", autoreset_mode=AutoresetMode.SAME_STEP)
+    else:
+        models = played = task
+    episodes = play(lambda num_envs: rule.build(models, num_envs, setting), played, seeds)
     severe, engaged = episodes["severe_overload_time"], episodes["engaged_time"]
     return Played(
         mean_return=float(episodes["return"].mean()),
@@ -86,22 +94,24 @@ class Search:
     Args:
         name: name of the rule.
         rule: rule to tune.
-        scenario: scenario to play.
+        task: scenario or family to play.
         trials: number of trials.
         seeds: number of tuning seeds that each trial plays.
         journal: file that keeps the trials until the search is finished.
     """
 
-    def __init__(self, name: str, rule: Rule, scenario: Scenario, trials: int, seeds: int, journal: Path) -> None:
+    def __init__(self, name: str, rule: Rule, task: Task, trials: int, seeds: int, journal: Path) -> None:
         optuna.logging.set_verbosity(optuna.logging.ERROR)
-        self.name, self._rule, self._scenario, self.trials = name, rule, scenario, trials
+        self.name, self._rule, self._task, self.trials = name, rule, task, trials
+        scenario = task.job(0).scenario if isinstance(task, Family) else task
+        self._allowance = scenario.limits.overload_allowance
         self._seeds = tuning_seeds(seeds)
         self._ranges: dict[str, BaseDistribution] = {
             key: FloatDistribution(value.low, value.high, log=value.logarithmic) for key, value in rule.ranges.items()
         }
         self._study = optuna.create_study(
             storage=_open(journal),
-            study_name=_task(rule, scenario, trials, seeds),
+            study_name=_study_name(rule, task, trials, seeds),
             direction="maximize",
             load_if_exists=True,
         )
@@ -117,17 +127,17 @@ class Search:
         """Return the number of trials left."""
         return self.trials - len(self._finished)
 
-    def next(self) -> tuple[str, Rule, Scenario, Parameters, list[int]]:
+    def next(self) -> tuple[str, Rule, Task, Parameters, list[int]]:
         """Return the next trial: the arguments of ``play_trial``."""
         # A sampler per trial, so that its random numbers do not depend on interruptions.
         self._study.sampler = TPESampler(seed=len(self._finished), n_ei_candidates=_CANDIDATES)
         self._trial = self._study.ask(self._ranges)
-        return self.name, self._rule, self._scenario, self._rule.fixed | self._trial.params, self._seeds
+        return self.name, self._rule, self._task, self._rule.fixed | self._trial.params, self._seeds
 
     def tell(self, played: Played) -> None:
         """Take the result of the trial that ``next`` returned last."""
         assert self._trial is not None
-        self._trial.set_constraint(_OVERLOAD, played.severe_limit - self._scenario.limits.overload_allowance)
+        self._trial.set_constraint(_OVERLOAD, played.severe_limit - self._allowance)
         self._trial.set_user_attr(_SEVERE_SHARE, played.severe_share)
         self._trial.set_user_attr(_STEPS, played.steps)
         self._study.tell(self._trial, played.mean_return)
@@ -153,10 +163,10 @@ class Search:
         )
 
 
-def play_trial(name: str, rule: Rule, scenario: Scenario, setting: Parameters, seeds: Sequence[int]) -> Played:
+def play_trial(name: str, rule: Rule, task: Task, setting: Parameters, seeds: Sequence[int]) -> Played:
     """Play a trial; note rule and parameters on an exception that it causes."""
     try:
-        return play_setting(rule, scenario, setting, seeds)
+        return play_setting(rule, task, setting, seeds)
     except Exception as error:
         error.add_note(f"while tuning {name} with {setting}")
         raise
@@ -196,9 +206,9 @@ def middle(values: Range) -> float:
     return math.sqrt(values.low * values.high) if values.logarithmic else 0.5 * (values.low + values.high)
 
 
-def _task(rule: Rule, scenario: Scenario, trials: int, seeds: int) -> str:
+def _study_name(rule: Rule, task: Task, trials: int, seeds: int) -> str:
     """Return a digest of what the trials depend on, except the rule's name; a journal's trials of other tasks are ignored."""
-    return hashlib.sha256(json.dumps([MODEL_VERSION, rule.version, scenario.digest(), trials, seeds]).encode()).hexdigest()
+    return hashlib.sha256(json.dumps([MODEL_VERSION, rule.version, task.digest(), trials, seeds]).encode()).hexdigest()
 
 
 def _open(path: Path) -> JournalStorage:

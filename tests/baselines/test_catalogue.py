@@ -10,7 +10,7 @@ from baselines.fixed import FixedParameters
 from baselines.models.edge_changes import CHANGE_AT, TimelyChanges
 from baselines.rule import Range, Rule
 from baselines.tune import __main__ as tune
-from turning_env import Scenario
+from turning_env import Family, Scenario
 
 TUNABLE = Rule(
     "made up",
@@ -29,7 +29,7 @@ def tunable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return "tunable"
 
 
-def keep(rules: dict[str, dict[str, float]], scenario: Scenario) -> None:
+def keep(rules: dict[str, dict[str, float]], scenario: tuned.Task) -> None:
     values = {name: {"parameters": parameters} for name, parameters in rules.items()}
     about = {"command": "tune it", "scenario_digest": scenario.digest()}
     tuned.path(scenario).write_text(json.dumps(about | {"rules": values}))
@@ -104,3 +104,16 @@ def test_a_rule_that_is_tuned_on_one_preset_plays_others_with_what_was_found_the
     assert tunable not in tune.chosen_rules(None, Scenario())
     with pytest.raises(ValueError, match="nothing to tune on scenario 'rough_turning'"):
         tune.chosen_rules([tunable], Scenario())
+
+
+def test_a_rule_that_is_tuned_on_a_family_plays_its_jobs_with_what_was_found_there(
+    tunable: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    family = Family.load("shop")
+    monkeypatch.setitem(RULES, tunable, replace(TUNABLE, tuned_on="shop"))
+    with pytest.raises(tuned.NotTuned, match=r"--scenario shop --shipped`"):
+        spec(tunable, family.job(0).scenario)
+    keep({tunable: {"feed": 0.3, CHANGE_AT: 0.9}}, family)
+    assert spec(tunable, family.job(0).scenario).parameters["feed"] == 0.3
+    assert tune.chosen_rules(None, family).keys() == {tunable, "self_tuning"}
+    assert tunable not in tune.chosen_rules(None, Scenario())

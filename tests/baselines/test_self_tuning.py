@@ -11,7 +11,7 @@ from turning_env import FamilyVectorEnv, Scenario
 from turning_env.scenario.family import Family
 from turning_env.scoring.family import play_family, play_jobs, truthful
 
-SETTINGS = (1.0, 1.0, 1.0, 0.4, 0.8)
+SETTINGS = (1.0, 1.0, 1.0, 1.0, 0.4, 0.8)
 JOBS = [Family.load("shop").job(number).scenario.nominal() for number in range(2)]
 
 

@@ -8,7 +8,9 @@ from baselines.catalogue import RULES
 from baselines.rule import Parameters, Range, Rule
 from baselines.tune import study
 from baselines.tune.study import Found, Played, Search, play_setting, run_all
-from turning_env import Scenario
+from tests.turning_env.test_family_env import BRIEF
+from turning_env import Family, Scenario
+from turning_env.scoring.family import play_jobs
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
 
@@ -171,3 +173,15 @@ def test_settings_are_really_played() -> None:
     assert played.steps == episodes["steps"].sum()
     assert played.severe_share == episodes["severe_overload_time"].sum() / episodes["engaged_time"].sum()
     assert 0 < played.severe_share <= played.severe_limit
+
+
+@pytest.mark.slow
+def test_settings_are_played_on_training_jobs_of_a_family() -> None:
+    rule, family = RULES["self_tuning"], Family.load(BRIEF)
+    setting = rule.fixed | {name: study.middle(values) for name, values in rule.ranges.items()}
+    seeds = list(range(2))  # of the first jobs, with which they are also played one by one
+    jobs = [family.job(seed) for seed in seeds]
+    alone = play_jobs(family, jobs, lambda job: lambda num_envs: rule.build(job.scenario.nominal(), num_envs, setting), 1)
+    played = play_setting(rule, family, setting, seeds)
+    assert played.mean_return == alone["return"].mean()
+    assert played.steps == alone["steps"].sum()

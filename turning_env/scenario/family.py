@@ -10,6 +10,8 @@ so a variable that is added changes no other. A job that makes no sense (``makes
 """
 
 import ast
+import hashlib
+import json
 import os
 import tomllib
 from collections.abc import Mapping
@@ -36,7 +38,7 @@ Values = dict[str, Any]
 _FAMILIES = resources.files("turning_env.scenario") / "families"
 CHUNK = 256
 """Jobs that are drawn together: one alone takes almost as long."""
-CONTEXT_LIMIT = 5.0
+CONTEXT_LIMIT = 10.0
 """Highest absolute value of a number of the context."""
 _STRIDE = 2654435769  # odd, so that the episodes of a seed visit every job of a split
 _SAMPLE = 256  # jobs that standardise the context
@@ -312,6 +314,10 @@ class Family(Section):
         if self.name in families() and self == _preset(self.name):
             return self.name
         return self.model_dump(mode="json", exclude_none=True)
+
+    def digest(self) -> str:
+        """Return the SHA-256 of all values."""
+        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
 
     def number(self, seed: int, episode: int, split: str) -> int:
         """Return the number of the job that an episode of a seed plays."""

@@ -196,12 +196,14 @@ def features(s: Columns, plan: Plan) -> dict[str, Array]:
     material, work, machine = s.material, s.workpiece, s.machine
     speed, feed, life = plan.speed[:, MIDDLE], plan.feed[:, MIDDLE], plan.life[:, MIDDLE]
     travel = speed * feed * 1000.0 / (np.pi * work.diameter) / 60.0  # feed per second [mm/s]
+    over_base = np.minimum(speed / np.maximum(s.base_cutting_speed, 1.0), _ENOUGH)
+    power_limit = s.limits.power * np.minimum(over_base, 1.0)
     told: dict[str, Any] = {}
     for law in ("thrust_force", "power", "wear"):
         for factor in ("cutting_speed", "feed", "depth_of_cut", "wear" if law != "wear" else "time"):
             told[f"{law}_{factor}_exponent"] = getattr(getattr(material, law), factor)
     told["taylor_exponent"] = material.wear.time / material.wear.cutting_speed
-    for law, limit in (("thrust_force", s.limits.thrust_force), ("power", s.limits.power)):
+    for law, limit in (("thrust_force", s.limits.thrust_force), ("power", power_limit)):
         exponents = getattr(material, law)
         at_best = exponents.cutting_speed * np.log(speed) + exponents.feed * np.log(feed)
         told[f"log_{law}_load"] = at_best + log_response_at(s, law, USED_LIVES[MIDDLE]) - np.log(limit)
@@ -210,7 +212,7 @@ def features(s: Columns, plan: Plan) -> dict[str, Array]:
         "removal_rate": plan.removal_rate,
         "edge_price": s.economics.edge_cost,
         "edge_change_time": s.economics.edge_change_time,
-        "idle_power": s.spindle.idle_torque / (30.0 * work.diameter) * speed / s.limits.power,
+        "idle_power": s.spindle.idle_torque / (30.0 * work.diameter) * speed / power_limit,
         "edge_strength": s.tool.edge_strength / s.limits.thrust_force,
         "wear_factor_spread": s.tool.wear_factor_spread,
         "depth_bar_spread": work.depth_bar_spread / work.depth_of_cut,
@@ -224,7 +226,7 @@ def features(s: Columns, plan: Plan) -> dict[str, Array]:
         "spindle_time_constant": machine.spindle_time_constant,
         "diameter": work.diameter,
         "depth_of_cut": work.depth_of_cut,
-        "speed_over_base_speed": np.minimum(speed / np.maximum(s.base_cutting_speed, 1.0), _ENOUGH),
+        "speed_over_base_speed": over_base,
         "lowest_feed": s.feed_range[0] / machine.feed_min,
         "highest_feed": s.feed_range[1] / machine.feed_min,
         "speed_over_fastest": speed / s.cutting_speed_max,
