@@ -1,5 +1,6 @@
 """One agent for all lathes: its teacher, its training, and what it becomes for one scenario."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,14 @@ from tests.turning_env.test_family_env import BRIEF
 from train import export, family_gradient
 from train.agents import agent_file
 from train.agents.session import OnnxPolicy, session_of
+from train.analytic_actor import MAX_TIME
 from train.edge_worths import worths
 from train.family_actor import DOUBT, PLACE, JobFilter
 from train.family_gradient import ALGORITHM, SEEDS, Lathes, Training, main, plan, train
 from train.model_gain import FIELDS, ModelGain, Truth
 from train.run import Run
 from turning_env import Family, FamilyVectorEnv, Scenario, read
-from turning_env.physics.quantities import layout
+from turning_env.physics.quantities import OBS, layout
 from turning_env.scenario.plan import Columns, columns_of
 
 FAMILY = Family.load(BRIEF)
@@ -95,6 +97,36 @@ def test_the_agent_knows_where_the_tool_is() -> None:
         observations, _, _, _, infos = env.step(actions)
     assert np.abs(errors).max() < 0.2
     assert np.abs(errors).mean() < 0.03
+
+
+def test_the_feed_falls_before_a_bar_that_is_not_measured_yet() -> None:
+    shop = Family.load("shop")
+    env, mean_and_spread = FamilyVectorEnv(16, shop), [each.tolist() for each in shop.context_scale]
+    tracker = JobFilter(shop.job(0).scenario, shop.context_names, *mean_and_spread)
+    observations, _ = env.reset(seed=list(range(16)))
+    state, least, there, far, near = torch.zeros(16, JobFilter.STATES), 3, 6, [], []
+    for _ in range(120):
+        readings, state = tracker(torch.from_numpy(observations), state)
+        cutting, left = observations[:, OBS.cutting] > 0.5, 0.5 * (readings[:, -1].numpy() + 1.0) * MAX_TIME
+        above = (readings[:, 1] - torch.maximum(readings[:, there], readings[:, least])).numpy()
+        far.append(above[cutting & (left > 3.0)])
+        near.append(above[cutting & (left < 0.5)])
+        observations, *_ = env.step(np.tile(np.array([0.0, 0.0, -1.0], np.float32), (16, 1)))
+    assert np.median(np.concatenate(far)) > 0.01
+    assert np.concatenate(near).max() < 1e-6
+
+
+def test_the_speed_in_effect_is_the_mean_of_a_step() -> None:
+    shop = Family.load("shop")
+    mean, spread = shop.context_scale
+    tracker = JobFilter(shop.job(0).scenario, shop.context_names, mean.tolist(), spread.tolist())
+    lag, target, log_speed = 0.4, 0.1, -0.2
+    told = {"log_spindle_time_constant": torch.tensor([math.log(lag)]).double()}
+    actual = commanded = torch.tensor([log_speed]).double()
+    found = tracker._speed_in_effect(told, torch.tensor([target]).double(), actual, commanded)
+    reached = log_speed + shop.job(0).scenario.control.cutting_speed_step  # the target is out of reach
+    exact = reached + (log_speed - reached) * lag * (1.0 - math.exp(-1.0 / lag))
+    assert found.item() == pytest.approx(exact, abs=0.01)
 
 
 def test_the_filter_estimates_what_the_compiled_one_does() -> None:
