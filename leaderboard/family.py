@@ -1,8 +1,9 @@
 """Play controllers and agents on unseen jobs of a family, and compare them.
 
 Every controller is built for each job from its nominal model, with the parameters tuned for ``--tuned-on``. "predictive, told
-the truth" is built from the true scenario, whose predictions it also observes. An agent plays all jobs; files or run folders of
-one name with several training seeds are one policy. A forgetful policy forgets everything at each change of the edge.
+the truth" is built from the true scenario, whose predictions it also observes; "self_tuning, told the wear" is told the true
+law of wear alone. An agent plays all jobs; files or run folders of one name with several training seeds are one policy. A
+forgetful policy forgets everything at each change of the edge.
 
     python -m leaderboard.family --jobs 16 --episodes 4
     python -m leaderboard.family --split unseen_materials --policies rescaled_grid_search predictive
@@ -25,7 +26,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from leaderboard.family_play import ANCHOR, TRUTH, Piece, jobs_at_once, played, spec_of
+from leaderboard.family_play import ANCHOR, TOLD, TRUTH, Piece, jobs_at_once, played, spec_of
 from leaderboard.family_result import FamilyResult, FamilyTask, kept
 from leaderboard.family_table import Board
 from leaderboard.result import result_folder, write_result
@@ -61,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     family, tuned_on = Family.load(options.family), Scenario.load(options.tuned_on)
     policies: list[tuple[str | Path, bool]] = [(each, False) for each in (ANCHOR, *options.policies, *options.agent)]
     if options.forgetful:
-        rules_told = [name for name in options.policies if name != CAUSAL and not name.endswith(TRUTH)]
+        rules_told = [name for name in options.policies if name != CAUSAL and not name.endswith(tuple(TOLD))]
         policies += [(each, True) for each in (*rules_told, *options.agent)]
     specs = {policy: spec_of(*policy, family, tuned_on) for policy in dict.fromkeys(policies)}
     labels = [spec.label for spec in specs.values()]

@@ -20,7 +20,9 @@ from turning_env.scoring.family import Forgetful, HeldOptimum, play_family, play
 from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory, PolicySpec
 
-TRUTH, FORGETFUL = ", told the truth", ", forgetful"
+TRUTH, WEAR, FORGETFUL = ", told the truth", ", told the wear", ", forgetful"
+TOLD = {TRUTH: "", WEAR: "material.wear."}
+"""How the names of the fields begin that a controller is truly told, by the end of its name."""
 ANCHOR = "held optimum"
 TOGETHER, APART = 256, 4
 """Numbers of jobs that a worker plays at a time: in one batch, or one by one."""
@@ -77,6 +79,14 @@ def _told_apart(name: str) -> tuple[str, bool]:
     return name.removesuffix(FORGETFUL), name.endswith(FORGETFUL)
 
 
+def _rule_and_truth(policy: str) -> tuple[str, str | None]:
+    """Return a controller's name without what says that it is told more, and the value of ``TOLD`` for that, if any."""
+    for words, right in TOLD.items():
+        if policy.endswith(words):
+            return policy.removesuffix(words), right
+    return policy, None
+
+
 def spec_of(policy: str | Path, forgetful: bool, family: Family, tuned_on: Scenario | None) -> PolicySpec:
     """Return the identity of a policy that plays a piece.
 
@@ -88,8 +98,9 @@ def spec_of(policy: str | Path, forgetful: bool, family: Family, tuned_on: Scena
     elif policy == ANCHOR:
         found = PolicySpec(name=ANCHOR, tolerance=TOLERANCE)
     else:
-        (found,) = named([policy.removesuffix(TRUTH)], family.job(0).scenario, tuned_on)
-        if policy.endswith(TRUTH):
+        rule, right = _rule_and_truth(policy)
+        (found,) = named([rule], family.job(0).scenario, tuned_on)
+        if right is not None:
             found = found.model_copy(update={"name": policy, "kind": "oracle"})
     return found.model_copy(update={"name": found.name + FORGETFUL * forgetful})
 
@@ -101,7 +112,7 @@ def present_spec(name: str, family: Family, tuned_on: Scenario | None) -> Policy
 
 def jobs_at_once(policy: str | Path) -> int:
     """Return the number of jobs of a policy's pieces: few if every job has a policy of its own."""
-    rule = RULES.get(str(policy).removesuffix(TRUTH))
+    rule = RULES.get(_rule_and_truth(str(policy))[0])
     return APART if rule and not rule.together else TOGETHER
 
 
@@ -117,7 +128,8 @@ def played(piece: Piece) -> Rows:
 def _played(piece: Piece, numbers: Sequence[int], episodes: int) -> Episodes:
     """Return episodes of jobs, and perhaps of further ones: fields of shape (jobs, episodes)."""
     policy = piece.policy
-    family = truthful(piece.family) if policy == CAUSAL or str(policy).endswith(TRUTH) else piece.family
+    name, right = ("", "") if policy == CAUSAL else _rule_and_truth(str(policy))
+    family = piece.family if right is None else truthful(piece.family, right)
     jobs = [family.job(number, piece.split) for number in numbers]
     each = [job for job in jobs for _ in range(episodes)]  # of each environment
     scenarios = [job.scenario for job in each]
@@ -134,7 +146,6 @@ def _played(piece: Piece, numbers: Sequence[int], episodes: int) -> Episodes:
         return play_family(family, jobs, lambda _: HeldOptimum(each), episodes, "hidden")
     if policy == CAUSAL:
         return play_family(family, jobs, lambda num_envs: PerfectState(scenarios, num_envs), episodes, "hidden", tell=True)
-    name = policy.removesuffix(TRUTH)
     if RULES[name].together:
         return play_family(family, jobs, remembering(spec(name, scenarios, piece.tuned_on).make), episodes, "hidden")
     return play_jobs(family, jobs, lambda job: remembering(spec(name, job.scenario, piece.tuned_on).make), episodes)

@@ -51,8 +51,8 @@ from turning_env.scoring.seeds import tuning_seeds
 
 NUM_ENVS, STEPS = 50, 100
 """Numbers of environments and steps in each of the two comparisons of agent and file."""
-MAX_DIFFERENCE = 1e-5
-"""Largest difference between an agent's action and its file's."""
+MAX_DIFFERENCE = 2e-5
+"""Largest difference between an agent's action and its file's: rounding in single precision, of observations far out too."""
 TIMED_CALLS = 2_000
 _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
 

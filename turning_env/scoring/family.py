@@ -19,6 +19,7 @@ from turning_env.observation import read
 from turning_env.physics.quantities import OBS
 from turning_env.scenario.family import Draw, Family, Job
 from turning_env.scenario.plan import Columns, columns_of
+from turning_env.scenario.scenario import nested
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 from turning_env.scoring.statistics import Floats
@@ -95,16 +96,24 @@ def play_jobs(
 class Truthful(Family):
     """A family whose nominal models are right: policies are told the true laws, and observations compare with them."""
 
+    right: str = ""
+    """How the names of the fields begin that are right."""
+
     def draw(self, split: str, chunk: int) -> Draw:
         """See ``Family``."""
         draw = super().draw(split, chunk)
-        true = Columns({name: section for name, section in draw.true if name != "nominal_model"})
-        return replace(draw, true=true, fields=(draw.fields[1], draw.fields[1]))
+        nominal, true = draw.fields
+        told = {name: (true if name.startswith(self.right) else nominal)[name] for name in nominal}
+        model = Columns(nested((self._base | told).items()))
+        return replace(draw, true=Columns(nested((self._base | true).items()), model), fields=(told, true))
 
 
-def truthful(family: Family) -> Truthful:
-    """Return the family with nominal models that are right; its jobs are otherwise the same."""
-    return Truthful.model_validate(family.model_dump())
+def truthful(family: Family, right: str = "") -> Truthful:
+    """Return the family with nominal models that are right in the fields whose dotted names begin so.
+
+    Its jobs are otherwise the same.
+    """
+    return Truthful.model_validate(family.model_dump() | {"right": right})
 
 
 def play_family(

@@ -64,6 +64,13 @@ def test_told_the_truth_nothing_is_wrong_but_the_process_is_the_same():
     assert told.nominal().material == told.material == JOBS[0].scenario.material
 
 
+def test_told_the_wear_only_that_law_is_right():
+    told, usual = truthful(FAMILY, "material.wear.").job(0, "unseen_jobs").scenario, JOBS[0].scenario
+    assert told.material == usual.material
+    assert told.nominal().material.wear == usual.material.wear != usual.nominal().material.wear
+    assert told.nominal().material.power == usual.nominal().material.power != usual.material.power
+
+
 def test_relative_returns_are_0_at_the_lower_anchor_and_1_at_the_upper():
     low, high = np.array([[0.0, 2.0]]), np.array([[3.0, 3.0]])
     assert relative(np.array([[1.0, 3.0, 2.0]]), low, high).tolist() == [[0.0, 1.0, 0.5]]
