@@ -80,7 +80,7 @@ results: .venv/run
 				agents=$$(ls $(SHIPPED)/$$env/*/*.onnx); \
 				play="--jobs $(NUM_SEEDS) --episodes 1 --keep $(SHIPPED_RESULTS) --workers $(JOBS) --agent $$agents --split unseen_jobs"; \
 				.venv/bin/python -m leaderboard.family $$play unseen_materials unseen_machines \
-					--policies predictive "predictive, told the truth" self_tuning "self_tuning, told the truth" causal; \
+					--policies predictive "predictive, told the truth" self_tuning "self_tuning, told the wear" "self_tuning, told the truth" causal; \
 				.venv/bin/python -m leaderboard.family $$play --policies self_tuning --forgetful; \
 				continue;; \
 			*) seeds="--seeds $(TASK_SEEDS)";; \
