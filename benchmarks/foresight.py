@@ -39,6 +39,7 @@ DISCOUNTS = (0.5, 0.9, 0.99, 0.997, 0.999, 0.9997)
 MARGINS = (1.0, 1.1, 1.25, 1.5, 2.0)
 """Factors on a rate of wear that is not the truth; the best on average is taken."""
 _HALVINGS = 40
+_ROUNDING = 1e-6  # of a cell: lives add up to the ends of cells, but for rounding
 _LONGEST = 100 * CELLS  # steps of a play
 
 
@@ -126,7 +127,7 @@ class Edges:
         worn, cutting = np.zeros((2, len(self._jobs)), np.bool_)
         cutting[:] = True
         for _ in range(_LONGEST):
-            cells = [np.minimum((life * CELLS).astype(np.int64), CELLS - 1) for life in (believed, true)]
+            cells = [np.minimum((life * CELLS + _ROUNDING).astype(np.int64), CELLS - 1) for life in (believed, true)]
             place, going_on = self._best(plan, *cells)
             keeps = (cells[0] == 0) | (going_on >= self._discarded(plan, cells[0]))
             cutting &= keeps & (believed < 1.0 - 1e-9) & ~worn
