@@ -78,7 +78,8 @@ class JobFilter(torch.nn.Module):
     PROPOSED = 2
     STATES = PLACE + STATES + STATES * STATES
     ALIKE = (
-        *("control.interval", "control.sub_steps", "workpiece.approach", "sensors.force_noise", "sensors.power_noise"),
+        *("control.interval", "control.sub_steps", "control.cutting_speed_step", "control.feed_step", "workpiece.approach"),
+        *("economics.overload_price", "sensors.force_noise", "sensors.power_noise"),
         *("sensors.force_time_constant", "sensors.power_time_constant"),
         *(f"material.{law}.hardness" for law in (*_LAWS, "wear")),
     )

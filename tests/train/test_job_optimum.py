@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from baselines.models.edge_value import worth_of_lots
+from train import job_optimum
 from train.job_optimum import Bar, JobOptimum, Load, log_over_half
 from turning_env import Family, Scenario
 from turning_env.physics.spindle import capacity_at, idle_power_at
@@ -17,15 +18,15 @@ JOBS = [FAMILY.job(number).scenario.nominal() for number in range(6)]
 EXPECTED = Bar((torch.zeros(len(JOBS)), torch.zeros(len(JOBS))), torch.zeros(len(JOBS)), torch.zeros(len(JOBS)))
 
 
-def optimum_of(lot: float = 1.0) -> tuple[JobOptimum, Plan]:
-    """Return the optimum of the jobs for known laws, and a lot that wears so many times as fast."""
+def optimum_of(lot: float = 1.0, load: float = 1.0) -> tuple[JobOptimum, Plan]:
+    """Return the optimum of the jobs for known laws, loads so many times as high, and a lot that wears so many times as fast."""
     columns = columns_of(JOBS)
     plan = plan_of(columns, len(JOBS))
     told = {name: torch.tensor(value.copy()) for name, value in features(columns, plan).items()}
     laws = []
     for name in ("thrust_force", "power"):
         speed, feed, wear = (told[f"{name}_{factor}_exponent"] for factor in ("cutting_speed", "feed", "wear"))
-        laws.append(Load(told[f"log_{name}_load"], speed, feed, wear * told["wear_time_exponent"]))
+        laws.append(Load(told[f"log_{name}_load"] + float(np.log(load)), speed, feed, wear * told["wear_time_exponent"]))
     rate = torch.full_like(told["log_life"], float(np.log(lot)))
     return JobOptimum(told, (laws[0], laws[1]), rate, JOBS[0].economics.overload_price), plan
 
@@ -61,6 +62,17 @@ def test_time_has_the_price_at_which_an_edge_pays_for_itself() -> None:
     for k, lot in enumerate(lots):
         time, _ = optimum_of(lot)[0].prices(torch.full((len(JOBS),), 0.5))
         np.testing.assert_allclose(time, [each[k].time for each in expected], rtol=0.1)
+
+
+def test_the_price_of_time_is_found_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    used = torch.full((len(JOBS),), 0.3)
+    for lot in (0.3, 2.0, 5.0):
+        for load in (0.75, 1.0, 1.3):
+            time, _ = optimum_of(lot, load)[0].prices(used)
+            with monkeypatch.context() as patch:
+                patch.setattr(job_optimum, "_NEWTON_STEPS", 50)
+                expected, _ = optimum_of(lot, load)[0].prices(used)
+            np.testing.assert_allclose(time, expected, atol=1e-6)
 
 
 def test_the_best_set_point_is_that_of_a_search() -> None:
