@@ -14,10 +14,10 @@ CHECK = """
 from pathlib import Path
 from baselines import tuned
 from train.agents import agent_file
-from turning_env import Family, Scenario, presets
+from turning_env import Family, Scenario
 
 for path in sorted(tuned.FOLDER.glob("*.json")):
-    assert tuned.contents(Scenario.load(path.stem)) == tuned.read(path), path
+    assert tuned.contents(tuned.task(path.stem)) == tuned.read(path), path
 for path in sorted(Path("agents").glob("*/*/*.onnx")):
     metadata = agent_file.read(path).metadata
     family = metadata.parameters.get("family")
