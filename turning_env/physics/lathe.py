@@ -26,7 +26,7 @@ from turning_env.physics.sensors import follow_process, read_sensors
 from turning_env.physics.slender_bar import bend_bar, note_stiffness
 from turning_env.physics.spindle import allowed_share, heat_up, idle_power
 from turning_env.physics.surface import draw_reference, roughness
-from turning_env.physics.swarf import clear_chips, start_swarf, tangle
+from turning_env.physics.swarf import clear_chips, start_swarf, tangle, use_up_margin
 from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock, with_tertiary_wear
 from turning_env.physics.workpiece import limit_of_section, look_up_fields, position_in_row, probe_next_bar
 
@@ -278,8 +278,12 @@ def run_sub_step(state, work, report, count, parameters):
         for i in range(count):
             chip(state, work, i, p)
     if p.chips_tangle:
+        tangled = 0
         for i in range(count):
-            tangle(state, work, i, p)
+            tangled += use_up_margin(state, work, i, p)
+        if tangled:
+            for i in range(count):
+                tangle(state, work, i)
     failed, stops = 0, p.action != PART
     for k in range(p.further_limits):
         for i in range(count):

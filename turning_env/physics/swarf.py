@@ -22,12 +22,18 @@ def start_swarf(state, i):
 
 
 @compiled
-def tangle(state, work, i, parameters):
-    """Use up the margin while cutting outside the window, and count a tangle at its end: at most one per sub-step."""
+def use_up_margin(state, work, i, parameters):
+    """Use up the margin while cutting outside the window; return whether nothing is left."""
     p = at(parameters, i)
-    breaks = p.chip_feed_min <= state.feed[i] * (1.0 + ROUNDING) and state.feed[i] <= p.chip_feed_max * (1.0 + ROUNDING)
-    breaks &= p.chip_depth_min <= state.depth_of_cut[i] <= p.chip_depth_max
+    breaks = (p.chip_feed_min <= state.feed[i] * (1.0 + ROUNDING)) & (state.feed[i] <= p.chip_feed_max * (1.0 + ROUNDING))
+    breaks &= (p.chip_depth_min <= state.depth_of_cut[i]) & (state.depth_of_cut[i] <= p.chip_depth_max)
     state.tangle_margin[i] -= 0.0 if breaks else p.tangle_rate * work.engaged[i]
+    return state.tangle_margin[i] <= 0.0
+
+
+@compiled
+def tangle(state, work, i):
+    """Count a tangle where no margin is left: at most one per sub-step."""
     if state.tangle_margin[i] <= 0.0:
         work.tangles[i] += 1
         state.tangles[i] += 1
