@@ -153,7 +153,8 @@ class JobFilter(torch.nn.Module):
         speed, feed = self._set_point(observation, _ACTUAL, told)
         rate = torch.exp(speed + feed - told["log_bar_time"])
         commanded = self._set_point(observation, _COMMANDED, told)
-        travel = begun * self._travel(told, (last_speed, last_feed), commanded)
+        deviations = self._deviations(told)
+        travel = begun * self._travel(told, deviations, (last_speed, last_feed), commanded)
         approach, cutting = self._approach_share(told), observation[:, OBS.cutting] > 0.5
         along = torch.where(begun > 0.0, along + travel, -approach)
         passed = along >= 1.0
@@ -186,7 +187,8 @@ class JobFilter(torch.nn.Module):
         ahead = torch.where(cutting, torch.minimum(self._interval * rate, left), 0.0)
         estimate = self._moved(mean, excess, told, scales, ahead)
         enters = (left + approach) / rate < self._interval + SETTLING * torch.exp(told["log_feed_time_constant"])
-        others = self._readings(*estimate, told, scales, of_wear, lot_mean, wear, log_wear, (speed, commanded[0]), enters)
+        speeds = speed, commanded[0], deviations[0]
+        others = self._readings(*estimate, told, scales, of_wear, lot_mean, wear, log_wear, speeds, enters)
         readings = torch.stack([each.float() for each in (*others, *position)], dim=-1)
         place = torch.stack([torch.ones_like(wear), along, speed, feed, wear], dim=-1)
         return readings.clamp(-5.0, 5.0), torch.cat([place, mean, excess.flatten(1)], dim=-1).float()
@@ -209,9 +211,9 @@ class JobFilter(torch.nn.Module):
         best = _middle(told)
         return [0.5 * (observation[:, entries[k]] + 1.0) * self._spans[k] - best[k] for k in range(2)]
 
-    def _travel(self, told: Told, last: Sequence[Tensor], commanded: Sequence[Tensor]) -> Tensor:
-        """Return the distance since the last observation, from the drives' response to their commands."""
-        slow, late, both = self._left(told, ("spindle", "feed"))
+    def _travel(self, told: Told, deviations: Sequence[Tensor], last: Sequence[Tensor], commanded: Sequence[Tensor]) -> Tensor:
+        """Return the distance since the last observation; ``deviations``: see ``_deviations``."""
+        slow, late, both = deviations
         (speed, feed), (over_speed, over_feed) = (
             [torch.exp(each) for each in commanded],
             [torch.exp(was) - torch.exp(now) for was, now in zip(last, commanded, strict=True)],
@@ -219,11 +221,10 @@ class JobFilter(torch.nn.Module):
         mean = speed * feed + over_speed * feed * slow + speed * over_feed * late + over_speed * over_feed * both
         return self._interval * mean * torch.exp(-told["log_bar_time"])
 
-    def _left(self, told: Told, drives: Sequence[str]) -> list[Tensor]:
-        """Return the mean remaining deviations in an interval [-] of drives, and of the product of two."""
-        decays = [self._sub_step * torch.exp(-told[f"log_{drive}_time_constant"]) for drive in drives]
-        if len(decays) == 2:
-            decays.append(decays[0] + decays[1])
+    def _deviations(self, told: Told) -> list[Tensor]:
+        """Return the mean remaining deviation in an interval [-] of the speed, of the feed, and of their product."""
+        decays = [self._sub_step * torch.exp(-told[f"log_{drive}_time_constant"]) for drive in ("spindle", "feed")]
+        decays.append(decays[0] + decays[1])
         numbers = range(1, self._sub_steps + 1)
         return [torch.stack([torch.exp(-k * decay) for k in numbers]).mean(dim=0) for decay in decays]
 
@@ -290,7 +291,7 @@ class JobFilter(torch.nn.Module):
         """Return all readings but those of the position.
 
         ``worn``: log nominal wear over that at half a life; ``speeds``: actual and commanded one, logarithms over the plan's
-        there; ``enters``: whether the tool soon enters the next bar.
+        there, and the mean remaining deviation; ``enters``: whether the tool soon enters the next bar.
         """
         exponent = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
         log_factor = (of_wear * mean).sum(dim=-1) + lot_mean
@@ -313,7 +314,7 @@ class JobFilter(torch.nn.Module):
         doubts = self._doubts(mean, excess, told, scales, lot_mean, (speed, feed, worn))
         margins = [CAUTION * doubt for doubt in doubts]
         next_force, next_power = job.loads(speed, feed, log_used)
-        in_effect = self._speed_in_effect(told, speed, *speeds)
+        in_effect = self._speed_in_effect(speed, *speeds)
         here = job.feed(in_effect, log_used, (force + margins[0], power + margins[1]))
         there = job.feed(speed, log_used, margins[2:])
         middle = _middle(told)
@@ -341,10 +342,10 @@ class JobFilter(torch.nn.Module):
             life_price / life - 1.0,
         ]
 
-    def _speed_in_effect(self, told: Told, target: Tensor, actual: Tensor, commanded: Tensor) -> Tensor:
-        """Return the mean log speed in the next interval on the way to a target, from the drive's response."""
+    def _speed_in_effect(self, target: Tensor, actual: Tensor, commanded: Tensor, deviation: Tensor) -> Tensor:
+        """Return the mean log speed in the next interval on the way to a target; ``deviation``: the mean that remains [-]."""
         reached = torch.minimum(torch.maximum(target, commanded - self._speed_step), commanded + self._speed_step)
-        return reached + (actual - reached) * self._left(told, ("spindle",))[0]
+        return reached + (actual - reached) * deviation
 
     def _position(self, drive: int, log_value: Tensor) -> Tensor:
         """Return the position of a speed (0) or feed (1) in its range, from -1 to 1, for logarithms over the lowest one."""

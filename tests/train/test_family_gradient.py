@@ -36,6 +36,11 @@ def small_run(runs: Path, seed: int = 3, **changes: Any) -> Run:
     return plan(FAMILY, seed, runs, "a command", SMALL | changes)
 
 
+def filter_of(family: Family) -> JobFilter:
+    mean, spread = family.context_scale
+    return JobFilter(family.job(0).scenario, family.context_names, mean.tolist(), spread.tolist())
+
+
 def test_the_gain_of_many_jobs_is_that_of_each() -> None:
     random, steps, numbers = np.random.default_rng(0), 3, np.array([3, 60, 17])
     lathes = Lathes(FAMILY)
@@ -80,8 +85,7 @@ def test_many_prices_are_those_of_each_scenario(monkeypatch: pytest.MonkeyPatch)
 
 def test_the_agent_knows_where_the_tool_is() -> None:
     env = FamilyVectorEnv(8, FAMILY)
-    mean, spread = FAMILY.context_scale
-    tracker = JobFilter(FAMILY.job(0).scenario, FAMILY.context_names, mean.tolist(), spread.tolist())
+    tracker = filter_of(FAMILY)
     observations, infos = env.reset(seed=0)
     state, random, numbers = torch.zeros(8, JobFilter.STATES), np.random.default_rng(0), infos["job"]
     works = [env.job(i).scenario.workpiece for i in range(8)]
@@ -101,8 +105,7 @@ def test_the_agent_knows_where_the_tool_is() -> None:
 
 def test_the_feed_falls_before_a_bar_that_is_not_measured_yet() -> None:
     shop = Family.load("shop")
-    env, mean_and_spread = FamilyVectorEnv(16, shop), [each.tolist() for each in shop.context_scale]
-    tracker = JobFilter(shop.job(0).scenario, shop.context_names, *mean_and_spread)
+    env, tracker = FamilyVectorEnv(16, shop), filter_of(shop)
     observations, _ = env.reset(seed=list(range(16)))
     state, least, there, far, near = torch.zeros(16, JobFilter.STATES), 3, 6, [], []
     for _ in range(120):
@@ -118,12 +121,12 @@ def test_the_feed_falls_before_a_bar_that_is_not_measured_yet() -> None:
 
 def test_the_speed_in_effect_is_the_mean_of_a_step() -> None:
     shop = Family.load("shop")
-    mean, spread = shop.context_scale
-    tracker = JobFilter(shop.job(0).scenario, shop.context_names, mean.tolist(), spread.tolist())
+    tracker = filter_of(shop)
     lag, target, log_speed = 0.4, 0.1, -0.2
-    told = {"log_spindle_time_constant": torch.tensor([math.log(lag)]).double()}
+    told = {f"log_{drive}_time_constant": torch.tensor([math.log(lag)]).double() for drive in ("spindle", "feed")}
     actual = commanded = torch.tensor([log_speed]).double()
-    found = tracker._speed_in_effect(told, torch.tensor([target]).double(), actual, commanded)
+    deviation = tracker._deviations(told)[0]
+    found = tracker._speed_in_effect(torch.tensor([target]).double(), actual, commanded, deviation)
     reached = log_speed + shop.job(0).scenario.control.cutting_speed_step  # the target is out of reach
     exact = reached + (log_speed - reached) * lag * (1.0 - math.exp(-1.0 / lag))
     assert found.item() == pytest.approx(exact, abs=0.01)
@@ -133,8 +136,7 @@ def test_the_filter_estimates_what_the_compiled_one_does() -> None:
     shop, steps = Family.load("shop"), 300
     jobs = [shop.job(number) for number in range(4)]
     env = FamilyVectorEnv(len(jobs), shop)
-    mean, spread = shop.context_scale
-    tracker = JobFilter(jobs[0].scenario, shop.context_names, mean.tolist(), spread.tolist())
+    tracker = filter_of(shop)
     compiled = LoadFilter([job.scenario.nominal() for job in jobs], len(jobs), DOUBT)
     compiled.reset(np.ones(len(jobs), np.bool_))
     start, scales = compiled.mean.copy(), np.sqrt(np.diagonal(compiled.covariance, axis1=1, axis2=2))
