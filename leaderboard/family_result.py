@@ -10,8 +10,9 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from leaderboard.result import Result, ResultError, Task, digest_of, read_result, result_folder, result_path, tell_once
+from leaderboard.result import Result, ResultError, Task, read_result, result_folder, result_path, tell_once
 from turning_env import FAMILY_ID, Scenario
+from turning_env.files import digest_of
 from turning_env.scenario.family import Family
 from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId

@@ -11,8 +11,9 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from leaderboard.result import ResultError, Task, digest_of
+from leaderboard.result import ResultError, Task
 from turning_env.batch.driver import MAX_SEED
+from turning_env.files import digest_of
 from turning_env.scoring.seeds import HELD_OUT_START
 
 MAX_SEEDS = 1_000_000

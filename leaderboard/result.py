@@ -8,7 +8,6 @@ Results are JSON compressed with xz (``xzcat`` prints it); floats come back bit 
 reviewers: the task, and for every policy the main numbers and the SHA-256 of its result.
 """
 
-import hashlib
 import json
 import lzma
 import sys
@@ -23,7 +22,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, model_validator
 
 from turning_env import MODEL_VERSION
-from turning_env.files import replace_file
+from turning_env.files import digest_of, replace_file
 from turning_env.scenario import PortableScenario
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
 from turning_env.scoring.policy import PolicySpec
@@ -172,11 +171,6 @@ class Manifest(Part):
             f"  {json.dumps(label)}: {entry.model_dump_json(by_alias=True)}" for label, entry in sorted(self.results.items())
         ]
         return f'{{\n "task": {self.task.model_dump_json()},\n "results": {{\n' + ",\n".join(lines) + "\n }\n}\n"
-
-
-def digest_of(value: Any) -> str:
-    """Return the SHA-256 of a value that JSON can hold."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def result_folder(results: Path, env_id: str, scenario_name: str) -> Path:

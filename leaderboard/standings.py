@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from leaderboard.information import Information, class_of, information
-from leaderboard.result import Result, digest_of
+from leaderboard.result import Result
 from leaderboard.shipped import is_own
 from turning_env import Scenario
+from turning_env.files import digest_of
 from turning_env.scoring.overload import ratio
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean, rank_key

@@ -1,11 +1,13 @@
-"""Write files whole or not at all, and lock files and folders that several processes share."""
+"""Write files whole or not at all, digest contents, and lock files and folders that several processes share."""
 
 import errno
 import hashlib
+import json
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 try:
     import fcntl
@@ -41,6 +43,11 @@ def replace_file(target: Path, write: Callable[[Path], object]) -> None:
         if error.errno is not None and str(error.filename) in ("None", str(partial)):
             error.filename, error.filename2 = str(target), None
         raise
+
+
+def digest_of(value: Any) -> str:
+    """Return the SHA-256 of a value that JSON can hold."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def digest_of_files(folder: Path, paths: Iterable[Path]) -> str:

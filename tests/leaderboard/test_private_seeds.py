@@ -12,10 +12,11 @@ from leaderboard import verify
 from leaderboard.__main__ import main
 from leaderboard.private_seeds import private_task, read_seeds
 from leaderboard.ranking import read_leaderboard
-from leaderboard.result import Result, ResultError, Task, digest_of, read_result, result_folder
+from leaderboard.result import Result, ResultError, Task, read_result, result_folder
 from leaderboard.run import TaskRun, play_all
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
 from turning_env import Scenario
+from turning_env.files import digest_of
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import Actions, Observations, PolicySpec
 from turning_env.scoring.seeds import held_out_seeds

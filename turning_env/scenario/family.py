@@ -10,8 +10,6 @@ so a variable that is added changes no other. A job that makes no sense (``makes
 """
 
 import ast
-import hashlib
-import json
 import os
 import tomllib
 from collections.abc import Mapping
@@ -27,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError, field_validator, model_validator
 
+from turning_env.files import digest_of
 from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
 from turning_env.scenario.plan import MIDDLE, USED_LIVES, Columns, Loads, Plan, features, plan_of
 from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, nested
@@ -317,7 +316,7 @@ class Family(Section):
 
     def digest(self) -> str:
         """Return the SHA-256 of all values."""
-        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+        return digest_of(self.model_dump(mode="json"))
 
     def number(self, seed: int, episode: int, split: str) -> int:
         """Return the number of the job that an episode of a seed plays."""
@@ -371,6 +370,10 @@ class Family(Section):
     def _base(self) -> Values:
         return dict(flat(Scenario.load(self.base).model_dump(exclude={"name", "nominal_model"})))
 
+    def columns(self, fields: Values, nominal: Columns | None = None) -> Columns:
+        """Return scenarios with these fields by dotted names, and the base's others; ``nominal``: their nominal models."""
+        return Columns(nested((self._base | fields).items()), nominal)
+
     def draw(self, split: str, chunk: int) -> Draw:
         """Return the jobs with the numbers from ``CHUNK * chunk`` on.
 
@@ -410,7 +413,7 @@ class Family(Section):
         true = told | {name: truth.true_values(told[name], uniforms[f"{name}.truth"]) for name, truth in self._deviations.items()}
 
         nominal_fields = {name: _evaluate(formula, told) for name, formula in self.fields.items()}
-        plan = plan_of(Columns(nested((self._base | nominal_fields).items())), len(numbers))
+        plan = plan_of(self.columns(nominal_fields), len(numbers))
         planned = {
             "best_cutting_speed": plan.speed[:, MIDDLE],
             "best_feed": plan.feed[:, MIDDLE],
@@ -422,9 +425,8 @@ class Family(Section):
             name: value if always_told(name) or name in self.planned else _evaluate(self.fields[name], true)
             for name, value in nominal_fields.items()
         }
-        nominal = Columns(nested((self._base | nominal_fields).items()))
-        columns = Columns(nested((self._base | true_fields).items()), nominal)
-        return Draw(columns, plan, (nominal_fields, true_fields), rows, features(nominal, plan))
+        nominal = self.columns(nominal_fields)
+        return Draw(self.columns(true_fields, nominal), plan, (nominal_fields, true_fields), rows, features(nominal, plan))
 
 
 def _one(value: Any, i: int) -> Any:

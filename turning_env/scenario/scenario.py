@@ -1,7 +1,5 @@
 """The scenario: one frozen, validated value with a section per subject (``sections.py``), and its TOML files."""
 
-import hashlib
-import json
 import math
 import os
 import re
@@ -16,7 +14,7 @@ from typing import Annotated, Any, Self
 import tomli_w
 from pydantic import BeforeValidator, Field, PlainSerializer, ValidationError, WithJsonSchema, field_validator, model_validator
 
-from turning_env.files import replace_file
+from turning_env.files import digest_of, replace_file
 from turning_env.scenario.section import Section, names_instead
 from turning_env.scenario.sections import (
     MAX_DELAY,
@@ -329,7 +327,7 @@ class Scenario(Section):
 
     def digest(self) -> str:
         """Return the SHA-256 of ``differences()``. Equal digests mean equal physics, even under different names."""
-        return hashlib.sha256(json.dumps(self.differences(), sort_keys=True).encode()).hexdigest()
+        return digest_of(self.differences())
 
     def portable(self) -> str | dict[str, Any]:
         """Return a source for ``load`` that JSON can hold and that works anywhere: a preset's name, or a dict of differences."""

@@ -18,8 +18,7 @@ from turning_env.family_env import Context, FamilyVectorEnv
 from turning_env.observation import read
 from turning_env.physics.quantities import OBS
 from turning_env.scenario.family import Draw, Family, Job
-from turning_env.scenario.plan import Columns, columns_of
-from turning_env.scenario.scenario import nested
+from turning_env.scenario.plan import columns_of
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 from turning_env.scoring.statistics import Floats
@@ -104,8 +103,7 @@ class Truthful(Family):
         draw = super().draw(split, chunk)
         nominal, true = draw.fields
         told = {name: (true if name.startswith(self.right) else nominal)[name] for name in nominal}
-        model = Columns(nested((self._base | told).items()))
-        return replace(draw, true=Columns(nested((self._base | true).items()), model), fields=(told, true))
+        return replace(draw, true=self.columns(true, self.columns(told)), fields=(told, true))
 
 
 def truthful(family: Family, right: str = "") -> Truthful:
