@@ -15,12 +15,12 @@ from turning_env import Family, Scenario, presets
 from turning_env.scenario.family import families
 
 Task = Scenario | Family
-"""What rules are tuned on."""
+"""A scenario, or a family of which the training jobs are played, on which rules are tuned."""
 FOLDER = Path(__file__).parent / "tuned"
 """The folder of the tuned values that ship."""
 
 
-def task(source: str) -> Task:
+def load(source: str) -> Task:
     """Return the family that ships under a name, else the scenario of a preset's name or a TOML file."""
     return Family.load(source) if source in families() else Scenario.load(source)
 
@@ -29,19 +29,28 @@ class NotTuned(ValueError):
     """A rule has not been tuned for this scenario."""
 
 
-def path(scenario: Task) -> Path:
+def first_scenario(task: Task) -> Scenario:
+    """Return the scenario, or the nominal model of a family's first job."""
+    return task.job(0).scenario.nominal() if isinstance(task, Family) else task
+
+
+def own_file(task: Task) -> Path | None:
+    """Return the path of a scenario's own TOML file, if it has one."""
+    return task.file if isinstance(task, Scenario) else None
+
+
+def path(task: Task) -> Path:
     """Return the path of a task's tuned parameters: beside the scenario's file or, if it ships, the file that ships."""
-    if isinstance(scenario, Family) or scenario.file is None:
-        return FOLDER / f"{scenario.name}.json"
-    return scenario.file.with_name(f"{scenario.file.stem}.tuned.json")
+    file = own_file(task)
+    return file.with_name(f"{file.stem}.tuned.json") if file else FOLDER / f"{task.name}.json"
 
 
-def command(scenario: Task) -> str:
+def command(task: Task) -> str:
     """Return the command that tunes the rules for a task."""
-    if isinstance(scenario, Scenario) and scenario.file is not None:
-        source = shlex.quote(str(scenario.file))
+    if file := own_file(task):
+        source = shlex.quote(str(file))
     else:
-        source = f"{scenario.name} --shipped" if scenario.name in (*presets(), *families()) else "FILE.toml"
+        source = f"{task.name} --shipped" if task.name in (*presets(), *families()) else "FILE.toml"
     return f"python -m baselines.tune --scenario {source}"
 
 
@@ -62,19 +71,19 @@ def read(file: Path) -> dict[str, Any]:
     return values
 
 
-def contents(scenario: Task) -> dict[str, Any]:
-    """Return the contents of the file for a scenario with these values.
+def contents(task: Task) -> dict[str, Any]:
+    """Return the contents of the file for a task with these values.
 
     Raises:
         NotTuned: there is no such file; the message says which command makes it.
         ValueError: a file is damaged.
     """
-    own = read(path(scenario))
+    own = read(path(task))
     for values in chain([own], map(read, sorted(FOLDER.glob("*.json")))):
-        if values.get("scenario_digest") == scenario.digest():
+        if values.get("scenario_digest") == task.digest():
             return values
     found = "were tuned for other values" if own else "have not been tuned"
-    raise NotTuned(f"the rules of scenario {scenario.name!r} {found}: run `{command(scenario)}`")
+    raise NotTuned(f"the rules of scenario {task.name!r} {found}: run `{command(task)}`")
 
 
 def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]:
@@ -84,7 +93,7 @@ def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]
         NotTuned: there are none for this scenario, or for another version or other parameters of the rule. The message says
             which command makes them.
     """
-    home = scenario if rule.tuned_on is None else task(rule.tuned_on)
+    home = scenario if rule.tuned_on is None else load(rule.tuned_on)
     values = contents(home)
     known = values["rules"]
     if name not in known:

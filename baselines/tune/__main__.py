@@ -26,7 +26,7 @@ from baselines.catalogue import RULES, names, playable
 from baselines.rule import Rule
 from baselines.tune import study
 from baselines.tuned import Task
-from turning_env import Family, Scenario, presets
+from turning_env import Scenario, presets
 from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, file_lock, replace_file
 from turning_env.scenario.family import families
@@ -45,14 +45,14 @@ def chosen_rules(wanted: Sequence[str] | None, task: Task, quick: bool = False) 
         KeyError: there is no rule of that name.
         ValueError: a rule cannot play the task or has nothing to tune there.
     """
-    scenario = task.job(0).scenario.nominal() if isinstance(task, Family) else task
+    scenario = tuned.first_scenario(task)
     rules = {name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)}
     digest = task.digest()
 
     def tunable(rule: Rule) -> bool:
         if rule.tuned_on is None:
             return isinstance(task, Scenario)
-        return tuned.task(rule.tuned_on).digest() == digest
+        return tuned.load(rule.tuned_on).digest() == digest
 
     chosen = {name: rule for name, rule in rules.items() if rule.ranges and tunable(rule)}
     if wanted is not None and (fixed := rules.keys() - chosen.keys()):
@@ -69,7 +69,7 @@ def target_of(task: Task, out: Path | None, shipped: bool) -> Path:
         ValueError: the file ships and ``shipped`` is false; ``shipped`` is given for a scenario that does not ship; or the file's
             name has another suffix.
     """
-    if shipped and ((isinstance(task, Scenario) and task.file is not None) or out is not None):
+    if shipped and (tuned.own_file(task) is not None or out is not None):
         known = ", ".join((*presets(), *families()))
         raise ValueError(f"--shipped rewrites the parameters of a preset, one of {known}, without --out")
     target = out or tuned.path(task)
@@ -123,7 +123,7 @@ def main(arguments: list[str] | None = None) -> int:
         if number < 1:
             raise ValueError(f"{number} {what} asked for, but there must be 1 or more")
     tuning_seeds(budget["seeds"])
-    task = tuned.task(parsed.scenario)
+    task = tuned.load(parsed.scenario)
     if isinstance(task, Scenario) and task != task.nominal():
         raise ValueError(f"scenario {task.name!r} has a model mismatch: tune the rules on its nominal model")
     target = target_of(task, parsed.out, parsed.shipped)

@@ -26,7 +26,7 @@ from tqdm import tqdm
 
 from baselines.rule import Parameters, Range, Rule
 from baselines.tune.journal import cut_off_half_line
-from baselines.tuned import Task
+from baselines.tuned import Task, first_scenario
 from turning_env import MODEL_VERSION, Family, FamilyVectorEnv
 from turning_env.scoring.overload import severe_limit, severe_share
 from turning_env.scoring.play import play
@@ -103,8 +103,7 @@ class Search:
     def __init__(self, name: str, rule: Rule, task: Task, trials: int, seeds: int, journal: Path) -> None:
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self.name, self._rule, self._task, self.trials = name, rule, task, trials
-        scenario = task.job(0).scenario if isinstance(task, Family) else task
-        self._allowance = scenario.limits.overload_allowance
+        self._allowance = first_scenario(task).limits.overload_allowance
         self._seeds = tuning_seeds(seeds)
         self._ranges: dict[str, BaseDistribution] = {
             key: FloatDistribution(value.low, value.high, log=value.logarithmic) for key, value in rule.ranges.items()
