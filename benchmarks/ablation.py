@@ -22,20 +22,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
-from gymnasium.spaces import Box
-from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env.stacked_observations import StackedObservations
 from tqdm import tqdm
 
-from baselines.models.edge_value import USED_LIVES, worth
 from train import ppo
-from train.actor import Actor, ActorPolicy
+from train.actor import ActorPolicy
 from train.run import Run
-from train.training import SEEDS, Algorithm, train
+from train.training import SEEDS, train
 from turning_env import IDS, Scenario
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.scoring.overload import CONFIDENCE, ratio, severe_share
@@ -43,112 +37,10 @@ from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate
 from turning_env.scoring.workers import spread, workers
-from turning_env.vector_env import info_at_end_of_step
 
 ENV_ID = "RoughTurning-v0"
 NUM_SEEDS = 128
 """Tuning seeds that each agent plays."""
-FRAMES = 4
-"""Number of successive observations that an agent with history sees."""
-
-
-def edge_price(scenario: Scenario) -> float:
-    """Return the price of a whole edge and its change [s]."""
-    return 60.0 * (scenario.economics.edge_cost + scenario.economics.edge_change_time)
-
-
-def life_left_behind(infos: dict[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return used share of life [-] at the step's end, and whether the edge is worn out or broken, each of shape (num_envs,)."""
-    used = np.minimum(info_at_end_of_step(infos, "used_life"), 1.0)
-    return used, (used >= 1.0) | info_at_end_of_step(infos, "broken").astype(np.bool_)
-
-
-class ChargedAtEnd(RoughTurningVecEnv):
-    """Environments whose training rewards charge the whole price of an edge when it is worn out or broken."""
-
-    def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
-        """Return rewards [s] that charge used life at the edge's end."""
-        used, ended = life_left_behind(infos)
-        # The reward already charges a broken edge for the life that was left, so only the used life is charged here.
-        return (
-            rewards
-            - info_at_end_of_step(infos, "reward_edge")
-            - np.where(ended, edge_price(self.vector_env.scenario) * used, 0.0)
-        )
-
-
-class PricedByLeft(RoughTurningVecEnv):
-    """Environments whose training rewards charge used life D at its marginal price p(D) instead of the flat price.
-
-    They add the difference of a potential of D to a step's reward:
-
-        price D - integral of p from 0 to D
-
-    The differences add up to the same over every whole edge, whatever the agent does (Ng, Harada and Russell 1999, without a
-    discount; a broken edge counts as used up). A flat price makes an agent with little foresight use up a fresh edge too fast.
-    With the discount in the potential's difference, this would not change.
-    """
-
-    def __init__(self, scenario: Scenario, count: int, reward_scale: float = 1.0) -> None:
-        super().__init__(scenario, count, reward_scale)
-        prices = worth(scenario, scenario.economics.overload_price).life
-        self._price = edge_price(scenario)
-        self._used_lives = np.concatenate([[0.0], USED_LIVES])
-        integral = np.concatenate([[0.0], np.cumsum(prices) / len(prices)])
-        self._potentials = self._price * self._used_lives - integral
-
-    def potential(self, used: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the potential [s] of used shares of life [-], of any shape."""
-        potential: NDArray[np.float64] = np.interp(used, self._used_lives, self._potentials)
-        return potential
-
-    def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
-        """Return rewards [s] plus the potential's difference."""
-        used, ended = life_left_behind(infos)
-        before = used + info_at_end_of_step(infos, "reward_edge") / self._price
-        return rewards + self.potential(np.where(ended, 1.0, used)) - self.potential(before)
-
-
-class Stacked(RoughTurningVecEnv):
-    """Environments that return the last ``FRAMES`` observations together, latest last, 0 before an episode's first."""
-
-    def __init__(self, scenario: Scenario, count: int, reward_scale: float = 1.0) -> None:
-        super().__init__(scenario, count, reward_scale)
-        one = self.vector_env.single_observation_space
-        assert isinstance(one, Box)
-        self._stack: Any = StackedObservations(count, FRAMES, one)
-        self.observation_space = Box(np.tile(one.low, FRAMES), np.tile(one.high, FRAMES), dtype=np.float32)
-
-    def reset(self) -> NDArray[np.float32]:
-        """Return first observations, shape (num_envs, FRAMES * 11), 0 except for the last 11."""
-        observations: NDArray[np.float32] = self._stack.reset(super().reset())
-        return observations
-
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        observations, rewards, ended, infos = super().step_wait()
-        observations, infos = self._stack.update(observations, ended, infos)
-        return observations, rewards, ended, infos
-
-
-class StackedActor(Actor):
-    """Layers that see the last ``FRAMES`` observations; the memory holds all but the present one, latest last."""
-
-    def __init__(self, *layers: torch.nn.Module, entries: int) -> None:
-        """Take layers that map ``FRAMES`` observations of ``entries`` entries each to actions."""
-        super().__init__()
-        self.layers = torch.nn.Sequential(*layers)
-        self.entries = entries
-        self.memory_size = (FRAMES - 1) * entries
-
-    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        stacked = torch.cat((memory, observation), dim=1)
-        return self.layers(stacked).clamp(-1.0, 1.0), stacked[:, self.entries :]
-
-
-def stacked_actor(policy: Any) -> StackedActor:
-    """Return the agent with history of a trained policy."""
-    entries = policy.observation_space.shape[0] // FRAMES
-    return StackedActor(policy.mlp_extractor.policy_net, policy.action_net, entries=entries)
 
 
 class ProcessorTime(BaseCallback):
@@ -181,7 +73,6 @@ class Variant:
     """Hyperparameters that differ."""
     control: dict[str, Any] = field(default_factory=dict)
     """Fields of the scenario's section ``control`` that differ in training and in play."""
-    algorithm: Algorithm = ppo.ALGORITHM
 
     def scenario(self, base: Scenario) -> Scenario:
         """Return the scenario with the differences."""
@@ -190,20 +81,16 @@ class Variant:
         return Scenario.model_validate(values)
 
 
-_AT_END = dataclasses.replace(ppo.ALGORITHM, vec_env=ChargedAtEnd)
-
 VARIANTS = {
     "as_it_is": Variant("unchanged"),
     "set_point": Variant("set points instead of increments", control={"action": "set_point"}),
-    "charged_at_end": Variant("edge charged at its end", algorithm=_AT_END),
+    "charged_at_end": Variant("edge charged at its end", {"life_price": "end"}),
     "discount_0.5": Variant("discount 0.5", {"discount": 0.5}),
     "discount_0.95": Variant("discount 0.95", {"discount": 0.95}),
     "discount_0.99": Variant("discount 0.99", {"discount": 0.99}),
-    "charged_at_end_discount_0.99": Variant("edge charged at its end, discount 0.99", {"discount": 0.99}, algorithm=_AT_END),
-    "four_frames": Variant(
-        f"the last {FRAMES} observations", algorithm=dataclasses.replace(ppo.ALGORITHM, vec_env=Stacked, network=stacked_actor)
-    ),
-    "life_by_left": Variant("life priced by the share left", algorithm=dataclasses.replace(ppo.ALGORITHM, vec_env=PricedByLeft)),
+    "charged_at_end_discount_0.99": Variant("edge charged at its end, discount 0.99", {"life_price": "end", "discount": 0.99}),
+    "four_frames": Variant("the last 4 observations", {"frames": 4}),
+    "life_by_left": Variant("life priced by the share left", {"life_price": "marginal"}),
 }
 """Variants by name, in the table's order. The table compares all others with the first that is played."""
 
@@ -232,7 +119,7 @@ def play_agent(
     """
     name, seed = agent
     variant = VARIANTS[name]
-    algorithm = dataclasses.replace(variant.algorithm, callbacks=lambda run: [ProcessorTime()])
+    algorithm = dataclasses.replace(ppo.ALGORITHM, callbacks=lambda run: [ProcessorTime()])
     scenario = variant.scenario(base)
     run = Run.plan("ppo", ENV_ID, scenario, seed, runs / "ablation" / name, command, variant.parameters | overrides)
     path = train(run, algorithm)

@@ -30,7 +30,8 @@ SEEN = {
 """Inputs at run time beside the present observation, by name."""
 _MODEL_FREE = frozenset({"rewards", "overload share"})
 _REWARDS = frozenset({"rewards"})
-_TEACHER = frozenset({"model gradients", "true states", "life price", "spreads", "geometry"})
+_PRICED = frozenset({"life price", "spreads"})
+_TEACHER = frozenset({"model gradients", "true states", "geometry"}) | _PRICED
 _ALGORITHMS: Mapping[str, frozenset[str]] = {
     "ppo": _REWARDS,
     "recurrent_ppo": _REWARDS,
@@ -71,7 +72,7 @@ def class_of(policy: PolicySpec) -> str:
     algorithm = _algorithm(policy.command)
     if algorithm is None:
         return "other agent"
-    return "model-free agent" if _ALGORITHMS[algorithm] <= _MODEL_FREE else "privileged agent"
+    return "model-free agent" if _given(algorithm, policy.parameters) <= _MODEL_FREE else "privileged agent"
 
 
 def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
@@ -81,13 +82,13 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
     algorithm, p = _algorithm(policy.command), policy.parameters
     if algorithm is None:
         return Information(None, None, None, None)
-    given = _ALGORITHMS[algorithm]
+    given = _given(algorithm, p)
     if scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end":
-        given -= {"life price", "spreads"}  # the job ends before the edge: its life has the flat price
+        given -= _PRICED  # the job ends before the edge: its life has the flat price
     gradient = given.isdisjoint(_REWARDS)
     has = {
-        "memory": gradient or "memory_cells" in p,
-        "position": gradient,
+        "memory": p.get("memory", gradient) is True or "memory_cells" in p or (_whole(p, "frames") or 1) > 1,
+        "position": p.get("position", gradient) is True,
         "nominal model": algorithm == "family_gradient",
     }
     return Information(
@@ -96,6 +97,12 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
         steps=_whole(p, "steps"),
         gradient_steps=None if algorithm == "focops" else _gradient_steps(p),  # it may leave out epochs
     )
+
+
+def _given(algorithm: str, parameters: Mapping[str, object]) -> frozenset[str]:
+    """Return what a training was given; ``life_price`` is a term of every algorithm that has it (``train/terms.py``)."""
+    price, given = parameters.get("life_price"), _ALGORITHMS[algorithm]
+    return given | _PRICED if price == "marginal" else given - _PRICED if price is not None else given
 
 
 def _algorithm(command: str | None) -> str | None:

@@ -143,6 +143,16 @@ class DistanceTracker:
         return readings, torch.stack([along, speed, feed], dim=-1)
 
 
+class NoTracker:
+    """A tracker without state and readings, for an agent that is not told its position."""
+
+    STATES = READINGS = PROPOSED = 0
+
+    def __call__(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        """Return no readings and no state, each of shape (num_envs, 0)."""
+        return observation[..., :0], state
+
+
 class GruActor(Actor):
     """A GRU between two layers, beside a distance tracker. Its memory holds the tracker's state, then the GRU's cells."""
 
@@ -233,3 +243,15 @@ class GruActor(Actor):
         if count := self.tracker.PROPOSED:
             target = torch.cat([target[..., :count] + self._proposals(seen)[0], target[..., count:]], dim=-1)
         return target
+
+
+class MemorylessActor(GruActor):
+    """A ``GruActor`` whose GRU begins anew with every observation; only the tracker's state goes on."""
+
+    def unroll_seen(self, seen: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
+        """Return unbounded targets for what ``see`` has returned of the observations."""
+        return super().unroll_seen(seen, memory, torch.ones_like(begins))
+
+    def _parts(self, memory: Tensor) -> tuple[Tensor, Tensor]:
+        state, cells = super()._parts(memory)
+        return state, torch.zeros_like(cells)

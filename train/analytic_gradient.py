@@ -26,10 +26,11 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.type_aliases import MaybeCallback
 from stable_baselines3.common.utils import LinearSchedule
+from stable_baselines3.common.vec_env import VecEnv
 
 from train.actor import Actor
-from train.analytic_actor import ACTUAL, GruActor, TargetCommands
-from train.model_gain import FIELDS, Hindsight, ModelGain, Truth
+from train.analytic_actor import ACTUAL, GruActor, MemorylessActor, NoTracker, TargetCommands
+from train.model_gain import FIELDS, Hindsight, ModelGain, Truth, flat_prices
 from train.run import Run
 from train.training import Algorithm, command_line
 from turning_env import Scenario
@@ -55,6 +56,10 @@ class Settings:
     max_gradient_norm: float
     saturation_price: float = 0.0
     """Price of squared unbounded targets [s]; it keeps targets from sticking at the ends of their ranges."""
+    position: bool = True
+    """Whether the agent tracks its position along the bar."""
+    life_price: str = "marginal"
+    """Price of the edge's life: "marginal", p(D), or "flat"."""
 
 
 @dataclass
@@ -117,7 +122,8 @@ class AnalyticGradient(BaseAlgorithm):
         self._setup_lr_schedule()
         self.set_random_seed(self.seed)
         entries = self.observation_space.shape[0]  # type: ignore[index]
-        self.policy = self.policy_class(self.scenario, entries, self.settings.cells)
+        tracker = None if self.settings.position else NoTracker()
+        self.policy = self.policy_class(self.scenario, entries, self.settings.cells, tracker=tracker)
         self.policy.optimizer = torch.optim.Adam(self.policy.parameters(), lr=self.lr_schedule(1.0))
 
     def _excluded_save_params(self) -> list[str]:
@@ -136,7 +142,7 @@ class AnalyticGradient(BaseAlgorithm):
         progress_bar: bool = False,
     ) -> Self:
         """Collect rollouts and learn from them for ``total_timesteps`` environment steps."""
-        self.gain = ModelGain(self.scenario)
+        self.gain = ModelGain(self.scenario, flat_prices(self.scenario) if self.settings.life_price == "flat" else None)
         if reset_num_timesteps:
             self.memory = torch.zeros(self.n_envs, self.policy.memory_size)
         total, callbacks = self._setup_learn(total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar)
@@ -213,12 +219,14 @@ class AnalyticGradient(BaseAlgorithm):
         return objective
 
 
-def new_model(run: Run, vec_env: RoughTurningVecEnv) -> AnalyticGradient:
+def new_model(run: Run, vec_env: VecEnv) -> AnalyticGradient:
     """Return an untrained model."""
     assert isinstance(vec_env, HindsightVecEnv)
     p = run.parameters
+    if p.get("life_price", "flat") not in ("marginal", "flat"):
+        raise ValueError(f"life_price is {p['life_price']!r}, but must be marginal or flat")
     return AnalyticGradient(
-        GruActor,
+        GruActor if p.get("memory", True) else MemorylessActor,
         vec_env,
         LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),
         run.scenario,
@@ -243,6 +251,7 @@ def plays(scenario: Scenario) -> bool:
 ALGORITHM = Algorithm(
     *("analytic_gradient", "analytic gradients", AnalyticGradient, new_model, lambda policy: policy, SEARCH),
     vec_env=HindsightVecEnv,
+    own_terms=True,
     plays=plays,
 )
 

@@ -22,12 +22,12 @@ from typing import Any
 import torch
 from optuna.distributions import FloatDistribution
 from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecEnv
 from torch.distributions import kl_divergence
 
 from train import pid_lagrangian_ppo, ppo
 from train.run import Run
 from train.training import command_line
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 _UNUSED = {"clip_range": 0.2, "entropy_coefficient": 0.0}  # settings of PPO without effect here
 
@@ -71,7 +71,7 @@ class FOCOPS(PPO):
         self.logger.record("train/kl_divergence", divergence)
 
 
-def new_model(run: Run, vec_env: RoughTurningVecEnv) -> FOCOPS:
+def new_model(run: Run, vec_env: VecEnv) -> FOCOPS:
     """Return an untrained model, and set the initial multiplier."""
     assert isinstance(vec_env, pid_lagrangian_ppo.PidVecEnv)
     p = run.parameters

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from optuna.distributions import FloatDistribution
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv
 
 from train import ppo
 from train.run import Run
@@ -85,7 +86,7 @@ class Adaptation(BaseCallback):
             self.logger.record(f"overload/{name}", value)
 
 
-def new_model(run: Run, vec_env: RoughTurningVecEnv) -> PPO:
+def new_model(run: Run, vec_env: VecEnv) -> PPO:
     """Return an untrained PPO model, and set the initial multiplier."""
     assert isinstance(vec_env, AllowanceVecEnv)
     vec_env.multiplier = run.parameters["initial_multiplier"]

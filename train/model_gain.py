@@ -127,6 +127,17 @@ def _wide(value: Any) -> Any:
     return np.asarray(value)[..., np.newaxis] if np.ndim(value) else value
 
 
+def edge_price(scenario: Scenario | Columns) -> Any:
+    """Return the price of a whole edge and its change [s], a number or an array of shape (num_envs,)."""
+    return 60.0 * (scenario.economics.edge_cost + scenario.economics.edge_change_time)
+
+
+def flat_prices(scenario: Scenario) -> Worth:
+    """Return the prices of time and life, with life at the flat price of the reward."""
+    prices = worth(scenario, scenario.economics.overload_price)
+    return prices._replace(life=np.full(len(USED_LIVES), edge_price(scenario)))
+
+
 class ModelGain:
     """The gain of steps as a function of the commanded cutting speeds and feeds, if the aim is removal.
 
@@ -159,17 +170,16 @@ class ModelGain:
         self._log_strength = wide(np.log(tool.edge_strength / limits.thrust_force))
         self._strength_spread = wide(np.maximum(tool.edge_strength_spread, 1e-3))
         self._reference = wide(economics.reference_removal_rate)
-        edge_price = 60.0 * (economics.edge_cost + economics.edge_change_time)
         if prices is None:
             assert isinstance(scenario, Scenario)
-            prices = worth(scenario, economics.overload_price)
             if scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end":
-                # The job ends long before the edge, so life has the flat price.
-                prices = prices._replace(life=np.full(len(USED_LIVES), edge_price))
+                prices = flat_prices(scenario)  # the job ends long before the edge
+            else:
+                prices = worth(scenario, economics.overload_price)
         self._time_price = wide(prices.time)
         self._prices = tensor(np.concatenate([prices.life[..., :1], prices.life], axis=-1))
         self._stop = tensor(60.0 * economics.unplanned_stop * np.asarray(prices.time))
-        self._edge_price, self._downtime = wide(edge_price), 60.0 * economics.breakage_downtime
+        self._edge_price, self._downtime = wide(edge_price(scenario)), 60.0 * economics.breakage_downtime
         swarf = scenario.swarf
         self._chips_tangle = bool(np.any(np.asarray(swarf.tangle_rate) > 0.0))
         self._tangle_cost = wide(np.asarray(swarf.tangle_rate * swarf.tangle_time) * np.asarray(prices.time))

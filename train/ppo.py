@@ -15,11 +15,11 @@ import torch
 from optuna.distributions import FloatDistribution, IntDistribution
 from stable_baselines3 import PPO
 from stable_baselines3.common.utils import LinearSchedule
+from stable_baselines3.common.vec_env import VecEnv
 
 from train.actor import Feedforward
 from train.run import Run
 from train.training import ACTIVATIONS, Algorithm, command_line
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
 def settings(run: Run) -> dict[str, Any]:
@@ -47,7 +47,7 @@ def settings(run: Run) -> dict[str, Any]:
     }
 
 
-def new_model(run: Run, vec_env: RoughTurningVecEnv) -> PPO:
+def new_model(run: Run, vec_env: VecEnv) -> PPO:
     """Return an untrained model; its first actions vary about 0, or about ``initial_actions`` of the hyperparameters."""
     model = PPO("MlpPolicy", vec_env, **settings(run))
     means = run.parameters.get("initial_actions", [])

@@ -13,12 +13,12 @@ import torch
 from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 from sb3_contrib import RecurrentPPO
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
+from stable_baselines3.common.vec_env import VecEnv
 
 from train.actor import Actor
 from train.ppo import settings
 from train.run import Run
 from train.training import Algorithm, command_line
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
 class RecurrentActor(Actor):
@@ -37,7 +37,7 @@ class RecurrentActor(Actor):
         return self.layers(output.squeeze(0)).clamp(-1.0, 1.0), torch.cat((hidden, cell), dim=2).squeeze(0)
 
 
-def new_model(run: Run, vec_env: RoughTurningVecEnv) -> RecurrentPPO:
+def new_model(run: Run, vec_env: VecEnv) -> RecurrentPPO:
     """Return an untrained model."""
     p, values = run.parameters, settings(run)
     values["policy_kwargs"] |= {"lstm_hidden_size": p["memory_cells"], "enable_critic_lstm": p["critic_has_memory"]}

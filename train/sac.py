@@ -15,14 +15,14 @@ import torch
 from optuna.distributions import FloatDistribution
 from stable_baselines3 import SAC
 from stable_baselines3.common.utils import LinearSchedule
+from stable_baselines3.common.vec_env import VecEnv
 
 from train.actor import Feedforward
 from train.run import Run
 from train.training import ACTIVATIONS, Algorithm, command_line
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
-def settings(run: Run, vec_env: RoughTurningVecEnv) -> dict[str, Any]:
+def settings(run: Run, vec_env: VecEnv) -> dict[str, Any]:
     """Return a run's hyperparameters under Stable-Baselines3's names, for SAC and TQC."""
     p = run.parameters
     return {
@@ -43,7 +43,7 @@ def settings(run: Run, vec_env: RoughTurningVecEnv) -> dict[str, Any]:
     }
 
 
-def new_model(run: Run, vec_env: RoughTurningVecEnv) -> SAC:
+def new_model(run: Run, vec_env: VecEnv) -> SAC:
     """Return an untrained model."""
     return SAC("MlpPolicy", vec_env, **settings(run, vec_env))
 

@@ -11,14 +11,14 @@ from functools import partial
 
 from optuna.distributions import FloatDistribution, IntDistribution
 from sb3_contrib import TQC
+from stable_baselines3.common.vec_env import VecEnv
 
 from train.run import Run
 from train.sac import network, settings
 from train.training import Algorithm, command_line
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
-def new_model(run: Run, vec_env: RoughTurningVecEnv) -> TQC:
+def new_model(run: Run, vec_env: VecEnv) -> TQC:
     """Return an untrained model."""
     p, values = run.parameters, settings(run, vec_env)
     values["policy_kwargs"] |= {"n_critics": p["critics"], "n_quantiles": p["quantiles"]}

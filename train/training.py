@@ -20,10 +20,12 @@ import torch
 from optuna.distributions import BaseDistribution
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv
 from tqdm import tqdm
 
 from train.actor import Actor
 from train.run import CURVE_COLUMNS, Run, overrides, warn_of_pickle
+from train.terms import Terms
 from turning_env import IDS, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
@@ -49,7 +51,7 @@ class Algorithm:
     title: str
     """Name in help texts."""
     model: type[BaseAlgorithm]
-    new_model: Callable[[Run, RoughTurningVecEnv], BaseAlgorithm]
+    new_model: Callable[[Run, VecEnv], BaseAlgorithm]
     """Function that returns an untrained model for a run on given environments."""
     network: Callable[[Any], Actor]
     """Function that returns the agent of a trained policy of Stable-Baselines3."""
@@ -57,6 +59,8 @@ class Algorithm:
     """Hyperparameters to tune, with their ranges."""
     vec_env: Callable[..., RoughTurningVecEnv] = RoughTurningVecEnv
     """Function that makes the training environments from scenario, number of environments and reward scale."""
+    own_terms: bool = False
+    """Whether it applies the hyperparameters of ``train/terms.py`` itself."""
     extra_state: tuple[str, ...] = ()
     """Attributes that a checkpoint holds besides those that Stable-Baselines3 saves."""
     callbacks: Callable[[Run], list[BaseCallback]] = lambda run: []
@@ -71,7 +75,10 @@ class Algorithm:
     def actor(self, path: Path) -> Actor:
         """Load the finished agent from a ``policy.zip`` of your own."""
         model: Any = self.model.load(path, device="cpu")
-        return self.network(model.policy).eval()
+        actor = self.network(model.policy)
+        if terms := getattr(model, "terms", None):  # a file of before has none
+            actor = terms.actor(actor, model.observation_space.shape[0])
+        return actor.eval()
 
 
 class Recorder(BaseCallback):
@@ -168,8 +175,10 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
         ValueError: the hyperparameters cannot be used.
     """
     try:
-        vec_env = algorithm.vec_env(run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"])
-        model = algorithm.new_model(run, vec_env)
+        terms = Terms(run.scenario) if algorithm.own_terms else Terms.of(run)
+        vec_env = terms.charged(algorithm.vec_env)(run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"])
+        model: Any = algorithm.new_model(run, terms.shown(vec_env))
+        model.terms = terms
     except Exception as error:  # libraries raise many types for hyperparameters that they cannot use
         raise ValueError(f"{algorithm.name} cannot be made with these hyperparameters: {error!r}") from error
     vec_env.seed(run.seed * SEED_STRIDE)

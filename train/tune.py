@@ -4,8 +4,8 @@
 
 A trial trains one agent per training seed, and plays all of them on the same tuning seeds. The best mean return wins among the
 feasible trials (at the leaderboard's confidence limit), or among all if none is feasible. The first trial takes the values of
-the hyperparameter file. A tree-structured Parzen estimator chooses the others within the ranges that the algorithm's Python file
-declares (``SEARCH``).
+the hyperparameter file and of ``--set``. A tree-structured Parzen estimator chooses the others within the ranges that the
+algorithm's Python file declares (``SEARCH``).
 
 Trials are kept in ``RUNS/tuning``. The same command resumes an interrupted study; with a larger ``--trials``, it extends the
 study. With ``--storage``, several such commands, on one machine or on many, work on the same study. With ``--scheduler``, the
@@ -20,7 +20,7 @@ import importlib
 import json
 import shlex
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -39,7 +39,7 @@ from tqdm import tqdm
 
 from baselines.tune.journal import cut_off_half_line
 from train.actor import ActorPolicy
-from train.run import Run, hyperparameters
+from train.run import Run, hyperparameters, overrides
 from train.training import SEEDS, Algorithm, train
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
@@ -72,11 +72,13 @@ class Task:
     seeds: int
     """Trainings per trial, with the training seeds 0, 1, ..."""
     runs: Path
+    overrides: dict[str, Any] = field(default_factory=dict)
+    """Hyperparameters in place of the file's, all trials alike."""
 
     @property
     def known(self) -> dict[str, Any]:
-        """The values of the hyperparameter file."""
-        return hyperparameters(self.algorithm, self.env_id) | {"steps": self.steps}
+        """The values of the first trial, which all trials share but for those that are searched."""
+        return hyperparameters(self.algorithm, self.env_id) | self.overrides | {"steps": self.steps}
 
     @property
     def name(self) -> str:
@@ -261,6 +263,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--trials", type=int, default=20, help="total number of trials (default: 20)")
     parser.add_argument("--seeds", type=int, default=1, help="trainings per trial (default: 1)")
     parser.add_argument("--steps", type=int, help="environment steps per training (default: from the hyperparameter file)")
+    set_help = "set a hyperparameter of every trial, or that of the first if it is searched; repeat the option to set several"
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=set_help)
     parser.add_argument("--workers", type=int, default=1, help="number of trials in parallel (default: 1)")
     parser.add_argument("--scheduler", metavar="URL", help="train on the workers of a Dask cluster, such as tcp://host:8786")
     shared = "journal file or database URL shared by several processes (default: a journal in RUNS/tuning, not shared)"
@@ -276,7 +280,8 @@ def main(arguments: list[str] | None = None) -> int:
         command = command.replace(shlex.quote(parsed.storage), shlex.quote(str(_url(parsed.storage))))
     scenario = Scenario.load(parsed.scenario or IDS[parsed.env])
     steps = parsed.steps or hyperparameters(parsed.algorithm, parsed.env)["steps"]
-    task = Task(parsed.algorithm, parsed.env, scenario, steps, parsed.seeds, parsed.runs)
+    given = overrides(parsed.algorithm, parsed.set)
+    task = Task(parsed.algorithm, parsed.env, scenario, steps, parsed.seeds, parsed.runs, given)
     best = search(task, parsed.trials, parsed.workers, parsed.scheduler, parsed.storage)
     print(f"# {command}")
     print(f"# trial {best.number}: mean return {best.value:.1f} s, {'' if feasible(best) else 'not '}feasible")

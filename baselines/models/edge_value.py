@@ -21,7 +21,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from turning_env import Scenario
@@ -80,6 +79,8 @@ def worth_of_lots(scenario: Scenario, overload_price: float, rates: tuple[float,
     def time_price(faster: float) -> float:
         if gain_of_an_edge(0.0, faster) <= 0.0:
             return 0.0  # the edge does not even pay for itself
+        from scipy.optimize import brentq  # takes as long as most other imports of the catalogue
+
         most = min(_MAX_TIME_PRICE, float(value.max()) + 1.0)
         return float(brentq(gain_of_an_edge, 0.0, most, (faster,), xtol=1e-3))
 

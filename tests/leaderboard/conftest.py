@@ -1,5 +1,7 @@
 """A short task, policies that always act alike, and made-up results."""
 
+import os
+import signal
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -30,6 +32,23 @@ class Steady:
         """Return the same action for every environment."""
         assert len(observations) == len(self._actions)
         return self._actions
+
+
+class Deadly(Steady):
+    """Kills its process while it plays, the first time."""
+
+    def __init__(self, num_envs: int, mark: Path) -> None:
+        super().__init__(num_envs, (0.1, 0.1))
+        self._mark = mark
+        self._acts = 0
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the same action for every environment."""
+        self._acts += 1
+        if self._acts == 3 and not self._mark.exists():
+            self._mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().act(observations)
 
 
 def spec(name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None = None, **fields: object) -> PolicySpec:

@@ -17,7 +17,7 @@ from turning_env import Scenario
 SCENARIO = Scenario.load("rough_turning")
 
 
-def told(command: str | None, scenario: Scenario = SCENARIO, **parameters: int) -> Information:
+def told(command: str | None, scenario: Scenario = SCENARIO, **parameters: object) -> Information:
     """Return the information of an agent with this training command."""
     found = information(spec("mine", seed=0, command=command, parameters=parameters), scenario)
     assert found is not None
@@ -65,6 +65,20 @@ def test_a_job_that_ends_before_its_edge_needs_no_price_of_life() -> None:
     short = told(command, Scenario.load("override")).given or ()
     assert {"model gradients", "true states"} <= set(short)
     assert {"life price", "spreads"}.isdisjoint(short)
+
+
+def test_terms_of_training_are_stated_and_count() -> None:
+    """Position, frames and life price appear in the table; a price of life p(D) makes an agent privileged."""
+    command = "python -m train.ppo --seed 0"
+    plain = told(command, position=False, frames=1, life_price="flat")
+    assert (plain.given, plain.seen) == (("rewards",), ())
+    every = told(command, position=True, frames=4, life_price="marginal")
+    assert (every.given, every.seen) == (("rewards", "life price", "spreads"), ("memory", "position"))
+    classes = [class_of(spec("any", seed=0, command=command, parameters={"life_price": each})) for each in ("end", "marginal")]
+    assert classes == ["model-free agent", "privileged agent"]
+    fewer = told("python -m train.analytic_gradient", position=False, memory=False, life_price="flat")
+    assert fewer.seen == ()
+    assert "life price" not in (fewer.given or ())
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,9 @@ import importlib
 import sys
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+import gymnasium
 import pytest
 import torch
 
@@ -189,12 +191,16 @@ def test_code_of_ones_own_is_ranked_and_played_again_each_time(
 
 def test_a_torch_module_goes_from_nothing_to_a_rank(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     torch.manual_seed(0)
-    network = torch.nn.Sequential(torch.nn.Linear(11, 32), torch.nn.Tanh(), torch.nn.Linear(32, 2), torch.nn.Tanh())
-    assert turning_env.score(network, seeds=8).seeds == 8
-    score = turning_env.score(network)
+    env_id = "RoughTurning-Batch-v0"  # short episodes
+    env: Any = gymnasium.make(env_id)
+    entries, actions = env.observation_space.shape[0], env.action_space.shape[0]
+    network = torch.nn.Sequential(torch.nn.Linear(entries, 32), torch.nn.Tanh(), torch.nn.Linear(32, actions), torch.nn.Tanh())
+    assert turning_env.score(network, env_id, seeds=8).seeds == 8
+    score = turning_env.score(network, env_id)
     path = tmp_path / "twenty_lines.onnx"
-    export_torch(network, path)
-    assert main(["run", "--results", str(tmp_path / "results"), "--agents", str(path), "--policies"]) == 0
+    export_torch(network, path, env_id=env_id)
+    where = ["--env", env_id, "--results", str(tmp_path / "results")]
+    assert main(["run", *where, "--agents", str(path), "--policies"]) == 0
     assert capsys.readouterr().out.splitlines()[-1].startswith(f"your agent: rank {score.rank} of {score.ranked}, return ")
 
 

@@ -1,9 +1,7 @@
 """Several processes and a Dask cluster come to the same files as one process, also when one of theirs is killed."""
 
 import math
-import os
 import pickle
-import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,28 +12,10 @@ from leaderboard import run
 from leaderboard.__main__ import main
 from leaderboard.result import ResultError, Task, result_folder
 from tests.dask_cluster import dask_cluster
-from tests.leaderboard.conftest import ENV_ID, Steady, spec
+from tests.leaderboard.conftest import ENV_ID, Deadly, Steady, spec
 from tests.train import onnx_agents
 from turning_env import IDS, Scenario
 from turning_env.scoring import workers
-from turning_env.scoring.policy import Actions, Observations
-
-
-class Deadly(Steady):
-    """Kills its process while it plays, the first time."""
-
-    def __init__(self, num_envs: int, mark: Path) -> None:
-        super().__init__(num_envs, (0.1, 0.1))
-        self._mark = mark
-        self._acts = 0
-
-    def act(self, observations: Observations) -> Actions:
-        """Return the same action for every environment."""
-        self._acts += 1
-        if self._acts == 3 and not self._mark.exists():
-            self._mark.touch()
-            os.kill(os.getpid(), signal.SIGKILL)
-        return super().act(observations)
 
 
 def files(folder: Path) -> dict[str, bytes]:

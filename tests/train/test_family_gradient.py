@@ -14,6 +14,7 @@ from baselines.models import edge_value
 from baselines.models.edge_value import Worth
 from baselines.models.kalman_steps import STATES
 from baselines.models.load_filter import LoadFilter
+from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF
 from train import export, family_gradient
 from train.agents import agent_file
@@ -218,10 +219,8 @@ def test_jobs_must_be_alike_in_what_the_agent_takes_as_the_same(changes: dict[st
         train(run)
 
 
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The path of a family's agent."""
-    folder = tmp_path_factory.mktemp("agents")
+def exported(folder: Path) -> Path:
+    """Train and export a family's agent; return its path. The exporter takes a minute."""
     arguments = [part for name, value in SMALL.items() for part in ("--set", f"{name}={value}")]
     path = folder / "brief.toml"
     path.write_text(tomli_w.dumps(BRIEF))
@@ -230,8 +229,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(export, "STEPS", 5)
         patch.setattr(export, "TIMED_CALLS", 3)
         (run,) = folder.rglob("run.json")
-        found = export.export(run.parent, folder)
-    return Path(found["path"])
+        return Path(export.export(run.parent, folder)["path"])
 
 
 def policy(path: Path, num_envs: int) -> OnnxPolicy:
@@ -246,14 +244,15 @@ def baked(agent: Path, scenario: Path | str, out: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_an_agent_with_a_nominal_model_acts_as_if_it_were_told_it(exported: Path, tmp_path: Path) -> None:
-    file = agent_file.read(exported)
+def test_an_agent_with_a_nominal_model_acts_as_if_it_were_told_it(tmp_path: Path) -> None:
+    agent = exported(tmp_path)
+    file = agent_file.read(agent)
     assert file.metadata.name == "family_gradient"
     job = FAMILY.job(5)
     job.scenario.save(tmp_path / "mine.toml")
-    path = baked(exported, tmp_path / "mine.toml", tmp_path / "out")
+    path = baked(agent, tmp_path / "mine.toml", tmp_path / "out")
     assert agent_file.read(path).metadata.scenario.digest() == job.scenario.digest()
-    told, mine = policy(exported, 1), policy(path, 1)
+    told, mine = policy(agent, 1), policy(path, 1)
     env = FamilyVectorEnv(1, FAMILY)
     observations, _ = env.reset(seed=5)
     for _ in range(20):
@@ -262,15 +261,15 @@ def test_an_agent_with_a_nominal_model_acts_as_if_it_were_told_it(exported: Path
         observations, _, _, _, _ = env.step(actions)
 
 
-@pytest.mark.slow
-def test_other_ranges_and_steps_are_converted(exported: Path, tmp_path: Path) -> None:
+def test_other_ranges_and_steps_are_converted(tmp_path: Path) -> None:
+    agent = onnx_agents.write_of_family(tmp_path, FAMILY)
     base = Scenario.load("rough_turning")
     wide = {"machine": base.machine.model_copy(update={"cutting_speed_min": 25.0, "cutting_speed_max": 400.0})}
     fine = {"control": base.control.model_copy(update={"cutting_speed_step": 0.3, "feed_step": 0.8})}
     paths = []
     for name, changes in {"wide": wide, "fine": wide | fine}.items():
         base.model_copy(update={"name": name, **changes}).save(tmp_path / f"{name}.toml")
-        paths.append(baked(exported, tmp_path / f"{name}.toml", tmp_path / name))
+        paths.append(baked(agent, tmp_path / f"{name}.toml", tmp_path / name))
     observations = np.random.default_rng(0).uniform(-0.5, 0.5, (5, 11)).astype(np.float32)
     usual, finer = (policy(path, 5).act(observations) for path in paths)
     assert usual.shape == (5, 2)
@@ -280,15 +279,15 @@ def test_other_ranges_and_steps_are_converted(exported: Path, tmp_path: Path) ->
     assert see[3, 3] == 1.0
 
 
-@pytest.mark.slow
-def test_agents_and_scenarios_that_do_not_fit_are_refused(exported: Path, tmp_path: Path, capsys: Any) -> None:
+def test_agents_and_scenarios_that_do_not_fit_are_refused(tmp_path: Path, capsys: Any) -> None:
+    agent = onnx_agents.write_of_family(tmp_path, FAMILY)
     for scenario, message in (("override", "control.action"), ("surface", "control.a"), ("batch_casting", "control.action")):
-        assert export.main(["--agent", str(exported), "--scenario", scenario, "--out", str(tmp_path)]) != 0
+        assert export.main(["--agent", str(agent), "--scenario", scenario, "--out", str(tmp_path)]) != 0
         assert message in capsys.readouterr().err
-    path = baked(exported, "shift", tmp_path / "shift")
+    path = baked(agent, "shift", tmp_path / "shift")
     assert export.main(["--agent", str(path), "--scenario", "shift", "--out", str(tmp_path)]) != 0
     assert "only agents of RoughTurning-Family-v0" in capsys.readouterr().err
-    file = agent_file.read(exported)
-    spec = agent_file.trained_policy(file.metadata, 0, file.digest, lambda num_envs: policy(exported, num_envs))
+    file = agent_file.read(agent)
+    spec = agent_file.trained_policy(file.metadata, 0, file.digest, lambda num_envs: policy(agent, num_envs))
     with pytest.raises(ValueError, match="--agent FILE --scenario shift"):
         agent_file.check_fits(spec, Scenario.load("shift"))

@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.train import onnx_agents
+from tests.walking import ROOT
 from train.agents import agent_file, onnx_policy, sandbox
 from train.agents.sandbox import Child, GuardedPolicy, Limits
 from train.agents.session import OnnxPolicy, session_of
@@ -45,6 +46,13 @@ def test_it_acts_there_bit_for_bit_as_here(memory: bool) -> None:
         actions = there.act(given)
         assert actions.tobytes() == here.act(given).tobytes()
         actions[:] = 0.0  # they are the caller's own
+
+
+@pytest.mark.slow
+def test_its_process_imports_nothing_of_the_environment() -> None:
+    program = f"{sandbox._IMPORTS}\nfrom train.agents import graph, session\nprint('turning_env' in sys.modules)"
+    ran = subprocess.run([sys.executable, "-I", "-c", program, str(ROOT)], check=True, capture_output=True, text=True)
+    assert ran.stdout == "False\n"
 
 
 @pytest.mark.slow
@@ -105,7 +113,7 @@ ATTEMPTS = {
 def test_what_is_limited_can_open_and_ask_for_nothing(tmp_path: Path) -> None:
     program = "import os, socket, resource; from train.agents.sandbox_child import limit; limit(512, 10)\n"
     program += "".join(f"try: {each}\nexcept BaseException as error: print(repr(error))\n" for each in ATTEMPTS)
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(Path(sandbox.__file__).parents[2])}
+    environment = os.environ | {"PYTHONPATH": str(Path(sandbox.__file__).parents[2])}
     command = [sys.executable, "-c", program]
     ended = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=tmp_path, check=True)
     for error, expected in zip(ended.stdout.splitlines(), ATTEMPTS.values(), strict=True):

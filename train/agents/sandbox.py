@@ -23,10 +23,13 @@ from train.agents.graph import MAX_BYTES, MAX_METADATA, Outline
 from train.agents.session import check_actions
 from turning_env.scoring.policy import Actions, Observations
 
-_PROGRAM = """
-import os, sys
-sys.path.insert(0, sys.argv[1])
+_IMPORTS = """
+import os, sys, types
+package = sys.modules["train"] = types.ModuleType("train")  # train/__init__.py would import the environment
+package.__path__ = [os.path.join(sys.argv[1], "train")]
 from train.agents.sandbox_child import main
+"""
+_PROGRAM = f"""{_IMPORTS}
 main(sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
 os._exit(0)  # skip the clean-up of libraries that can open nothing
 """

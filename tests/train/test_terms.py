@@ -1,0 +1,192 @@
+"""Terms of training charge what they should, and actors are shown in play what their training showed."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3.common.callbacks import BaseCallback
+
+from tests.train.small import SCENARIO, small_run
+from tests.turning_env.playing import changed
+from train import analytic_gradient, ppo, recurrent_ppo, sac
+from train.actor import Actor, ActorPolicy
+from train.analytic_actor import GruActor, MemorylessActor
+from train.model_gain import edge_price
+from train.terms import ChargedAtEnd, ChargedMarginally, Terms
+from train.training import Algorithm, train
+from turning_env import RoughTurningVectorEnv, Scenario
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
+
+# Of its edges some wear out, some break, and some last till the end.
+MIXED = changed(SCENARIO, tool={"edge_strength": 1500.0, "edge_strength_spread": 0.3}, control={"time_limit": 0.3})
+NUM_ENVS = 8
+
+
+@pytest.mark.parametrize("lathes", [ChargedAtEnd, ChargedMarginally])
+def test_what_is_learned_from_adds_up_over_an_edge(lathes: type[RoughTurningVecEnv]) -> None:
+    ours, single = lathes(MIXED, NUM_ENVS, 0.5), RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep")
+    ours.seed(5)
+    ours.reset()
+    single.reset(seed=5)
+    generator = np.random.default_rng(1)
+    learned, kinds = np.zeros(NUM_ENVS), set()
+    for _ in range(400):
+        actions = generator.uniform(-0.5, 1.0, (NUM_ENVS, 2)).astype(np.float32)
+        _, rewards, dones, infos = ours.step(actions)
+        *_, terminated, truncated, terms = single.step(actions)
+        learned += rewards / 0.5
+        for index in np.flatnonzero(dones):
+            used, broken = (terms["final_info"][name][index] for name in ("used_life", "broken"))
+            kinds.add("unfinished" if truncated[index] else "broken" if broken else "worn")
+            counted = 1.0 if terminated[index] else used
+            if isinstance(ours, ChargedMarginally):
+                more = ours.potential(counted)
+            else:  # what an edge has cost, if it is still in use, is still to be paid
+                more = edge_price(MIXED) * used if truncated[index] else 0.0
+            assert learned[index] == pytest.approx(infos[index]["episode"]["r"] + more, rel=1e-4, abs=1e-2)
+            learned[index] = 0.0
+    assert kinds == {"unfinished", "broken", "worn"}
+
+
+def test_a_fresh_edge_is_dear_and_a_worn_one_cheap_at_the_marginal_price() -> None:
+    lathes = ChargedMarginally(Scenario(), 1)
+    fresh, worn = (lathes.potential(np.array([low, low + 0.1])) for low in (0.0, 0.9))
+    assert fresh[1] < fresh[0]  # pays more than the flat price
+    assert worn[1] > worn[0]
+
+
+class Shown(Actor):
+    """An actor that keeps what it is shown."""
+
+    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        self.last = observation
+        return observation[:, :2].clamp(-1.0, 1.0), memory
+
+
+@pytest.mark.parametrize(("position", "frames"), [(False, 4), (True, 1), (True, 3)])
+def test_an_actor_is_shown_in_play_what_its_training_showed(position: bool, frames: int) -> None:
+    terms = Terms(MIXED, position, frames)
+    plain = RoughTurningVecEnv(MIXED, NUM_ENVS)
+    lathes = terms.shown(RoughTurningVecEnv(MIXED, NUM_ENVS))
+    shown = Shown()
+    entries = 11 + 2 * position
+    assert lathes.observation_space.shape == (frames * entries,)
+    policy = ActorPolicy(terms.actor(shown, frames * entries), NUM_ENVS)
+    for each in (lathes, plain):
+        each.seed(3)
+    observations, single = np.array(lathes.reset()), plain.reset()
+    generator, ends = np.random.default_rng(1), 0
+    for _ in range(200):
+        if frames == 1:  # the library mixes up the bounds of stacked observations, which no algorithm here uses
+            assert lathes.observation_space.contains(observations[0])
+        policy.act(single)
+        np.testing.assert_array_equal(shown.last.numpy(), observations)
+        actions = generator.uniform(-0.5, 1.0, (NUM_ENVS, 2)).astype(np.float32)
+        before = observations
+        found, _, dones, infos = lathes.step(actions)
+        observations = np.array(found)
+        single, _, _, plain_infos = plain.step(actions)
+        for index in np.flatnonzero(dones):
+            ends += 1
+            last = infos[index]["terminal_observation"]
+            np.testing.assert_array_equal(last[: -entries or None], before[index, entries:])
+            np.testing.assert_array_equal(last[-entries:][:11], plain_infos[index]["terminal_observation"])
+            if position:  # as the tracker of an episode that goes on would read it
+                assert -1.0 <= last[-2] <= 1.0
+                assert last[-2] >= before[index, -2] or last[-2] < before[index, -2] - 0.5  # along this bar, or the next
+            assert not observations[index, :-entries].any()
+        policy.reset(dones)
+    assert ends > 3
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "terms"),
+    [
+        (ppo.ALGORITHM, {"position": True, "frames": 4, "life_price": "marginal"}),
+        (recurrent_ppo.ALGORITHM, {"position": True}),
+        (sac.ALGORITHM, {"position": True, "frames": 2}),
+    ],
+    ids=["ppo", "recurrent_ppo", "sac"],
+)
+def test_a_trained_agent_acts_on_plain_observations_as_its_policy_on_what_it_was_shown(
+    algorithm: Algorithm, terms: dict[str, object], tmp_path: Path
+) -> None:
+    run = small_run(algorithm, tmp_path, **terms)
+    path = train(run, algorithm)
+    model, policy = algorithm.model.load(path), ActorPolicy(algorithm.actor(path), NUM_ENVS)
+    lathes, plain = Terms.of(run).shown(RoughTurningVecEnv(SCENARIO, NUM_ENVS)), RoughTurningVecEnv(SCENARIO, NUM_ENVS)
+    for each in (lathes, plain):
+        each.seed(7)
+    observations, single, state, starts = lathes.reset(), plain.reset(), None, np.ones(NUM_ENVS, np.bool_)
+    for _ in range(30):
+        assert not isinstance(observations, dict | tuple)
+        expected, state = model.predict(observations, state, starts, deterministic=True)
+        actions = policy.act(single)
+        np.testing.assert_allclose(actions, expected, atol=1e-6)
+        observations, _, starts, _ = lathes.step(actions)
+        single, *_ = plain.step(actions)
+        policy.reset(starts)
+
+
+def test_an_interrupted_training_goes_on_with_what_its_environments_showed(tmp_path: Path) -> None:
+    """Checkpoints hold the environments with their positions and earlier observations."""
+    terms: dict[str, object] = {"position": True, "frames": 3, "life_price": "marginal", "steps": 2048}
+    whole, cut = (small_run(ppo.ALGORITHM, tmp_path / name, **terms) for name in ("whole", "cut"))
+    train(whole, ppo.ALGORITHM)
+
+    class Interruption(BaseCallback):
+        def _on_step(self) -> bool:
+            if self.num_timesteps > 1100:
+                raise KeyboardInterrupt
+            return True
+
+    with pytest.raises(KeyboardInterrupt):
+        train(cut, dataclasses.replace(ppo.ALGORITHM, callbacks=lambda run: [Interruption()]), checkpoint_every=512)
+    assert cut.checkpoint.exists()
+    train(cut, ppo.ALGORITHM)
+    weights = [ppo.ALGORITHM.actor(run.policy).state_dict() for run in (whole, cut)]
+    assert all(torch.equal(value, weights[1][name]) for name, value in weights[0].items())
+
+
+def test_an_analytic_gradient_agent_has_its_own_terms(tmp_path: Path) -> None:
+    run = small_run(analytic_gradient.ALGORITHM, tmp_path, position=False, life_price="flat", memory=False)
+    actor = analytic_gradient.ALGORITHM.actor(train(run, analytic_gradient.ALGORITHM))
+    assert isinstance(actor, MemorylessActor)
+    observations = torch.rand(5, 3, 11)
+    with torch.no_grad():
+        alone = [actor(each, torch.zeros(3, actor.memory_size))[0] for each in observations]
+        memory, along = torch.zeros(3, actor.memory_size), []
+        for each in observations:
+            action, memory = actor(each, memory)
+            along.append(action)
+        targets = actor.unroll(observations, torch.zeros(3, actor.memory_size), torch.zeros(5, 3, 1))
+        single = actor.unroll(observations[-1:], torch.rand(3, actor.memory_size), torch.zeros(1, 3, 1))
+    torch.testing.assert_close(torch.stack(along), torch.stack(alone))
+    torch.testing.assert_close(targets[-1:], single)
+
+
+def test_an_agent_with_memory_acts_by_it() -> None:
+    """The counterpart of a ``MemorylessActor``: the same observation twice gives two actions."""
+    actor = GruActor(SCENARIO, 11, 8)
+    observation = torch.rand(3, 11)
+    with torch.no_grad():
+        first, memory = actor(observation, torch.zeros(3, actor.memory_size))
+        second, _ = actor(observation, memory)
+    assert not torch.equal(first, second)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "parameters", "message"),
+    [
+        (ppo.ALGORITHM, {"life_price": "margin"}, "must be one of flat, marginal, end"),
+        (ppo.ALGORITHM, {"frames": 0}, "frames is 0, but must be 1 to 100"),
+        (analytic_gradient.ALGORITHM, {"life_price": "end"}, "must be marginal or flat"),
+    ],
+)
+def test_terms_that_do_not_exist_are_refused(
+    algorithm: Algorithm, parameters: dict[str, object], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        train(small_run(algorithm, tmp_path, **parameters), algorithm)
