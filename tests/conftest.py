@@ -14,6 +14,8 @@ settings.register_profile("suite", deadline=None, derandomize=True, database=Non
 settings.register_profile(
     "soak", deadline=None, derandomize=False, database=None, print_blob=True, suppress_health_check=[HealthCheck.too_slow]
 )
+# Workers share the cores: with more threads they wait for one another. NumPy and torch read this when they are imported.
+os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 # No window is shown.
 os.environ["SDL_VIDEODRIVER"] = "dummy"
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))

@@ -9,9 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
-MAX = 60.0
-"""Longest time to start or end a process [s]."""
+from tests.walking import MAX, ROOT
 
 
 class DaskCluster:

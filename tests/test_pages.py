@@ -10,9 +10,10 @@ from tests.walking import ROOT, Smaller, check, copy_to, run, walk
 
 DOCS = ROOT / "docs"
 README = (ROOT / "README.md").read_text("utf-8")
-PAGES = (ROOT / "README.md", DOCS / "results.md", *sorted((DOCS / "tutorials").glob("*.md")))
-# tests/test_identity.py walks this one, interpreted.
-INTERPRETED = DOCS / "tutorials" / "change_the_lathe.md"
+TUTORIALS = DOCS / "tutorials"
+INTERPRETED = TUTORIALS / "change_the_lathe.md"  # tests/test_identity.py walks this one, interpreted
+ALIKE = (TUTORIALS / "train.md", TUTORIALS / "submit_a_policy.md")  # they train, export and rank the same agent
+ALONE = (ROOT / "README.md", DOCS / "results.md", *sorted(set(TUTORIALS.glob("*.md")) - {INTERPRETED, *ALIKE}))
 # What commands begin with that other tests run: these tests themselves, and those of papers, wheel, verification and benchmarks.
 BENCHMARKS = ("throughput", "ablation", "bound", "headroom", "peers", "growth", "training", "time_to_beat", "cost_limits")
 ELSEWHERE = (
@@ -21,10 +22,10 @@ ELSEWHERE = (
 )
 # How a command is made small: options added to it, words replaced in it.
 SMALLER: Smaller = {
-    "make leaderboard": ("STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results", {}),
+    "make leaderboard": ("SCENARIO=short.toml STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results", {}),
     "make agents": ("STEPS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 AGENTS=RoughTurning-Surface-v0/ppo", {}),
     "make results": ("TASK_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v0", {}),
-    "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Batch-v0'", {}),
+    "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0'", {}),
     "python -m train.ppo": ("--steps 20000", {}),
     "python -m train.tune": ("--steps 4096", {}),
     "python -m baselines.tune": (
@@ -33,7 +34,7 @@ SMALLER: Smaller = {
     ),
     "python -m leaderboard run --policies steady_load": ("--scenario short.toml", {}),
     "python -m leaderboard run --policy my_module": ("--policies fixed_tuned --seeds 2", {}),
-    "python -m leaderboard run --agents": ("--policies fixed_tuned grid_search", {}),  # ``make leaderboard`` plays all
+    "python -m leaderboard run --agents": ("--policies fixed_tuned grid_search", {}),
     "python -m leaderboard run": ("--seeds 2", {}),
     "python -m leaderboard.watch": ("--steps 6", {}),
     "python -m papers.figures": ("--only grid_search_12 --out few-figures", {}),
@@ -58,9 +59,11 @@ def set_up() -> bool:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not set_up(), reason="needs the .venv that make sets up")
-@pytest.mark.parametrize("page", [page for page in PAGES if page != INTERPRETED], ids=lambda page: page.stem)
-def test_a_page_is_true(page: Path, copy: Path) -> None:
-    walk(page.read_text("utf-8"), copy, SMALLER, ELSEWHERE)
+@pytest.mark.parametrize("pages", [ALIKE, *((page,) for page in ALONE)], ids=lambda pages: pages[0].stem)
+def test_a_page_is_true(pages: tuple[Path, ...], copy: Path) -> None:
+    done = ELSEWHERE
+    for page in pages:
+        done += walk(page.read_text("utf-8"), copy, SMALLER, done)
 
 
 def test_the_readme_prints_what_it_says() -> None:

@@ -37,7 +37,7 @@ def test_beliefs_are_as_uncertain_as_they_say() -> None:
 
 @pytest.mark.slow
 def test_a_bound_on_beliefs_is_below_the_one_that_knows_the_bars() -> None:
-    seeds = tuning_seeds(2)
+    seeds = tuning_seeds(1)
     knows = clairvoyant.bounds(SCENARIO, seeds, clairvoyant.Grid(10.0, 60, 8))
     believes = np.array([belief_bound.bound(SCENARIO, seed, 10.0, 40) for seed in seeds])
     assert (believes < knows).all()

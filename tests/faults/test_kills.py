@@ -12,8 +12,7 @@ import pytest
 
 from benchmarks import soak
 from benchmarks.soak import PROGRAMS, contents, unreadable
-
-ROOT = Path(__file__).parents[2]
+from tests.walking import MAX, ROOT
 
 
 @pytest.mark.slow
@@ -26,17 +25,33 @@ def test_a_killed_program_goes_on_to_what_it_makes_undisturbed(name: str, tmp_pa
 
 
 def careless(folder: Path) -> int:
-    """Write a file bit by bit, after what it finds there."""
-    with (folder / "result.json").open("a") as file:
+    """Write a file bit by bit, after what it finds there, and be slow where it is to be killed."""
+    path = folder / "result.json"
+    interrupted = path.exists()
+    with path.open("a") as file:
         print("[", file=file, flush=True)
-        time.sleep(0.5)
+        if not (interrupted or folder.name == "undisturbed"):
+            time.sleep(MAX)
         print("]", file=file, flush=True)
     return 0
 
 
+class WhenTorn(Random):
+    """Chooses the moment at which a file is half written."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+
+    def uniform(self, a: float, b: float) -> float:
+        """Wait for that moment, and return 0 s."""
+        _until(lambda: self._path.exists() and self._path.read_text() == "[\n")
+        return 0.0
+
+
 @pytest.mark.slow
 def test_a_careless_program_is_found_out(tmp_path: Path) -> None:
-    toll = soak.kill(careless, 5, tmp_path, Random(5))
+    toll = soak.kill(careless, 1, tmp_path, WhenTorn(tmp_path / "killed0" / "result.json"))
     assert toll.torn
     assert toll.differing
     assert not toll.survived
@@ -54,26 +69,25 @@ def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
 
 
 PARENT = """
-import sys, time
-from pathlib import Path
+import runpy, sys
 from turning_env.scoring.workers import processes
-from tests.faults.test_kills import wait
 with processes(1) as over:
-    over.start("long", wait, Path(sys.argv[1]))
+    over.start("long", runpy.run_path, sys.argv[1])
     over.finished()
 """
-
-
-def wait(mark: Path) -> None:
-    """Write the number of this process, and then wait for long."""
-    mark.write_text(str(os.getpid()))
-    time.sleep(600.0)
+# Longer than the test waits for its end.
+LONG = f"""
+import os, pathlib, time
+pathlib.Path(__file__).with_suffix(".number").write_text(str(os.getpid()))
+time.sleep({2 * MAX})
+"""
 
 
 @pytest.mark.slow
 def test_processes_end_though_who_started_them_is_killed(tmp_path: Path) -> None:
-    mark = tmp_path / "process"
-    with subprocess.Popen([sys.executable, "-c", PARENT, str(mark)], cwd=ROOT, stderr=subprocess.DEVNULL) as parent:
+    program, mark = tmp_path / "long.py", tmp_path / "long.number"
+    program.write_text(LONG)
+    with subprocess.Popen([sys.executable, "-c", PARENT, str(program)], cwd=ROOT, stderr=subprocess.DEVNULL) as parent:
         _until(lambda: mark.exists() and mark.read_text() != "")
         parent.kill()
     number = int(mark.read_text())
@@ -90,8 +104,8 @@ def _has_ended(number: int) -> bool:
     return status.exists() and status.read_text().rpartition(")")[2].split()[0] == "Z"
 
 
-def _until(holds: Callable[[], bool], most: float = 60.0) -> None:
+def _until(holds: Callable[[], bool]) -> None:
     start = time.monotonic()
     while not holds():
-        assert time.monotonic() - start < most
+        assert time.monotonic() - start < MAX
         time.sleep(0.05)

@@ -14,6 +14,7 @@ from leaderboard.result import Task
 from leaderboard.standings import rank
 from leaderboard.trajectories import Trajectories, record
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
+from tests.walking import MAX
 from train.learning_curves import Training
 from turning_env.scoring.policy import PolicySpec
 
@@ -70,7 +71,7 @@ def opened(browser: Browser, file: Path) -> Iterator[Open]:
 
     def go(at: str = file.as_uri(), width: int = 1280, height: int = 844, **settings: object) -> Page:
         context = browser.new_context(viewport={"width": width, "height": height}, **settings)  # type: ignore[arg-type]
-        context.set_default_timeout(10_000)
+        context.set_default_timeout(1000 * MAX)
         contexts.append(context)
         shown = context.new_page()
         shown.on("console", lambda message: heard.append(message.text))

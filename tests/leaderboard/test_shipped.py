@@ -14,7 +14,7 @@ from leaderboard.ranking import read_leaderboard, read_trainings
 from leaderboard.result import MANIFEST_FILE, SUFFIX, Manifest, read_part, read_result, result_files
 from leaderboard.standings import CAUSAL, CLAIRVOYANT
 from leaderboard.verify import Selection
-from train.agents import onnx_policy
+from train.agents import agent_file, onnx_policy
 from train.learning_curves import FILE, Trainings
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario
 from turning_env.scoring.policy import ScenarioId
@@ -22,6 +22,7 @@ from turning_env.scoring.policy import ScenarioId
 ROOT = Path(__file__).parents[2]
 RESULTS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"
 FILES = sorted(AGENTS.glob("*/*/*.onnx"))
+ONE_OF_EACH = [path for index, path in enumerate(FILES) if index % 5 == index // 5 % 5]  # of five training seeds, another in turn
 FAMILY = pytest.mark.skipif(not (RESULTS / FAMILY_ID).exists(), reason="no results of a family ship")
 BEST = "analytic_gradient"
 AGENTS_OF_ALL_KINDS = ["ppo-seed0", "recurrent_ppo-seed1", "lagrangian_ppo-seed2", "sac-seed3", "tqc-seed4", f"{BEST}-seed0"]
@@ -111,16 +112,21 @@ def test_policies_of_the_family_play_every_job_of_the_three_splits() -> None:
     assert sum(path.stat().st_size for path in (RESULTS / FAMILY_ID).rglob("*.xz")) < 500_000
 
 
+def test_every_agent_is_of_its_folder_and_has_a_card() -> None:
+    for path in FILES:
+        metadata = agent_file.read(path).metadata
+        family: Any = metadata.parameters.get("family")
+        assert (Family.load(family).name if family else metadata.scenario.name, metadata.label) == (path.parent.name, path.stem)
+        assert path.with_name(f"{metadata.name}.md").is_file()
+        assert path.stat().st_size < 600_000
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("path", FILES, ids=lambda path: f"{path.parent.parent.name}-{path.stem}")
-def test_every_agent_can_be_loaded_and_has_a_card(path: Path) -> None:
+@pytest.mark.parametrize("path", ONE_OF_EACH, ids=lambda path: f"{path.parent.parent.name}-{path.stem}")
+def test_agents_can_be_loaded(path: Path) -> None:
     agent = onnx_policy.load(path)
     assert agent.trained_on is not None
     assert agent.tuned_for == ScenarioId.of(agent.trained_on)
-    family: Any = agent.parameters.get("family")
-    assert (Family.load(family).name if family else agent.trained_on.name, agent.label) == (path.parent.name, path.stem)
-    assert path.with_name(f"{agent.name}.md").is_file()
-    assert path.stat().st_size < 600_000
 
 
 def test_there_are_five_seeds_of_every_agent() -> None:

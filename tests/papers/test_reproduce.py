@@ -2,6 +2,8 @@ import json
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +21,11 @@ GRID_SEARCH = (PAPERS[0],)
 
 
 @pytest.mark.slow
-def test_every_figure_of_every_paper_agrees_and_the_page_tells_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_figure_of_every_paper_agrees_and_the_page_tells_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    papers = [replace(paper, checks=partial(iter, list(paper.checks()))) for paper in PAPERS]
+    monkeypatch.setattr("papers.reproduce.__main__.PAPERS", papers)
     assert main(["--markdown"]) == 0
     assert capsys.readouterr().out in (ROOT / "docs" / "papers" / "index.md").read_text("utf-8")
     assert main([]) == 0
@@ -27,7 +33,7 @@ def test_every_figure_of_every_paper_agrees_and_the_page_tells_it(capsys: pytest
     assert "MISMATCH" not in printed
     assert sum(line.startswith("Table 1") for line in printed.splitlines()) == 16 * 5
     assert sum(line.startswith("Table 2") for line in printed.splitlines()) == 16 * 8
-    for paper in PAPERS:
+    for paper in papers:
         assert f"\n{paper.title}: " in printed
         patterns = [item.pattern for item in paper.items if item.pattern]
         for check in paper.checks():

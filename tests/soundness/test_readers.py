@@ -72,7 +72,7 @@ def test_a_compressed_result_is_read_or_refused(tmp_path: Path, content: bytes) 
 
 
 @pytest.mark.slow
-@tried(short=40, soak=2_000)
+@tried(short=20, soak=2_000)
 @given(damages(READERS["agent"].valid, ".onnx"))
 def test_an_agent_is_read_and_acts_or_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "damaged.onnx"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.walking import MAX
 from turning_env import Scenario
 from turning_env.control import opcua
 from turning_env.control.core import Controller, Status
@@ -51,7 +52,7 @@ def served(tmp_path: Path) -> Iterator[tuple[str, Path, dict[str, Any]]]:
 
 
 def waits_for(condition: Callable[[], bool]) -> None:
-    limit = time.monotonic() + 30.0
+    limit = time.monotonic() + MAX
     while not condition():
         assert time.monotonic() < limit
         time.sleep(0.02)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from tests.walking import MAX, ROOT
 from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_env.workshop.advise import Prices, advise, plan
@@ -17,7 +18,6 @@ from turning_env.workshop.whatif import what_if
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[3]
 Open = Callable[..., Page]
 MACHINE = """
 base = "rough_turning"
@@ -60,7 +60,7 @@ def opened(browser: Browser, tmp_path: Path) -> Iterator[Open]:
         path = tmp_path / "page.html"
         path.write_text(render(scenario, evidence, advise(scenario, evidence)), "utf-8")
         context = browser.new_context(viewport={"width": width, "height": 800}, **settings)
-        context.set_default_timeout(10_000)
+        context.set_default_timeout(1000 * MAX)
         contexts.append(context)
         page = context.new_page()
         page.on("console", lambda message: heard.append(message.text))

@@ -5,18 +5,15 @@ import json
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.walking import blocks, commands, copy_to, run
+from tests.walking import ROOT, blocks, commands
 from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_env.workshop.measurements import COLUMNS, EDGE
 
-ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "your_own_machine.md").read_text("utf-8")
 PROMPT = ["python", "-m", "turning_env"]
 NUMBER = r"-?\d+(?:\.\d+)?"
@@ -54,10 +51,12 @@ def test_the_tutorial_works_from_first_to_last(
 
 
 @pytest.mark.slow
-def test_from_a_messy_sheet_to_an_adapted_program_in_a_fresh_clone(tmp_path: Path) -> None:
+def test_from_a_messy_sheet_to_an_adapted_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """German headers, decimal commas, W and s, and one slipped decimal point: refused, then corrected, used and applied."""
-    copy_to(tmp_path)
-    cuts, part = tmp_path / "docs/examples/cuts.csv", tmp_path / "examples/programs/welle.mpf"
+    monkeypatch.chdir(tmp_path)
+    cuts, part = ROOT / "docs/examples/cuts.csv", ROOT / "examples/programs/welle.mpf"
     rows = list(csv.DictReader(cuts.read_text("utf-8").splitlines()))
     heads = ("vc [m/min]", "fn", "ap", "Zeit (s)", "VB [µm]", "Ff [N]", "P [W]")
 
@@ -72,14 +71,13 @@ def test_from_a_messy_sheet_to_an_adapted_program_in_a_fresh_clone(tmp_path: Pat
             lines.append(";".join(str(value).replace(".", ",") for value in scaled))
         (tmp_path / "messy.csv").write_text("\n".join(lines), "utf-8")
 
-    def command(line: str, status: int = 0) -> "subprocess.CompletedProcess[str]":
-        finished = run([sys.executable, "-m", "turning_env", *shlex.split(line)], tmp_path)
-        assert finished.returncode == status, finished.stderr
-        assert "Traceback" not in finished.stderr
-        return finished
+    def command(line: str, status: int = 0) -> str:
+        assert main(shlex.split(line)) == status, line
+        printed = capsys.readouterr()
+        return printed.err if status else printed.out
 
     write(slip=0.1)
-    assert "line 5" in command("calibrate messy.csv --out tool.toml", status=1).stderr
+    assert "line 5" in command("calibrate messy.csv --out tool.toml", status=1)
     assert not (tmp_path / "tool.toml").exists()
     write(slip=1.0)
     command("calibrate messy.csv --out tool.toml")
@@ -89,14 +87,14 @@ def test_from_a_messy_sheet_to_an_adapted_program_in_a_fresh_clone(tmp_path: Pat
         assert getattr(messy, law).model_dump() == pytest.approx(getattr(clean, law).model_dump(), rel=1e-5)
     command("whatif tool.toml --cutting-speed 120 --feed 0.3 --wear 0.2")
     command("map tool.toml --wear 0.2 --out map.png")
-    found = json.loads(command("advise tool.toml --seeds 2 --sheet sheet.pdf --page page.html --json").stdout)
+    found = json.loads(command("advise tool.toml --seeds 2 --sheet sheet.pdf --page page.html --json"))
     assert [year["name"] for year in found["played"]["years"]][:3] == ["fixed parameters", "schedule by time", "rule predictive"]
     assert (tmp_path / "sheet.pdf").read_bytes().count(b"/Type /Page ") == 1
     played = f"program {part} --scenario tool.toml --stock bar:98x150"
-    adapted = json.loads(command(f"{played} --adapt words --out welle.simulated.mpf --json").stdout)
+    adapted = json.loads(command(f"{played} --adapt words --out welle.simulated.mpf --json"))
     assert adapted["adapted"]["totals"]["time"] < 0.9 * adapted["totals"]["time"]
     assert adapted["adapted"]["totals"]["max_load"] <= 1.001
-    again = json.loads(command(f"{played} --json".replace(str(part), "welle.simulated.mpf")).stdout)
+    again = json.loads(command(f"{played} --json".replace(str(part), "welle.simulated.mpf")))
     assert again["totals"] == adapted["adapted"]["totals"]
     old, new = (path.read_bytes().split() for path in (part, tmp_path / "welle.simulated.mpf"))
     changed = [(before, after) for before, after in zip(old, new, strict=True) if before != after]
