@@ -18,7 +18,6 @@ ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurn
 # A sixth of the steps of agents that ship, for a first look.
 TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS)/first --steps $(or $(STEPS),1000000)
 RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --seeds $(NUM_SEEDS) --results $(RESULTS)
-AGENT = $(RUNS)/first/RoughTurning-v0/$(SCENARIO)/ppo-seed
 PYTEST = .venv/bin/pytest -n 2 --dist worksteal
 
 # Extras by set-up: `make leaderboard` and the like need the first, tests, examples and the site also the second.
@@ -54,8 +53,7 @@ setup: .venv/run
 
 # Train an agent, play it, and rank it with every policy that ships: their results need not be played again.
 leaderboard: .venv/run
-	$(TRAIN) --seed 0
-	$(RUN) --agents $(AGENT)0
+	run=$$($(TRAIN) --seed 0) && $(RUN) --agents $$(dirname $$run)
 
 # Train all agents that ship anew, two at a time, and export them and their learning curves (a very short training has none).
 agents: .venv/run
@@ -95,7 +93,7 @@ results: .venv/run
 verify: .venv/run
 	.venv/bin/python -m leaderboard verify --jobs $(JOBS) $(VERIFY)
 
-# Lint, types and fast tests, side by side: within a minute.
+# Lint, types and fast tests, side by side: a minute or two.
 check: .venv/test
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target fast lint types
 
@@ -176,6 +174,5 @@ clean:
 .venv/test: .venv/run
 	$(call install,$(TEST_EXTRAS))
 	.venv/bin/python -m compileall -q -j 2 .venv/lib > .venv/bytecode.txt 2>&1 || true
-	.venv/bin/python -m tests.compile
-	.venv/bin/mypy > .venv/types.txt || true
+	(.venv/bin/mypy > .venv/types.txt || true) & .venv/bin/python -m tests.compile && wait
 	touch $@
