@@ -143,11 +143,11 @@ def table(rows: Sequence[Played]) -> list[str]:
         "|---|---|---|---|---|---|",
     ]
     for row in rows:
-        difference = "" if row is rows[0] else _text(_difference(bootstrap, row, rows[0]), 1)
+        difference = "" if row is rows[0] else text(_difference(bootstrap, row, rows[0]), 1)
         mean_return = Estimate.of(row.episodes["return"].mean(), bootstrap.means(row.episodes["return"], row.name))
         severe = severe_share(row.episodes["severe_overload_time"].ravel(), row.episodes["engaged_time"].ravel())
         broken = ratio(*(row.episodes[key].sum(keepdims=True) for key in ("edges_broken", "edges_used"))).item()
-        cells = (VARIANTS[row.name].title, _text(mean_return, 0), difference, f"{100 * severe:.2f}", f"{100 * broken:.1f}")
+        cells = (VARIANTS[row.name].title, text(mean_return, 0), difference, f"{100 * severe:.2f}", f"{100 * broken:.1f}")
         lines.append(f"| {' | '.join(cells)} | {row.seconds:.0f} |")
     return lines
 
@@ -159,7 +159,8 @@ def _difference(bootstrap: Bootstrap, row: Played, other: Played) -> Estimate:
     return Estimate.of(ours.mean() - theirs.mean(), replicates)
 
 
-def _text(estimate: Estimate, decimals: int) -> str:
+def text(estimate: Estimate, decimals: int) -> str:
+    """Return an estimate with its interval as text."""
     value, low, high = (f"{number:.{decimals}f}" for number in (estimate.value, estimate.low, estimate.high))
     return f"{value} ({low} to {high})"
 

@@ -97,6 +97,7 @@ MISTAKES: dict[str, list[str]] = {
     "benchmarks.bound": ["--scenario nothing", "--scenario shift", "--seeds 0"],
     "benchmarks.cost_limits": ["--seeds 0", "--shares 0", "--algorithms nothing", "--out made.txt"],
     "benchmarks.clients": ["nothing", "--write"],
+    "benchmarks.equal_terms": ["--seeds 0", "--seeds-apart 0", "--agents nothing", "--agents ppo-position"],
     "benchmarks.foresight": ["--jobs 0", "--split nothing"],
     "benchmarks.headroom": ["--seeds 0", "--rows nothing"],
     "benchmarks.growth": ["made.txt", "made.png --most 0"],

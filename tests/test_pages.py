@@ -15,7 +15,18 @@ INTERPRETED = TUTORIALS / "change_the_lathe.md"  # tests/test_identity.py walks 
 ALIKE = (TUTORIALS / "train.md", TUTORIALS / "submit_a_policy.md")  # they train, export and rank the same agent
 ALONE = (ROOT / "README.md", DOCS / "results.md", *sorted(set(TUTORIALS.glob("*.md")) - {INTERPRETED, *ALIKE}))
 # What commands begin with that other tests run: these tests themselves, and those of papers, wheel, verification and benchmarks.
-BENCHMARKS = ("throughput", "ablation", "bound", "headroom", "peers", "growth", "training", "time_to_beat", "cost_limits")
+BENCHMARKS = (
+    "throughput",
+    "ablation",
+    "bound",
+    "headroom",
+    "peers",
+    "growth",
+    "training",
+    "time_to_beat",
+    "cost_limits",
+    "equal_terms",
+)
 ELSEWHERE = (
     *("make test", "python -m papers.reproduce", "pip install", "python -m leaderboard verify --seeds"),
     *(f"python -m benchmarks.{name}" for name in BENCHMARKS),
