@@ -108,7 +108,7 @@ def play_agent(agent: tuple[str, int], seeds: int, steps: int, runs: Path) -> Pl
         task = Task(env_id=ENV_ID, scenario=scenario, seeds=held_out_seeds(seeds))
         folder = result_folder(runs / "equal_terms" / "results", ENV_ID, scenario.name)
         try:
-            result = read_result(result_path(folder, spec))
+            result: Result | None = read_result(result_path(folder, spec))
         except ResultError:
             result = None
         if result is None or not result.is_of(task, spec):

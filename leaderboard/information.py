@@ -35,6 +35,7 @@ _TEACHER = frozenset({"model gradients", "true states", "geometry"}) | _PRICED
 _ALGORITHMS: Mapping[str, frozenset[str]] = {
     "ppo": _REWARDS,
     "recurrent_ppo": _REWARDS,
+    "transformer_ppo": _REWARDS,
     "sac": _REWARDS,
     "tqc": _REWARDS,
     **dict.fromkeys(("lagrangian_ppo", "pid_lagrangian_ppo", "focops"), _REWARDS | {"overload share"}),

@@ -49,7 +49,10 @@ from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.workers import cluster, processes
 
-ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "pid_lagrangian_ppo", "focops", "analytic_gradient")
+ALGORITHMS = (
+    *("ppo", "sac", "tqc", "recurrent_ppo", "transformer_ppo", "lagrangian_ppo", "pid_lagrangian_ppo", "focops"),
+    "analytic_gradient",
+)
 NUM_EPISODES = 64
 """Number of tuning seeds that each agent plays."""
 SQLITE_TIMEOUT = 60.0

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from train import analytic_gradient, focops, lagrangian_ppo, pid_lagrangian_ppo, ppo, recurrent_ppo, sac, tqc
+from train import analytic_gradient, focops, lagrangian_ppo, pid_lagrangian_ppo, ppo, recurrent_ppo, sac, tqc, transformer_ppo
 from train.run import Run
 from train.training import Algorithm
 from turning_env import Scenario
@@ -12,7 +12,7 @@ SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 
 
 ALGORITHMS = {
     module.ALGORITHM.name: module.ALGORITHM
-    for module in (ppo, sac, tqc, recurrent_ppo, lagrangian_ppo, pid_lagrangian_ppo, focops, analytic_gradient)
+    for module in (ppo, sac, tqc, recurrent_ppo, transformer_ppo, lagrangian_ppo, pid_lagrangian_ppo, focops, analytic_gradient)
 }
 
 _ON_POLICY = {"steps": 2048, "num_envs": 8, "rollout": 64, "batch_size": 256, "epochs": 2}
@@ -23,6 +23,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     "sac": _OFF_POLICY,
     "tqc": _OFF_POLICY | {"quantiles": 5},
     "recurrent_ppo": _ON_POLICY | {"memory_cells": 4},
+    "transformer_ppo": _ON_POLICY | {"memory_cells": 4, "frames": 1},
     "lagrangian_ppo": _ON_POLICY,
     "pid_lagrangian_ppo": _ON_POLICY,
     "focops": _ON_POLICY,

@@ -16,7 +16,7 @@ from baselines.models.kalman_steps import STATES
 from baselines.models.load_filter import LoadFilter
 from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF
-from train import export, family_gradient
+from train import export, family_gradient, job_optimum
 from train.agents import agent_file
 from train.agents.session import OnnxPolicy, session_of
 from train.analytic_actor import MAX_TIME
@@ -220,7 +220,7 @@ def test_jobs_must_be_alike_in_what_the_agent_takes_as_the_same(changes: dict[st
 
 
 def exported(folder: Path) -> Path:
-    """Train and export a family's agent; return its path. The exporter takes a minute."""
+    """Train and export a family's agent; return its path. The exporter takes the longer, the more of Newton's steps it traces."""
     arguments = [part for name, value in SMALL.items() for part in ("--set", f"{name}={value}")]
     path = folder / "brief.toml"
     path.write_text(tomli_w.dumps(BRIEF))
@@ -228,6 +228,7 @@ def exported(folder: Path) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(export, "STEPS", 5)
         patch.setattr(export, "TIMED_CALLS", 3)
+        patch.setattr(job_optimum, "_NEWTON_STEPS", 1)
         (run,) = folder.rglob("run.json")
         return Path(export.export(run.parent, folder)["path"])
 
