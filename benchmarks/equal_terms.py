@@ -86,25 +86,29 @@ class Played:
     """Processor time of its training [s]."""
 
 
+def planned(agent: tuple[str, int], steps: int, runs: Path) -> Run:
+    """Return the training of an agent with a training seed."""
+    name, seed = agent
+    algorithm = name.partition("-")[0]
+    settings = parameters(name) | {"steps": steps}
+    chosen = " ".join(f"--set {key}={json.dumps(value)}" for key, value in settings.items())
+    command = f"python -m train.{algorithm} --seed {seed} {chosen}"
+    return Run.plan(algorithm, ENV_ID, Scenario.load(IDS[ENV_ID]), seed, runs / "equal_terms" / name, command, settings)
+
+
 def play_agent(agent: tuple[str, int], seeds: int, steps: int, runs: Path) -> Played:
     """Train an agent with a training seed and play it, unless that is done.
 
     Raises:
         ValueError: the training's folder holds a training with other settings, or numbers have not stayed finite.
     """
-    name, seed = agent
-    algorithm = dataclasses.replace(ALGORITHMS[name.partition("-")[0]], callbacks=lambda run: [ProcessorTime()])
-    settings = parameters(name) | {"steps": steps}
-    home = Scenario.load(IDS[ENV_ID])
-    chosen = " ".join(f"--set {key}={json.dumps(value)}" for key, value in settings.items())
-    command = f"python -m train.{algorithm.name} --seed {seed} {chosen}"
-    run = Run.plan(algorithm.name, ENV_ID, home, seed, runs / "equal_terms" / name, command, settings)
+    (name, seed), run = agent, planned(agent, steps, runs)
+    algorithm = dataclasses.replace(ALGORITHMS[run.algorithm], callbacks=lambda run: [ProcessorTime()])
     path = train(run, algorithm)
-    spec = PolicySpec(
-        name=name, kind="agent", parameters=run.parameters, training_seed=seed, command=command, tuned_for=ScenarioId.of(home)
-    )
+    home = ScenarioId.of(run.scenario)
+    spec = PolicySpec(name=name, kind="agent", parameters=run.parameters, training_seed=seed, command=run.command, tuned_for=home)
     results = {}
-    for scenario in (home, *(map(Scenario.load, SPLITS) if name in ALGORITHMS else ())):
+    for scenario in (run.scenario, *(map(Scenario.load, SPLITS) if name in ALGORITHMS else ())):
         task = Task(env_id=ENV_ID, scenario=scenario, seeds=held_out_seeds(seeds))
         folder = result_folder(runs / "equal_terms" / "results", ENV_ID, scenario.name)
         try:
@@ -220,16 +224,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     who = parser.add_mutually_exclusive_group()
     who.add_argument("--jobs", type=int, default=1, metavar="N", help="trainings at the same time (default: %(default)s)")
     who.add_argument("--scheduler", metavar="URL", help="train on the workers of a Dask cluster, such as tcp://host:8786")
+    parser.add_argument("--trained", action="store_true", help="train nothing: compare the agents that are trained already")
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parser.add_argument("--out", type=Path, help="Markdown file for the tables (default: only print)")
     parsed = parser.parse_args(arguments)
     for option, most in (("seeds", SEEDS), ("seeds_apart", SEEDS), ("steps", 10**12), ("episodes", 10**6), ("jobs", 1000)):
         if not 1 <= (value := getattr(parsed, option)) <= most:
             parser.error(f"--{option.replace('_', '-')} is {value}, but must be 1 to {most}")
-    names = [name for name in AGENTS if name in parsed.agents]
+    counts = {name: parsed.seeds if name in ALGORITHMS else parsed.seeds_apart for name in AGENTS if name in parsed.agents}
+    pieces = [(name, seed) for name, count in counts.items() for seed in range(count)]
+    if parsed.trained:
+        pieces = [piece for piece in pieces if planned(piece, parsed.steps, parsed.runs).policy.exists()]
+    names = list(dict.fromkeys(name for name, _ in pieces))
+    if not names:
+        parser.error(f"--trained finds no agent in {parsed.runs / 'equal_terms'}")
     if alone := [name for name in names if name.partition("-")[0] not in names]:
-        parser.error(f"--agents has {alone[0]}, which is compared with {alone[0].partition('-')[0]}: name that, too")
-    pieces = [(name, seed) for name in names for seed in range(parsed.seeds if name in ALGORITHMS else parsed.seeds_apart)]
+        parser.error(f"{alone[0]} is compared with {alone[0].partition('-')[0]}: name and train that, too")
     pieces.sort(key=lambda piece: piece[1])
     work = partial(play_agent, seeds=parsed.episodes, steps=parsed.steps, runs=parsed.runs)
     played: dict[str, list[Played]] = {name: [] for name in names}

@@ -48,6 +48,12 @@ def test_agents_are_trained_and_played_once(
     monkeypatch.setattr(equal_terms, "play", None)
     assert equal_terms.main(arguments) == 0
     assert out.read_text("utf-8") == page
+    more = [*arguments, "--trained", "--seeds", "9", "--seeds-apart", "9"]
+    assert equal_terms.main(more) == 0  # nothing but what was trained
+    assert out.read_text("utf-8").split("```")[2] == page.split("```")[2]
+    with pytest.raises(SystemExit):
+        equal_terms.main([*more, "--agents", "sac"])
+    assert "--trained finds no agent" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("term", TERMS)
