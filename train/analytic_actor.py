@@ -99,9 +99,6 @@ class DistanceTracker:
 
     STATES = 3
     READINGS = 2
-    PROPOSED = 0
-    """Number of targets that the first readings propose, as many then give least and as many greatest values of; the network adds
-    to what is proposed."""
 
     def __init__(self, scenario: Scenario, commands: TargetCommands) -> None:
         control, machine, work = scenario.control, scenario.machine, scenario.workpiece
@@ -146,7 +143,7 @@ class DistanceTracker:
 class NoTracker:
     """A tracker without state and readings, for an agent that is not told its position."""
 
-    STATES = READINGS = PROPOSED = 0
+    STATES = READINGS = 0
 
     def __call__(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """Return no readings and no state, each of shape (num_envs, 0)."""
@@ -224,24 +221,11 @@ class GruActor(Actor):
         return torch.cat([held.tanh(), target[..., self.commands.targets :]], dim=-1)
 
     def held(self, target: Tensor, seen: Tensor) -> Tensor:
-        """Return unbounded targets of speed and feed, kept within what the tracker allows."""
-        free = target[..., : self.commands.targets]
-        if not self.tracker.PROPOSED:
-            return free
-        _, least, greatest = self._proposals(seen)
-        return torch.minimum(torch.maximum(free, least), greatest)
-
-    def _proposals(self, seen: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return proposed, least and greatest targets, not bounded."""
-        count, first = self.tracker.PROPOSED, seen.shape[-1] - self.tracker.READINGS
-        positions = seen[..., first : first + 3 * count]
-        targets = 0.5 * torch.log((1.0 + positions) / (1.0 - positions))
-        return targets[..., :count], targets[..., count : 2 * count], targets[..., 2 * count :]
+        """Return unbounded targets of speed and feed, kept within what is allowed."""
+        return target[..., : self.commands.targets]
 
     def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
         target: Tensor = self.head(torch.relu(self.hidden(torch.cat([cells, seen], dim=-1))))
-        if count := self.tracker.PROPOSED:
-            target = torch.cat([target[..., :count] + self._proposals(seen)[0], target[..., count:]], dim=-1)
         return target
 
 

@@ -39,9 +39,12 @@ from turning_env.scenario.plan import MIDDLE, USED_LIVES
 Tensor = torch.Tensor
 
 DOUBT = Doubt(1.0, 0.4, 0.78)
-"""How far the nominal model may be wrong (assumption)."""
-CAUTION = single(1.3)
-"""Distance of proposed loads below their limits over their standard deviation [-] (found on training jobs)."""
+"""How far a nominal model may be wrong that is told to be as wrong as the family's (assumption)."""
+CAUTION = single(0.5), single(0.8)
+"""Distance of proposed loads below their limits over their standard deviation [-] if the nominal model is right, and how much more
+it is if that is as wrong as the family's (found on training jobs)."""
+REACH = single(0.1)
+"""How much slower and faster the feed is proposed, too [-]: a logarithm."""
 SETTLING = single(1.5)
 """Time before the next bar at which the feed falls, less the interval, over the feed servo's time constant [-]."""
 MIN_RATIO = single(0.3)
@@ -64,6 +67,8 @@ _SMALL = single(1e-3)  # below which wear over the criterion, or a share, is not
 class JobFilter(torch.nn.Module):
     """A filter of bar, insert, lot and laws, beside a tracker of the tool's position along the bar.
 
+    Observations have a last entry, the doubt: how wrong the nominal model may be, from 0 to 1, as wrong as the family's.
+
     The state, shape (num_envs, STATES), is 0 before an episode's first observation. Its columns are those of ``PLACE``, the
     mean, and the covariance less I.
 
@@ -74,8 +79,7 @@ class JobFilter(torch.nn.Module):
         spread: spreads likewise.
     """
 
-    READINGS = 6 + 1 + STATES + 4 + 2 + 4 + 4 + 2 + 2
-    PROPOSED = 2
+    READINGS = 8 + 1 + STATES + 4 + 2 + 4 + 4 + 2 + 2
     STATES = PLACE + STATES + STATES * STATES
     ALIKE = (
         *("control.interval", "control.sub_steps", "control.cutting_speed_step", "control.feed_step", "workpiece.approach"),
@@ -102,6 +106,8 @@ class JobFilter(torch.nn.Module):
         self._first, self._names = len(entries), list(names)
         self._removed = entries.index("removed_wear") if "removed_wear" in entries else None
         self._spans = [single(math.log(high / low)) for low, high in ends]
+        self.per_reach = single(0.5 * self._spans[0] / REACH)
+        """One over what ``REACH`` is in positions of speed."""
         self._interval, self._sub_step = single(control.interval), single(control.interval / control.sub_steps)
         self._sub_steps, self._approach = control.sub_steps, single(scenario.workpiece.approach)
         self._speed_step = single(control.cutting_speed_step)
@@ -128,15 +134,16 @@ class JobFilter(torch.nn.Module):
         """Return readings, shape (num_envs, READINGS), from -5 to 5, and the next state.
 
         The first two propose targets: the best speed, and the feed at which force and power are ``CAUTION`` standard deviations
-        below their limits an interval later. Then follow the least and the greatest targets, the feed for a bar not yet measured,
+        below their limits an interval later. Then follow the least and the greatest targets, that feed for a speed lower and
+        higher by ``REACH``, the feed for a bar not yet measured,
         the means, the variances of depth, hardness, insert and lot, used life and its doubt, the logarithms of force and power
         over their limits at the best set point in the present and in the expected bar, their standard deviations in the present
         bar and in one not yet measured, the prices of time and life, and the readings of ``DistanceTracker``. The estimates are
         those for the place that the tool reaches in an interval, as commands take effect late.
         """
         observation, state = observation.double(), state.double()
-        context = observation[:, self._first :] * self._told_spread + self._told_mean
-        told = dict(zip(self._names, context.unbind(dim=-1), strict=True))
+        context = observation[:, self._first : -1] * self._told_spread + self._told_mean
+        told = dict(zip(self._names, context.unbind(dim=-1), strict=True)) | {"doubt": observation[:, -1]}
         scales, lot_mean = self._prior(told)
         begun, along, last_speed, last_feed, worn = state[:, :PLACE].unbind(dim=-1)
         mean, excess = state[:, PLACE : PLACE + STATES], state[:, PLACE + STATES :].reshape(-1, STATES, STATES)
@@ -188,7 +195,7 @@ class JobFilter(torch.nn.Module):
         estimate = self._moved(mean, excess, told, scales, ahead)
         enters = (left + approach) / rate < self._interval + SETTLING * torch.exp(told["log_feed_time_constant"])
         speeds = speed, commanded[0], deviations[0]
-        others = self._readings(*estimate, told, scales, of_wear, lot_mean, wear, log_wear, speeds, enters)
+        others = self._readings(*estimate, told, scales, of_wear, lot_mean, wear, log_wear, (speed, feed), speeds, enters)
         readings = torch.stack([each.float() for each in (*others, *position)], dim=-1)
         place = torch.stack([torch.ones_like(wear), along, speed, feed, wear], dim=-1)
         return readings.clamp(-5.0, 5.0), torch.cat([place, mean, excess.flatten(1)], dim=-1).float()
@@ -198,9 +205,10 @@ class JobFilter(torch.nn.Module):
         depth, hardness = _spread(told, "depth"), _spread(told, "hardness")
         history = self._history(told, depth, hardness)
         insert = (torch.exp(told["log_wear_factor_spread"]).square() + history).sqrt()
-        one, exponent = torch.ones_like(depth), told["wear_time_exponent"]
-        first = torch.stack([depth, one, hardness, one, insert, exponent * single(DOUBT.lot)], dim=-1)
-        return torch.cat([first, one.unsqueeze(-1) * self._law_spreads], dim=-1), exponent * single(-math.log(DOUBT.lot_life))
+        one, lot = torch.ones_like(depth), told["wear_time_exponent"] * told["doubt"]
+        first = torch.stack([depth, one, hardness, one, insert, lot * single(DOUBT.lot)], dim=-1)
+        laws = told["doubt"].unsqueeze(-1) * self._law_spreads
+        return torch.cat([first, laws], dim=-1), lot * single(-math.log(DOUBT.lot_life))
 
     def _history(self, told: Told, depth: Tensor, hardness: Tensor) -> Tensor:
         """Return the variance of an edge's log wear from the depth and hardness of a bar that it has cut."""
@@ -285,6 +293,7 @@ class JobFilter(torch.nn.Module):
         lot_mean: Tensor,
         wear: Tensor,
         worn: Tensor,
+        set_point: Sequence[Tensor],
         speeds: Sequence[Tensor],
         enters: Tensor,
     ) -> list[Tensor]:
@@ -305,32 +314,41 @@ class JobFilter(torch.nn.Module):
         force, power, wear_rate = (
             share * log_depth + each * hardness for share, each in zip(of_depth, self._hardness, strict=True)
         )
-        bar = Bar((force, power), log_depth, wear_rate / exponent)
+        caution = CAUTION[0] + CAUTION[1] * told["doubt"]
+        doubts = self._doubts(mean, excess, told, scales, lot_mean, (*set_point, worn))
+        margins = [caution * doubt for doubt in doubts]
+        bar = Bar((force + margins[0], power + margins[1]), log_depth, wear_rate / exponent)
         job = JobOptimum(told, self._estimated(told, states), (states[LOT] + lot_mean) / exponent, self._overload_price)
         time_price, life_price = job.prices(used)
         speed = job.best_speed(log_used, life_price, bar)
         feed = job.feed(speed, log_used, bar.loads)
 
         doubts = self._doubts(mean, excess, told, scales, lot_mean, (speed, feed, worn))
-        margins = [CAUTION * doubt for doubt in doubts]
+        margins = [caution * doubt for doubt in doubts]
         next_force, next_power = job.loads(speed, feed, log_used)
-        in_effect = self._speed_in_effect(speed, *speeds)
-        here = job.feed(in_effect, log_used, (force + margins[0], power + margins[1]))
-        there = job.feed(speed, log_used, margins[2:])
         middle = _middle(told)
-        here = torch.where(enters, torch.minimum(here, there), here)
-        here, there = (self._position(1, each + middle[1]) for each in (here, there))
-        least = torch.full_like(here, -_ENDS), self._position(1, told["log_lowest_feed"] + _INSIDE)
-        greatest = (
-            self._position(0, middle[0] - told["log_speed_over_fastest"]),
-            self._position(1, told["log_highest_feed"] - _INSIDE),
-        )
-        proposed = self._position(0, speed + middle[0]), torch.minimum(torch.maximum(here, least[1]), greatest[1])
+        lowest, highest = self._position(1, told["log_lowest_feed"] + _INSIDE), self._position(1, told["log_highest_feed"] - _INSIDE)
+
+        def bearable(target: Tensor) -> tuple[Tensor, Tensor]:
+            """Return positions of the highest feed for a target speed, in the next interval and in a bar not yet measured."""
+            here = job.feed(self._speed_in_effect(target, *speeds), log_used, (force + margins[0], power + margins[1]))
+            there = job.feed(target, log_used, margins[2:])
+            here = torch.where(enters, torch.minimum(here, there), here)
+            here, there = (self._position(1, each + middle[1]) for each in (here, there))
+            return torch.minimum(torch.maximum(here, lowest), highest), there
+
+        here, there = bearable(speed)
+        fastest = self._position(0, middle[0] - told["log_speed_over_fastest"])
         life = torch.exp(told["log_edge_price"]) + time_price * torch.exp(told["log_edge_change_time"])
         return [
-            *proposed,
-            *least,
-            *greatest,
+            self._position(0, speed + middle[0]),
+            here,
+            torch.full_like(here, -_ENDS),
+            lowest,
+            fastest,
+            highest,
+            bearable(speed - REACH)[0],
+            bearable(speed + REACH)[0],
             there,
             *mean.unbind(dim=-1),
             *(excess[:, k, k] + 1.0 for k in (DEPTH, HARDNESS, INSERT, LOT)),
@@ -403,8 +421,8 @@ def _middle(told: Told) -> list[Tensor]:
     return [told[f"{name}_at_{USED_LIVES[MIDDLE]}"] for name in ("speed", "feed")]
 
 
-def family_actor(scenario: Scenario, context: dict[str, Any], cells: int, width: int) -> GruActor:
-    """Return an untrained agent for observations with a context.
+class FamilyActor(GruActor):
+    """A ``GruActor`` beside a ``JobFilter``.
 
     Args:
         scenario: a job of the family.
@@ -412,5 +430,44 @@ def family_actor(scenario: Scenario, context: dict[str, Any], cells: int, width:
         cells: size of the memory.
         width: size of the layers around it.
     """
-    tracker = JobFilter(scenario, context["names"], context["mean"], context["spread"])
-    return GruActor(scenario, len(layout(scenario)) + len(context["names"]), cells, width, tracker)
+
+    see_weight: Tensor
+    see_bias: Tensor
+
+    def __init__(self, scenario: Scenario, context: dict[str, Any], cells: int, width: int) -> None:
+        tracker = JobFilter(scenario, context["names"], context["mean"], context["spread"])
+        entries = len(layout(scenario)) + len(context["names"])
+        super().__init__(scenario, entries + 1, cells, width, tracker)
+        self._per_reach = tracker.per_reach
+        self.register_buffer("see_weight", torch.eye(entries, entries + 1), persistent=False)
+        self.register_buffer("see_bias", torch.eye(entries + 1)[entries], persistent=False)
+
+    def forward(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
+        """Act on observations without doubt, as if the nominal model were as wrong as the family's."""
+        return super().forward(observation @ self.see_weight + self.see_bias, memory)
+
+    def held(self, target: Tensor, seen: Tensor) -> Tensor:
+        """Return unbounded targets of speed and feed, kept within the ranges of machine and chip breaker."""
+        positions = _unbounded(self._proposals(seen))
+        return torch.minimum(torch.maximum(target[..., :2], positions[..., 2:4]), positions[..., 4:6])
+
+    def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
+        """Return what is proposed and the network's correction; the feed is proposed for the corrected speed."""
+        correction, positions = super()._unbounded(cells, seen), self._proposals(seen)
+        speed, feed, *_, slower, faster = positions.unbind(dim=-1)
+        first = _unbounded(speed) + correction[..., 0]
+        least, greatest = (_unbounded(positions[..., k]) for k in (2, 4))
+        change = (torch.minimum(torch.maximum(first, least), greatest).tanh() - speed) * self._per_reach
+        feed = feed + torch.relu(change) * (faster - feed) + torch.relu(-change) * (slower - feed)
+        second = _unbounded(feed.clamp(-_ENDS, _ENDS)) + correction[..., 1]
+        return torch.cat([torch.stack([first, second], dim=-1), correction[..., 2:]], dim=-1)
+
+    def _proposals(self, seen: Tensor) -> Tensor:
+        """Return the readings that are positions in the ranges of speed and feed, shape (..., 8)."""
+        first = seen.shape[-1] - self.tracker.READINGS
+        return seen[..., first : first + 8]
+
+
+def _unbounded(position: Tensor) -> Tensor:
+    """Return the target that ``tanh`` squashes to a position."""
+    return 0.5 * torch.log((1.0 + position) / (1.0 - position))

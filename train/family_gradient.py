@@ -3,7 +3,8 @@
     python -m train.family_gradient --seed 0
     python -m train.family_gradient --seed 0 --minutes 50 --device cuda --set num_envs=4096 --set batch_envs=2048
 
-The agent sees observations with the nominal model's context. Its teacher is privileged, as in ``train/analytic_gradient.py``: it
+The agent sees observations with the nominal model's context, and how wrong that may be: in some jobs a part of the errors remains.
+Its teacher is privileged, as in ``train/analytic_gradient.py``: it
 evaluates every job's true machining models at the hidden state, and prices its edges' life by that job's laws.
 
 With ``--minutes``, training also ends, and the learning rate falls, by the clock. The same command resumes an interrupted
@@ -33,7 +34,7 @@ from baselines.models.edge_value import Worth
 from train.actor import Actor
 from train.analytic_actor import ACTUAL, GruActor
 from train.edge_worths import LIVES, worths
-from train.family_actor import JobFilter, family_actor
+from train.family_actor import FamilyActor, JobFilter
 from train.model_gain import Hindsight, ModelGain, Truth
 from train.run import Run, hyperparameters, overrides, warn_of_pickle
 from turning_env import FAMILY_ID, Family, FamilyVectorEnv
@@ -41,6 +42,7 @@ from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, replace_file
 from turning_env.scenario.family import CHUNK
 from turning_env.scenario.plan import Columns, Section
+from turning_env.scoring.family import Truthful, truthful
 from turning_env.scoring.seeds import TUNING_START
 
 Tensor = torch.Tensor
@@ -174,10 +176,10 @@ class Training:
         self.run, self.device, self._threads = run, device, threads
         torch.manual_seed(run.seed)
         self.generator = np.random.default_rng(run.seed)
-        family = Family.load(p["family"])
+        self.family = family = known_better(Family.load(p["family"]), p)
         self.lathes = Lathes(family, device=device)
         check_alike(self.lathes.scenarios(np.arange(family.jobs)))
-        self.actor = family_actor(run.scenario, p["context"], p["cells"], p["width"]).to(device)
+        self.actor = FamilyActor(run.scenario, p["context"], p["cells"], p["width"]).to(device)
         self.teacher = Teacher(self.actor, self.lathes, p["saturation_price"], device)
         self.optimiser = torch.optim.Adam(self.actor.parameters(), lr=p["learning_rate"])
         self.env = FamilyVectorEnv(p["num_envs"], family, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads)
@@ -207,7 +209,8 @@ class Training:
         valid = np.ones(p["num_envs"], np.bool_)
         keeps_edge = self.generator.random(p["num_envs"]) < p["keeps_edge"]
         for _ in range(p["rollout"]):
-            seen = torch.from_numpy(self.observations).to(device)
+            doubts = self.family.error(self.jobs).astype(np.float32)
+            seen = torch.from_numpy(np.column_stack([self.observations, doubts])).to(device)
             begins = torch.from_numpy(self.begins).to(device, torch.float32).unsqueeze(-1)
             with torch.no_grad():
                 seen, memory = self.actor.see(seen, self.memory * (1.0 - begins))
@@ -333,13 +336,20 @@ def check_alike(scenarios: Columns) -> None:
             raise ValueError(f"{field} is {value.min():g} to {value.max():g}, but must be the same in all jobs")
 
 
+def known_better(family: Family, parameters: dict[str, Any]) -> Truthful:
+    """Return the family with nominal models that are less wrong in some jobs."""
+    return truthful(family, errors=parameters["errors"])
+
+
 def plan(family: Family, seed: int, runs: Path, command: str, given: dict[str, Any]) -> Run:
     """Return the run of a training seed, in its own folder below ``runs``."""
-    told = np.concatenate([family.context(family.draw("train", chunk)) for chunk in range(-(-family.jobs // CHUNK))])
-    mean, spread = family.context_scale
+    parameters = hyperparameters(NAME, FAMILY_ID) | given
+    mixed = known_better(family, parameters)
+    told = np.concatenate([mixed.context(mixed.draw("train", chunk)) for chunk in range(-(-family.jobs // CHUNK))])
+    mean, spread = mixed.context_scale
     numbers = {"mean": mean, "spread": spread, "low": told.min(axis=0), "high": told.max(axis=0)}
     context = {"names": list(family.context_names)} | {name: values.tolist() for name, values in numbers.items()}
-    parameters = hyperparameters(NAME, FAMILY_ID) | given | {"family": family.portable(), "context": context}
+    parameters |= {"family": family.portable(), "context": context}
     folder = runs / FAMILY_ID / family.name / f"{NAME}-seed{seed}"
     return Run(NAME, FAMILY_ID, family.job(0).scenario, seed, parameters, command, folder)
 
@@ -372,7 +382,7 @@ def load_actor(path: Path) -> Actor:
     """Load the finished agent of a run of your own."""
     run = Run.read(path.parent)
     p = run.parameters
-    actor = family_actor(run.scenario, p["context"], p["cells"], p["width"])
+    actor = FamilyActor(run.scenario, p["context"], p["cells"], p["width"])
     actor.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
     return actor.eval()
 

@@ -9,10 +9,11 @@ import onnx
 import pytest
 import tomli_w
 import torch
+from numpy.typing import NDArray
 
 from baselines.models import edge_value
 from baselines.models.edge_value import Worth
-from baselines.models.kalman_steps import STATES
+from baselines.models.kalman_steps import LAWS, STATES
 from baselines.models.load_filter import LoadFilter
 from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF
@@ -40,6 +41,10 @@ def small_run(runs: Path, seed: int = 3, **changes: Any) -> Run:
 def filter_of(family: Family) -> JobFilter:
     mean, spread = family.context_scale
     return JobFilter(family.job(0).scenario, family.context_names, mean.tolist(), spread.tolist())
+
+
+def doubted(observations: NDArray[np.float32], doubt: float = 1.0) -> torch.Tensor:
+    return torch.from_numpy(np.pad(observations, ((0, 0), (0, 1)), constant_values=doubt))
 
 
 def test_the_gain_of_many_jobs_is_that_of_each() -> None:
@@ -93,7 +98,7 @@ def test_the_agent_knows_where_the_tool_is() -> None:
     approach, length = (np.array([getattr(work, name) for work in works]) for name in ("approach", "bar_length"))
     errors = []
     for _ in range(60):
-        readings, state = tracker(torch.from_numpy(observations), state)
+        readings, state = tracker(doubted(observations), state)
         share = (infos["path"] % (approach + length) - approach) / length
         along = 0.5 * (readings[:, -2].numpy() + 1.0)
         error = (along - share + 0.5) % 1.0 - 0.5
@@ -108,9 +113,9 @@ def test_the_feed_falls_before_a_bar_that_is_not_measured_yet() -> None:
     shop = Family.load("shop")
     env, tracker = FamilyVectorEnv(16, shop), filter_of(shop)
     observations, _ = env.reset(seed=list(range(16)))
-    state, least, there, far, near = torch.zeros(16, JobFilter.STATES), 3, 6, [], []
+    state, least, there, far, near = torch.zeros(16, JobFilter.STATES), 3, 8, [], []
     for _ in range(120):
-        readings, state = tracker(torch.from_numpy(observations), state)
+        readings, state = tracker(doubted(observations), state)
         cutting, left = observations[:, OBS.cutting] > 0.5, 0.5 * (readings[:, -1].numpy() + 1.0) * MAX_TIME
         above = (readings[:, 1] - torch.maximum(readings[:, there], readings[:, least])).numpy()
         far.append(above[cutting & (left > 3.0)])
@@ -146,7 +151,7 @@ def test_the_filter_estimates_what_the_compiled_one_does() -> None:
     state, columns = torch.zeros(len(jobs), JobFilter.STATES), columns_of([job.scenario for job in jobs])
     differences = []
     for step in range(steps):
-        _, state = tracker(torch.from_numpy(observations), state)
+        _, state = tracker(doubted(observations), state)
         compiled.observe(read(observations[:, : len(layout(jobs[0].scenario))], columns))
         mine, its = state[:, PLACE : PLACE + STATES].numpy(), (compiled.mean - start) / scales
         differences.append(np.abs(mine - its))
@@ -156,6 +161,23 @@ def test_the_filter_estimates_what_the_compiled_one_does() -> None:
     assert np.abs(its).max() > 1.0
     assert np.median(differences) < 0.05
     assert np.mean(differences) < 0.15
+
+
+def test_the_less_doubt_the_less_the_laws_are_learnt() -> None:
+    shop = Family.load("shop")
+    env, tracker = FamilyVectorEnv(16, shop), filter_of(shop)
+    observations, _ = env.reset(seed=list(range(16)))
+    learnt = []
+    for doubt in (1.0, 0.05):
+        state = torch.zeros(16, JobFilter.STATES)
+        for _ in range(60):
+            readings, state = tracker(doubted(observations, doubt), state)
+            observations, *_ = env.step(np.tile(np.array([0.0, 0.0, -1.0], np.float32), (16, 1)))
+        scales, _ = tracker._prior(
+            {name: torch.zeros(16).double() for name in tracker._names} | {"doubt": torch.full((16,), doubt).double()}
+        )
+        learnt.append((scales[:, LAWS:] * state[:, PLACE + LAWS : PLACE + STATES]).abs().mean().item())
+    assert learnt[1] < 0.2 * learnt[0]
 
 
 def state_of(run: Run) -> dict[str, torch.Tensor]:
@@ -238,8 +260,8 @@ def policy(path: Path, num_envs: int) -> OnnxPolicy:
     return OnnxPolicy(session_of(file.content), file.memory_size, num_envs)
 
 
-def baked(agent: Path, scenario: Path | str, out: Path) -> Path:
-    assert export.main(["--agent", str(agent), "--scenario", str(scenario), "--out", str(out)]) == 0
+def baked(agent: Path, scenario: Path | str, out: Path, *options: str) -> Path:
+    assert export.main(["--agent", str(agent), "--scenario", str(scenario), "--out", str(out), *options]) == 0
     (path,) = out.glob("*.onnx")
     return path
 
@@ -275,9 +297,23 @@ def test_other_ranges_and_steps_are_converted(tmp_path: Path) -> None:
     usual, finer = (policy(path, 5).act(observations) for path in paths)
     assert usual.shape == (5, 2)
     np.testing.assert_allclose(finer, 0.5 * usual, atol=1e-6)
-    see = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(paths[0]).graph.initializer}["see"]
+    see = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(paths[0]).graph.initializer}["see_weight"]
     assert see[2, 2] == see[4, 4] == pytest.approx(2.0)  # a ratio of 16 in place of 4
     assert see[3, 3] == 1.0
+
+
+def test_the_agent_is_told_the_doubt(tmp_path: Path, capsys: Any) -> None:
+    agent = onnx_agents.write_of_family(tmp_path, FAMILY)
+    told = []
+    for options in ([], ["--doubt", "0.3"]):
+        model = onnx.load(baked(agent, "rough_turning", tmp_path / f"{len(options)}", *options))
+        told.append({each.name: onnx.numpy_helper.to_array(each) for each in model.graph.initializer}["see_bias"])
+    assert told[0][-1] == 1.0
+    assert told[1][-1] == np.float32(0.3)
+    np.testing.assert_array_equal(told[0][:-1], told[1][:-1])
+    for doubt in ("0.01", "1.5", "nan"):
+        assert export.main(["--agent", str(agent), "--scenario", "rough_turning", "--doubt", doubt]) != 0
+        assert f"doubt is {float(doubt)}, but must be 0.05 to 1.0" in capsys.readouterr().err
 
 
 def test_agents_and_scenarios_that_do_not_fit_are_refused(tmp_path: Path, capsys: Any) -> None:

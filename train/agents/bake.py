@@ -1,9 +1,11 @@
 """Write the agent of a family as the agent of one scenario, without training: its nominal model becomes constants in the file.
 
     python -m train.export --agent family_gradient-seed0.onnx --scenario mine.toml
+    python -m train.export --agent family_gradient-seed0.onnx --scenario mine.toml --doubt 0.3
 
-A matrix product appends the context to the observation. It also moves speed and feed to a range as wide as the family's, if the
-scenario's is not. Another one turns the agent's action into the scenario's, which has other steps or no edge changes.
+The first matrix product in the file appends to the observation how wrong the nominal model may be. Here it also appends the context
+and moves speed and feed to a range as wide as the family's, if the scenario's is not. A last product turns the agent's action into
+the scenario's, which has other steps or no edge changes.
 """
 
 import argparse
@@ -54,17 +56,27 @@ class _Range:
         return cls(math.log(low), math.log(high / low))
 
 
-def baked(file: AgentFile, scenario: Scenario, command: str) -> bytes:
+def baked(file: AgentFile, scenario: Scenario, doubt: float, command: str) -> bytes:
     """Return the content of the file of a family's agent for one scenario.
 
+    Args:
+        file: the agent's file.
+        scenario: scenario that it is to play.
+        doubt: how wrong the nominal model may be, over how wrong the family's is [-].
+        command: the command, for the metadata.
+
     Raises:
-        ValueError: the agent is not a family's, or the scenario has other observations or actions than the family.
+        ValueError: the agent is not a family's, it was not trained on such doubt, or the scenario has other observations or
+            actions than the family.
     """
     about = file.metadata
     if about.env_id != FAMILY_ID:
         raise ValueError(f"its environment is {about.env_id}, but only agents of {FAMILY_ID} are told a nominal model")
+    errors: Any = about.parameters.get("errors", [1.0])
+    if not min(errors) <= doubt <= max(errors):
+        raise ValueError(f"doubt is {doubt}, but must be {min(errors)} to {max(errors)}, as in its training")
     _check_plays(about.scenario, scenario)
-    content = _baked(file, scenario)
+    content = _with_products(file.content, *_products(about, scenario, doubt))
     played = "RoughTurning-Shift-v0" if scenario.control.edge_changes == "commanded" else "RoughTurning-v0"
     own = [env_id for env_id, preset in IDS.items() if Scenario.load(preset).digest() == scenario.digest()]
     metadata = Metadata(
@@ -109,8 +121,9 @@ def _window(family: Scenario, scenario: Scenario, name: str, best: float, usual:
     return own if math.isclose(own.span, wanted.span, rel_tol=1e-3) else _Range(best - usual, wanted.span)
 
 
-def _baked(file: AgentFile, scenario: Scenario) -> bytes:
-    family, told = file.metadata.scenario, file.metadata.parameters["context"]
+def _products(about: Metadata, scenario: Scenario, doubt: float) -> tuple[Floats, Floats, Floats]:
+    """Return matrices: the network sees observation @ see + seen, and acts by action @ act."""
+    family, told = about.scenario, about.parameters["context"]
     assert isinstance(told, dict)
     mean, spread, low, high = (np.array(told[name], np.float64) for name in ("mean", "spread", "low", "high"))
     names: Any = told["names"]
@@ -127,8 +140,8 @@ def _baked(file: AgentFile, scenario: Scenario) -> bytes:
     context = np.clip((np.array([found[name][0] for name in names]) - mean) / spread, low, high)
 
     entries = layout(family)
-    see = np.eye(len(entries), len(entries) + len(context))[[entries.index(name) for name in layout(scenario)]]
-    seen = np.concatenate([np.zeros(len(entries)), context])
+    see = np.eye(len(entries), len(entries) + len(context) + 1)[[entries.index(name) for name in layout(scenario)]]
+    seen = np.concatenate([np.zeros(len(entries)), context, [doubt]])
     for name, places in _DRIVES:
         own, window = _Range.of(scenario, name), windows[name]
         for place in places:
@@ -136,29 +149,26 @@ def _baked(file: AgentFile, scenario: Scenario) -> bytes:
             seen[place] = (2.0 * (own.low - window.low) + own.span) / window.span - 1.0
     steps = [getattr(family.control, f"{name}_step") / getattr(scenario.control, f"{name}_step") for name, _ in _DRIVES]
     act = np.diag([*steps, 1.0])[:, : (action_space(scenario).shape or (0,))[0]]
-    return _with_products(file.content, see, seen, act)
+    return see, seen, act
 
 
 def _with_products(content: bytes, see: Floats, seen: Floats, act: Floats) -> bytes:
-    """Return a network between two products: observation @ see + seen, and action @ act, clipped."""
+    """Return a network that sees and acts by other products; its action is clipped."""
     model = onnx.load_model_from_string(content)
     graph = model.graph
-    inner = {"observation": "told_observation", "action": "told_action"}
     for node in graph.node:
-        for names in (node.input, node.output):
-            names[:] = [inner.get(name, name) for name in names]
-    constants = {"see": see, "seen": seen, "act": act, "lowest_action": np.array(-1.0), "highest_action": np.array(1.0)}
-    graph.initializer.extend(numpy_helper.from_array(value.astype(np.float32), name) for name, value in constants.items())
-    nodes = [
-        helper.make_node("Gemm", ["observation", "see", "seen"], ["told_observation"]),
-        *graph.node,
-        helper.make_node("MatMul", ["told_action", "act"], ["unclipped_action"]),
-        helper.make_node("Clip", ["unclipped_action", "lowest_action", "highest_action"], ["action"]),
-    ]
-    del graph.node[:], graph.value_info[:]
-    graph.node.extend(nodes)
-    for value, size in ((graph.input, len(see)), (graph.output, act.shape[1])):
-        (found,) = (each for each in value if each.name in inner)
+        node.output[:] = ["told_action" if name == "action" else name for name in node.output]
+    constants = {"see_weight": see, "see_bias": seen, "act": act, "lowest_action": -1.0, "highest_action": 1.0}
+    if missing := {"see_weight", "see_bias"} - {tensor.name for tensor in graph.initializer}:
+        raise ValueError(f"its network has no {min(missing)}: train it again with this version")
+    kept = [tensor for tensor in graph.initializer if tensor.name not in constants]
+    del graph.initializer[:], graph.value_info[:]
+    graph.initializer.extend(kept)
+    graph.initializer.extend(numpy_helper.from_array(np.float32(value), name) for name, value in constants.items())
+    graph.node.append(helper.make_node("MatMul", ["told_action", "act"], ["unclipped_action"]))
+    graph.node.append(helper.make_node("Clip", ["unclipped_action", "lowest_action", "highest_action"], ["action"]))
+    for value, name, size in ((graph.input, "observation", len(see)), (graph.output, "action", act.shape[1])):
+        (found,) = (each for each in value if each.name == name)
         found.type.tensor_type.shape.dim[1].dim_value = size
     return bytes(model.SerializeToString(deterministic=True))
 
@@ -168,11 +178,14 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m train.export", **described(__doc__))
     parser.add_argument("--agent", required=True, type=Path, metavar="FILE", help="agent's file of a family, of your own")
     parser.add_argument("--scenario", required=True, help="preset or TOML file with the nominal model")
+    doubt_help = "how wrong the nominal model may be: 1 if from a catalogue (default), less if measured on this lathe"
+    parser.add_argument("--doubt", type=float, default=1.0, metavar="SHARE", help=doubt_help)
     parser.add_argument("--out", type=Path, default=Path(), metavar="FOLDER", help="folder to write to (default: this one)")
     parsed = parser.parse_args(arguments)
     scenario = Scenario.load(parsed.scenario)
     try:
-        content = baked(agent_file.read(parsed.agent), scenario, f"python -m train.export {shlex.join(arguments)}")
+        command = f"python -m train.export {shlex.join(arguments)}"
+        content = baked(agent_file.read(parsed.agent), scenario, parsed.doubt, command)
     except ValueError as error:
         raise ValueError(f"{parsed.agent} cannot play {parsed.scenario}: {error}") from error
     path = parsed.out / f"{agent_file.checked(content).label}{ONNX_SUFFIX}"

@@ -17,8 +17,8 @@ from turning_env.action import towards
 from turning_env.family_env import Context, FamilyVectorEnv
 from turning_env.observation import read
 from turning_env.physics.quantities import OBS
-from turning_env.scenario.family import Draw, Family, Job
-from turning_env.scenario.plan import columns_of
+from turning_env.scenario.family import CHUNK, Draw, Family, Job
+from turning_env.scenario.plan import columns_of, features, plan_of
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 from turning_env.scoring.statistics import Floats
@@ -93,25 +93,47 @@ def play_jobs(
 
 
 class Truthful(Family):
-    """A family whose nominal models are right: policies are told the true laws, and observations compare with them."""
+    """A family whose nominal models are right, or nearly: policies are told the true laws, and observations compare with them."""
 
     right: str = ""
     """How the names of the fields begin that are right."""
+    errors: tuple[float, ...] = (0.0,)
+    """Shares of these fields' errors that remain, each for a chunk of jobs in turn."""
 
-    def draw(self, split: str, chunk: int) -> Draw:
-        """See ``Family``."""
-        draw = super().draw(split, chunk)
+    def __reduce__(self) -> Any:
+        """Pickle the family without its jobs."""
+        return Truthful.model_validate, (self.model_dump(),)
+
+    def error(self, numbers: NDArray[np.int64]) -> Floats:
+        """Return the share of errors that remains in jobs by number."""
+        return np.array(self.errors)[numbers // CHUNK % len(self.errors)]
+
+    def _drawn(self, split: str, numbers: NDArray[np.uint64]) -> Draw:
+        draw, share = super()._drawn(split, numbers), self.error(numbers.astype(np.int64))
         nominal, true = draw.fields
-        told = {name: (true if name.startswith(self.right) else nominal)[name] for name in nominal}
-        return replace(draw, true=self.columns(true, self.columns(told)), fields=(told, true))
+        told = {
+            name: _between(true[name], value, share) if name.startswith(self.right) else value for name, value in nominal.items()
+        }
+        columns = self.columns(told)
+        plan = plan_of(columns, len(numbers))
+        return replace(
+            draw, true=self.columns(true, columns), plan=plan, fields=(told, true), features=features(columns, plan)
+        )
 
 
-def truthful(family: Family, right: str = "") -> Truthful:
-    """Return the family with nominal models that are right in the fields whose dotted names begin so.
+def _between(true: Any, nominal: Any, share: Floats) -> Any:
+    """Return values with a share of the error of nominal ones; what is no array is the same in all jobs."""
+    if not isinstance(nominal, np.ndarray):
+        return true
+    return np.where(share < 1.0, true + share * (nominal - true), nominal)
+
+
+def truthful(family: Family, right: str = "", errors: Sequence[float] = (0.0,)) -> Truthful:
+    """Return the family with nominal models that are right in the fields whose dotted names begin so; see ``Truthful``.
 
     Its jobs are otherwise the same.
     """
-    return Truthful.model_validate(family.model_dump() | {"right": right})
+    return Truthful.model_validate(family.model_dump() | {"right": right, "errors": tuple(errors)})
 
 
 def play_family(

@@ -1,11 +1,14 @@
 """Policies on the jobs of a family."""
 
+import pickle
+
 import numpy as np
 import pytest
 
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import Family
 from turning_env.physics.quantities import OBS
+from turning_env.scenario.family import CHUNK
 from turning_env.scoring.family import Forgetful, HeldOptimum, play_family, play_jobs, relative, truthful
 from turning_env.scoring.policy import Policy
 
@@ -69,6 +72,23 @@ def test_told_the_wear_only_that_law_is_right():
     assert told.material == usual.material
     assert told.nominal().material.wear == usual.material.wear != usual.nominal().material.wear
     assert told.nominal().material.power == usual.nominal().material.power != usual.material.power
+
+
+def test_a_share_of_the_errors_remains_chunk_by_chunk():
+    shop = Family.load("shop")
+    family = pickle.loads(pickle.dumps(truthful(shop, errors=(1.0, 0.25))))
+    assert family.error(np.array([0, CHUNK - 1, CHUNK, 2 * CHUNK])).tolist() == [1.0, 1.0, 0.25, 1.0]
+    assert family.job(0).scenario.nominal() == shop.job(0).scenario.nominal()
+    np.testing.assert_array_equal(family.job(0).context, shop.job(0).context)
+    told, usual = family.job(CHUNK), shop.job(CHUNK)
+    assert told.scenario.material == usual.scenario.material
+    for law, field in (("power", "coefficient"), ("wear", "cutting_speed"), ("thrust_force", "wear")):
+        true, nominal, less_wrong = (
+            getattr(getattr(each.material, law), field)
+            for each in (usual.scenario, usual.scenario.nominal(), told.scenario.nominal())
+        )
+        assert less_wrong - true == pytest.approx(0.25 * (nominal - true))
+    assert np.abs(told.context - usual.context).max() > 0.01
 
 
 def test_relative_returns_are_0_at_the_lower_anchor_and_1_at_the_upper():
