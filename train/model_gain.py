@@ -7,7 +7,8 @@ The tool must travel all bars, and metal is paid by volume. So an agent can only
 where p(D) is the price of the edge's life by dynamic programming (``baselines/models/edge_value.py``). It replaces the flat price
 in the reward; over a whole edge, the two differ by a constant. After a step, the simulator reveals the hidden depth, hardness and
 wear to the teacher (``Hindsight``). Machinability models and the drives' lags then give the gradient of the step's cost
-with respect to speed and feed. The highest force of a step is charged the expected cost of breaking an edge of unknown strength.
+with respect to speed and feed. A force above all that the edge has borne is charged the expected cost of breaking an edge of
+unknown strength.
 (Analytic gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat charge: potential-based
 shaping, Ng et al. 1999. The combination is this project's.)
 
@@ -32,13 +33,17 @@ from turning_env.vector_env import info_at_end_of_step
 Tensor = torch.Tensor
 Array = NDArray[np.float64]
 
-FIELDS = ("path", "depth_of_cut", "hardness", "used_life")
-"""Hidden quantities at the start and the end of every step, in the units of ``info``; depth and hardness are 0 in air."""
+FIELDS = ("path", "depth_of_cut", "hardness", "used_life", "thrust_force")
+"""Hidden quantities at the start and the end of every step, in the units of ``info``; depth, hardness and force are 0 in air. The
+force is the highest one at the end of a step of the same edge."""
+_USED_LIFE, _FORCE = FIELDS.index("used_life"), FIELDS.index("thrust_force")
 POINTS = 5
 """Number of points in time at which a step's costs are evaluated."""
 WINDOW_EDGE = 0.05
 """Logarithm of the feed beyond the chip breaker's window at which the teacher charges the full cost of tangled chips. The cost is
 a step there, so its gradient is 0; this line has one."""
+MIN_LOAD = 1e-3
+"""Smallest force over its limit, and probability to survive [-]."""
 MIN_USED_LIFE = 1e-6
 """Used life of a fresh edge [-]: the laws are not defined at 0."""
 
@@ -54,10 +59,12 @@ class Hindsight:
     """Whether the edge was changed in the step, shape (num_envs,)."""
     failed: NDArray[np.bool_]
     """Whether it was changed because it was worn out or broken, shape (num_envs,)."""
+    _borne: Any = 0.0
 
     def see_start(self, infos: dict[str, Any]) -> None:
-        """Note the states after a reset: the tool stands in the air before the first bar."""
+        """Note the states after a reset: the tool stands in the air before the first bar; edges in use go on."""
         self._now = np.stack([infos[name] for name in FIELDS])
+        self._now[_FORCE] = self._borne = np.where(self._now[_USED_LIFE] > 0.0, self._borne, 0.0)
 
     def see_step(self, infos: dict[str, Any], commanded: NDArray[np.bool_]) -> None:
         """Note the states after a step; ``commanded``, shape (num_envs,): whether it was to change the edge."""
@@ -66,6 +73,7 @@ class Hindsight:
         stopped, cut, engaged = (info_at_end_of_step(infos, name) for name in ("stopped_time", "cutting_time", "engaged_time"))
         self.changed = (stopped > 0.0) & (60.0 * cut <= engaged * (1.0 + 1e-6))  # tangled chips also stop the machine
         self.failed = self.changed & ~commanded
+        self.after[_FORCE] = self._borne = np.maximum(self.after[_FORCE], np.where(self.changed, 0.0, self.before[_FORCE]))
         self.see_start(infos)
 
 
@@ -117,6 +125,7 @@ class Truth:
         self.log_depth = log_field("depth_of_cut", wide(work.depth_of_cut))  # [log mm]
         self.log_hardness = log_field("hardness", wide(1.0))  # [-]
         self.used_life = (first + (last - first) * share).clamp(MIN_USED_LIFE, 1.0).float()  # [-]
+        self.borne_force = ends["thrust_force"][0].float()  # [N], shape (steps, num_envs, 1)
         self.cutting = cutting.float()  # 0 or 1
         self.changed = tensor(changed).float()  # 0 or 1, shape (steps, num_envs)
         self.failed = tensor(failed).float()  # 0 or 1, likewise
@@ -168,6 +177,7 @@ class ModelGain:
         self._base_speed = wide(np.maximum(scenario.base_cutting_speed, 1e-9))
         self._log_criterion, self._life_exponent = wide(np.log(tool.wear_criterion)), wide(material.wear.time)
         self._log_strength = wide(np.log(tool.edge_strength / limits.thrust_force))
+        self._force_limit = wide(limits.thrust_force)
         self._strength_spread = wide(np.maximum(tool.edge_strength_spread, 1e-3))
         self._reference = wide(economics.reference_removal_rate)
         if prices is None:
@@ -217,7 +227,8 @@ class ModelGain:
         interval = scenario.control.interval
         # The distance is fixed: at higher velocity it takes less time.
         gain: Tensor = -interval * cost.mean(dim=-1) * (velocity.detach() / velocity)
-        risk = torch.special.ndtr((log_force - self._log_strength) / self._strength_spread)
+        borne = self._breaks((truth.borne_force / self._force_limit).clamp(min=MIN_LOAD).log())
+        risk = torch.relu(self._breaks(log_force) - borne) / (1.0 - borne).clamp(min=MIN_LOAD)
         lost = self._downtime + self._edge_price * (1.0 - truth.used_life)
         gain = gain - (truth.cutting * risk * lost).amax(dim=-1)
         metal = speeds * feeds * truth.log_depth.exp() / self._reference
@@ -225,6 +236,10 @@ class ModelGain:
         earned = torch.where(price > 0.0, price * life_rate, metal - overload - self._time_price)
         going_on = interval * (torch.maximum(truth.cutting, truth.changed.unsqueeze(-1)) * earned).mean(dim=-1)
         return gain, torch.where(truth.failed > 0.0, -self._stop, going_on).detach()
+
+    def _breaks(self, log_force: Tensor) -> Tensor:
+        """Return the probability that an edge breaks at a force over its limit."""
+        return torch.special.ndtr((log_force - self._log_strength) / self._strength_spread)
 
     def edge_change_gain(self, score: Tensor, going_on: Tensor) -> Tensor:
         """Return an objective whose maximum makes ``score`` positive where the edge should be changed; all (steps, num_envs).

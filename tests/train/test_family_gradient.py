@@ -22,7 +22,7 @@ from train.agents import agent_file
 from train.agents.session import OnnxPolicy, session_of
 from train.analytic_actor import MAX_TIME
 from train.edge_worths import worths
-from train.family_actor import DOUBT, PLACE, JobFilter
+from train.family_actor import DOUBT, PLACE, FamilyActor, JobFilter
 from train.family_gradient import ALGORITHM, SEEDS, Lathes, Training, main, plan, train
 from train.model_gain import FIELDS, ModelGain, Truth
 from train.run import Run
@@ -123,6 +123,31 @@ def test_the_feed_falls_before_a_bar_that_is_not_measured_yet() -> None:
         observations, *_ = env.step(np.tile(np.array([0.0, 0.0, -1.0], np.float32), (16, 1)))
     assert np.median(np.concatenate(far)) > 0.01
     assert np.concatenate(near).max() < 1e-6
+
+
+def test_a_corrected_speed_gets_the_feed_that_it_bears() -> None:
+    shop = Family.load("shop")
+    env, parameters = FamilyVectorEnv(16, shop), plan(shop, 0, Path("unused"), "a command", SMALL).parameters
+    actor = FamilyActor(shop.job(0).scenario, parameters["context"], 8, 8)
+    torch.nn.init.zeros_(actor.head.weight)
+    observations, _ = env.reset(seed=list(range(16)))
+    memory = torch.zeros(16, actor.memory_size)
+    for _ in range(60):
+        seen, memory = actor.see(doubted(observations), memory)
+        observations, *_ = env.step(np.tile(np.array([0.0, 0.0, -1.0], np.float32), (16, 1)))
+    feeds = []
+    with torch.no_grad():
+        for correction in (-0.02, 0.0, 0.02):
+            actor.head.bias[0] = correction
+            feeds.append(actor.bounded(actor._unbounded(torch.zeros(16, 8), seen), seen)[:, 1])
+    speed, feed, *_, slower, faster = actor._proposals(seen).unbind(dim=-1)
+    torch.testing.assert_close(feeds[1], feed)
+    for found, end in ((feeds[0], slower), (feeds[2], faster)):
+        assert (found >= torch.minimum(feed, end) - 1e-5).all()
+        assert (found <= torch.maximum(feed, end) + 1e-5).all()
+    free = (speed.abs() < 0.9) & ((faster - slower).abs() > 0.01)
+    assert free.any()
+    assert (feeds[0] - feeds[2])[free].abs().min() > 1e-4
 
 
 def test_the_speed_in_effect_is_the_mean_of_a_step() -> None:
