@@ -41,8 +41,8 @@ Tensor = torch.Tensor
 DOUBT = Doubt(1.0, 0.4, 0.78)
 """How far a nominal model may be wrong that is told to be as wrong as the family's (assumption)."""
 CAUTION = single(0.5), single(0.8)
-"""Distance of proposed loads below their limits over their standard deviation [-] if the nominal model is right, and how much more
-it is if that is as wrong as the family's (found on training jobs)."""
+"""Distance of proposed loads below their limits over their standard deviation [-] without doubt, and what full doubt adds (found
+on training jobs)."""
 REACH = single(0.1)
 """How much slower and faster the feed is proposed, too [-]: a logarithm."""
 SETTLING = single(1.5)
@@ -194,8 +194,8 @@ class JobFilter(torch.nn.Module):
         ahead = torch.where(cutting, torch.minimum(self._interval * rate, left), 0.0)
         estimate = self._moved(mean, excess, told, scales, ahead)
         enters = (left + approach) / rate < self._interval + SETTLING * torch.exp(told["log_feed_time_constant"])
-        speeds = speed, commanded[0], deviations[0]
-        others = self._readings(*estimate, told, scales, of_wear, lot_mean, wear, log_wear, (speed, feed), speeds, enters)
+        command = commanded[0], deviations[0]
+        others = self._readings(*estimate, told, scales, of_wear, lot_mean, wear, log_wear, (speed, feed), command, enters)
         readings = torch.stack([each.float() for each in (*others, *position)], dim=-1)
         place = torch.stack([torch.ones_like(wear), along, speed, feed, wear], dim=-1)
         return readings.clamp(-5.0, 5.0), torch.cat([place, mean, excess.flatten(1)], dim=-1).float()
@@ -294,13 +294,14 @@ class JobFilter(torch.nn.Module):
         wear: Tensor,
         worn: Tensor,
         set_point: Sequence[Tensor],
-        speeds: Sequence[Tensor],
+        command: Sequence[Tensor],
         enters: Tensor,
     ) -> list[Tensor]:
         """Return all readings but those of the position.
 
-        ``worn``: log nominal wear over that at half a life; ``speeds``: actual and commanded one, logarithms over the plan's
-        there, and the mean remaining deviation; ``enters``: whether the tool soon enters the next bar.
+        ``worn``: log nominal wear over that at half a life; ``set_point``: speed and feed, logarithms over the plan's there;
+        ``command``: commanded speed likewise, and the mean remaining deviation; ``enters``: whether the tool soon enters the next
+        bar.
         """
         exponent = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
         log_factor = (of_wear * mean).sum(dim=-1) + lot_mean
@@ -327,11 +328,14 @@ class JobFilter(torch.nn.Module):
         margins = [caution * doubt for doubt in doubts]
         next_force, next_power = job.loads(speed, feed, log_used)
         middle = _middle(told)
-        lowest, highest = self._position(1, told["log_lowest_feed"] + _INSIDE), self._position(1, told["log_highest_feed"] - _INSIDE)
+        lowest = self._position(1, told["log_lowest_feed"] + _INSIDE)
+        highest = self._position(1, told["log_highest_feed"] - _INSIDE)
 
         def bearable(target: Tensor) -> tuple[Tensor, Tensor]:
             """Return positions of the highest feed for a target speed, in the next interval and in a bar not yet measured."""
-            here = job.feed(self._speed_in_effect(target, *speeds), log_used, (force + margins[0], power + margins[1]))
+            here = job.feed(
+                self._speed_in_effect(target, set_point[0], *command), log_used, (force + margins[0], power + margins[1])
+            )
             there = job.feed(target, log_used, margins[2:])
             here = torch.where(enters, torch.minimum(here, there), here)
             here, there = (self._position(1, each + middle[1]) for each in (here, there))

@@ -239,7 +239,8 @@ class ModelGain:
 
     def _breaks(self, log_force: Tensor) -> Tensor:
         """Return the probability that an edge breaks at a force over its limit."""
-        return torch.special.ndtr((log_force - self._log_strength) / self._strength_spread)
+        probability: Tensor = torch.special.ndtr((log_force - self._log_strength) / self._strength_spread)
+        return probability
 
     def edge_change_gain(self, score: Tensor, going_on: Tensor) -> Tensor:
         """Return an objective whose maximum makes ``score`` positive where the edge should be changed; all (steps, num_envs).

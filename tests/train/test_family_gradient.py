@@ -53,7 +53,11 @@ def test_the_gain_of_many_jobs_is_that_of_each() -> None:
     scenarios, prices = lathes.scenarios(numbers), Worth(random.random(3), 500.0 * random.random((3, 5)))  # type: ignore[arg-type]
     path = 50.0 + 5.0 * random.random((steps + 1, 3))
     states = np.stack(
-        [path, random.uniform(1, 6, path.shape), random.uniform(0.8, 1.3, path.shape), random.random(path.shape)], 1
+        [
+            *(path, random.uniform(1, 6, path.shape), random.uniform(0.8, 1.3, path.shape)),
+            *(random.random(path.shape), random.uniform(0, 2000, path.shape)),
+        ],
+        1,
     )
     assert states.shape[1] == len(FIELDS)
     changed, failed = random.random((2, steps, 3)) < 0.3
@@ -196,7 +200,7 @@ def test_the_less_doubt_the_less_the_laws_are_learnt() -> None:
     for doubt in (1.0, 0.05):
         state = torch.zeros(16, JobFilter.STATES)
         for _ in range(60):
-            readings, state = tracker(doubted(observations, doubt), state)
+            _, state = tracker(doubted(observations, doubt), state)
             observations, *_ = env.step(np.tile(np.array([0.0, 0.0, -1.0], np.float32), (16, 1)))
         scales, _ = tracker._prior(
             {name: torch.zeros(16).double() for name in tracker._names} | {"doubt": torch.full((16,), doubt).double()}

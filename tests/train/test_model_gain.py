@@ -18,14 +18,14 @@ from turning_env.vector_env import info_at_end_of_step
 
 BASE, SHIFT, OVERRIDE = (Scenario.load(preset) for preset in ("rough_turning", "shift", "override"))
 JOB = BASE.model_copy(update={"workpiece": BASE.workpiece.model_copy(update={"bars": 1})})
-PATH, DEPTH, HARDNESS, USED_LIFE = range(len(FIELDS))
+PATH, DEPTH, HARDNESS, USED_LIFE, FORCE = range(len(FIELDS))
 PITCH, APPROACH = BASE.workpiece.bar_length + BASE.workpiece.approach, BASE.workpiece.approach
 GAINS: dict[str, ModelGain] = {}  # prices take seconds to compute
 SHARE = (np.arange(POINTS) + 0.5) / POINTS
 
 
-def state(path: float, depth: float = 3.0, hardness: float = 1.0, used_life: float = 0.5) -> list[float]:
-    return [path, depth, hardness, used_life]
+def state(path: float, depth: float = 3.0, hardness: float = 1.0, used_life: float = 0.5, force: float = 0.0) -> list[float]:
+    return [path, depth, hardness, used_life, force]
 
 
 def truth_of(first: list[float], last: list[float], changed: bool = False, failed: bool = False) -> Truth:
@@ -250,6 +250,25 @@ def test_an_edge_of_known_strength_and_one_of_little_worth() -> None:
     assert going_on.item() == pytest.approx(BASE.control.interval * 0.5 * per_minute / 60.0, rel=1e-4)
 
 
+def test_an_edge_that_has_borne_a_force_does_not_break_at_it() -> None:
+    gain = gain_of(BASE)
+    commands = (torch.full((1, 1), math.log(190.0)), torch.full((1, 1), math.log(0.6)))
+    now, (depth, hardness, used) = [each.exp() for each in commands], (4.0, 1.3, 0.8)
+    wear = BASE.tool.wear_criterion * used**BASE.material.wear.time
+    force = BASE.material.thrust_force(190.0, 0.6, depth, wear=wear, hardness=hardness)
+
+    def found(borne: float) -> float:
+        truth = truth_of(state(100.0, depth, hardness, used, borne), state(100.0, depth, hardness, used))
+        return gain(*commands, *now, truth)[0].item()
+
+    breaks = [norm.cdf(math.log(each * force / BASE.tool.edge_strength) / BASE.tool.edge_strength_spread) for each in (0.9, 1.0)]
+    lost = found(force) - found(0.0)
+    assert lost > 1.0
+    assert found(2.0 * force) == found(force)
+    expected = (breaks[1] - breaks[0]) / (1.0 - breaks[0]) / breaks[1]
+    assert (found(force) - found(0.9 * force)) / lost == pytest.approx(expected, rel=1e-3)
+
+
 def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None:
     """Random set points, held for a while each, on lagging drives."""
 
@@ -322,10 +341,15 @@ def test_edges_that_are_changed_on_command_have_not_failed() -> None:
     env = HindsightVecEnv(SHIFT, 2)
     env.seed(3)
     env.reset()
+    borne = np.zeros(2)
     for step in range(1200):
         change = [0.2 if step == 50 else 0.0, 0.0]
         env.step(np.stack([[0.02, 0.02], [0.02, 0.02], change], axis=1).astype(np.float32))
+        np.testing.assert_array_equal(env.before[FORCE], borne)
+        assert (env.after[FORCE] >= np.where(env.changed, 0.0, borne)).all()
+        borne = env.after[FORCE]
         if step == 50:
+            assert 0.0 < env.after[FORCE, 0] < env.before[FORCE, 0]
             assert env.changed.tolist() == [True, False]
             assert not env.failed.any()
             assert env.after[USED_LIFE, 0] < env.before[USED_LIFE, 0]

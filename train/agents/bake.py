@@ -3,9 +3,9 @@
     python -m train.export --agent family_gradient-seed0.onnx --scenario mine.toml
     python -m train.export --agent family_gradient-seed0.onnx --scenario mine.toml --doubt 0.3
 
-The first matrix product in the file appends to the observation how wrong the nominal model may be. Here it also appends the context
-and moves speed and feed to a range as wide as the family's, if the scenario's is not. A last product turns the agent's action into
-the scenario's, which has other steps or no edge changes.
+The first matrix product in the file tells the network how wrong the nominal model may be. Here it also tells the context, and moves
+speed and feed to a range as wide as the family's, if the scenario's is not. A last product turns the agent's action into the
+scenario's, which has other steps or no edge changes.
 """
 
 import argparse
@@ -158,13 +158,14 @@ def _with_products(content: bytes, see: Floats, seen: Floats, act: Floats) -> by
     graph = model.graph
     for node in graph.node:
         node.output[:] = ["told_action" if name == "action" else name for name in node.output]
-    constants = {"see_weight": see, "see_bias": seen, "act": act, "lowest_action": -1.0, "highest_action": 1.0}
+    bounds = {"lowest_action": np.array(-1.0), "highest_action": np.array(1.0)}
+    constants = {"see_weight": see, "see_bias": seen, "act": act, **bounds}
     if missing := {"see_weight", "see_bias"} - {tensor.name for tensor in graph.initializer}:
         raise ValueError(f"its network has no {min(missing)}: train it again with this version")
     kept = [tensor for tensor in graph.initializer if tensor.name not in constants]
     del graph.initializer[:], graph.value_info[:]
     graph.initializer.extend(kept)
-    graph.initializer.extend(numpy_helper.from_array(np.float32(value), name) for name, value in constants.items())
+    graph.initializer.extend(numpy_helper.from_array(value.astype(np.float32), name) for name, value in constants.items())
     graph.node.append(helper.make_node("MatMul", ["told_action", "act"], ["unclipped_action"]))
     graph.node.append(helper.make_node("Clip", ["unclipped_action", "lowest_action", "highest_action"], ["action"]))
     for value, name, size in ((graph.input, "observation", len(see)), (graph.output, "action", act.shape[1])):

@@ -116,9 +116,7 @@ class Truthful(Family):
         }
         columns = self.columns(told)
         plan = plan_of(columns, len(numbers))
-        return replace(
-            draw, true=self.columns(true, columns), plan=plan, fields=(told, true), features=features(columns, plan)
-        )
+        return replace(draw, true=self.columns(true, columns), plan=plan, fields=(told, true), features=features(columns, plan))
 
 
 def _between(true: Any, nominal: Any, share: Floats) -> Any:
