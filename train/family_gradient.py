@@ -4,8 +4,8 @@
     python -m train.family_gradient --seed 0 --minutes 50 --device cuda --set num_envs=4096 --set batch_envs=2048
 
 The agent sees observations with the nominal model's context, and how wrong that may be: some jobs have a part of their errors
-only. Its teacher is privileged, as in ``train/analytic_gradient.py``: it evaluates every job's true machining models at the hidden
-state, and prices its edges' life by that job's laws.
+only. Its teacher is privileged, as in ``train/analytic_gradient.py``: it evaluates every job's true machining models at the
+hidden state, and prices its edges' life by that job's laws.
 
 With ``--minutes``, training also ends, and the learning rate falls, by the clock. The same command resumes an interrupted
 training, and does nothing if training is finished. The folder of the run holds ``run.json``, ``checkpoint.zip``,
