@@ -3,9 +3,9 @@
     python -m train.export --agent family_gradient-seed0.onnx --scenario mine.toml
     python -m train.export --agent family_gradient-seed0.onnx --scenario mine.toml --doubt 0.3
 
-The first matrix product in the file tells the network how wrong the nominal model may be. Here it also tells the context, and
-moves speed and feed to a range as wide as the family's, if the scenario's is not. A last product turns the agent's action into the
-scenario's, which has other steps or no edge changes.
+The first matrix product in the file tells the network how wrong the nominal model may be. Here it also tells the context,
+and moves speed and feed to a range as wide as the family's, if the scenario's is not. A last product turns the agent's action
+into the scenario's, which has other steps or no edge changes.
 """
 
 import argparse
