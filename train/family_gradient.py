@@ -42,7 +42,7 @@ from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, replace_file
 from turning_env.scenario.family import CHUNK
 from turning_env.scenario.plan import Columns, Section
-from turning_env.scoring.family import Truthful, truthful
+from turning_env.scoring.family import truthful
 from turning_env.scoring.seeds import TUNING_START
 
 Tensor = torch.Tensor
@@ -176,7 +176,7 @@ class Training:
         self.run, self.device, self._threads = run, device, threads
         torch.manual_seed(run.seed)
         self.generator = np.random.default_rng(run.seed)
-        self.family = family = known_better(Family.load(p["family"]), p)
+        self.family = family = truthful(Family.load(p["family"]), errors=p["errors"])
         self.lathes = Lathes(family, device=device)
         check_alike(self.lathes.scenarios(np.arange(family.jobs)))
         self.actor = FamilyActor(run.scenario, p["context"], p["cells"], p["width"]).to(device)
@@ -336,15 +336,10 @@ def check_alike(scenarios: Columns) -> None:
             raise ValueError(f"{field} is {value.min():g} to {value.max():g}, but must be the same in all jobs")
 
 
-def known_better(family: Family, parameters: dict[str, Any]) -> Truthful:
-    """Return the family with nominal models that are less wrong in some jobs."""
-    return truthful(family, errors=parameters["errors"])
-
-
 def plan(family: Family, seed: int, runs: Path, command: str, given: dict[str, Any]) -> Run:
     """Return the run of a training seed, in its own folder below ``runs``."""
     parameters = hyperparameters(NAME, FAMILY_ID) | given
-    mixed = known_better(family, parameters)
+    mixed = truthful(family, errors=parameters["errors"])
     told = np.concatenate([mixed.context(mixed.draw("train", chunk)) for chunk in range(-(-family.jobs // CHUNK))])
     mean, spread = mixed.context_scale
     numbers = {"mean": mean, "spread": spread, "low": told.min(axis=0), "high": told.max(axis=0)}

@@ -130,7 +130,12 @@ def truthful(family: Family, right: str = "", errors: Sequence[float] = (0.0,)) 
     """Return the family with nominal models that are right in the fields whose dotted names begin so; see ``Truthful``.
 
     Its jobs are otherwise the same.
+
+    Raises:
+        ValueError: there are no ``errors``, or some are not from 0 to 1.
     """
+    if not errors or not all(0.0 <= error <= 1.0 for error in errors):
+        raise ValueError(f"errors is {list(errors)}, but must be one or more numbers from 0 to 1")
     return Truthful.model_validate(family.model_dump() | {"right": right, "errors": tuple(errors)})
 
 

@@ -91,6 +91,12 @@ def test_a_share_of_the_errors_remains_chunk_by_chunk():
     assert np.abs(told.context - usual.context).max() > 0.01
 
 
+@pytest.mark.parametrize("errors", [(), (0.5, 1.5), (-0.1,), (float("nan"),)])
+def test_errors_are_shares(errors):
+    with pytest.raises(ValueError, match="from 0 to 1"):
+        truthful(FAMILY, errors=errors)
+
+
 def test_relative_returns_are_0_at_the_lower_anchor_and_1_at_the_upper():
     low, high = np.array([[0.0, 2.0]]), np.array([[3.0, 3.0]])
     assert relative(np.array([[1.0, 3.0, 2.0]]), low, high).tolist() == [[0.0, 1.0, 0.5]]
