@@ -93,14 +93,14 @@ def write_of_family(folder: Path, family: Family, seed: int = 0) -> Path:
     weights = {
         "see_weight": np.eye(entries, entries + 1, dtype=np.float32),
         "see_bias": np.eye(entries + 1, dtype=np.float32)[entries],
-        "weight": np.random.default_rng(seed).uniform(-1e-3, 1e-3, (entries + 1, 3)).astype(np.float32),
-        "bias": np.array([0.0, 0.0, -0.5], np.float32),
+        "head.weight": np.random.default_rng(seed).uniform(-1e-3, 1e-3, (3, entries + 1)).astype(np.float32),
+        "head.bias": np.array([0.0, 0.0, -0.5], np.float32),
     }
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{about.label}.onnx"
     nodes = [
         make_node("Gemm", ["observation", "see_weight", "see_bias"], ["seen"]),
-        make_node("Gemm", ["seen", "weight", "bias"], ["action"]),
+        make_node("Gemm", ["seen", "head.weight", "head.bias"], ["action"], transB=1),
     ]
     path.write_bytes(of_nodes(nodes, weights, about=about))
     return path

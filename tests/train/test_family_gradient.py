@@ -336,10 +336,13 @@ def test_the_agent_is_told_the_doubt(tmp_path: Path, capsys: Any) -> None:
     told = []
     for options in ([], ["--doubt", "0.3"]):
         model = onnx.load(baked(agent, "rough_turning", tmp_path / f"{len(options)}", *options))
-        told.append({each.name: onnx.numpy_helper.to_array(each) for each in model.graph.initializer}["see_bias"])
-    assert told[0][-1] == 1.0
-    assert told[1][-1] == np.float32(0.3)
-    np.testing.assert_array_equal(told[0][:-1], told[1][:-1])
+        told.append({each.name: onnx.numpy_helper.to_array(each) for each in model.graph.initializer})
+    first, second = (each["see_bias"] for each in told)
+    assert first[-1] == 1.0
+    assert second[-1] == np.float32(0.3)
+    np.testing.assert_array_equal(first[:-1], second[:-1])
+    full, scaled = (each["head.weight"] for each in told)
+    np.testing.assert_allclose(scaled, full * np.array([[0.3], [1.0], [1.0]]), rtol=1e-6)
     for doubt in ("0.01", "1.5", "nan"):
         assert export.main(["--agent", str(agent), "--scenario", "rough_turning", "--doubt", doubt]) != 0
         assert f"doubt is {float(doubt)}, but must be 0.05 to 1.0" in capsys.readouterr().err
