@@ -435,6 +435,7 @@ class FamilyActor(GruActor):
         width: size of the layers around it.
     """
 
+    tracker: JobFilter
     see_weight: Tensor
     see_bias: Tensor
 
@@ -442,7 +443,6 @@ class FamilyActor(GruActor):
         tracker = JobFilter(scenario, context["names"], context["mean"], context["spread"])
         entries = len(layout(scenario)) + len(context["names"])
         super().__init__(scenario, entries + 1, cells, width, tracker)
-        self._per_reach = tracker.per_reach
         self.register_buffer("see_weight", torch.eye(entries, entries + 1), persistent=False)
         self.register_buffer("see_bias", torch.eye(entries + 1)[entries], persistent=False)
 
@@ -452,18 +452,18 @@ class FamilyActor(GruActor):
 
     def held(self, target: Tensor, seen: Tensor) -> Tensor:
         """Return unbounded targets of speed and feed, kept within the ranges of machine and chip breaker."""
-        positions = _unbounded(self._proposals(seen))
+        positions = _target(self._proposals(seen))
         return torch.minimum(torch.maximum(target[..., :2], positions[..., 2:4]), positions[..., 4:6])
 
     def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
         """Return what is proposed and the network's correction; the feed is proposed for the corrected speed."""
         correction, positions = super()._unbounded(cells, seen), self._proposals(seen)
         speed, feed, *_, slower, faster = positions.unbind(dim=-1)
-        first = _unbounded(speed) + correction[..., 0]
-        least, greatest = (_unbounded(positions[..., k]) for k in (2, 4))
-        change = (torch.minimum(torch.maximum(first, least), greatest).tanh() - speed) * self._per_reach
+        first = _target(speed) + correction[..., 0]
+        least, greatest = (_target(positions[..., k]) for k in (2, 4))
+        change = (torch.minimum(torch.maximum(first, least), greatest).tanh() - speed) * self.tracker.per_reach
         feed = feed + torch.relu(change) * (faster - feed) + torch.relu(-change) * (slower - feed)
-        second = _unbounded(feed.clamp(-_ENDS, _ENDS)) + correction[..., 1]
+        second = _target(feed.clamp(-_ENDS, _ENDS)) + correction[..., 1]
         return torch.cat([torch.stack([first, second], dim=-1), correction[..., 2:]], dim=-1)
 
     def _proposals(self, seen: Tensor) -> Tensor:
@@ -472,6 +472,6 @@ class FamilyActor(GruActor):
         return seen[..., first : first + 8]
 
 
-def _unbounded(position: Tensor) -> Tensor:
+def _target(position: Tensor) -> Tensor:
     """Return the target that ``tanh`` squashes to a position."""
     return 0.5 * torch.log((1.0 + position) / (1.0 - position))

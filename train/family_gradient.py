@@ -343,7 +343,7 @@ def plan(family: Family, seed: int, runs: Path, command: str, given: dict[str, A
     told = np.concatenate([mixed.context(mixed.draw("train", chunk)) for chunk in range(-(-family.jobs // CHUNK))])
     mean, spread = mixed.context_scale
     numbers = {"mean": mean, "spread": spread, "low": told.min(axis=0), "high": told.max(axis=0)}
-    context = {"names": list(family.context_names)} | {name: values.tolist() for name, values in numbers.items()}
+    context = {"names": list(mixed.context_names)} | {name: values.tolist() for name, values in numbers.items()}
     parameters |= {"family": family.portable(), "context": context}
     folder = runs / FAMILY_ID / family.name / f"{NAME}-seed{seed}"
     return Run(NAME, FAMILY_ID, family.job(0).scenario, seed, parameters, command, folder)

@@ -77,7 +77,9 @@ def baked(file: AgentFile, scenario: Scenario, doubt: float, command: str) -> by
     if not min(errors) <= doubt <= max(errors):
         raise ValueError(f"doubt is {doubt}, but must be {min(errors)} to {max(errors)}, as in its training")
     _check_plays(about.scenario, scenario)
-    content = _with_products(_trusting(file.content, doubt), *_products(about, scenario, doubt))
+    model = onnx.load_model_from_string(file.content)
+    _scale_speed(model, doubt)
+    _set_products(model, *_products(about, scenario, doubt))
     played = "RoughTurning-Shift-v0" if scenario.control.edge_changes == "commanded" else "RoughTurning-v0"
     own = [env_id for env_id, preset in IDS.items() if Scenario.load(preset).digest() == scenario.digest()]
     metadata = Metadata(
@@ -94,7 +96,6 @@ def baked(file: AgentFile, scenario: Scenario, doubt: float, command: str) -> by
         command=command,
         versions=about.versions,
     )
-    model = onnx.load_model_from_string(content)
     result = with_properties(model, metadata)
     memory = agent_file.checked(result).memory_size
     tried(result, len(metadata.observation_space.low), len(metadata.action_space.low), memory)
@@ -153,20 +154,17 @@ def _products(about: Metadata, scenario: Scenario, doubt: float) -> tuple[Floats
     return see, seen, act
 
 
-def _trusting(content: bytes, doubt: float) -> bytes:
-    """Return a network whose correction of the speed, the first row of its last layer, is scaled by the doubt."""
-    model = onnx.load_model_from_string(content)
+def _scale_speed(model: onnx.ModelProto, doubt: float) -> None:
+    """Scale the network's correction of the speed, the first row of its last layer, by the doubt."""
     for tensor in model.graph.initializer:
         if tensor.name in ("head.weight", "head.bias"):
             value = numpy_helper.to_array(tensor).copy()
             value[0] *= doubt
             tensor.CopyFrom(numpy_helper.from_array(value, tensor.name))
-    return bytes(model.SerializeToString(deterministic=True))
 
 
-def _with_products(content: bytes, see: Floats, seen: Floats, act: Floats) -> bytes:
-    """Return a network that sees and acts by other products; its action is clipped."""
-    model = onnx.load_model_from_string(content)
+def _set_products(model: onnx.ModelProto, see: Floats, seen: Floats, act: Floats) -> None:
+    """Let the network see and act by other products; its action is clipped."""
     graph = model.graph
     for node in graph.node:
         node.output[:] = ["told_action" if name == "action" else name for name in node.output]
@@ -183,7 +181,6 @@ def _with_products(content: bytes, see: Floats, seen: Floats, act: Floats) -> by
     for value, name, size in ((graph.input, "observation", len(see)), (graph.output, "action", act.shape[1])):
         (found,) = (each for each in value if each.name == name)
         found.type.tensor_type.shape.dim[1].dim_value = size
-    return bytes(model.SerializeToString(deterministic=True))
 
 
 def main(arguments: Sequence[str]) -> int:
