@@ -2,7 +2,8 @@
 
 Gradients reach over a rollout only, and a GRU must learn to average. The extended Kalman filter is given: that of
 ``baselines/models/kalman_steps.py``, which estimates depth and hardness of the bar, the wear of insert and lot, and the errors of
-the laws of force and power. ``train/job_optimum.py`` finds the best set point by the estimates, and the network adds to it.
+the laws of force and power. It also estimates the error of the wear's exponent of speed. ``train/job_optimum.py`` finds the best
+set point by the estimates, and the network adds to it.
 
 The agent's file must play alone, so here the filter consists of tensors, and takes the nominal model from the context in the
 observation. It computes in double precision, so that agent and file differ by no more than the network does. But the exporter
@@ -27,8 +28,8 @@ from baselines.models.kalman_steps import (
     LAWS,
     LOT,
     MIN_DEPTH,
-    STATES,
 )
+from baselines.models.kalman_steps import STATES as TAYLOR
 from baselines.models.load_filter import LAW_ERRORS, READING_DOUBT, SLOPE, Doubt
 from train.analytic_actor import MAX_TIME, GruActor
 from train.job_optimum import MIN_EXPONENT, Bar, JobOptimum, Load, Told, log_over_half, single
@@ -40,9 +41,11 @@ Tensor = torch.Tensor
 
 DOUBT = Doubt(1.0, 0.4, 0.78)
 """How far a nominal model may be wrong that is told to be as wrong as the family's (assumption)."""
-CAUTION = single(0.5), single(0.8)
-"""Distance of proposed loads below their limits over their standard deviation [-] without doubt, and what full doubt adds (found
-on training jobs)."""
+TAYLOR_DOUBT = single(0.2)
+"""Likewise the standard deviation of the wear's exponent of speed over its nominal value [-] (assumption)."""
+CAUTION = single(0.3), single(0.3125), single(0.3)
+"""Distance of proposed loads below their limits over their standard deviation [-]: a part of it, a factor on the log odds that a
+load is below where more feed no longer pays, and what full doubt adds (found on training jobs)."""
 REACH = single(0.1)
 """How much slower and faster the feed is proposed, too [-]: a logarithm."""
 SETTLING = single(1.5)
@@ -53,9 +56,12 @@ MIN_SEEN = 0.5
 """Share of the load behind the sensor's lag below which a reading is ignored [-]: the tool has just entered."""
 TIMING_DOUBT = 0.05
 """Standard deviation of the time at which the tool entered the bar [s] (assumption)."""
-PLACE = 5
+STATES = TAYLOR + 1
+"""Those of ``kalman_steps.py``, and the error of the wear's exponent of speed."""
+PLACE = 6
 """Columns of the state that follow the tool: whether there was an observation, its position from the start of the bar over the
-bar's length, logarithms of speed and feed over the plan's at half a life, nominal wear over the criterion."""
+bar's length, logarithms of speed and feed over the plan's at half a life, nominal wear over the criterion, and the edge's mean
+logarithm of speed, by the life that it used."""
 _ACTUAL, _COMMANDED = (OBS.cutting_speed, OBS.feed), (OBS.commanded_cutting_speed, OBS.commanded_feed)
 _LAWS = ("thrust_force", "power")
 _ENDS = single(0.995)  # of the range -1..1, from which targets keep away
@@ -79,7 +85,7 @@ class JobFilter(torch.nn.Module):
         spread: spreads likewise.
     """
 
-    READINGS = 8 + 1 + STATES + 4 + 2 + 4 + 4 + 2 + 2
+    READINGS = 8 + 1 + STATES + 5 + 2 + 4 + 4 + 2 + 2
     STATES = PLACE + STATES + STATES * STATES
     ALIKE = (
         *("control.interval", "control.sub_steps", "control.cutting_speed_step", "control.feed_step", "workpiece.approach"),
@@ -97,6 +103,7 @@ class JobFilter(torch.nn.Module):
     _bar: Tensor
     _insert: Tensor
     _worn: Tensor
+    _taylor: Tensor
 
     def __init__(self, scenario: Scenario, names: Sequence[str], mean: Sequence[float], spread: Sequence[float]) -> None:
         super().__init__()
@@ -126,6 +133,7 @@ class JobFilter(torch.nn.Module):
             "bar": one[DEPTH:INSERT].sum(dim=0),
             "insert": one[INSERT],
             "worn": one[INSERT] + one[LOT],
+            "taylor": one[TAYLOR],
         }
         for name, value in constants.items():
             self.register_buffer(f"_{name}", value.double(), persistent=False)
@@ -133,21 +141,21 @@ class JobFilter(torch.nn.Module):
     def forward(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """Return readings, shape (num_envs, READINGS), from -5 to 5, and the next state.
 
-        The first two propose targets: the best speed, and the feed at which force and power are ``CAUTION`` standard deviations
-        below their limits an interval later. Then follow the least and the greatest targets, that feed for a speed lower and
-        higher by ``REACH``, the feed for a bar not yet measured,
-        the means, the variances of depth, hardness, insert and lot, used life and its doubt, the logarithms of force and power
-        over their limits at the best set point in the present and in the expected bar, their standard deviations in the present
-        bar and in one not yet measured, the prices of time and life, and the readings of ``DistanceTracker``. The estimates are
-        those for the place that the tool reaches in an interval, as commands take effect late.
+        The first two propose targets: the best speed, and the feed at which force and power are below their limits by ``CAUTION``
+        an interval later. Then follow the least and the greatest targets, that feed for a speed lower and higher by ``REACH``,
+        the feed for a bar not yet measured, the means, the variances of depth, hardness, insert, lot and the wear's exponent of
+        speed, used life and its doubt, the logarithms of force and power over their limits at the best set point in the present
+        and in the expected bar, their standard deviations in the present bar and in one not yet measured, the prices of time and
+        life, and the readings of ``DistanceTracker``. The estimates are those for the place that the tool reaches in an interval,
+        as commands take effect late.
         """
         observation, state = observation.double(), state.double()
         context = observation[:, self._first : -1] * self._told_spread + self._told_mean
         told = dict(zip(self._names, context.unbind(dim=-1), strict=True)) | {"doubt": observation[:, -1]}
         scales, lot_mean = self._prior(told)
-        begun, along, last_speed, last_feed, worn = state[:, :PLACE].unbind(dim=-1)
+        begun, along, last_speed, last_feed, worn, pace = state[:, :PLACE].unbind(dim=-1)
         mean, excess = state[:, PLACE : PLACE + STATES], state[:, PLACE + STATES :].reshape(-1, STATES, STATES)
-        of_wear = scales * self._worn
+        of_wear = scales * self._of_wear(pace)
 
         wear = observation[:, OBS.nominal_wear]
         fresh_edge = wear < worn
@@ -158,6 +166,10 @@ class JobFilter(torch.nn.Module):
             mean, excess = corrected(mean, excess, of_wear, surprise, seen, single(INSPECTION_DOUBT**2))
 
         speed, feed = self._set_point(observation, _ACTUAL, told)
+        known = (torch.where(fresh_edge, 0.0, worn) / wear.clamp(min=_SMALL)).clamp(min=_SMALL, max=1.0)
+        fresh_share = 1.0 - torch.exp(torch.log(known) / told["wear_time_exponent"].clamp(min=MIN_EXPONENT))
+        pace = torch.where(wear > 0.0, pace + fresh_share * (speed - pace), 0.0)
+        of_wear = scales * self._of_wear(pace)
         rate = torch.exp(speed + feed - told["log_bar_time"])
         commanded = self._set_point(observation, _COMMANDED, told)
         deviations = self._deviations(told)
@@ -177,10 +189,11 @@ class JobFilter(torch.nn.Module):
         mean, excess = self._moved(mean, excess, told, scales, torch.minimum(travel, along.clamp(min=0.0)))
 
         log_wear = torch.log(wear.clamp(min=_SMALL)) - told["wear_time_exponent"] * _LOG_HALF
+        place = speed, feed, log_wear, pace
         in_metal = (along / rate).clamp(min=0.0, max=self._interval)
         before = mean
         for law, entry in enumerate((OBS.force_ratio, OBS.power_ratio)):
-            row, expected = self._load(law, before, told, scales, lot_mean, (speed, feed, log_wear))
+            row, expected = self._load(law, before, told, scales, lot_mean, place)
             ratio = observation[:, entry] / DEVIATION_SCALE + 1.0
             shown = (1.0 - torch.exp(-in_metal / self._lags[law])).clamp(min=_SMALL)
             surprise = torch.log(ratio.clamp(min=_SMALL) / shown) - expected - (row * (mean - before)).sum(dim=-1)
@@ -195,10 +208,10 @@ class JobFilter(torch.nn.Module):
         estimate = self._moved(mean, excess, told, scales, ahead)
         enters = (left + approach) / rate < self._interval + SETTLING * torch.exp(told["log_feed_time_constant"])
         command = commanded[0], deviations[0]
-        others = self._readings(*estimate, told, scales, of_wear, lot_mean, wear, log_wear, (speed, feed), command, enters)
+        others = self._readings(*estimate, told, scales, of_wear, lot_mean, wear, place, command, enters)
         readings = torch.stack([each.float() for each in (*others, *position)], dim=-1)
-        place = torch.stack([torch.ones_like(wear), along, speed, feed, wear], dim=-1)
-        return readings.clamp(-5.0, 5.0), torch.cat([place, mean, excess.flatten(1)], dim=-1).float()
+        followed = torch.stack([torch.ones_like(wear), along, speed, feed, wear, pace], dim=-1)
+        return readings.clamp(-5.0, 5.0), torch.cat([followed, mean, excess.flatten(1)], dim=-1).float()
 
     def _prior(self, told: Told) -> tuple[Tensor, Tensor]:
         """Return prior standard deviations of the states, and the prior mean of the lot's log wear factor."""
@@ -208,7 +221,12 @@ class JobFilter(torch.nn.Module):
         one, lot = torch.ones_like(depth), told["wear_time_exponent"] * told["doubt"]
         first = torch.stack([depth, one, hardness, one, insert, lot * single(DOUBT.lot)], dim=-1)
         laws = told["doubt"].unsqueeze(-1) * self._law_spreads
-        return torch.cat([first, laws], dim=-1), lot * single(-math.log(DOUBT.lot_life))
+        taylor = TAYLOR_DOUBT * told["wear_cutting_speed_exponent"] * told["doubt"]
+        return torch.cat([first, laws, taylor.unsqueeze(-1)], dim=-1), lot * single(-math.log(DOUBT.lot_life))
+
+    def _of_wear(self, pace: Tensor) -> Tensor:
+        """Return the derivatives of an edge's log wear by the states in their units, shape (num_envs, STATES)."""
+        return self._worn + pace.unsqueeze(-1) * self._taylor
 
     def _history(self, told: Told, depth: Tensor, hardness: Tensor) -> Tensor:
         """Return the variance of an edge's log wear from the depth and hardness of a bar that it has cut."""
@@ -266,11 +284,11 @@ class JobFilter(torch.nn.Module):
     ) -> tuple[Tensor, Tensor]:
         """Return the derivatives by the states of the log ratio of a law's load to the nominal model, and that ratio.
 
-        ``place``: logarithms of speed, feed and nominal wear over the plan's at half a life.
+        ``place``: logarithms of speed, feed and nominal wear over the plan's at half a life, and the edge's mean one of speed.
         """
-        speed, feed, wear = place
+        speed, feed, wear, pace = place
         states, first = (scales * mean).unbind(dim=-1), LAWS + ERRORS * law
-        factor = states[INSERT] + states[LOT] + lot_mean
+        factor = states[INSERT] + states[LOT] + lot_mean + pace * states[TAYLOR]
         share = (1.0 + states[DEPTH]).clamp(min=single(MIN_DEPTH))
         of_depth, of_hardness = told[f"{_LAWS[law]}_depth_of_cut_exponent"], self._hardness[law]
         exponent = told[f"{_LAWS[law]}_wear_exponent"] + states[first + 3]
@@ -278,6 +296,7 @@ class JobFilter(torch.nn.Module):
         row = [0.0 * one] * STATES
         row[DEPTH], row[HARDNESS] = of_depth / share, of_hardness * one
         row[INSERT] = row[LOT] = exponent
+        row[TAYLOR] = exponent * pace
         row[first : first + ERRORS] = one, speed, feed, wear + factor
         ratio = of_depth * torch.log(share) + of_hardness * states[HARDNESS] + exponent * factor
         ratio = ratio + states[first] + states[first + 1] * speed + states[first + 2] * feed + states[first + 3] * wear
@@ -292,16 +311,14 @@ class JobFilter(torch.nn.Module):
         of_wear: Tensor,
         lot_mean: Tensor,
         wear: Tensor,
-        worn: Tensor,
-        set_point: Sequence[Tensor],
+        place: Sequence[Tensor],
         command: Sequence[Tensor],
         enters: Tensor,
     ) -> list[Tensor]:
         """Return all readings but those of the position.
 
-        ``worn``: log nominal wear over that at half a life; ``set_point``: speed and feed, logarithms over the plan's there;
-        ``command``: commanded speed likewise, and the mean remaining deviation; ``enters``: whether the tool soon enters the next
-        bar.
+        ``place``: see ``_load``; ``command``: commanded speed likewise, and the mean remaining deviation; ``enters``: whether the
+        tool soon enters the next bar.
         """
         exponent = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
         log_factor = (of_wear * mean).sum(dim=-1) + lot_mean
@@ -315,17 +332,22 @@ class JobFilter(torch.nn.Module):
         force, power, wear_rate = (
             share * log_depth + each * hardness for share, each in zip(of_depth, self._hardness, strict=True)
         )
-        caution = CAUTION[0] + CAUTION[1] * told["doubt"]
-        doubts = self._doubts(mean, excess, told, scales, lot_mean, (*set_point, worn))
-        margins = [caution * doubt for doubt in doubts]
-        bar = Bar((force + margins[0], power + margins[1]), log_depth, wear_rate / exponent)
-        job = JobOptimum(told, self._estimated(told, states), (states[LOT] + lot_mean) / exponent, self._overload_price)
+        doubts = self._doubts(mean, excess, told, scales, lot_mean, place)
+        errors = (states[LOT] + lot_mean) / exponent, states[TAYLOR] / exponent
+        job = JobOptimum(told, self._estimated(told, states), *errors, self._overload_price)
         time_price, life_price = job.prices(used)
+        chances = job.bearable_chances(*place[:2], life_price, log_depth, wear_rate / exponent)
+        cautions = [
+            CAUTION[0] + CAUTION[1] * torch.log(1.0 / chance - 1.0) + CAUTION[2] * told["doubt"]
+            for chance in (*chances, *chances)
+        ]
+        margins = [caution * doubt for caution, doubt in zip(cautions, doubts, strict=True)]
+        bar = Bar((force + margins[0], power + margins[1]), log_depth, wear_rate / exponent)
         speed = job.best_speed(log_used, life_price, bar)
         feed = job.feed(speed, log_used, bar.loads)
 
-        doubts = self._doubts(mean, excess, told, scales, lot_mean, (speed, feed, worn))
-        margins = [caution * doubt for doubt in doubts]
+        doubts = self._doubts(mean, excess, told, scales, lot_mean, (speed, feed, *place[2:]))
+        margins = [caution * doubt for caution, doubt in zip(cautions, doubts, strict=True)]
         next_force, next_power = job.loads(speed, feed, log_used)
         middle = _middle(told)
         lowest = self._position(1, told["log_lowest_feed"] + _INSIDE)
@@ -333,9 +355,7 @@ class JobFilter(torch.nn.Module):
 
         def bearable(target: Tensor) -> tuple[Tensor, Tensor]:
             """Return positions of the highest feed for a target speed, in the next interval and in a bar not yet measured."""
-            here = job.feed(
-                self._speed_in_effect(target, set_point[0], *command), log_used, (force + margins[0], power + margins[1])
-            )
+            here = job.feed(self._speed_in_effect(target, place[0], *command), log_used, (force + margins[0], power + margins[1]))
             there = job.feed(target, log_used, margins[2:])
             here = torch.where(enters, torch.minimum(here, there), here)
             here, there = (self._position(1, each + middle[1]) for each in (here, there))
@@ -355,7 +375,7 @@ class JobFilter(torch.nn.Module):
             bearable(speed + REACH)[0],
             there,
             *mean.unbind(dim=-1),
-            *(excess[:, k, k] + 1.0 for k in (DEPTH, HARDNESS, INSERT, LOT)),
+            *(excess[:, k, k] + 1.0 for k in (DEPTH, HARDNESS, INSERT, LOT, TAYLOR)),
             2.0 * used.clamp(max=1.5) - 1.0,
             wear_doubt,
             *(4.0 * load for load in (next_force + force, next_power + power, next_force, next_power)),
@@ -456,10 +476,14 @@ class FamilyActor(GruActor):
         return torch.minimum(torch.maximum(target[..., :2], positions[..., 2:4]), positions[..., 4:6])
 
     def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
-        """Return what is proposed and the network's correction; the feed is proposed for the corrected speed."""
+        """Return what is proposed and the network's correction; the feed is proposed for the corrected speed.
+
+        The correction of the speed is scaled by the doubt: where the nominal model is right, so is the speed that is proposed.
+        """
         correction, positions = super()._unbounded(cells, seen), self._proposals(seen)
         speed, feed, *_, slower, faster = positions.unbind(dim=-1)
-        first = _target(speed) + correction[..., 0]
+        doubt = seen[..., -self.tracker.READINGS - 1]
+        first = _target(speed) + doubt * correction[..., 0]
         least, greatest = (_target(positions[..., k]) for k in (2, 4))
         change = (torch.minimum(torch.maximum(first, least), greatest).tanh() - speed) * self.tracker.per_reach
         feed = feed + torch.relu(change) * (faster - feed) + torch.relu(-change) * (slower - feed)

@@ -37,6 +37,8 @@ _NEWTON_STEPS = 8
 _SOFTNESS = single(0.005)  # cutting speeds whose value is less by this still count
 _MAX_LOG = single(20.0)
 _MIN_CAPACITY = single(1e-3)  # of the spindle, less idle power, over that at the plan's speed
+_MIN_RATE_EXPONENT = single(1.1)  # of speed: at 1 or less, edges would last as many meters at any speed
+_CHANCES = single(0.02), single(0.5)
 _MIN_USED_LIFE = single(0.01)
 
 
@@ -71,10 +73,13 @@ class JobOptimum:
         told: the nominal models' numbers.
         loads: force and power.
         log_life_rate: logarithm of the rate at which the lot's edges are used up over the nominal rate, shape (num_envs,).
+        speed_error: exponent of speed of the rate at which life is used, less the nominal one, shape (num_envs,).
         overload_price: price of a minute with a load 100 % over its limit [min].
     """
 
-    def __init__(self, told: Told, loads: tuple[Load, Load], log_life_rate: Tensor, overload_price: float) -> None:
+    def __init__(
+        self, told: Told, loads: tuple[Load, Load], log_life_rate: Tensor, speed_error: Tensor, overload_price: float
+    ) -> None:
         self._loads = [Load(*map(_wide, load)) for load in loads]
         self._overload_price = overload_price
         self._change, self._cost = (_exp(told[f"log_edge_{name}"]) for name in ("change_time", "price"))
@@ -83,6 +88,7 @@ class JobOptimum:
         self._log_rate = _wide(log_life_rate - told["log_life"])
         time = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
         self._rate_speed, self._rate_feed = (_wide(told[f"wear_{name}_exponent"] / time) for name in ("cutting_speed", "feed"))
+        self._rate_speed = (self._rate_speed + _wide(speed_error)).clamp(min=_MIN_RATE_EXPONENT)
         self._over_base, self._idle = _wide(told["log_speed_over_base_speed"]), _wide(_exp(told["log_idle_power"]))
         speed, feed = (told[f"{name}_at_{USED_LIVES[MIDDLE]}"] for name in ("speed", "feed"))
         self._lowest_feed, self._highest_feed = (_wide(told[f"log_{end}_feed"] - feed) for end in ("lowest", "highest"))
@@ -113,6 +119,20 @@ class JobOptimum:
         metal, overload, rate = self._outcome(_wide(log_used), bar)
         value = (metal - overload - _wide(life_price) * rate)[:, 0]
         return (torch.softmax(value / _SOFTNESS, dim=-1) * self._speeds[:, 0]).sum(dim=-1)
+
+    def bearable_chances(
+        self, speed: Tensor, feed: Tensor, life_price: Tensor, metal: Tensor, wear: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Return the probabilities of overload, by force and by power, from which more feed no longer pays, each (num_envs,).
+
+        More feed cuts more metal and uses more life. It raises a load by its exponent of feed, and costs only if that is over its
+        limit. ``metal``, ``wear``: see ``Bar``.
+        """
+        rate = _exp(self._log_rate + self._rate_speed * _wide(speed) + self._rate_feed * _wide(feed) + _wide(wear))
+        worth = _exp(self._log_metal + _wide(speed + feed + metal)) - self._rate_feed * _wide(life_price) * rate
+        costs = (self._overload_price * load.feed.clamp(min=MIN_EXPONENT) for load in self._loads)
+        force, power = ((worth / cost)[:, 0, 0].clamp(*_CHANCES) for cost in costs)
+        return force, power
 
     def feed(self, speed: Tensor, log_used: Tensor, more: Sequence[Tensor]) -> Tensor:
         """Return the highest feed within limits and chip breaker's window, shape (num_envs,); ``more``: see ``Bar.loads``."""

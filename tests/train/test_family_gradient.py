@@ -17,12 +17,12 @@ from baselines.models.kalman_steps import LAWS, STATES
 from baselines.models.load_filter import LoadFilter
 from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF
-from train import export, family_gradient, job_optimum
+from train import export, family_actor, family_gradient, job_optimum
 from train.agents import agent_file
 from train.agents.session import OnnxPolicy, session_of
 from train.analytic_actor import MAX_TIME
 from train.edge_worths import worths
-from train.family_actor import DOUBT, PLACE, FamilyActor, JobFilter
+from train.family_actor import DOUBT, PLACE, TAYLOR, FamilyActor, JobFilter
 from train.family_gradient import ALGORITHM, SEEDS, Lathes, Training, main, plan, train
 from train.model_gain import FIELDS, ModelGain, Truth
 from train.run import Run
@@ -167,7 +167,8 @@ def test_the_speed_in_effect_is_the_mean_of_a_step() -> None:
     assert found.item() == pytest.approx(exact, abs=0.01)
 
 
-def test_the_filter_estimates_what_the_compiled_one_does() -> None:
+def test_the_filter_estimates_what_the_compiled_one_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(family_actor, "TAYLOR_DOUBT", 0.0)  # which the compiled one takes for known
     shop, steps = Family.load("shop"), 300
     jobs = [shop.job(number) for number in range(4)]
     env = FamilyVectorEnv(len(jobs), shop)
@@ -192,6 +193,23 @@ def test_the_filter_estimates_what_the_compiled_one_does() -> None:
     assert np.mean(differences) < 0.15
 
 
+def test_edges_worn_at_other_speeds_teach_the_exponent_of_speed() -> None:
+    shop, count, steps = Family.load("shop"), 48, 80
+    env, tracker = FamilyVectorEnv(count, shop), filter_of(shop)
+    observations, _ = env.reset(seed=list(range(count)))
+    jobs = [shop.job(number).scenario for number in range(count)]
+    errors = [job.material.wear.cutting_speed / job.nominal().material.wear.cutting_speed - 1.0 for job in jobs]
+    state = torch.zeros(count, JobFilter.STATES)
+    for step in range(6 * steps):
+        _, state = tracker(doubted(observations), state)
+        edge, second = divmod(step, steps)
+        faster = (1.0 - 2.0 * (edge % 2)) * (second < 10)
+        actions = np.tile(np.array([faster, 0.0, 1.0 if second == steps - 1 else -1.0], np.float32), (count, 1))
+        observations, *_ = env.step(actions)
+    learnt = state[:, PLACE + TAYLOR].numpy()
+    assert np.corrcoef(learnt, errors)[0, 1] > 0.5
+
+
 def test_the_less_doubt_the_less_the_laws_are_learnt() -> None:
     shop = Family.load("shop")
     env, tracker = FamilyVectorEnv(16, shop), filter_of(shop)
@@ -205,7 +223,7 @@ def test_the_less_doubt_the_less_the_laws_are_learnt() -> None:
         scales, _ = tracker._prior(
             {name: torch.zeros(16).double() for name in tracker._names} | {"doubt": torch.full((16,), doubt).double()}
         )
-        learnt.append((scales[:, LAWS:] * state[:, PLACE + LAWS : PLACE + STATES]).abs().mean().item())
+        learnt.append((scales[:, LAWS:STATES] * state[:, PLACE + LAWS : PLACE + STATES]).abs().mean().item())
     assert learnt[1] < 0.2 * learnt[0]
 
 

@@ -18,8 +18,11 @@ JOBS = [FAMILY.job(number).scenario.nominal() for number in range(6)]
 EXPECTED = Bar((torch.zeros(len(JOBS)), torch.zeros(len(JOBS))), torch.zeros(len(JOBS)), torch.zeros(len(JOBS)))
 
 
-def optimum_of(lot: float = 1.0, load: float = 1.0) -> tuple[JobOptimum, Plan]:
-    """Return the optimum of the jobs for known laws, loads so many times as high, and a lot that wears so many times as fast."""
+def optimum_of(lot: float = 1.0, load: float = 1.0, error: float = 0.0, told_error: float = 0.0) -> tuple[JobOptimum, Plan]:
+    """Return the optimum of the jobs for known laws, loads so many times as high, and a lot that wears so many times as fast.
+
+    ``error``, ``told_error``: of the exponent of speed of the rate of wear, estimated and in what is told.
+    """
     columns = columns_of(JOBS)
     plan = plan_of(columns, len(JOBS))
     told = {name: torch.tensor(value.copy()) for name, value in features(columns, plan).items()}
@@ -27,8 +30,9 @@ def optimum_of(lot: float = 1.0, load: float = 1.0) -> tuple[JobOptimum, Plan]:
     for name in ("thrust_force", "power"):
         speed, feed, wear = (told[f"{name}_{factor}_exponent"] for factor in ("cutting_speed", "feed", "wear"))
         laws.append(Load(told[f"log_{name}_load"] + float(np.log(load)), speed, feed, wear * told["wear_time_exponent"]))
-    rate = torch.full_like(told["log_life"], float(np.log(lot)))
-    return JobOptimum(told, (laws[0], laws[1]), rate, JOBS[0].economics.overload_price), plan
+    told["wear_cutting_speed_exponent"] += told_error * told["wear_time_exponent"]
+    rate, errors = torch.full_like(told["log_life"], float(np.log(lot))), torch.full_like(told["log_life"], error)
+    return JobOptimum(told, (laws[0], laws[1]), rate, errors, JOBS[0].economics.overload_price), plan
 
 
 def outcome(job: Scenario, reference: float, used: float, speed: Any = None, feed: Any = None) -> tuple[Any, Any]:
@@ -86,3 +90,30 @@ def test_the_best_set_point_is_that_of_a_search() -> None:
         (found, used_up), (metal, rate) = outcome(*given, speed, feed), outcome(*given)
         best = (metal - float(price[i]) * rate).max()
         assert found - float(price[i]) * used_up > 0.98 * best - 0.01
+
+
+def test_an_estimated_exponent_of_speed_counts_as_if_it_were_told() -> None:
+    used, price = torch.full((len(JOBS),), 0.4), torch.full((len(JOBS),), 1.0)
+    found, expected, nominal = (
+        (*optimum.prices(used), optimum.best_speed(log_over_half(used), price, EXPECTED))
+        for optimum, _ in (optimum_of(error=0.8), optimum_of(told_error=0.8), optimum_of())
+    )
+    for mine, its, without in zip(found, expected, nominal, strict=True):
+        torch.testing.assert_close(mine, its)
+        assert (mine - without).abs().max() > 1e-3
+
+
+def test_more_feed_pays_up_to_the_bearable_chance_of_overload() -> None:
+    optimum, plan = optimum_of()
+    price, step = 2.0, 1e-3
+    speed, feed = torch.zeros(len(JOBS)), torch.full((len(JOBS),), -0.3)
+    chances = optimum.bearable_chances(speed, feed, torch.full((len(JOBS),), price), speed, speed)
+    for i, job in enumerate(JOBS):
+        at = [float(plan.feed[i, MIDDLE]) * float(np.exp(-0.3 + end)) for end in (-step, step)]
+        (metal, rate), (more, faster) = (
+            outcome(job, float(plan.removal_rate[i]), 0.1, plan.speed[i, MIDDLE], each) for each in at
+        )
+        gain = (more - metal - price * (faster - rate)) / (2.0 * step)
+        for chance, law in zip(chances, (job.material.thrust_force, job.material.power), strict=True):
+            expected = np.clip(gain / (job.economics.overload_price * law.feed), 0.02, 0.5)
+            assert float(chance[i]) == pytest.approx(expected, rel=0.02)

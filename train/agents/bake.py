@@ -5,8 +5,7 @@
 
 The first matrix product in the file tells the network how wrong the nominal model may be. Here it also tells the context,
 and moves speed and feed to a range as wide as the family's, if the scenario's is not. A last product turns the agent's action
-into the scenario's, which has other steps or no edge changes. The network's correction of the speed is scaled by the doubt:
-where the nominal model is right, so is the speed that is proposed.
+into the scenario's, which has other steps or no edge changes.
 """
 
 import argparse
@@ -78,7 +77,6 @@ def baked(file: AgentFile, scenario: Scenario, doubt: float, command: str) -> by
         raise ValueError(f"doubt is {doubt}, but must be {min(errors)} to {max(errors)}, as in its training")
     _check_plays(about.scenario, scenario)
     model = onnx.load_model_from_string(file.content)
-    _scale_speed(model, doubt)
     _set_products(model, *_products(about, scenario, doubt))
     played = "RoughTurning-Shift-v0" if scenario.control.edge_changes == "commanded" else "RoughTurning-v0"
     own = [env_id for env_id, preset in IDS.items() if Scenario.load(preset).digest() == scenario.digest()]
@@ -152,15 +150,6 @@ def _products(about: Metadata, scenario: Scenario, doubt: float) -> tuple[Floats
     steps = [getattr(family.control, f"{name}_step") / getattr(scenario.control, f"{name}_step") for name, _ in _DRIVES]
     act = np.diag([*steps, 1.0])[:, : (action_space(scenario).shape or (0,))[0]]
     return see, seen, act
-
-
-def _scale_speed(model: onnx.ModelProto, doubt: float) -> None:
-    """Scale the network's correction of the speed, the first row of its last layer, by the doubt."""
-    for tensor in model.graph.initializer:
-        if tensor.name in ("head.weight", "head.bias"):
-            value = numpy_helper.to_array(tensor).copy()
-            value[0] *= doubt
-            tensor.CopyFrom(numpy_helper.from_array(value, tensor.name))
 
 
 def _set_products(model: onnx.ModelProto, see: Floats, seen: Floats, act: Floats) -> None:
