@@ -154,6 +154,22 @@ def test_a_corrected_speed_gets_the_feed_that_it_bears() -> None:
     assert (feeds[0] - feeds[2])[free].abs().min() > 1e-4
 
 
+def test_the_less_doubt_the_less_the_speed_is_corrected() -> None:
+    shop = Family.load("shop")
+    parameters = plan(shop, 0, Path("unused"), "a command", SMALL).parameters
+    actor = FamilyActor(shop.job(0).scenario, parameters["context"], 8, 8)
+    torch.nn.init.zeros_(actor.head.weight)
+    observations, _ = FamilyVectorEnv(4, shop).reset(seed=list(range(4)))
+    targets = []
+    for correction in (0.0, 0.1):
+        torch.nn.init.constant_(actor.head.bias, correction)
+        for doubt in (1.0, 0.3):
+            seen, _ = actor.see(doubted(observations, doubt), torch.zeros(4, actor.memory_size))
+            targets.append(actor._unbounded(torch.zeros(4, 8), seen)[:, 0])
+    torch.testing.assert_close(targets[2] - targets[0], torch.full((4,), 0.1))
+    torch.testing.assert_close(targets[3] - targets[1], torch.full((4,), 0.03))
+
+
 def test_the_speed_in_effect_is_the_mean_of_a_step() -> None:
     shop = Family.load("shop")
     tracker = filter_of(shop)
@@ -359,8 +375,7 @@ def test_the_agent_is_told_the_doubt(tmp_path: Path, capsys: Any) -> None:
     assert first[-1] == 1.0
     assert second[-1] == np.float32(0.3)
     np.testing.assert_array_equal(first[:-1], second[:-1])
-    full, scaled = (each["head.weight"] for each in told)
-    np.testing.assert_allclose(scaled, full * np.array([[0.3], [1.0], [1.0]]), rtol=1e-6)
+    np.testing.assert_array_equal(*(each["head.weight"] for each in told))
     for doubt in ("0.01", "1.5", "nan"):
         assert export.main(["--agent", str(agent), "--scenario", "rough_turning", "--doubt", doubt]) != 0
         assert f"doubt is {float(doubt)}, but must be 0.05 to 1.0" in capsys.readouterr().err
