@@ -336,7 +336,7 @@ class JobFilter(torch.nn.Module):
         errors = (states[LOT] + lot_mean) / exponent, states[TAYLOR] / exponent
         job = JobOptimum(told, self._estimated(told, states), *errors, self._overload_price)
         time_price, life_price = job.prices(used)
-        chances = job.bearable_chances(*place[:2], life_price, log_depth, wear_rate / exponent)
+        chances = job.bearable_chances(place[0], place[1], life_price, log_depth, wear_rate / exponent)
         cautions = [
             CAUTION[0] + CAUTION[1] * torch.log(1.0 / chance - 1.0) + CAUTION[2] * told["doubt"]
             for chance in (*chances, *chances)

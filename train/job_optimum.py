@@ -37,7 +37,7 @@ _NEWTON_STEPS = 8
 _SOFTNESS = single(0.005)  # cutting speeds whose value is less by this still count
 _MAX_LOG = single(20.0)
 _MIN_CAPACITY = single(1e-3)  # of the spindle, less idle power, over that at the plan's speed
-_MIN_RATE_EXPONENT = single(1.1)  # of speed: at 1 or less, edges would last as many meters at any speed
+_MIN_RATE_EXPONENT = single(1.1)  # of speed: at 1, an edge would cut as many meters at any speed
 _CHANCES = single(0.02), single(0.5)
 _MIN_USED_LIFE = single(0.01)
 
