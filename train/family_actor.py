@@ -329,20 +329,21 @@ class JobFilter(torch.nn.Module):
         states = (scales * mean).unbind(dim=-1)
         log_depth, hardness = torch.log((1.0 + states[DEPTH]).clamp(min=single(MIN_DEPTH))), states[HARDNESS]
         of_depth = [told[f"{name}_depth_of_cut_exponent"] for name in (*_LAWS, "wear")]
-        force, power, wear_rate = (
+        force, power, wear_growth = (
             share * log_depth + each * hardness for share, each in zip(of_depth, self._hardness, strict=True)
         )
+        wear_rate = wear_growth / exponent
         doubts = self._doubts(mean, excess, told, scales, lot_mean, place)
         errors = (states[LOT] + lot_mean) / exponent, states[TAYLOR] / exponent
         job = JobOptimum(told, self._estimated(told, states), *errors, self._overload_price)
         time_price, life_price = job.prices(used)
-        chances = job.bearable_chances(place[0], place[1], life_price, log_depth, wear_rate / exponent)
+        chances = job.bearable_chances(place[0], place[1], life_price, log_depth, wear_rate)
         cautions = [
             CAUTION[0] + CAUTION[1] * torch.log(1.0 / chance - 1.0) + CAUTION[2] * told["doubt"]
             for chance in (*chances, *chances)
         ]
         margins = [caution * doubt for caution, doubt in zip(cautions, doubts, strict=True)]
-        bar = Bar((force + margins[0], power + margins[1]), log_depth, wear_rate / exponent)
+        bar = Bar((force + margins[0], power + margins[1]), log_depth, wear_rate)
         speed = job.best_speed(log_used, life_price, bar)
         feed = job.feed(speed, log_used, bar.loads)
 

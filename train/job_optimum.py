@@ -87,8 +87,8 @@ class JobOptimum:
         self._log_metal = _wide(torch.log(1.0 + (self._cost + self._change) * _exp(-told["log_life"])))
         self._log_rate = _wide(log_life_rate - told["log_life"])
         time = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
-        self._rate_speed, self._rate_feed = (_wide(told[f"wear_{name}_exponent"] / time) for name in ("cutting_speed", "feed"))
-        self._rate_speed = (self._rate_speed + _wide(speed_error)).clamp(min=_MIN_RATE_EXPONENT)
+        by_speed, by_feed = (told[f"wear_{name}_exponent"] / time for name in ("cutting_speed", "feed"))
+        self._rate_speed, self._rate_feed = _wide((by_speed + speed_error).clamp(min=_MIN_RATE_EXPONENT)), _wide(by_feed)
         self._over_base, self._idle = _wide(told["log_speed_over_base_speed"]), _wide(_exp(told["log_idle_power"]))
         speed, feed = (told[f"{name}_at_{USED_LIVES[MIDDLE]}"] for name in ("speed", "feed"))
         self._lowest_feed, self._highest_feed = (_wide(told[f"log_{end}_feed"] - feed) for end in ("lowest", "highest"))
@@ -128,8 +128,8 @@ class JobOptimum:
         More feed cuts more metal and uses more life. It raises a load by its exponent of feed, and costs only if that is over its
         limit. ``metal``, ``wear``: see ``Bar``.
         """
-        rate = _exp(self._log_rate + self._rate_speed * _wide(speed) + self._rate_feed * _wide(feed) + _wide(wear))
-        worth = _exp(self._log_metal + _wide(speed + feed + metal)) - self._rate_feed * _wide(life_price) * rate
+        value, rate = self._metal_and_life(_wide(speed), _wide(feed), _wide(metal), _wide(wear))
+        worth = value - self._rate_feed * _wide(life_price) * rate
         costs = (self._overload_price * load.feed.clamp(min=MIN_EXPONENT) for load in self._loads)
         force, power = ((worth / cost)[:, 0, 0].clamp(*_CHANCES) for cost in costs)
         return force, power
@@ -146,11 +146,15 @@ class JobOptimum:
     def _outcome(self, log_used: Tensor, bar: Bar | None = None) -> tuple[Tensor, Tensor, Tensor]:
         """Return value of metal, price of overload [-] and life used [1/min] for all speeds, (num_envs, lives, SPEEDS)."""
         feed, excess = self._feeds(self._speeds, log_used, bar.loads if bar else ())
-        log_metal, log_rate = self._log_metal, self._log_rate
-        if bar:
-            log_metal, log_rate = log_metal + _wide(bar.metal), log_rate + _wide(bar.wear)
-        rate = _exp(log_rate + self._rate_speed * self._speeds + self._rate_feed * feed)
-        return _exp(log_metal + self._speeds + feed), self._overload_price * excess, rate
+        metal, rate = self._metal_and_life(self._speeds, feed, *((_wide(bar.metal), _wide(bar.wear)) if bar else ()))
+        return metal, self._overload_price * excess, rate
+
+    def _metal_and_life(
+        self, speed: Tensor, feed: Tensor, metal: float | Tensor = 0.0, wear: float | Tensor = 0.0
+    ) -> tuple[Tensor, Tensor]:
+        """Return value of metal [-] and life used [1/min] at set points; ``metal``, ``wear``: see ``Bar``."""
+        rate = _exp(self._log_rate + wear + self._rate_speed * speed + self._rate_feed * feed)
+        return _exp(self._log_metal + metal + speed + feed), rate
 
     def _feeds(self, speed: Tensor, log_used: Tensor, more: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
         """Return the highest feeds within limits and window, and by how much the window's lowest exceeds the limits."""
