@@ -52,7 +52,9 @@ from turning_env.scoring.seeds import tuning_seeds
 NUM_ENVS, STEPS = 50, 100
 """Numbers of environments and steps in each of the two comparisons of agent and file."""
 MAX_DIFFERENCE = 2e-5
-"""Largest difference between an agent's action and its file's: rounding in single precision, of observations far out too."""
+"""Largest difference between an agent's action and its file's in episodes: rounding in single precision."""
+MAX_SAMPLED_DIFFERENCE = 1e-3
+"""Likewise on observations sampled from the observation space: no lathe has such, and a search on them may stop elsewhere."""
 TIMED_CALLS = 2_000
 _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
 
@@ -78,9 +80,9 @@ class _Agent:
             session = tried(content, entries, actions, file.memory_size)
             policies = [OnnxPolicy(session, file.memory_size, NUM_ENVS) for _ in range(2)]
             original = policies[0] if self.actor is None else ActorPolicy(self.actor, NUM_ENVS)
-            difference = largest_difference(original, policies[1], _environments(file.metadata))
-            if not difference <= MAX_DIFFERENCE:
-                raise ValueError(f"its file acts otherwise, by up to {difference:g}")
+            sampled, difference = largest_differences(original, policies[1], _environments(file.metadata))
+            if not (difference <= MAX_DIFFERENCE and sampled <= MAX_SAMPLED_DIFFERENCE):
+                raise ValueError(f"its file acts otherwise, by up to {max(sampled, difference):g}")
         except ValueError as error:
             raise ValueError(f"{self.source} cannot be exported: {error}") from error
         replace_file(path, lambda partial: partial.write_bytes(content))
@@ -90,7 +92,7 @@ class _Agent:
             "digest": file.digest,
             "size": len(content),
             "observations": 2 * NUM_ENVS * STEPS,
-            "largest_difference": difference,
+            "largest_difference": max(sampled, difference),
             "latency": median(timeit.repeat(lambda: policy.act(observation), number=1, repeat=TIMED_CALLS)),
         }
 
@@ -219,17 +221,17 @@ def _environments(about: Metadata) -> RoughTurningVectorEnv:
     return RoughTurningVectorEnv(NUM_ENVS, about.scenario, AutoresetMode.SAME_STEP)
 
 
-def largest_difference(original: Policy, policy: Policy, env: RoughTurningVectorEnv) -> float:
-    """Return the largest difference between the actions of two policies of ``NUM_ENVS`` environments.
+def largest_differences(original: Policy, policy: Policy, env: RoughTurningVectorEnv) -> tuple[float, float]:
+    """Return the largest differences between the actions of two policies of ``NUM_ENVS`` environments.
 
-    Both see the same observations and keep their own memories. Half of the observations are sampled from the observation space.
-    The other half come from episodes on tuning seeds in which the original acts.
+    Both see the same observations and keep their own memories. The first difference is on observations sampled from the
+    observation space, the second in episodes on tuning seeds in which the original acts.
     """
     generator = np.random.default_rng(0)
     box = env.single_observation_space
     assert isinstance(box, Box)
     observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
-    largest = 0.0
+    largest = [0.0, 0.0]
     for played in (False, True):
         begins = np.ones(NUM_ENVS, np.bool_)
         for _ in range(STEPS):
@@ -238,13 +240,13 @@ def largest_difference(original: Policy, policy: Policy, env: RoughTurningVector
             policy.reset(begins)
             mine, its = original.act(seen), policy.act(seen)
             if not np.isfinite(its).all():
-                return math.inf
-            largest = max(largest, float(np.max(np.abs(mine - its))))
+                return math.inf, math.inf
+            largest[played] = max(largest[played], float(np.max(np.abs(mine - its))))
             begins = np.zeros(NUM_ENVS, np.bool_)
             if played:
                 observations, _, terminated, truncated, _ = env.step(mine)
                 begins = terminated | truncated
-    return largest
+    return largest[0], largest[1]
 
 
 def _sources(path: Path) -> list[Path]:

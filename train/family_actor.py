@@ -2,8 +2,9 @@
 
 Gradients reach over a rollout only, and a GRU must learn to average. The extended Kalman filter is given: that of
 ``baselines/models/kalman_steps.py``, which estimates depth and hardness of the bar, the wear of insert and lot, and the errors of
-the laws of force and power. It also estimates the error of the wear's exponent of speed. ``train/job_optimum.py`` finds the best
-set point by the estimates, and the network adds to it.
+the laws of force and power. It also estimates the error of the wear's exponent of speed. By the estimates,
+``train/job_optimum.py`` gives the expected gain of commands, and ``train/newton_search.py`` finds the best ones. The network adds
+to them.
 
 The agent's file must play alone, so here the filter consists of tensors, and takes the nominal model from the context in the
 observation. It computes in double precision, so that agent and file differ by no more than the network does. But the exporter
@@ -32,7 +33,8 @@ from baselines.models.kalman_steps import (
 from baselines.models.kalman_steps import STATES as TAYLOR
 from baselines.models.load_filter import LAW_ERRORS, READING_DOUBT, SLOPE, Doubt
 from train.analytic_actor import MAX_TIME, GruActor
-from train.job_optimum import MIN_EXPONENT, Bar, JobOptimum, Load, Told, log_over_half, single
+from train.job_optimum import MIN_EXPONENT, Ahead, JobOptimum, Load, Told, log_over_half
+from train.newton_search import Pair, search, single
 from turning_env import Scenario
 from turning_env.physics.quantities import DEVIATION_SCALE, OBS, layout
 from turning_env.scenario.plan import MIDDLE, USED_LIVES
@@ -43,13 +45,20 @@ DOUBT = Doubt(1.0, 0.4, 0.78)
 """How far a nominal model may be wrong that is told to be as wrong as the family's (assumption)."""
 TAYLOR_DOUBT = single(0.2)
 """Likewise the standard deviation of the wear's exponent of speed over its nominal value [-] (assumption)."""
-CAUTION = single(0.3), single(0.3125), single(0.3)
-"""Distance of proposed loads below their limits over their standard deviation [-]: a part of it, a factor on the log odds that a
-load is below where more feed no longer pays, and what full doubt adds (found on training jobs)."""
-REACH = single(0.1)
-"""How much slower and faster the feed is proposed, too [-]: a logarithm."""
-SETTLING = single(1.5)
-"""Time before the next bar at which the feed falls, less the interval, over the feed servo's time constant [-]."""
+SEVERITY = single(0.9), single(0.4)
+"""Factor on the price of overload, and what full doubt adds to it [-] (found on training jobs and tuning seeds)."""
+CAUTION = single(0.92)
+"""Factor on the standard deviations of force and power in the price of overload [-] (found on training jobs)."""
+WEAR_CAUTION = single(1.1)
+"""Factor on the standard deviation of the used life at which an edge may soon be worn out [-] (found on training jobs)."""
+LEAD = 2.0
+"""Steps before its end at which an edge is changed [-]."""
+POINTS = 8
+"""Number of points in time at which what lies ahead is predicted."""
+SETTLING = 3.0
+"""How much longer than a step they reach, over the feed servo's time constant [-]: the feed must fall before the next bar."""
+EARLY = 0.1
+"""Time by which the tool may enter a bar earlier than expected [s] (assumption)."""
 MIN_RATIO = single(0.3)
 """Measured over expected load below which a reading is ignored [-]: the tool was partly in air."""
 MIN_SEEN = 0.5
@@ -58,13 +67,15 @@ TIMING_DOUBT = 0.05
 """Standard deviation of the time at which the tool entered the bar [s] (assumption)."""
 STATES = TAYLOR + 1
 """Those of ``kalman_steps.py``, and the error of the wear's exponent of speed."""
-PLACE = 6
+PLACE = 7
 """Columns of the state that follow the tool: whether there was an observation, its position from the start of the bar over the
-bar's length, logarithms of speed and feed over the plan's at half a life, nominal wear over the criterion, and the edge's mean
-logarithm of speed, by the life that it used."""
+bar's length, logarithms of speed and feed over the plan's at half a life, nominal wear over the criterion, the edge's mean
+logarithm of speed, by the life that it used, and how far ahead the tool may be."""
 _ACTUAL, _COMMANDED = (OBS.cutting_speed, OBS.feed), (OBS.commanded_cutting_speed, OBS.commanded_feed)
 _LAWS = ("thrust_force", "power")
 _ENDS = single(0.995)  # of the range -1..1, from which targets keep away
+_MIN_VARIANCE = single(1e-6)
+_MEASURED = -0.5  # reduction of the depth's variance, as a share, in a bar that has been measured
 _INSIDE = single(1e-4)  # distance of log feed from the ends of the chip breaker's window
 _LOG_HALF = single(math.log(USED_LIVES[MIDDLE]))
 _SMALL = single(1e-3)  # below which wear over the criterion, or a share, is not told apart from 0
@@ -85,10 +96,11 @@ class JobFilter(torch.nn.Module):
         spread: spreads likewise.
     """
 
-    READINGS = 8 + 1 + STATES + 5 + 2 + 4 + 4 + 2 + 2
+    READINGS = 8 + STATES + 5 + 2 + 2 + 2 + 2 + 2
     STATES = PLACE + STATES + STATES * STATES
     ALIKE = (
         *("control.interval", "control.sub_steps", "control.cutting_speed_step", "control.feed_step", "workpiece.approach"),
+        *("economics.breakage_downtime", "tool.edge_strength_spread"),
         *("economics.overload_price", "sensors.force_noise", "sensors.power_noise"),
         *("sensors.force_time_constant", "sensors.power_time_constant"),
         *(f"material.{law}.hardness" for law in (*_LAWS, "wear")),
@@ -113,13 +125,13 @@ class JobFilter(torch.nn.Module):
         self._first, self._names = len(entries), list(names)
         self._removed = entries.index("removed_wear") if "removed_wear" in entries else None
         self._spans = [single(math.log(high / low)) for low, high in ends]
-        self.per_reach = single(0.5 * self._spans[0] / REACH)
-        """One over what ``REACH`` is in positions of speed."""
         self._interval, self._sub_step = single(control.interval), single(control.interval / control.sub_steps)
         self._sub_steps, self._approach = control.sub_steps, single(scenario.workpiece.approach)
-        self._speed_step = single(control.cutting_speed_step)
+        self._steps = single(control.cutting_speed_step), single(control.feed_step)
         self._hardness = [single(law.hardness) for law in (material.thrust_force, material.power, material.wear)]
         self._overload_price = single(scenario.economics.overload_price)
+        self._downtime = single(scenario.economics.breakage_downtime)
+        self._strength_variance = single(scenario.tool.edge_strength_spread**2)
         self._noise = [single(noise**2 + READING_DOUBT**2) for noise in (sensors.force_noise, sensors.power_noise)]
         self._lags = [single(lag) for lag in (sensors.force_time_constant, sensors.power_time_constant)]
         one = torch.eye(STATES)
@@ -141,19 +153,18 @@ class JobFilter(torch.nn.Module):
     def forward(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """Return readings, shape (num_envs, READINGS), from -5 to 5, and the next state.
 
-        The first two propose targets: the best speed, and the feed at which force and power are below their limits by ``CAUTION``
-        an interval later. Then follow the least and the greatest targets, that feed for a speed lower and higher by ``REACH``,
-        the feed for a bar not yet measured, the means, the variances of depth, hardness, insert, lot and the wear's exponent of
-        speed, used life and its doubt, the logarithms of force and power over their limits at the best set point in the present
-        and in the expected bar, their standard deviations in the present bar and in one not yet measured, the prices of time and
-        life, and the readings of ``DistanceTracker``. The estimates are those for the place that the tool reaches in an interval,
-        as commands take effect late.
+        The first two propose targets: the speed and the feed with the greatest expected gain of the coming second. Then follow
+        the least and the greatest targets, the change of that feed with the speed, a score that is above 0 if the edge should be
+        changed, the means, the variances of depth, hardness, insert, lot and the wear's exponent of speed, used life and its
+        doubt, the logarithms of force and power over their limits at those targets, their standard deviations, the prices of
+        time and life,
+        and the readings of ``DistanceTracker``.
         """
         observation, state = observation.double(), state.double()
         context = observation[:, self._first : -1] * self._told_spread + self._told_mean
         told = dict(zip(self._names, context.unbind(dim=-1), strict=True)) | {"doubt": observation[:, -1]}
         scales, lot_mean = self._prior(told)
-        begun, along, last_speed, last_feed, worn, pace = state[:, :PLACE].unbind(dim=-1)
+        begun, along, last_speed, last_feed, worn, pace, slack = state[:, :PLACE].unbind(dim=-1)
         mean, excess = state[:, PLACE : PLACE + STATES], state[:, PLACE + STATES :].reshape(-1, STATES, STATES)
         of_wear = scales * self._of_wear(pace)
 
@@ -172,13 +183,16 @@ class JobFilter(torch.nn.Module):
         of_wear = scales * self._of_wear(pace)
         rate = torch.exp(speed + feed - told["log_bar_time"])
         commanded = self._set_point(observation, _COMMANDED, told)
-        deviations = self._deviations(told)
-        travel = begun * self._travel(told, deviations, (last_speed, last_feed), commanded)
+        travel = begun * self._travel(told, (last_speed, last_feed), commanded)
+        failed = fresh_edge & (wear <= 0.0)  # an edge that is found worn or broken ends the step early, somewhere
+        travel = torch.where(failed, 0.5 * travel, travel)
         approach, cutting = self._approach_share(told), observation[:, OBS.cutting] > 0.5
         along = torch.where(begun > 0.0, along + travel, -approach)
         passed = along >= 1.0
         along = torch.where(passed, along - 1.0 - approach, along)
         # The reading on whether the tool cuts corrects the position.
+        slack = torch.where(failed, torch.maximum(slack, travel), slack)
+        slack = torch.where(cutting, slack, torch.minimum(slack, approach))
         left_late, left_early = cutting & (along < -0.5 * approach), ~cutting & (along > 0.5)
         along = torch.where(cutting, along.clamp(min=_SMALL), along.clamp(max=0.0))
         along = torch.where(left_late, 1.0, torch.where(left_early, -approach, along))
@@ -190,27 +204,24 @@ class JobFilter(torch.nn.Module):
 
         log_wear = torch.log(wear.clamp(min=_SMALL)) - told["wear_time_exponent"] * _LOG_HALF
         place = speed, feed, log_wear, pace
+        idle = 0.0, self._idle_share(told, place)
         in_metal = (along / rate).clamp(min=0.0, max=self._interval)
         before = mean
         for law, entry in enumerate((OBS.force_ratio, OBS.power_ratio)):
             row, expected = self._load(law, before, told, scales, lot_mean, place)
-            ratio = observation[:, entry] / DEVIATION_SCALE + 1.0
+            deviation = observation[:, entry] / DEVIATION_SCALE
+            ratio = 1.0 + deviation * (1.0 + idle[law])
             shown = (1.0 - torch.exp(-in_metal / self._lags[law])).clamp(min=_SMALL)
             surprise = torch.log(ratio.clamp(min=_SMALL) / shown) - expected - (row * (mean - before)).sum(dim=-1)
             seen = cutting & ~left_late & (shown > MIN_SEEN) & (ratio > MIN_RATIO) & (wear > 0.0)
             timing = single(TIMING_DOUBT / self._lags[law]) * (1.0 / shown - 1.0)
             mean, excess = corrected(mean, excess, row, surprise, seen, self._noise[law] + timing.square())
 
-        left = (1.0 - along).clamp(min=0.0)
-        time_left = (left / rate).clamp(max=MAX_TIME)
+        time_left = ((1.0 - along).clamp(min=0.0) / rate).clamp(max=MAX_TIME)
         position = 2.0 * along - 1.0, 2.0 * time_left / MAX_TIME - 1.0
-        ahead = torch.where(cutting, torch.minimum(self._interval * rate, left), 0.0)
-        estimate = self._moved(mean, excess, told, scales, ahead)
-        enters = (left + approach) / rate < self._interval + SETTLING * torch.exp(told["log_feed_time_constant"])
-        command = commanded[0], deviations[0]
-        others = self._readings(*estimate, told, scales, of_wear, lot_mean, wear, place, command, enters)
+        others = self._readings(mean, excess, told, scales, of_wear, lot_mean, wear, place, commanded, along, slack)
         readings = torch.stack([each.float() for each in (*others, *position)], dim=-1)
-        followed = torch.stack([torch.ones_like(wear), along, speed, feed, wear, pace], dim=-1)
+        followed = torch.stack([torch.ones_like(wear), along, speed, feed, wear, pace, slack], dim=-1)
         return readings.clamp(-5.0, 5.0), torch.cat([followed, mean, excess.flatten(1)], dim=-1).float()
 
     def _prior(self, told: Told) -> tuple[Tensor, Tensor]:
@@ -237,22 +248,18 @@ class JobFilter(torch.nn.Module):
         best = _middle(told)
         return [0.5 * (observation[:, entries[k]] + 1.0) * self._spans[k] - best[k] for k in range(2)]
 
-    def _travel(self, told: Told, deviations: Sequence[Tensor], last: Sequence[Tensor], commanded: Sequence[Tensor]) -> Tensor:
-        """Return the distance since the last observation; ``deviations``: see ``_deviations``."""
-        slow, late, both = deviations
+    def _travel(self, told: Told, last: Sequence[Tensor], commanded: Sequence[Tensor]) -> Tensor:
+        """Return the distance since the last observation."""
+        decays = [self._sub_step * torch.exp(-told[f"log_{drive}_time_constant"]) for drive in ("spindle", "feed")]
+        decays.append(decays[0] + decays[1])
+        numbers = range(1, self._sub_steps + 1)
+        slow, late, both = (torch.stack([torch.exp(-k * decay) for k in numbers]).mean(dim=0) for decay in decays)
         (speed, feed), (over_speed, over_feed) = (
             [torch.exp(each) for each in commanded],
             [torch.exp(was) - torch.exp(now) for was, now in zip(last, commanded, strict=True)],
         )
         mean = speed * feed + over_speed * feed * slow + speed * over_feed * late + over_speed * over_feed * both
         return self._interval * mean * torch.exp(-told["log_bar_time"])
-
-    def _deviations(self, told: Told) -> list[Tensor]:
-        """Return the mean remaining deviation in an interval [-] of the speed, of the feed, and of their product."""
-        decays = [self._sub_step * torch.exp(-told[f"log_{drive}_time_constant"]) for drive in ("spindle", "feed")]
-        decays.append(decays[0] + decays[1])
-        numbers = range(1, self._sub_steps + 1)
-        return [torch.stack([torch.exp(-k * decay) for k in numbers]).mean(dim=0) for decay in decays]
 
     def _approach_share(self, told: Told) -> Tensor:
         """Return the length of the approach over the bar's, which follows from the sustained removal rate."""
@@ -268,9 +275,8 @@ class JobFilter(torch.nn.Module):
         The fields are stationary: with a transition T, the covariance P becomes T P T' + I - T T', so P - I becomes T (P - I) T'.
         """
         changes = []
-        for name, k in (("depth", DEPTH), ("hardness", HARDNESS)):
-            share = single(SLOPE) * torch.exp(told[f"log_{name}_along_spread"]) / scales[:, k]
-            step = cut * share * torch.exp(told["log_bar_time"] - told[f"log_{name}_correlation_time"])
+        for rate in self._rates(told, scales):
+            step = cut * rate
             stays = torch.exp(-step)
             changes += [(1.0 + step) * stays - 1.0, step * stays, -step * stays, (1.0 - step) * stays - 1.0]
         change = (torch.stack(changes, dim=-1) @ self._fields).reshape(-1, STATES, STATES)
@@ -278,6 +284,14 @@ class JobFilter(torch.nn.Module):
         grown = self._history(told, scales[:, DEPTH], scales[:, HARDNESS]) * cut / scales[:, INSERT].square()
         moved = transition @ excess @ transition.transpose(-1, -2)
         return (transition @ mean.unsqueeze(-1)).squeeze(-1), moved + grown[:, None, None] * self._insert.diag()
+
+    def _rates(self, told: Told, scales: Tensor) -> list[Tensor]:
+        """Return the rates of depth and hardness along the bar [1/bar]."""
+        rates = []
+        for name, k in (("depth", DEPTH), ("hardness", HARDNESS)):
+            share = single(SLOPE) * torch.exp(told[f"log_{name}_along_spread"]) / scales[:, k]
+            rates.append(share * torch.exp(told["log_bar_time"] - told[f"log_{name}_correlation_time"]))
+        return rates
 
     def _load(
         self, law: int, mean: Tensor, told: Told, scales: Tensor, lot_mean: Tensor, place: Sequence[Tensor]
@@ -302,6 +316,16 @@ class JobFilter(torch.nn.Module):
         ratio = ratio + states[first] + states[first + 1] * speed + states[first + 2] * feed + states[first + 3] * wear
         return scales * torch.stack(row, dim=-1), ratio
 
+    def _idle_share(self, told: Told, place: Sequence[Tensor]) -> Tensor:
+        """Return the idle power over that of the cut by the nominal model; ``place``: see ``_load``.
+
+        Measured and predicted power contain both, but the law of power is that of the cut.
+        """
+        log_cut = told["log_power_load"]
+        for name, value in zip(("cutting_speed", "feed", "wear"), place, strict=False):
+            log_cut = log_cut + told[f"power_{name}_exponent"] * value
+        return torch.exp(told["log_idle_power"] + place[0] - log_cut)
+
     def _readings(
         self,
         mean: Tensor,
@@ -312,102 +336,135 @@ class JobFilter(torch.nn.Module):
         lot_mean: Tensor,
         wear: Tensor,
         place: Sequence[Tensor],
-        command: Sequence[Tensor],
-        enters: Tensor,
+        commanded: Sequence[Tensor],
+        along: Tensor,
+        slack: Tensor,
     ) -> list[Tensor]:
         """Return all readings but those of the position.
 
-        ``place``: see ``_load``; ``command``: commanded speed likewise, and the mean remaining deviation; ``enters``: whether the
-        tool soon enters the next bar.
+        ``place``: see ``_load``; ``commanded``: commanded speed and feed likewise; ``along``, ``slack``: see ``PLACE``.
         """
         exponent = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
         log_factor = (of_wear * mean).sum(dim=-1) + lot_mean
         used = torch.exp((torch.log(wear.clamp(min=single(1e-6))) + log_factor) / exponent)
         wear_doubt = (of_wear * covariances(excess, of_wear)).sum(dim=-1).clamp(min=0.0).sqrt() / exponent
-        log_used = log_over_half(used)
 
         states = (scales * mean).unbind(dim=-1)
-        log_depth, hardness = torch.log((1.0 + states[DEPTH]).clamp(min=single(MIN_DEPTH))), states[HARDNESS]
-        of_depth = [told[f"{name}_depth_of_cut_exponent"] for name in (*_LAWS, "wear")]
-        force, power, wear_growth = (
-            share * log_depth + each * hardness for share, each in zip(of_depth, self._hardness, strict=True)
-        )
-        wear_rate = wear_growth / exponent
-        doubts = self._doubts(mean, excess, told, scales, lot_mean, place)
         errors = (states[LOT] + lot_mean) / exponent, states[TAYLOR] / exponent
-        job = JobOptimum(told, self._estimated(told, states), *errors, self._overload_price)
+        laws = self._estimated(told, states)
+        overload_price = self._overload_price * (SEVERITY[0] + SEVERITY[1] * told["doubt"])
+        job = JobOptimum(told, laws, *errors, overload_price)
         time_price, life_price = job.prices(used)
-        chances = job.bearable_chances(place[0], place[1], life_price, log_depth, wear_rate)
-        cautions = [
-            CAUTION[0] + CAUTION[1] * torch.log(1.0 / chance - 1.0) + CAUTION[2] * told["doubt"]
-            for chance in (*chances, *chances)
-        ]
-        margins = [caution * doubt for caution, doubt in zip(cautions, doubts, strict=True)]
-        bar = Bar((force + margins[0], power + margins[1]), log_depth, wear_rate)
-        speed = job.best_speed(log_used, life_price, bar)
-        feed = job.feed(speed, log_used, bar.loads)
-
-        doubts = self._doubts(mean, excess, told, scales, lot_mean, (speed, feed, *place[2:]))
-        margins = [caution * doubt for caution, doubt in zip(cautions, doubts, strict=True)]
-        next_force, next_power = job.loads(speed, feed, log_used)
-        middle = _middle(told)
-        lowest = self._position(1, told["log_lowest_feed"] + _INSIDE)
-        highest = self._position(1, told["log_highest_feed"] - _INSIDE)
-
-        def bearable(target: Tensor) -> tuple[Tensor, Tensor]:
-            """Return positions of the highest feed for a target speed, in the next interval and in a bar not yet measured."""
-            here = job.feed(self._speed_in_effect(target, place[0], *command), log_used, (force + margins[0], power + margins[1]))
-            there = job.feed(target, log_used, margins[2:])
-            here = torch.where(enters, torch.minimum(here, there), here)
-            here, there = (self._position(1, each + middle[1]) for each in (here, there))
-            return torch.minimum(torch.maximum(here, lowest), highest), there
-
-        here, there = bearable(speed)
-        fastest = self._position(0, middle[0] - told["log_speed_over_fastest"])
         life = torch.exp(told["log_edge_price"]) + time_price * torch.exp(told["log_edge_change_time"])
+        lost = (1.0 - used).clamp(min=0.0) * life + self._downtime
+        ahead = self._ahead(mean, excess, told, scales, lot_mean, place, laws, log_over_half(used), lost, commanded, along, slack)
+
+        middle = _middle(told)
+        slowest, fastest = -middle[0], -told["log_speed_over_fastest"]
+        lowest = told["log_lowest_feed"] - middle[1] + _INSIDE
+        highest = told["log_highest_feed"] - middle[1] - _INSIDE
+
+        def reach(sign: float) -> Pair:
+            """Return the ends of what the next action can command."""
+            speed, feed = (now + sign * step for now, step in zip(commanded, self._steps, strict=True))
+            return speed.clamp(slowest, fastest), feed.clamp(lowest, highest)
+
+        gain = job.gain(ahead, life_price)
+        best = search(gain, gain.start(), reach(-1.0), reach(1.0))
+
+        life_price = life_price / life
+        soon = used + job.life_rate(place[0], place[1]) * single(LEAD * self._interval / 60.0)
+        spent = torch.log(soon.clamp(min=_SMALL)) + WEAR_CAUTION * wear_doubt
         return [
-            self._position(0, speed + middle[0]),
-            here,
-            torch.full_like(here, -_ENDS),
-            lowest,
-            fastest,
-            highest,
-            bearable(speed - REACH)[0],
-            bearable(speed + REACH)[0],
-            there,
+            self._position(0, best.x + middle[0]),
+            2.0 * (best.free_y + middle[1]) / self._spans[1] - 1.0,
+            torch.full_like(used, -_ENDS),
+            self._position(1, lowest + middle[1]),
+            self._position(0, fastest + middle[0]),
+            self._position(1, highest + middle[1]),
+            best.slope * single(self._spans[0] / self._spans[1]),
+            10.0 * torch.maximum(spent, torch.minimum(single(1e-3) - life_price, used - 0.5)),
             *mean.unbind(dim=-1),
             *(excess[:, k, k] + 1.0 for k in (DEPTH, HARDNESS, INSERT, LOT, TAYLOR)),
             2.0 * used.clamp(max=1.5) - 1.0,
             wear_doubt,
-            *(4.0 * load for load in (next_force + force, next_power + power, next_force, next_power)),
-            *(8.0 * doubt for doubt in doubts),
+            *(4.0 * gain.log_loads(best.x, best.y)).unbind(dim=-1),
+            *(8.0 * ahead.spreads.mean(dim=-1)).unbind(dim=-1),
             2.0 * (time_price - 1.0),
-            life_price / life - 1.0,
+            life_price - 1.0,
         ]
 
-    def _speed_in_effect(self, target: Tensor, actual: Tensor, commanded: Tensor, deviation: Tensor) -> Tensor:
-        """Return the mean log speed in the next interval on the way to a target; ``deviation``: the mean that remains [-]."""
-        reached = torch.minimum(torch.maximum(target, commanded - self._speed_step), commanded + self._speed_step)
-        return reached + (actual - reached) * deviation
+    def _ahead(
+        self,
+        mean: Tensor,
+        excess: Tensor,
+        told: Told,
+        scales: Tensor,
+        lot_mean: Tensor,
+        place: Sequence[Tensor],
+        laws: Sequence[Load],
+        log_used: Tensor,
+        lost: Tensor,
+        commanded: Sequence[Tensor],
+        along: Tensor,
+        slack: Tensor,
+    ) -> Ahead:
+        """Return what the tool will meet in the next step, and shortly after; see ``_readings``.
+
+        ``laws``: estimated ones; ``log_used``: see ``log_over_half``; ``lost``: price of breaking the edge [min].
+        """
+        lags = [torch.exp(told[f"log_{drive}_time_constant"]).unsqueeze(-1) for drive in ("spindle", "feed")]
+        number = torch.arange(1, POINTS + 1, dtype=along.dtype, device=along.device)
+        times = (self._interval + SETTLING * lags[1]) * number / single(POINTS)
+        velocity, approach = torch.exp(commanded[0] + commanded[1] - told["log_bar_time"]), self._approach_share(told)
+        reached = along.unsqueeze(-1) + velocity.unsqueeze(-1) * times
+        early, entry = reached + (slack + velocity * single(EARLY)).unsqueeze(-1), 1.0 + approach.unsqueeze(-1)
+        enters = (reached >= 1.0) | (early >= entry)
+        metal = (early >= entry) | (~enters & (early > 0.0))
+        cut, stays = reached.clamp(min=0.0) - along.clamp(min=0.0).unsqueeze(-1), []
+        for rate in self._rates(told, scales):
+            step = cut * rate.unsqueeze(-1)
+            left = torch.where(enters, 0.0, torch.exp(-step))
+            stays += [(1.0 + step) * left, step * left]
+        of_fields = torch.stack(stays, dim=-1)  # depth, hardness and their slopes
+        fields = of_fields * mean[:, None, DEPTH:INSERT]
+        share = 1.0 + scales[:, DEPTH, None] * fields[..., :HARDNESS].sum(dim=-1)
+        share = share.clamp(min=single(MIN_DEPTH))
+        log_depth, hardness = torch.log(share), scales[:, HARDNESS, None] * fields[..., HARDNESS:].sum(dim=-1)
+
+        loads, variances = [], []
+        for law, load in enumerate(laws):
+            row = self._load(law, mean, told, scales, lot_mean, place)[0] * (1.0 - self._bar)
+            with_row = covariances(excess, row)
+            exponent = told[f"{_LAWS[law]}_depth_of_cut_exponent"].unsqueeze(-1)
+            of_depth = exponent * scales[:, DEPTH, None] / share
+            of_hardness = (self._hardness[law] * scales[:, HARDNESS, None]).expand_as(share)
+            rows = of_fields * torch.stack([of_depth, of_depth, of_hardness, of_hardness], dim=-1)
+            twice = rows @ excess[:, DEPTH:INSERT, DEPTH:INSERT] + 2.0 * with_row[:, None, DEPTH:INSERT]
+            variance = (rows * twice).sum(dim=-1) + of_depth.square() + of_hardness.square()
+            variance = variance + (row * with_row).sum(dim=-1, keepdim=True)
+            variances.append(variance.clamp(min=_MIN_VARIANCE))
+            here = load.log_load + load.used_life * log_used
+            loads.append(here.unsqueeze(-1) + exponent * log_depth + self._hardness[law] * hardness)
+        unmeasured = metal & (enters | (excess[:, DEPTH, DEPTH, None] > _MEASURED))
+        growth = told["wear_depth_of_cut_exponent"].unsqueeze(-1) * log_depth + self._hardness[2] * hardness
+        return Ahead(
+            place[0].unsqueeze(-1),
+            place[1].unsqueeze(-1),
+            torch.exp(-times / lags[0]),
+            torch.exp(-times / lags[1]),
+            metal.to(times.dtype),
+            torch.where(metal, log_depth, 0.0),
+            growth / told["wear_time_exponent"].clamp(min=MIN_EXPONENT).unsqueeze(-1),
+            torch.stack(loads, dim=1),
+            CAUTION * torch.stack(variances, dim=1).sqrt(),
+            (variances[0] + self._strength_variance).sqrt(),
+            torch.where(unmeasured, lost.unsqueeze(-1) * single(60.0 / self._interval), 0.0),
+        )
 
     def _position(self, drive: int, log_value: Tensor) -> Tensor:
         """Return the position of a speed (0) or feed (1) in its range, from -1 to 1, for logarithms over the lowest one."""
         return (2.0 * log_value / self._spans[drive] - 1.0).clamp(-_ENDS, _ENDS)
-
-    def _doubts(
-        self, mean: Tensor, excess: Tensor, told: Told, scales: Tensor, lot_mean: Tensor, place: Sequence[Tensor]
-    ) -> list[Tensor]:
-        """Return standard deviations of log force and log power, first in the present bar, then in one not yet measured.
-
-        ``place``: see ``_load``.
-        """
-        rows = [self._load(law, mean, told, scales, lot_mean, place)[0] for law in (0, 1)]
-        both = torch.stack([*rows, *(row * (1.0 - self._bar) for row in rows)], dim=1)
-        variances = list((both * (both @ excess + both)).sum(dim=-1).unbind(dim=-1))
-        for law, name in enumerate(_LAWS):
-            of_depth = told[f"{name}_depth_of_cut_exponent"] * scales[:, DEPTH]
-            variances[2 + law] = variances[2 + law] + of_depth.square() + (self._hardness[law] * scales[:, HARDNESS]).square()
-        return [variance.clamp(min=0.0).sqrt() for variance in variances]
 
     def _estimated(self, told: Told, states: Sequence[Tensor]) -> tuple[Load, Load]:
         """Return the laws of force and power for the expected bar."""
@@ -464,6 +521,7 @@ class FamilyActor(GruActor):
         tracker = JobFilter(scenario, context["names"], context["mean"], context["spread"])
         entries = len(layout(scenario)) + len(context["names"])
         super().__init__(scenario, entries + 1, cells, width, tracker)
+        torch.nn.init.zeros_(self.head.bias)
         self.register_buffer("see_weight", torch.eye(entries, entries + 1), persistent=False)
         self.register_buffer("see_bias", torch.eye(entries + 1)[entries], persistent=False)
 
@@ -477,22 +535,21 @@ class FamilyActor(GruActor):
         return torch.minimum(torch.maximum(target[..., :2], positions[..., 2:4]), positions[..., 4:6])
 
     def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
-        """Return what is proposed and the network's correction; the feed is proposed for the corrected speed.
+        """Return what is proposed with the network's correction; the feed is proposed for the corrected speed.
 
         The correction of the speed is scaled by the doubt: where the nominal model is right, so is the speed that is proposed.
         """
-        correction, positions = super()._unbounded(cells, seen), self._proposals(seen)
-        speed, feed, *_, slower, faster = positions.unbind(dim=-1)
+        correction, proposals = super()._unbounded(cells, seen), self._proposals(seen)
+        speed, feed, slowest, lowest, fastest, highest, slope, change = proposals.unbind(dim=-1)
         doubt = seen[..., -self.tracker.READINGS - 1]
-        first = _target(speed) + doubt * correction[..., 0]
-        least, greatest = (_target(positions[..., k]) for k in (2, 4))
-        change = (torch.minimum(torch.maximum(first, least), greatest).tanh() - speed) * self.tracker.per_reach
-        feed = feed + torch.relu(change) * (faster - feed) + torch.relu(-change) * (slower - feed)
-        second = _target(feed.clamp(-_ENDS, _ENDS)) + correction[..., 1]
-        return torch.cat([torch.stack([first, second], dim=-1), correction[..., 2:]], dim=-1)
+        first = (_target(speed) + doubt * correction[..., 0]).tanh()
+        first = torch.minimum(torch.maximum(first, slowest), fastest)
+        second = torch.minimum(torch.maximum(feed + slope * (first - speed), lowest), highest)
+        targets = _target(first), _target(second) + correction[..., 1], change + correction[..., 2]
+        return torch.stack(targets, dim=-1)
 
     def _proposals(self, seen: Tensor) -> Tensor:
-        """Return the readings that are positions in the ranges of speed and feed, shape (..., 8)."""
+        """Return the readings that propose targets, shape (..., 8), see ``JobFilter.forward``."""
         first = seen.shape[-1] - self.tracker.READINGS
         return seen[..., first : first + 8]
 

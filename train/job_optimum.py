@@ -1,31 +1,31 @@
-"""The best cutting speeds and feeds of jobs by laws that a filter estimates: ``baselines/models/edge_value.py`` for tensors.
+"""The prices of time and edge life in jobs, and the expected gain of commands, by laws that a filter estimates.
 
-A network computes them in every step, so this is simpler than there: bars are as expected, and loads stay within their limits
-if the chip breaker allows it. At a price t of time, a job earns nothing at used share D of an edge's life if life has the price
+A network computes them in every step, so prices are simpler than in ``baselines/models/edge_value.py``: bars are as expected, and
+loads stay within their limits if the chip breaker allows it. At a price t of time, a job earns nothing at used share D of an
+edge's life if life has the price
 
     p(D) = max over set points of (value of metal - t) / life used per time,
 
 and t is such that a whole edge just pays for itself and its change (Newton's method).
 
+The expected gain is that of ``baselines/models/feed_search.py``, but its functions are elementary, so that every program computes
+them alike. The logarithm of a load has a logistic distribution of scale s about its mean L, not a normal one. Its expected
+distance above 0 is h = s log(1 + exp(L / s)), and the overload exp(h) - 1.
+
 Cutting speeds and feeds are logarithms over the plan's at half a life. Prices are those of a minute [-] and of a life [min].
 """
 
-from collections.abc import Sequence
+import math
 from typing import NamedTuple
 
 import torch
 
+from train.newton_search import Pair, Slopes, single
 from turning_env.scenario.plan import MIDDLE, USED_LIVES
 
 Tensor = torch.Tensor
 Told = dict[str, Tensor]
 """Numbers of the context by name, not standardised, each of shape (num_envs,)."""
-
-
-def single(value: float) -> float:
-    """Return the nearest number of single precision: the exporter rounds a network's numbers so."""
-    return float(torch.tensor(value, dtype=torch.float32))
-
 
 LIVES = 6
 """Number of used shares of the life at which it is priced, beside the present one."""
@@ -34,11 +34,12 @@ SPEEDS = 24
 MIN_EXPONENT = single(0.1)
 """Smallest exponent of the feed in a load, and of time in wear [-]."""
 _NEWTON_STEPS = 8
-_SOFTNESS = single(0.005)  # cutting speeds whose value is less by this still count
 _MAX_LOG = single(20.0)
 _MIN_CAPACITY = single(1e-3)  # of the spindle, less idle power, over that at the plan's speed
 _MIN_RATE_EXPONENT = single(1.1)  # of speed: at 1, an edge would cut as many meters at any speed
-_CHANCES = single(0.02), single(0.5)
+_CORNER = single(0.003**2)  # square of the log distance from the base speed within which the limit of power bends smoothly
+_PER_SPREAD = single(math.sqrt(3.0) / math.pi)  # scale of a logistic distribution over its standard deviation
+_NORMAL = single(1.5976), single(0.07056), single(3.0 * 0.07056)  # the normal distribution is near sigmoid(a z + b z^3); 3 b
 _MIN_USED_LIFE = single(0.01)
 
 
@@ -55,15 +56,125 @@ class Load(NamedTuple):
     """Exponent of the used life."""
 
 
-class Bar(NamedTuple):
-    """How a bar differs from the expected one; every field has shape (num_envs,)."""
+class Ahead(NamedTuple):
+    """What the tool meets at points in time; fields have shape (num_envs, points), or (num_envs, 1) if it is the same at all."""
 
-    loads: tuple[Tensor, Tensor]
-    """Logarithms of force and power over those in the expected bar, and their doubt."""
+    speed: Tensor
+    """Actual cutting speed."""
+    feed: Tensor
+    """Actual feed."""
+    slow: Tensor
+    """Share of a deviation of the speed from its command that remains [-]."""
+    late: Tensor
+    """Likewise of the feed."""
+    cutting: Tensor
+    """1 in metal, 0 in air."""
     metal: Tensor
-    """Logarithm of the depth of cut likewise."""
+    """Logarithm of the depth of cut over that in the expected bar; 0 in air."""
     wear: Tensor
     """Logarithm of the rate at which life is used likewise."""
+    loads: Tensor
+    """Logarithms of force and power over their limits at the plan's set point, shape (num_envs, 2, points)."""
+    spreads: Tensor
+    """Their standard deviations, likewise."""
+    strength_spread: Tensor
+    """Standard deviation of the logarithm of the force over the edge's strength."""
+    breakage_price: Tensor
+    """Price of breaking the edge over the length of a step [-], in metal of a bar that has not been measured; else 0."""
+
+
+class ExpectedGain:
+    """The expected gain [-] of commands: value of metal less the prices of the life used, of overload and of breaking the edge.
+
+    Args:
+        ahead: what lies ahead.
+        logs: logarithms of value of metal, rate of wear, and force and power over their limits, at the plan's set point,
+            shape (num_envs, 4, points).
+        by_speed: their exponents of speed, shape (num_envs, 4, 1).
+        by_feed: their exponents of feed, likewise.
+        worth: what metal is worth, and what a life costs as a negative number, shape (num_envs, 2, points).
+        overload_price: see ``JobOptimum``, shape (num_envs, 1, 1).
+        log_strength: logarithm of the edge's strength over the limit of force, shape (num_envs, 1, 1).
+        over_base: logarithm of the plan's speed over the base speed, likewise.
+        idle: idle power at the plan's speed over what the spindle can give there, likewise.
+    """
+
+    def __init__(
+        self,
+        ahead: Ahead,
+        logs: Tensor,
+        by_speed: Tensor,
+        by_feed: Tensor,
+        worth: Tensor,
+        overload_price: Tensor,
+        log_strength: Tensor,
+        over_base: Tensor,
+        idle: Tensor,
+    ) -> None:
+        self._speed, self._feed = ahead.speed.unsqueeze(1), ahead.feed.unsqueeze(1)
+        self._follows = (1.0 - ahead.slow).unsqueeze(1), (1.0 - ahead.late).unsqueeze(1)
+        self._logs, self._worth = logs, worth
+        self._by_speed, self._by_feed, self._feed_slope = by_speed, by_feed, by_feed * self._follows[1]
+        self._over_base, self._idle = over_base, idle
+        self._power = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=logs.dtype, device=logs.device).view(1, 4, 1)
+        self._scale = _PER_SPREAD * ahead.spreads
+        self._price = overload_price * ahead.cutting.unsqueeze(1)
+        self._strength, self._per_strength = log_strength, 1.0 / ahead.strength_spread.unsqueeze(1)
+        self._breakage_price = ahead.breakage_price.unsqueeze(1)
+
+    def __call__(self, x: Tensor, y: Tensor) -> Slopes:
+        """Return the mean gain over all points in time of commands of speed x and feed y, each of shape (num_envs,)."""
+        speed = self._speed + self._follows[0] * (_wide(x) - self._speed)
+        feed = self._feed + self._follows[1] * (_wide(y) - self._feed)
+        capacity, limit_x, limit_xx = self._log_capacity(speed)
+        logs = self._logs + self._by_speed * speed + self._by_feed * feed - self._power * capacity
+        by_x, by_y = (self._by_speed - self._power * limit_x) * self._follows[0], self._feed_slope
+        earned, loads = self._worth * _exp(logs[:, :2]), logs[:, 2:]
+
+        ratio = loads / self._scale
+        chance, safe = torch.sigmoid(ratio), torch.sigmoid(-ratio)
+        beyond = torch.relu(ratio) - torch.log(torch.sigmoid(ratio.abs()))
+        price = self._price * _exp(self._scale * beyond)  # of the expected load over its limit, at least 1
+        slope = price * chance
+
+        deviation = (loads[:, :1] - self._strength) * self._per_strength
+        square = deviation.square()
+        steep = _NORMAL[0] + _NORMAL[2] * square
+        breaks = torch.sigmoid((_NORMAL[0] + _NORMAL[1] * square) * deviation)
+        risk = self._breakage_price * breaks
+        risk_slope = risk * (1.0 - breaks) * steep
+        risk_bend = risk_slope * ((1.0 - 2.0 * breaks) * steep + 2.0 * _NORMAL[2] * deviation / steep)
+
+        values = torch.cat([earned, self._price - price, -risk], dim=1)
+        slopes = torch.cat([earned, -slope, -risk_slope], dim=1)
+        bends = torch.cat([earned, -slope * (chance + safe / self._scale), -risk_bend], dim=1)
+        by_x, by_y = (torch.cat([each, each[:, 2:3] * self._per_strength], dim=1) for each in (by_x, by_y))
+        points, bends_x = values.shape[-1], bends * by_x
+        curved = slope[:, 1:] * limit_xx * self._follows[0].square()
+        totals = values, slopes * by_x, slopes * by_y, bends_x * by_x, bends_x * by_y, bends * by_y.square()
+        gain, by_x, by_y, by_xx, by_xy, by_yy = (each.sum(dim=(1, 2)) / points for each in totals)
+        return Slopes(gain, by_x, by_y, by_xx + curved.sum(dim=(1, 2)) / points, by_xy, by_yy)
+
+    def start(self) -> Pair:
+        """Return the actual speed, and the highest feed at which it keeps loads below their limits where the tool cuts."""
+        logs = self._logs + self._by_speed * self._speed - self._power * self._log_capacity(self._speed)[0]
+        feeds = -(logs[:, 2:] + self._scale) / self._by_feed[:, 2:].clamp(min=MIN_EXPONENT)
+        return self._speed[:, 0, 0], torch.where(self._price > 0.0, feeds, _MAX_LOG).amin(dim=(1, 2))
+
+    def log_loads(self, x: Tensor, y: Tensor) -> Tensor:
+        """Return the mean logarithms of force and power over their limits at a speed and a feed, shape (num_envs, 2)."""
+        logs = self._logs + self._by_speed * _wide(x) + self._by_feed * _wide(y)
+        return (logs - self._power * self._log_capacity(_wide(x))[0])[:, 2:].mean(dim=-1)
+
+    def _log_capacity(self, speed: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return the logarithm of the power left for cutting over what the spindle can give at the plan's speed; derivatives."""
+        above, idle = speed + self._over_base, self._idle * torch.exp(speed)
+        root = torch.sqrt(above.square() + _CORNER)
+        reserve = torch.exp(0.5 * (above - root) - self._over_base.clamp(max=0.0))
+        slope, bend = 0.5 - 0.5 * above / root, (-0.5 * _CORNER) / (root * root * root)
+        left = (reserve - idle).clamp(min=_MIN_CAPACITY)
+        by_speed = (reserve * slope - idle) / left
+        return torch.log(left), by_speed, (reserve * (slope.square() + bend) - idle) / left - by_speed.square()
 
 
 class JobOptimum:
@@ -74,14 +185,14 @@ class JobOptimum:
         loads: force and power.
         log_life_rate: logarithm of the rate at which the lot's edges are used up over the nominal rate, shape (num_envs,).
         speed_error: exponent of speed of the rate at which life is used, less the nominal one, shape (num_envs,).
-        overload_price: price of a minute with a load 100 % over its limit [min].
+        overload_price: price of a minute with a load 100 % over its limit [min], shape (num_envs,).
     """
 
     def __init__(
-        self, told: Told, loads: tuple[Load, Load], log_life_rate: Tensor, speed_error: Tensor, overload_price: float
+        self, told: Told, loads: tuple[Load, Load], log_life_rate: Tensor, speed_error: Tensor, overload_price: Tensor
     ) -> None:
         self._loads = [Load(*map(_wide, load)) for load in loads]
-        self._overload_price = overload_price
+        self._overload_price, self._log_strength = _wide(overload_price), _wide(told["log_edge_strength"])
         self._change, self._cost = (_exp(told[f"log_edge_{name}"]) for name in ("change_time", "price"))
         # A minute of the plan's set point, edges included, is worth a minute.
         self._log_metal = _wide(torch.log(1.0 + (self._cost + self._change) * _exp(-told["log_life"])))
@@ -114,57 +225,43 @@ class JobOptimum:
         price = (gained - _wide(time) * life)[:, LIVES:].amax(dim=(-2, -1))
         return time, price.clamp(min=0.0)
 
-    def best_speed(self, log_used: Tensor, life_price: Tensor, bar: Bar) -> Tensor:
-        """Return the best cutting speed in a bar, at a used life and a price of life, shape (num_envs,)."""
-        metal, overload, rate = self._outcome(_wide(log_used), bar)
-        value = (metal - overload - _wide(life_price) * rate)[:, 0]
-        return (torch.softmax(value / _SOFTNESS, dim=-1) * self._speeds[:, 0]).sum(dim=-1)
+    def life_rate(self, speed: Tensor, feed: Tensor) -> Tensor:
+        """Return the rate at which life is used in the expected bar [1/min], shape (num_envs,)."""
+        return self._metal_and_life(_wide(speed), _wide(feed))[1][:, 0, 0]
 
-    def bearable_chances(
-        self, speed: Tensor, feed: Tensor, life_price: Tensor, metal: Tensor, wear: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """Return the probabilities of overload, by force and by power, from which more feed no longer pays, each (num_envs,).
+    def gain(self, ahead: Ahead, life_price: Tensor) -> "ExpectedGain":
+        """Return the expected gain of what lies ahead as a function of commands; ``life_price``: shape (num_envs,)."""
+        one = torch.ones_like(self._rate_speed)
+        by_speed = torch.cat([one, self._rate_speed, *(load.speed for load in self._loads)], dim=1)
+        by_feed = torch.cat([one, self._rate_feed, *(load.feed for load in self._loads)], dim=1)
+        metal, rate = self._log_metal + ahead.metal.unsqueeze(1), self._log_rate + ahead.wear.unsqueeze(1)
+        return ExpectedGain(
+            ahead,
+            torch.cat([metal, rate, ahead.loads], dim=1),
+            by_speed,
+            by_feed,
+            torch.cat([one.expand_as(metal), -_wide(life_price) * ahead.cutting.unsqueeze(1)], dim=1),
+            self._overload_price,
+            self._log_strength,
+            self._over_base,
+            self._idle,
+        )
 
-        More feed cuts more metal and uses more life. It raises a load by its exponent of feed, and costs only if that is over its
-        limit. ``metal``, ``wear``: see ``Bar``.
+    def _outcome(self, log_used: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return value of metal, price of overload [-] and life used [1/min] in the expected bar, (num_envs, lives, SPEEDS).
+
+        The feed is the highest within the limits, but within the chip breaker's window.
         """
-        value, rate = self._metal_and_life(_wide(speed), _wide(feed), _wide(metal), _wide(wear))
-        worth = value - self._rate_feed * _wide(life_price) * rate
-        costs = (self._overload_price * load.feed.clamp(min=MIN_EXPONENT) for load in self._loads)
-        force, power = ((worth / cost)[:, 0, 0].clamp(*_CHANCES) for cost in costs)
-        return force, power
-
-    def feed(self, speed: Tensor, log_used: Tensor, more: Sequence[Tensor]) -> Tensor:
-        """Return the highest feed within limits and chip breaker's window, shape (num_envs,); ``more``: see ``Bar.loads``."""
-        return self._feeds(_wide(speed), _wide(log_used), more)[0][:, 0, 0]
-
-    def loads(self, speed: Tensor, feed: Tensor, log_used: Tensor) -> list[Tensor]:
-        """Return logarithms of force and power over their limits in the expected bar, each of shape (num_envs,)."""
-        logs = zip(self._without_feed(_wide(speed), _wide(log_used)), self._loads, strict=True)
-        return [log[:, 0, 0] + load.feed[:, 0, 0] * feed for log, load in logs]
-
-    def _outcome(self, log_used: Tensor, bar: Bar | None = None) -> tuple[Tensor, Tensor, Tensor]:
-        """Return value of metal, price of overload [-] and life used [1/min] for all speeds, (num_envs, lives, SPEEDS)."""
-        feed, excess = self._feeds(self._speeds, log_used, bar.loads if bar else ())
-        metal, rate = self._metal_and_life(self._speeds, feed, *((_wide(bar.metal), _wide(bar.wear)) if bar else ()))
-        return metal, self._overload_price * excess, rate
-
-    def _metal_and_life(
-        self, speed: Tensor, feed: Tensor, metal: float | Tensor = 0.0, wear: float | Tensor = 0.0
-    ) -> tuple[Tensor, Tensor]:
-        """Return value of metal [-] and life used [1/min] at set points; ``metal``, ``wear``: see ``Bar``."""
-        rate = _exp(self._log_rate + wear + self._rate_speed * speed + self._rate_feed * feed)
-        return _exp(self._log_metal + metal + speed + feed), rate
-
-    def _feeds(self, speed: Tensor, log_used: Tensor, more: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
-        """Return the highest feeds within limits and window, and by how much the window's lowest exceeds the limits."""
-        logs = self._without_feed(speed, log_used)
-        if more:
-            logs = [log + _wide(each) for log, each in zip(logs, more, strict=True)]
-        feeds = [-log / load.feed.clamp(min=MIN_EXPONENT) for log, load in zip(logs, self._loads, strict=True)]
-        highest = torch.minimum(*feeds)
+        logs = zip(self._without_feed(self._speeds, log_used), self._loads, strict=True)
+        highest = torch.minimum(*(-log / load.feed.clamp(min=MIN_EXPONENT) for log, load in logs))
         feed = torch.minimum(torch.maximum(highest, self._lowest_feed), self._highest_feed)
-        return feed, torch.relu(feed - highest)
+        metal, rate = self._metal_and_life(self._speeds, feed)
+        return metal, self._overload_price * torch.relu(feed - highest), rate
+
+    def _metal_and_life(self, speed: Tensor, feed: Tensor) -> tuple[Tensor, Tensor]:
+        """Return value of metal [-] and life used [1/min] at set points in the expected bar."""
+        rate = _exp(self._log_rate + self._rate_speed * speed + self._rate_feed * feed)
+        return _exp(self._log_metal + speed + feed), rate
 
     def _without_feed(self, speed: Tensor, log_used: Tensor) -> list[Tensor]:
         """Return logarithms of force and power over their limits at the plan's feed."""

@@ -1,4 +1,4 @@
-"""Prices and set points that a network computes, against search over a fine grid."""
+"""Prices and expected gains that a network computes, against search over a fine grid and numerical derivatives."""
 
 from typing import Any
 
@@ -8,14 +8,15 @@ import torch
 
 from baselines.models.edge_value import worth_of_lots
 from train import job_optimum
-from train.job_optimum import Bar, JobOptimum, Load, log_over_half
+from train.job_optimum import Ahead, ExpectedGain, JobOptimum, Load, log_over_half
+from train.newton_search import search
 from turning_env import Family, Scenario
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario.plan import MIDDLE, Plan, columns_of, features, plan_of
 
 FAMILY = Family.load("shop")
 JOBS = [FAMILY.job(number).scenario.nominal() for number in range(6)]
-EXPECTED = Bar((torch.zeros(len(JOBS)), torch.zeros(len(JOBS))), torch.zeros(len(JOBS)), torch.zeros(len(JOBS)))
+POINTS = 4
 
 
 def optimum_of(lot: float = 1.0, load: float = 1.0, error: float = 0.0, told_error: float = 0.0) -> tuple[JobOptimum, Plan]:
@@ -32,10 +33,30 @@ def optimum_of(lot: float = 1.0, load: float = 1.0, error: float = 0.0, told_err
         laws.append(Load(told[f"log_{name}_load"] + float(np.log(load)), speed, feed, wear * told["wear_time_exponent"]))
     told["wear_cutting_speed_exponent"] += told_error * told["wear_time_exponent"]
     rate, errors = torch.full_like(told["log_life"], float(np.log(lot))), torch.full_like(told["log_life"], error)
-    return JobOptimum(told, (laws[0], laws[1]), rate, errors, JOBS[0].economics.overload_price), plan
+    overload_price = torch.full_like(rate, JOBS[0].economics.overload_price)
+    return JobOptimum(told, (laws[0], laws[1]), rate, errors, overload_price), plan
 
 
-def outcome(job: Scenario, reference: float, used: float, speed: Any = None, feed: Any = None) -> tuple[Any, Any]:
+def gain_of(optimum: JobOptimum, used: torch.Tensor, price: torch.Tensor, spread: float = 0.002, **changes: Any) -> ExpectedGain:
+    """Return the expected gain in the expected bar, if nothing lags; ``changes``: of what lies ahead."""
+    one = torch.ones(len(JOBS), POINTS).double()
+    loads = [load.log_load + load.used_life * log_over_half(used)[:, None, None] for load in optimum._loads]
+    ahead = Ahead(
+        *(torch.zeros(len(JOBS), 1).double(),) * 2,
+        *(0.0 * one,) * 2,
+        one,
+        *(0.0 * one,) * 2,
+        torch.cat(loads, dim=1).expand(-1, 2, POINTS),
+        spread * torch.ones(len(JOBS), 2, POINTS).double(),
+        0.15 * one,
+        0.0 * one,
+    )
+    return optimum.gain(ahead._replace(**changes), price)
+
+
+def outcome(
+    job: Scenario, reference: float, used: float, speed: Any = None, feed: Any = None, limit: float = 1.001
+) -> tuple[Any, Any]:
     """Return the value of metal [-] and the life used [1/min] within the limits, for set points or a grid of them."""
     if speed is None:
         speed = np.geomspace(job.machine.cutting_speed_min, job.cutting_speed_max, 150)[:, None]
@@ -44,7 +65,7 @@ def outcome(job: Scenario, reference: float, used: float, speed: Any = None, fee
     wear = job.tool.wear_criterion * used**law.wear.time
     force = law.thrust_force(speed, feed, depth, wear=wear) / job.limits.thrust_force
     power = law.power(speed, feed, depth, wear=wear) + idle_power_at(job, speed)
-    within = (force <= 1.001) & (power <= 1.001 * job.limits.power * capacity_at(job, speed))
+    within = (force <= limit) & (power <= limit * job.limits.power * capacity_at(job, speed))
     rate = (law.wear(speed, feed, depth) / job.tool.wear_criterion) ** (1.0 / law.wear.time)
     return np.where(within, speed * feed * depth / reference, -1e3), rate
 
@@ -79,41 +100,91 @@ def test_the_price_of_time_is_found_in_time(monkeypatch: pytest.MonkeyPatch) -> 
             np.testing.assert_allclose(time, expected, atol=1e-6)
 
 
-def test_the_best_set_point_is_that_of_a_search() -> None:
+def test_the_best_commands_are_those_of_a_search_over_a_grid() -> None:
     optimum, plan = optimum_of()
-    used, price = torch.linspace(0.1, 0.9, len(JOBS)), torch.linspace(2.0, 0.0, len(JOBS))
-    speeds = optimum.best_speed(log_over_half(used), price, EXPECTED)
-    feeds = optimum.feed(speeds, log_over_half(used), EXPECTED.loads)
+    used, price = torch.linspace(0.1, 0.9, len(JOBS)).double(), torch.linspace(2.0, 0.0, len(JOBS)).double()
+    gain = gain_of(optimum, used, price)
+    ends = [job.machine.cutting_speed_min for job in JOBS], [job.cutting_speed_max for job in JOBS]
+    feeds = zip(*(job.feed_range for job in JOBS), strict=True)
+    middle = plan.speed[:, MIDDLE], plan.feed[:, MIDDLE]
+    (slowest, fastest), (lowest, highest) = (
+        [torch.tensor(np.log(np.array(end) / best)) for end in both]
+        for both, best in zip((ends, tuple(feeds)), middle, strict=True)
+    )
+    found = search(gain, gain.start(), (slowest, lowest), (fastest, highest))
+    for _ in range(5):  # an agent searches in every step, from where it is
+        found = search(gain, found[:2], (slowest, lowest), (fastest, highest))
     for i, job in enumerate(JOBS):
         given = job, float(plan.removal_rate[i]), float(used[i])
-        speed, feed = float(speeds[i].exp()) * plan.speed[i, MIDDLE], float(feeds[i].exp()) * plan.feed[i, MIDDLE]
-        (found, used_up), (metal, rate) = outcome(*given, speed, feed), outcome(*given)
+        speed, feed = float(found.x[i].exp()) * middle[0][i], float(found.y[i].exp()) * middle[1][i]
+        (gained, used_up), (metal, rate) = outcome(*given, speed, feed, 1.01), outcome(*given)
         best = (metal - float(price[i]) * rate).max()
-        assert found - float(price[i]) * used_up > 0.98 * best - 0.01
+        assert gained - float(price[i]) * used_up > 0.98 * best - 0.02
+
+
+def test_derivatives_of_the_gain_are_those_of_its_values() -> None:
+    optimum, _ = optimum_of()
+    random = torch.Generator().manual_seed(0)
+
+    def some(*shape: int) -> torch.Tensor:
+        return torch.rand(*shape, generator=random).double()
+
+    shape, count = (len(JOBS), POINTS), len(JOBS)
+    changes = {
+        "slow": some(*shape),
+        "late": some(*shape),
+        "cutting": (some(*shape) > 0.3).double(),
+        "metal": 0.2 * some(*shape),
+        "wear": 0.2 * some(*shape),
+        "strength_spread": 0.1 + 0.2 * some(*shape),
+        "breakage_price": 500.0 * some(*shape),
+    }
+    gain = gain_of(optimum, some(count), 2.0 * some(count), spread=0.05, **changes)
+    for shift in (-0.3, 0.0, 0.3):
+        x, y = (shift + 0.2 * some(count) for _ in range(2))
+        x.requires_grad_()
+        y.requires_grad_()
+        found = gain(x, y)
+        by_x, by_y = torch.autograd.grad(found.gain.sum(), (x, y), create_graph=True)
+        (by_xx, by_xy), (by_yy,) = (
+            torch.autograd.grad(by_x.sum(), (x, y), retain_graph=True),
+            torch.autograd.grad(by_y.sum(), (y,)),
+        )
+        for mine, its in zip(found[1:], (by_x, by_y, by_xx, by_xy, by_yy), strict=True):
+            torch.testing.assert_close(mine, its, rtol=1e-6, atol=1e-6)
+
+
+def test_a_bar_that_may_break_the_edge_is_entered_more_slowly() -> None:
+    optimum, _ = optimum_of()
+    used, price, zero = (torch.full((len(JOBS),), value).double() for value in (0.3, 1.0, 0.0))
+    spreads = torch.full((len(JOBS), 2, POINTS), 0.3).double()
+    feeds = []
+    for cost in (0.0, 900.0):
+        breakage = torch.full((len(JOBS), POINTS), cost).double()
+        gain = gain_of(optimum, used, price, spreads=spreads, breakage_price=breakage, strength_spread=0.0 * breakage + 0.3)
+        feeds.append(search(gain, (zero, zero), (zero, zero - 1.0), (zero, zero + 1.0)).y)
+    assert (feeds[1] < feeds[0] - 1e-3).all()
+
+
+def test_overload_far_beyond_a_limit_costs_its_price() -> None:
+    optimum, _ = optimum_of()
+    used, zero = (torch.full((len(JOBS),), value).double() for value in (0.5, 0.0))
+    gain = gain_of(optimum, used, zero)
+    at = torch.full_like(zero, 1.5)
+    loads = gain.log_loads(zero, at)
+    excess = torch.relu(loads.exp() - 1.0).sum(dim=-1)
+    assert (excess > 0.5).all()
+    metal = torch.exp(optimum._log_metal[:, 0, 0] + at)
+    torch.testing.assert_close(metal - gain(zero, at).gain, JOBS[0].economics.overload_price * excess, rtol=1e-3, atol=1e-2)
 
 
 def test_an_estimated_exponent_of_speed_counts_as_if_it_were_told() -> None:
-    used, price = torch.full((len(JOBS),), 0.4), torch.full((len(JOBS),), 1.0)
+    used, price = torch.full((len(JOBS),), 0.4), torch.full((len(JOBS),), 1.0).double()
+    at = torch.full((len(JOBS),), 0.2).double()
     found, expected, nominal = (
-        (*optimum.prices(used), optimum.best_speed(log_over_half(used), price, EXPECTED))
+        (*optimum.prices(used), gain_of(optimum, used.double(), price)(at, -at).gain)
         for optimum, _ in (optimum_of(error=0.8), optimum_of(told_error=0.8), optimum_of())
     )
     for mine, its, without in zip(found, expected, nominal, strict=True):
         torch.testing.assert_close(mine, its)
         assert (mine - without).abs().max() > 1e-3
-
-
-def test_more_feed_pays_up_to_the_bearable_chance_of_overload() -> None:
-    optimum, plan = optimum_of()
-    price, step = 2.0, 1e-3
-    speed, feed = torch.zeros(len(JOBS)), torch.full((len(JOBS),), -0.3)
-    chances = optimum.bearable_chances(speed, feed, torch.full((len(JOBS),), price), speed, speed)
-    for i, job in enumerate(JOBS):
-        at = [float(plan.feed[i, MIDDLE]) * float(np.exp(-0.3 + end)) for end in (-step, step)]
-        (metal, rate), (more, faster) = (
-            outcome(job, float(plan.removal_rate[i]), 0.1, plan.speed[i, MIDDLE], each) for each in at
-        )
-        gain = (more - metal - price * (faster - rate)) / (2.0 * step)
-        for chance, law in zip(chances, (job.material.thrust_force, job.material.power), strict=True):
-            expected = np.clip(gain / (job.economics.overload_price * law.feed), 0.02, 0.5)
-            assert float(chance[i]) == pytest.approx(expected, rel=0.02)

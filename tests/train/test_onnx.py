@@ -185,7 +185,7 @@ REFUSED: dict[str, tuple[Change, str]] = {
     "a foreign operator set": (lambda model: model.opset_import.add(domain="evil", version=1), "uses operator sets"),
     "an old operator set": (lambda model: setattr(model.opset_import[0], "version", 7), "uses operator sets"),
     "functions": (lambda model: model.functions.add(name="f"), "holds functions"),
-    "many nodes": (insert(*[helper.make_node("Relu", ["observation"], ["y"])] * 2_001), "has 2.* nodes, but may have 2000"),
+    "many nodes": (insert(*[helper.make_node("Relu", ["observation"], ["y"])] * 4_001), "has 4.* nodes, but may have 4000"),
     "a value too large": (bomb, "value 'huge' has more than 1000000 entries per environment"),
     "a value from nowhere": (insert(helper.make_node("Relu", ["nowhere"], ["y"])), "is not valid ONNX"),
     "actions that are no numbers": (unclipped, "which are not two actions"),

@@ -21,6 +21,7 @@ import onnx
 from numpy.typing import NDArray
 from onnx import helper, numpy_helper
 
+from baselines.models.edge_value import worth
 from train.agents import agent_file
 from train.agents.agent_file import ONNX_SUFFIX, AgentFile, Metadata, Space
 from train.agents.session import tried
@@ -39,6 +40,8 @@ _DRIVES = (
     ("feed", (OBS.feed, OBS.commanded_feed)),
 )
 """Names of ranges, and places of their entries in observations."""
+_MIN_COST = 0.01
+_TURNS = 5
 _NEVER_SEEN = "removed_wear"
 """Entry that a scenario may lack: it stays 0, as before the first change of an edge."""
 
@@ -121,6 +124,27 @@ def _window(family: Scenario, scenario: Scenario, name: str, best: float, usual:
     return own if math.isclose(own.span, wanted.span, rel_tol=1e-3) else _Range(best - usual, wanted.span)
 
 
+def _edge_cost(scenario: Scenario, values: dict[str, Any]) -> float:
+    """Return the edge's price [min] with which metal and time have the agent's prices; ``values``: the scenario's.
+
+    The agent takes a minute of the nominal model's best set point, edges included, for worth a minute, and expects another edge
+    after each. A scenario may value metal otherwise, and its episode may end with the edge: then time is worth itself, and a
+    whole edge what its life earns at that price. All prices are scaled so that metal is worth what the agent expects.
+    """
+    own, change = scenario.economics, scenario.economics.edge_change_time
+    cost = own.edge_cost
+    if scenario.control.edge_changes == "end":
+        cost = float(worth(scenario, own.overload_price).life.mean()) / 60.0 - change
+    told = cost
+    for _ in range(_TURNS):  # the best set point depends on the price
+        economics = values["economics"] | {"edge_cost": max(told, _MIN_COST)}
+        plan = plan_of(Columns(values | {"economics": economics}), 1)
+        speed, feed, life = (each[0, MIDDLE] for each in (plan.speed, plan.feed, plan.life))
+        metal = speed * feed * scenario.workpiece.depth_of_cut / own.reference_removal_rate
+        told = cost * (1.0 + change / life) / max(metal - cost / life, _MIN_COST)
+    return float(max(told, _MIN_COST))
+
+
 def _products(about: Metadata, scenario: Scenario, doubt: float) -> tuple[Floats, Floats, Floats]:
     """Return matrices: the network sees observation @ see + seen, and acts by action @ act."""
     family, told = about.scenario, about.parameters["context"]
@@ -129,6 +153,7 @@ def _products(about: Metadata, scenario: Scenario, doubt: float) -> tuple[Floats
     names: Any = told["names"]
     usual = dict(zip(names, mean.tolist(), strict=True))
     values = scenario.nominal().model_dump(exclude={"name", "nominal_model"})
+    values["economics"]["edge_cost"] = _edge_cost(scenario.nominal(), values)
     plan = plan_of(Columns(values), 1)
     bests = {"cutting_speed": plan.speed[0, MIDDLE], "feed": plan.feed[0, MIDDLE]}
     windows = {}

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import onnx
 
 MAX_BYTES = 20_000_000
-MAX_NODES = 2_000
+MAX_NODES = 4_000
 MAX_ENTRIES = 1_000_000
 """Of any intermediate value, per environment."""
 MAX_MEMORY = 65_536
