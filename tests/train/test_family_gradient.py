@@ -17,9 +17,8 @@ from baselines.models.load_filter import LoadFilter
 from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF
 from train import export, family_actor, family_gradient, job_optimum, newton_search
-from train.agents import agent_file
+from train.agents import agent_file, bake
 from train.agents.session import OnnxPolicy, session_of
-from train.analytic_actor import MAX_TIME
 from train.edge_worths import worths
 from train.family_actor import DOUBT, PLACE, TAYLOR, FamilyActor, JobFilter
 from train.family_gradient import ALGORITHM, SEEDS, Lathes, Training, main, plan, train
@@ -27,7 +26,7 @@ from train.model_gain import FIELDS, ModelGain, Truth
 from train.run import Run
 from turning_env import Family, FamilyVectorEnv, Scenario, read
 from turning_env.physics.quantities import OBS, layout
-from turning_env.scenario.plan import Columns, columns_of
+from turning_env.scenario.plan import MIDDLE, Columns, columns_of, plan_of
 
 FAMILY = Family.load(BRIEF)
 SMALL = {"steps": 4 * 16 * 8, "num_envs": 8, "rollout": 16, "batch_envs": 4, "cells": 8, "width": 8, "restart_steps": 40}
@@ -408,6 +407,39 @@ def test_the_agent_is_told_the_doubt(tmp_path: Path, capsys: Any) -> None:
     for doubt in ("0.01", "1.5", "nan"):
         assert export.main(["--agent", str(agent), "--scenario", "rough_turning", "--doubt", doubt]) != 0
         assert f"doubt is {float(doubt)}, but must be 0.05 to 1.0" in capsys.readouterr().err
+
+
+def edge_cost(scenario: Scenario) -> float:
+    return bake._edge_cost(scenario, scenario.model_dump(exclude={"name", "nominal_model"}))
+
+
+def test_a_job_of_the_family_keeps_its_edges_price() -> None:
+    for number in range(3):
+        job = Family.load("shop").job(number).scenario.nominal()
+        assert edge_cost(job) == pytest.approx(job.economics.edge_cost, rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.0, 1.1])
+def test_an_edge_costs_as_much_metal_as_in_the_scenario(factor: float) -> None:
+    base = Scenario.load("shift")
+    economics = base.economics.model_copy(update={"reference_removal_rate": factor * base.economics.reference_removal_rate})
+    scenario = base.model_copy(update={"economics": economics})
+    told, change = edge_cost(scenario), economics.edge_change_time
+    values = scenario.model_dump(exclude={"name", "nominal_model"})
+    values["economics"]["edge_cost"] = told
+    best = plan_of(Columns(values), 1)
+    speed, feed, life = (float(each[0, MIDDLE]) for each in (best.speed, best.feed, best.life))
+    metal = speed * feed * scenario.workpiece.depth_of_cut / economics.reference_removal_rate
+    told_metal = 1.0 + (told + change) / life
+    assert told / told_metal == pytest.approx(economics.edge_cost / metal, rel=1e-3)
+
+
+def test_where_the_episode_ends_with_the_edge_its_price_is_what_its_life_earns() -> None:
+    shift = Scenario.load("shift")
+    ends = shift.model_copy(update={"control": shift.control.model_copy(update={"edge_changes": "end"})})
+    dear = ends.model_copy(update={"economics": ends.economics.model_copy(update={"edge_cost": 9.0})})
+    assert edge_cost(dear) == pytest.approx(edge_cost(ends), rel=0.05)
+    assert edge_cost(ends) < edge_cost(shift)
 
 
 def test_agents_and_scenarios_that_do_not_fit_are_refused(tmp_path: Path, capsys: Any) -> None:
