@@ -98,6 +98,7 @@ MISTAKES: dict[str, list[str]] = {
     "benchmarks.cost_limits": ["--seeds 0", "--shares 0", "--algorithms nothing", "--out made.txt"],
     "benchmarks.clients": ["nothing", "--write"],
     "benchmarks.equal_terms": ["--seeds 0", "--seeds-apart 0", "--agents nothing", "--agents ppo-position"],
+    "benchmarks.family_ablation": ["--jobs 0", "--jobs 5000", "--variants nothing", "--agent nothing.onnx"],
     "benchmarks.foresight": ["--jobs 0", "--split nothing"],
     "benchmarks.headroom": ["--seeds 0", "--rows nothing"],
     "benchmarks.growth": ["made.txt", "made.png --most 0"],
