@@ -36,7 +36,7 @@ class Slopes(NamedTuple):
 
 
 class Top(NamedTuple):
-    """Where the gain is greatest; fields have shape (num_envs,)."""
+    """The place of the greatest gain; fields have shape (num_envs,)."""
 
     x: Tensor
     y: Tensor
@@ -47,7 +47,7 @@ class Top(NamedTuple):
 
 
 def search(gain: Callable[[Tensor, Tensor], Slopes], start: Pair, low: Pair, high: Pair) -> Top:
-    """Return where the gain is greatest, uphill from ``start``, between ``low`` and ``high``.
+    """Return the place of the greatest gain, uphill from ``start``, between ``low`` and ``high``.
 
     A step that does not raise the gain is halved.
     """

@@ -88,7 +88,7 @@ def _quietly() -> Iterator[None]:
 def _strip(model: onnx.ModelProto) -> None:
     """Remove stack traces and file names of the exporting machine, and what follows from the rest."""
     graph = model.graph
-    for part in (model, graph, *graph.node, *graph.initializer, *graph.value_info, *graph.input, *graph.output):
+    for part in (model, graph, *graph.node, *graph.initializer, *graph.input, *graph.output):
         part.ClearField("doc_string")
         part.ClearField("metadata_props")
     del graph.value_info[:]  # shapes in between, which follow from the rest
