@@ -57,7 +57,7 @@ class Load(NamedTuple):
 
 
 class Ahead(NamedTuple):
-    """Cutting conditions at points in time; fields have shape (num_envs, points), or (num_envs, 1) if they are the same at all."""
+    """Cutting conditions at points in time; fields have shape (num_envs, points), or (num_envs, 1) if alike at all of them."""
 
     speed: Tensor
     """Actual cutting speed."""
