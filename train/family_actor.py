@@ -1,8 +1,9 @@
 """The network of the agent for all lathes of a family: the GRU of ``train/analytic_actor.py``, beside a filter.
 
 Gradients reach over a rollout only, and a GRU must learn to average. The extended Kalman filter is given: that of
-``baselines/models/kalman_steps.py``, which estimates depth and hardness of the bar, the wear of insert and lot, and the errors of
-the laws of force and power. It also estimates the error of the wear's exponent of speed. By the estimates,
+``baselines/models/kalman_steps.py``, which estimates depth and hardness of the bar, the wear of the insert, and errors of the
+laws of wear, force and power. Their prior is the mean and covariance of the errors of training jobs (``train/law_errors.py``).
+Beside the insert's factor, the filter follows the mean depth and hardness that its edge has met. By the estimates,
 ``train/job_optimum.py`` gives the expected gain of commands, and ``train/newton_search.py`` finds the best ones. The network adds
 to them.
 
@@ -11,29 +12,21 @@ observation. It computes in double precision, so that agent and file differ by n
 rounds a network's numbers to single precision, so those here are rounded before (``single``).
 
 Lengths are shares of the bar, loads are ratios to the nominal model, and states are divided by their prior standard deviations.
-Then the prior has the mean 0 and the covariance I, so an empty memory holds the prior.
+Errors of laws are their mean plus the Cholesky factor of their covariance times the states. Then the prior has the mean 0 and the
+covariance I, so an empty memory holds the prior.
 """
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 
-from baselines.models.kalman_steps import (
-    DEPTH,
-    ERRORS,
-    HARDNESS,
-    INSERT,
-    INSPECTION_DOUBT,
-    LAWS,
-    LOT,
-    MIN_DEPTH,
-)
-from baselines.models.kalman_steps import STATES as TAYLOR
-from baselines.models.load_filter import LAW_ERRORS, READING_DOUBT, SLOPE, Doubt
+from baselines.models.kalman_steps import DEPTH, HARDNESS, INSERT, INSPECTION_DOUBT, MIN_DEPTH
+from baselines.models.load_filter import READING_DOUBT, SLOPE
 from train.analytic_actor import MAX_TIME, GruActor
-from train.job_optimum import MIN_EXPONENT, Ahead, JobOptimum, Load, Told, log_over_half
+from train.job_optimum import MIN_EXPONENT, Ahead, JobOptimum, LifeRate, Load, Told, log_over_half
+from train.law_errors import ERRORS, LOADS
 from train.newton_search import Pair, search, single
 from turning_env import Scenario
 from turning_env.physics.quantities import DEVIATION_SCALE, OBS, layout
@@ -41,10 +34,6 @@ from turning_env.scenario.plan import MIDDLE, USED_LIVES
 
 Tensor = torch.Tensor
 
-DOUBT = Doubt(1.0, 0.4, 0.78)
-"""How far a nominal model may be wrong that is told to be as wrong as the family's (assumption)."""
-TAYLOR_DOUBT = single(0.2)
-"""Likewise the standard deviation of the wear's exponent of speed over its nominal value [-] (assumption)."""
 SEVERITY = single(0.9), single(0.4)
 """Factor on the price of overload, and what full doubt adds to it [-] (found on training jobs and tuning seeds)."""
 CAUTION = single(0.92)
@@ -65,20 +54,37 @@ MIN_SEEN = 0.5
 """Share of the load behind the sensor's lag below which a reading is ignored [-]: the tool has just entered."""
 TIMING_DOUBT = 0.05
 """Standard deviation of the time at which the tool entered the bar [s] (assumption)."""
-STATES = TAYLOR + 1
-"""Those of ``kalman_steps.py``, and the error of the wear's exponent of speed."""
-PLACE = 7
+HISTORY = INSERT + 1
+"""The state after the insert's log wear factor: that of the depth and hardness that its edge has met."""
+LAWS = HISTORY + 1
+"""The first state of the errors of laws; that of the rate of wear."""
+TAYLOR = LAWS + 1
+"""That of the wear's exponent of speed."""
+STATES = LAWS + ERRORS
+PLACE = 8
 """Columns of the state that follow the tool: whether there was an observation, its position from the start of the bar over the
 bar's length, logarithms of speed and feed over the plan's at half a life, nominal wear over the criterion, the edge's mean
-logarithm of speed, by the life that it used, and how far ahead the tool may be."""
+logarithms of speed and feed, by the life that it used, and how far ahead the tool may be."""
 _ACTUAL, _COMMANDED = (OBS.cutting_speed, OBS.feed), (OBS.commanded_cutting_speed, OBS.commanded_feed)
 _LAWS = ("thrust_force", "power")
+_MIDDLE = [f"{name}_at_{USED_LIVES[MIDDLE]}" for name in ("speed", "feed")]  # numbers of the context
 _ENDS = single(0.995)  # of the range -1..1, from which targets keep away
 _MIN_VARIANCE = single(1e-6)
 _MEASURED = -0.5  # reduction of the depth's variance, as a share, in a bar that has been measured
 _INSIDE = single(1e-4)  # distance of log feed from the ends of the chip breaker's window
 _LOG_HALF = single(math.log(USED_LIVES[MIDDLE]))
 _SMALL = single(1e-3)  # below which wear over the criterion, or a share, is not told apart from 0
+
+
+class Place(NamedTuple):
+    """What loads depend on: logarithms over the plan's at half a life, each of shape (num_envs,)."""
+
+    speed: Tensor
+    feed: Tensor
+    wear: Tensor
+    """Nominal wear."""
+    pace: Sequence[Tensor]
+    """The edge's mean logarithms of speed and feed, by the life that it used."""
 
 
 class JobFilter(torch.nn.Module):
@@ -91,9 +97,8 @@ class JobFilter(torch.nn.Module):
 
     Args:
         scenario: a job of the family; see ``ALIKE``.
-        names: names of the context's numbers.
-        mean: means by which they are standardised.
-        spread: spreads likewise.
+        context: ``names`` of the context's numbers, ``mean`` and ``spread`` by which they are standardised, and mean and Cholesky
+            factor of the laws' errors, ``error_mean`` and ``error_factor``.
     """
 
     READINGS = 8 + STATES + 5 + 2 + 2 + 2 + 2 + 2
@@ -109,20 +114,20 @@ class JobFilter(torch.nn.Module):
 
     _told_mean: Tensor
     _told_spread: Tensor
-    _law_spreads: Tensor
+    _error_mean: Tensor
+    _error_factor: Tensor
     _fields: Tensor
     _one: Tensor
     _bar: Tensor
-    _insert: Tensor
-    _worn: Tensor
-    _taylor: Tensor
+    _edge: Tensor
+    _history: Tensor
 
-    def __init__(self, scenario: Scenario, names: Sequence[str], mean: Sequence[float], spread: Sequence[float]) -> None:
+    def __init__(self, scenario: Scenario, context: dict[str, Any]) -> None:
         super().__init__()
         control, machine, material, sensors = scenario.control, scenario.machine, scenario.material, scenario.sensors
         ends = (machine.cutting_speed_min, machine.cutting_speed_max), (machine.feed_min, machine.feed_max)
         entries = layout(scenario)
-        self._first, self._names = len(entries), list(names)
+        self._first, self._names = len(entries), list(context["names"])
         self._removed = entries.index("removed_wear") if "removed_wear" in entries else None
         self._spans = [single(math.log(high / low)) for low, high in ends]
         self._interval, self._sub_step = single(control.interval), single(control.interval / control.sub_steps)
@@ -134,18 +139,20 @@ class JobFilter(torch.nn.Module):
         self._strength_variance = single(scenario.tool.edge_strength_spread**2)
         self._noise = [single(noise**2 + READING_DOUBT**2) for noise in (sensors.force_noise, sensors.power_noise)]
         self._lags = [single(lag) for lag in (sensors.force_time_constant, sensors.power_time_constant)]
+        usual = dict(zip(self._names, context["mean"], strict=True))
+        self._pivot = [single(usual[name]) for name in _MIDDLE]
         one = torch.eye(STATES)
         fields = [torch.outer(one[start + row], one[start + k]) for start in (DEPTH, HARDNESS) for row in (0, 1) for k in (0, 1)]
         constants = {
-            "told_mean": torch.tensor(mean),
-            "told_spread": torch.tensor(spread),
-            "law_spreads": torch.tensor([DOUBT.laws * each for law in LAW_ERRORS for each in law]),
+            "told_mean": torch.tensor(context["mean"]),
+            "told_spread": torch.tensor(context["spread"]),
+            "error_mean": torch.tensor(context["error_mean"]),
+            "error_factor": torch.tensor(context["error_factor"]),
             "fields": torch.stack(fields).flatten(1),
             "one": one,
             "bar": one[DEPTH:INSERT].sum(dim=0),
-            "insert": one[INSERT],
-            "worn": one[INSERT] + one[LOT],
-            "taylor": one[TAYLOR],
+            "edge": one[INSERT] + one[HISTORY],
+            "history": one[HISTORY],
         }
         for name, value in constants.items():
             self.register_buffer(f"_{name}", value.double(), persistent=False)
@@ -163,24 +170,25 @@ class JobFilter(torch.nn.Module):
         observation, state = observation.double(), state.double()
         context = observation[:, self._first : -1] * self._told_spread + self._told_mean
         told = dict(zip(self._names, context.unbind(dim=-1), strict=True)) | {"doubt": observation[:, -1]}
-        scales, lot_mean = self._prior(told)
-        begun, along, last_speed, last_feed, worn, pace, slack = state[:, :PLACE].unbind(dim=-1)
+        scales = self._scales(told)
+        begun, along, last_speed, last_feed, worn, *pace, slack = state[:, :PLACE].unbind(dim=-1)
         mean, excess = state[:, PLACE : PLACE + STATES], state[:, PLACE + STATES :].reshape(-1, STATES, STATES)
-        of_wear = scales * self._of_wear(pace)
 
         wear = observation[:, OBS.nominal_wear]
         fresh_edge = wear < worn
         if self._removed is not None:
             removed = observation[:, self._removed]
-            surprise = torch.log(removed.clamp(min=_SMALL) / worn.clamp(min=_SMALL)) - (of_wear * mean).sum(dim=-1) - lot_mean
+            row, expected = self._log_wear(mean, told, scales, pace)
+            surprise = torch.log(removed.clamp(min=_SMALL) / worn.clamp(min=_SMALL)) - expected
             seen = fresh_edge & (removed > 0.0) & (worn > 0.0)
-            mean, excess = corrected(mean, excess, of_wear, surprise, seen, single(INSPECTION_DOUBT**2))
+            mean, excess = corrected(mean, excess, row, surprise, seen, single(INSPECTION_DOUBT**2))
 
         speed, feed = self._set_point(observation, _ACTUAL, told)
         known = (torch.where(fresh_edge, 0.0, worn) / wear.clamp(min=_SMALL)).clamp(min=_SMALL, max=1.0)
         fresh_share = 1.0 - torch.exp(torch.log(known) / told["wear_time_exponent"].clamp(min=MIN_EXPONENT))
-        pace = torch.where(wear > 0.0, pace + fresh_share * (speed - pace), 0.0)
-        of_wear = scales * self._of_wear(pace)
+        fresh_share = torch.where(wear > 0.0, fresh_share, 0.0)
+        pace = [was + fresh_share * (now - was) for was, now in zip(pace, (speed, feed), strict=True)]
+        pace = [torch.where(wear > 0.0, each, 0.0) for each in pace]
         rate = torch.exp(speed + feed - told["log_bar_time"])
         commanded = self._set_point(observation, _COMMANDED, told)
         travel = begun * self._travel(told, (last_speed, last_feed), commanded)
@@ -196,19 +204,20 @@ class JobFilter(torch.nn.Module):
         left_late, left_early = cutting & (along < -0.5 * approach), ~cutting & (along > 0.5)
         along = torch.where(cutting, along.clamp(min=_SMALL), along.clamp(max=0.0))
         along = torch.where(left_late, 1.0, torch.where(left_early, -approach, along))
-        fresh_bar = left_early | (passed & ~left_late)
-        forgets = torch.where(fresh_bar.unsqueeze(-1), self._bar, 0.0) + torch.where(fresh_edge.unsqueeze(-1), self._insert, 0.0)
-        keeps = 1.0 - forgets
+        fresh_bar, unused = left_early | (passed & ~left_late), (fresh_edge | (wear <= 0.0)).unsqueeze(-1)
+        keeps = 1.0 - torch.where(fresh_bar.unsqueeze(-1), self._bar, 0.0) - torch.where(unused, self._edge, 0.0)
         mean, excess = keeps * mean, keeps.unsqueeze(-1) * excess * keeps.unsqueeze(-2)
+        excess = excess - torch.where(unused, self._history, 0.0).diag_embed()  # an edge that has cut nothing has no history
         mean, excess = self._moved(mean, excess, told, scales, torch.minimum(travel, along.clamp(min=0.0)))
+        mean, excess = self._worn(mean, excess, told, scales, fresh_share)
 
         log_wear = torch.log(wear.clamp(min=_SMALL)) - told["wear_time_exponent"] * _LOG_HALF
-        place = speed, feed, log_wear, pace
+        place = Place(speed, feed, log_wear, pace)
         idle = 0.0, self._idle_share(told, place)
         in_metal = (along / rate).clamp(min=0.0, max=self._interval)
         before = mean
         for law, entry in enumerate((OBS.force_ratio, OBS.power_ratio)):
-            row, expected = self._load(law, before, told, scales, lot_mean, place)
+            row, expected = self._load(law, before, told, scales, place)
             deviation = observation[:, entry] / DEVIATION_SCALE
             ratio = 1.0 + deviation * (1.0 + idle[law])
             shown = (1.0 - torch.exp(-in_metal / self._lags[law])).clamp(min=_SMALL)
@@ -219,29 +228,37 @@ class JobFilter(torch.nn.Module):
 
         time_left = ((1.0 - along).clamp(min=0.0) / rate).clamp(max=MAX_TIME)
         position = 2.0 * along - 1.0, 2.0 * time_left / MAX_TIME - 1.0
-        others = self._readings(mean, excess, told, scales, of_wear, lot_mean, wear, place, commanded, along, slack)
+        others = self._readings(mean, excess, told, scales, wear, place, commanded, along, slack)
         readings = torch.stack([each.float() for each in (*others, *position)], dim=-1)
-        followed = torch.stack([torch.ones_like(wear), along, speed, feed, wear, pace, slack], dim=-1)
+        followed = torch.stack([torch.ones_like(wear), along, speed, feed, wear, *pace, slack], dim=-1)
         return readings.clamp(-5.0, 5.0), torch.cat([followed, mean, excess.flatten(1)], dim=-1).float()
 
-    def _prior(self, told: Told) -> tuple[Tensor, Tensor]:
-        """Return prior standard deviations of the states, and the prior mean of the lot's log wear factor."""
-        depth, hardness = _spread(told, "depth"), _spread(told, "hardness")
-        history = self._history(told, depth, hardness)
-        insert = (torch.exp(told["log_wear_factor_spread"]).square() + history).sqrt()
-        one, lot = torch.ones_like(depth), told["wear_time_exponent"] * told["doubt"]
-        first = torch.stack([depth, one, hardness, one, insert, lot * single(DOUBT.lot)], dim=-1)
-        laws = told["doubt"].unsqueeze(-1) * self._law_spreads
-        taylor = TAYLOR_DOUBT * told["wear_cutting_speed_exponent"] * told["doubt"]
-        return torch.cat([first, laws, taylor.unsqueeze(-1)], dim=-1), lot * single(-math.log(DOUBT.lot_life))
+    def _scales(self, told: Told) -> Tensor:
+        """Return the prior standard deviations of the states before ``LAWS``; the history's is 0, but its unit is 1."""
+        depth, one = _spread(told, "depth"), torch.ones_like(told["doubt"])
+        return torch.stack([depth, one, _spread(told, "hardness"), one, torch.exp(told["log_wear_factor_spread"]), one], dim=-1)
 
-    def _of_wear(self, pace: Tensor) -> Tensor:
-        """Return the derivatives of an edge's log wear by the states in their units, shape (num_envs, STATES)."""
-        return self._worn + pace.unsqueeze(-1) * self._taylor
+    def _errors(self, mean: Tensor, told: Told) -> Tensor:
+        """Return the expected errors of the laws, see ``train/law_errors.py``; shape (num_envs, ERRORS)."""
+        return told["doubt"].unsqueeze(-1) * (self._error_mean + mean[:, LAWS:] @ self._error_factor.T)
 
-    def _history(self, told: Told, depth: Tensor, hardness: Tensor) -> Tensor:
-        """Return the variance of an edge's log wear from the depth and hardness of a bar that it has cut."""
-        return (told["wear_depth_of_cut_exponent"] * depth).square() + (self._hardness[2] * hardness).square()
+    def _log_wear(self, mean: Tensor, told: Told, scales: Tensor, pace: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+        """Return the derivatives by the states of the log ratio of wear to the nominal model, and that ratio.
+
+        ``pace``: the edge's mean logarithms of speed and feed over the plan's at half a life.
+        """
+        speed, feed = (each + offset for each, offset in zip(pace, self._over_pivot(told), strict=True))
+        by_error = [told["wear_time_exponent"], told["wear_cutting_speed_exponent"] * speed, told["wear_time_exponent"] * feed]
+        zero, insert = torch.zeros_like(speed), scales[:, INSERT]
+        by_state = torch.stack([zero] * INSERT + [insert, torch.ones_like(zero)], dim=-1)
+        of_errors = torch.stack(by_error, dim=-1) @ self._error_factor[: len(by_error)]
+        row = torch.cat([by_state, told["doubt"].unsqueeze(-1) * of_errors], dim=-1)
+        known = torch.stack(by_error, dim=-1) @ self._error_mean[: len(by_error)]
+        return row, (row * mean).sum(dim=-1) + told["doubt"] * known
+
+    def _over_pivot(self, told: Told) -> list[Tensor]:
+        """Return the logarithms of the plan's speed and feed at half a life over those from which errors count."""
+        return [middle - pivot for middle, pivot in zip(_middle(told), self._pivot, strict=True)]
 
     def _set_point(self, observation: Tensor, entries: Sequence[int], told: Told) -> list[Tensor]:
         """Return logarithms of speed and feed over the plan's at half a life."""
@@ -270,7 +287,7 @@ class JobFilter(torch.nn.Module):
         return self._approach / bar
 
     def _moved(self, mean: Tensor, excess: Tensor, told: Told, scales: Tensor, cut: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the estimate after a distance in metal: depth, hardness and their slopes change, and the insert's doubt grows.
+        """Return the estimate after a distance in metal, in which depth, hardness and their slopes change.
 
         The fields are stationary: with a transition T, the covariance P becomes T P T' + I - T T', so P - I becomes T (P - I) T'.
         """
@@ -281,9 +298,21 @@ class JobFilter(torch.nn.Module):
             changes += [(1.0 + step) * stays - 1.0, step * stays, -step * stays, (1.0 - step) * stays - 1.0]
         change = (torch.stack(changes, dim=-1) @ self._fields).reshape(-1, STATES, STATES)
         transition = self._one + change
-        grown = self._history(told, scales[:, DEPTH], scales[:, HARDNESS]) * cut / scales[:, INSERT].square()
-        moved = transition @ excess @ transition.transpose(-1, -2)
-        return (transition @ mean.unsqueeze(-1)).squeeze(-1), moved + grown[:, None, None] * self._insert.diag()
+        return (transition @ mean.unsqueeze(-1)).squeeze(-1), transition @ excess @ transition.transpose(-1, -2)
+
+    def _worn(self, mean: Tensor, excess: Tensor, told: Told, scales: Tensor, fresh_share: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the estimate after cutting: the present depth and hardness are a share of what the edge has met."""
+        zero = torch.zeros_like(fresh_share)
+        by_state = [zero] * STATES
+        by_state[DEPTH] = told["wear_depth_of_cut_exponent"] * scales[:, DEPTH]
+        by_state[HARDNESS] = self._hardness[2] * scales[:, HARDNESS]
+        by_state[HISTORY] = -torch.ones_like(zero)
+        change = fresh_share.unsqueeze(-1) * torch.stack(by_state, dim=-1)
+        grown = covariances(excess, change)
+        cross = self._history.unsqueeze(-1) * grown.unsqueeze(-2)
+        variance = (change * grown).sum(dim=-1)[:, None, None] * self._history.diag()
+        mean = mean + (change * mean).sum(dim=-1, keepdim=True) * self._history
+        return mean, excess + cross + cross.transpose(-1, -2) + variance
 
     def _rates(self, told: Told, scales: Tensor) -> list[Tensor]:
         """Return the rates of depth and hardness along the bar [1/bar]."""
@@ -293,38 +322,32 @@ class JobFilter(torch.nn.Module):
             rates.append(share * torch.exp(told["log_bar_time"] - told[f"log_{name}_correlation_time"]))
         return rates
 
-    def _load(
-        self, law: int, mean: Tensor, told: Told, scales: Tensor, lot_mean: Tensor, place: Sequence[Tensor]
-    ) -> tuple[Tensor, Tensor]:
-        """Return the derivatives by the states of the log ratio of a law's load to the nominal model, and that ratio.
+    def _load(self, law: int, mean: Tensor, told: Told, scales: Tensor, place: "Place") -> tuple[Tensor, Tensor]:
+        """Return the derivatives by the states of the log ratio of a law's load to the nominal model, and that ratio."""
+        of_wear, factor = self._log_wear(mean, told, scales, place.pace)
+        speed, feed = (each + offset for each, offset in zip(place[:2], self._over_pivot(told), strict=True))
+        by_error = torch.stack([torch.ones_like(speed), speed, feed, place.wear + factor], dim=-1)
+        own = slice(LOADS[law], LOADS[law] + by_error.shape[-1])
+        errors, of_hardness = self._errors(mean, told)[:, own], self._hardness[law]
+        of_depth = told[f"{_LAWS[law]}_depth_of_cut_exponent"]
+        exponent = told[f"{_LAWS[law]}_wear_exponent"] + errors[:, -1]
+        share = (1.0 + scales[:, DEPTH] * mean[:, DEPTH]).clamp(min=single(MIN_DEPTH))
+        by_state = [torch.zeros_like(speed)] * LAWS
+        by_state[DEPTH], by_state[HARDNESS] = of_depth / share * scales[:, DEPTH], of_hardness * scales[:, HARDNESS]
+        of_errors = told["doubt"].unsqueeze(-1) * (by_error @ self._error_factor[own])
+        row = torch.cat([torch.stack(by_state, dim=-1), of_errors], dim=-1) + exponent.unsqueeze(-1) * of_wear
+        ratio = of_depth * torch.log(share) + of_hardness * scales[:, HARDNESS] * mean[:, HARDNESS]
+        return row, ratio + told[f"{_LAWS[law]}_wear_exponent"] * factor + (by_error * errors).sum(dim=-1)
 
-        ``place``: logarithms of speed, feed and nominal wear over the plan's at half a life, and the edge's mean one of speed.
-        """
-        speed, feed, wear, pace = place
-        states, first = (scales * mean).unbind(dim=-1), LAWS + ERRORS * law
-        factor = states[INSERT] + states[LOT] + lot_mean + pace * states[TAYLOR]
-        share = (1.0 + states[DEPTH]).clamp(min=single(MIN_DEPTH))
-        of_depth, of_hardness = told[f"{_LAWS[law]}_depth_of_cut_exponent"], self._hardness[law]
-        exponent = told[f"{_LAWS[law]}_wear_exponent"] + states[first + 3]
-        one = torch.ones_like(speed)
-        row = [0.0 * one] * STATES
-        row[DEPTH], row[HARDNESS] = of_depth / share, of_hardness * one
-        row[INSERT] = row[LOT] = exponent
-        row[TAYLOR] = exponent * pace
-        row[first : first + ERRORS] = one, speed, feed, wear + factor
-        ratio = of_depth * torch.log(share) + of_hardness * states[HARDNESS] + exponent * factor
-        ratio = ratio + states[first] + states[first + 1] * speed + states[first + 2] * feed + states[first + 3] * wear
-        return scales * torch.stack(row, dim=-1), ratio
-
-    def _idle_share(self, told: Told, place: Sequence[Tensor]) -> Tensor:
-        """Return the idle power over that of the cut by the nominal model; ``place``: see ``_load``.
+    def _idle_share(self, told: Told, place: "Place") -> Tensor:
+        """Return the idle power over that of the cut by the nominal model.
 
         Measured and predicted power contain both, but the law of power is that of the cut.
         """
         log_cut = told["log_power_load"]
-        for name, value in zip(("cutting_speed", "feed", "wear"), place, strict=False):
+        for name, value in zip(("cutting_speed", "feed", "wear"), place[:3], strict=True):
             log_cut = log_cut + told[f"power_{name}_exponent"] * value
-        return torch.exp(told["log_idle_power"] + place[0] - log_cut)
+        return torch.exp(told["log_idle_power"] + place.speed - log_cut)
 
     def _readings(
         self,
@@ -332,32 +355,28 @@ class JobFilter(torch.nn.Module):
         excess: Tensor,
         told: Told,
         scales: Tensor,
-        of_wear: Tensor,
-        lot_mean: Tensor,
         wear: Tensor,
-        place: Sequence[Tensor],
+        place: "Place",
         commanded: Sequence[Tensor],
         along: Tensor,
         slack: Tensor,
     ) -> list[Tensor]:
         """Return all readings but those of the position.
 
-        ``place``: see ``_load``; ``commanded``: commanded speed and feed likewise; ``along``, ``slack``: see ``PLACE``.
+        ``commanded``: commanded speed and feed as in ``Place``; ``along``, ``slack``: see ``PLACE``.
         """
         exponent = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
-        log_factor = (of_wear * mean).sum(dim=-1) + lot_mean
+        of_wear, log_factor = self._log_wear(mean, told, scales, place.pace)
         used = torch.exp((torch.log(wear.clamp(min=single(1e-6))) + log_factor) / exponent)
         wear_doubt = (of_wear * covariances(excess, of_wear)).sum(dim=-1).clamp(min=0.0).sqrt() / exponent
 
-        states = (scales * mean).unbind(dim=-1)
-        errors = (states[LOT] + lot_mean) / exponent, states[TAYLOR] / exponent
-        laws = self._estimated(told, states)
+        life_rate, laws = self._estimated(mean, told)
         overload_price = self._overload_price * (SEVERITY[0] + SEVERITY[1] * told["doubt"])
-        job = JobOptimum(told, laws, *errors, overload_price)
+        job = JobOptimum(told, laws, life_rate, overload_price)
         time_price, life_price = job.prices(used)
         life = torch.exp(told["log_edge_price"]) + time_price * torch.exp(told["log_edge_change_time"])
         lost = (1.0 - used).clamp(min=0.0) * life + self._downtime
-        ahead = self._ahead(mean, excess, told, scales, lot_mean, place, laws, log_over_half(used), lost, commanded, along, slack)
+        ahead = self._ahead(mean, excess, told, scales, place, laws, log_over_half(used), lost, commanded, along, slack)
 
         middle = _middle(told)
         slowest, fastest = -middle[0], -told["log_speed_over_fastest"]
@@ -373,7 +392,7 @@ class JobFilter(torch.nn.Module):
         best = search(gain, gain.start(), reach(-1.0), reach(1.0))
 
         life_price = life_price / life
-        soon = used + job.life_rate(place[0], place[1]) * single(LEAD * self._interval / 60.0)
+        soon = used + job.life_rate(place.speed, place.feed) * single(LEAD * self._interval / 60.0)
         spent = torch.log(soon.clamp(min=_SMALL)) + WEAR_CAUTION * wear_doubt
         return [
             self._position(0, best.x + middle[0]),
@@ -385,7 +404,7 @@ class JobFilter(torch.nn.Module):
             best.slope * single(self._spans[0] / self._spans[1]),
             10.0 * torch.maximum(spent, torch.minimum(single(1e-3) - life_price, used - 0.5)),
             *mean.unbind(dim=-1),
-            *(excess[:, k, k] + 1.0 for k in (DEPTH, HARDNESS, INSERT, LOT, TAYLOR)),
+            *(excess[:, k, k] + 1.0 for k in (DEPTH, HARDNESS, INSERT, LAWS, TAYLOR)),
             2.0 * used.clamp(max=1.5) - 1.0,
             wear_doubt,
             *(4.0 * gain.log_loads(best.x, best.y)).unbind(dim=-1),
@@ -400,8 +419,7 @@ class JobFilter(torch.nn.Module):
         excess: Tensor,
         told: Told,
         scales: Tensor,
-        lot_mean: Tensor,
-        place: Sequence[Tensor],
+        place: "Place",
         laws: Sequence[Load],
         log_used: Tensor,
         lost: Tensor,
@@ -434,7 +452,7 @@ class JobFilter(torch.nn.Module):
 
         loads, variances = [], []
         for law, load in enumerate(laws):
-            row = self._load(law, mean, told, scales, lot_mean, place)[0] * (1.0 - self._bar)
+            row = self._load(law, mean, told, scales, place)[0] * (1.0 - self._bar)
             with_row = covariances(excess, row)
             exponent = told[f"{_LAWS[law]}_depth_of_cut_exponent"].unsqueeze(-1)
             of_depth = exponent * scales[:, DEPTH, None] / share
@@ -449,8 +467,8 @@ class JobFilter(torch.nn.Module):
         unmeasured = metal & (enters | (excess[:, DEPTH, DEPTH, None] > _MEASURED))
         growth = told["wear_depth_of_cut_exponent"].unsqueeze(-1) * log_depth + self._hardness[2] * hardness
         return Ahead(
-            place[0].unsqueeze(-1),
-            place[1].unsqueeze(-1),
+            place.speed.unsqueeze(-1),
+            place.feed.unsqueeze(-1),
             torch.exp(-times / lags[0]),
             torch.exp(-times / lags[1]),
             metal.to(times.dtype),
@@ -466,15 +484,21 @@ class JobFilter(torch.nn.Module):
         """Return the position of a speed (0) or feed (1) in its range, from -1 to 1, for logarithms over the lowest one."""
         return (2.0 * log_value / self._spans[drive] - 1.0).clamp(-_ENDS, _ENDS)
 
-    def _estimated(self, told: Told, states: Sequence[Tensor]) -> tuple[Load, Load]:
-        """Return the laws of force and power for the expected bar."""
+    def _estimated(self, mean: Tensor, told: Told) -> tuple[LifeRate, tuple[Load, Load]]:
+        """Return the laws of wear, force and power for the expected bar, and for a usual insert."""
+        errors, (over_speed, over_feed) = self._errors(mean, told).unbind(dim=-1), self._over_pivot(told)
+        time = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
+        by_speed, by_feed = (told[f"wear_{name}_exponent"] / time for name in ("cutting_speed", "feed"))
+        more = by_speed * errors[1], errors[2]
+        log_rate = errors[0] + more[0] * over_speed + more[1] * over_feed - told["log_life"]
         found = []
-        for law, name in enumerate(_LAWS):
-            bias, speed, feed, wear = states[LAWS + ERRORS * law : LAWS + ERRORS * (law + 1)]
+        for name, first in zip(_LAWS, LOADS, strict=True):
+            bias, speed, feed, wear = errors[first : first + 4]
             used_life = (told[f"{name}_wear_exponent"] + wear) * told["wear_time_exponent"]
             exponents = told[f"{name}_cutting_speed_exponent"] + speed, told[f"{name}_feed_exponent"] + feed
-            found.append(Load(told[f"log_{name}_load"] + bias, *exponents, used_life))
-        return found[0], found[1]
+            log_load = told[f"log_{name}_load"] + bias + speed * over_speed + feed * over_feed
+            found.append(Load(log_load, *exponents, used_life))
+        return LifeRate(log_rate, by_speed + more[0], by_feed + more[1]), (found[0], found[1])
 
 
 def covariances(excess: Tensor, row: Tensor) -> Tensor:
@@ -500,7 +524,7 @@ def _spread(told: Told, name: str) -> Tensor:
 
 def _middle(told: Told) -> list[Tensor]:
     """Return the plan's speed and feed at half a life, logarithms over the lowest ones."""
-    return [told[f"{name}_at_{USED_LIVES[MIDDLE]}"] for name in ("speed", "feed")]
+    return [told[name] for name in _MIDDLE]
 
 
 class FamilyActor(GruActor):
@@ -508,7 +532,7 @@ class FamilyActor(GruActor):
 
     Args:
         scenario: a job of the family.
-        context: ``names``, ``mean`` and ``spread`` of the context's numbers, and others that are not read.
+        context: see ``JobFilter``.
         cells: size of the memory.
         width: size of the layers around it.
     """
@@ -518,7 +542,7 @@ class FamilyActor(GruActor):
     see_bias: Tensor
 
     def __init__(self, scenario: Scenario, context: dict[str, Any], cells: int, width: int) -> None:
-        tracker = JobFilter(scenario, context["names"], context["mean"], context["spread"])
+        tracker = JobFilter(scenario, context)
         entries = len(layout(scenario)) + len(context["names"])
         super().__init__(scenario, entries + 1, cells, width, tracker)
         torch.nn.init.zeros_(self.head.bias)
@@ -537,7 +561,7 @@ class FamilyActor(GruActor):
     def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
         """Return what is proposed with the network's correction; the feed is proposed for the corrected speed.
 
-        The correction of the speed is scaled by the doubt: where the nominal model is right, so is the speed that is proposed.
+        Corrections of speed and feed are scaled by the doubt: where the nominal model is right, so is what is proposed.
         """
         correction, proposals = super()._unbounded(cells, seen), self._proposals(seen)
         speed, feed, slowest, lowest, fastest, highest, slope, change = proposals.unbind(dim=-1)
@@ -545,7 +569,7 @@ class FamilyActor(GruActor):
         first = (_target(speed) + doubt * correction[..., 0]).tanh()
         first = torch.minimum(torch.maximum(first, slowest), fastest)
         second = torch.minimum(torch.maximum(feed + slope * (first - speed), lowest), highest)
-        targets = _target(first), _target(second) + correction[..., 1], change + correction[..., 2]
+        targets = _target(first), _target(second) + doubt * correction[..., 1], change + correction[..., 2]
         return torch.stack(targets, dim=-1)
 
     def _proposals(self, seen: Tensor) -> Tensor:

@@ -56,6 +56,17 @@ class Load(NamedTuple):
     """Exponent of the used life."""
 
 
+class LifeRate(NamedTuple):
+    """Estimated rate at which life is used, by a power law; every field has shape (num_envs,)."""
+
+    log_rate: Tensor
+    """Logarithm at the plan's set point [1/min]."""
+    speed: Tensor
+    """Exponent of cutting speed."""
+    feed: Tensor
+    """Exponent of feed."""
+
+
 class Ahead(NamedTuple):
     """Cutting conditions at points in time; fields have shape (num_envs, points), or (num_envs, 1) if alike at all of them."""
 
@@ -183,23 +194,18 @@ class JobOptimum:
     Args:
         told: the nominal models' numbers.
         loads: force and power.
-        log_life_rate: logarithm of the rate at which the lot's edges are used up over the nominal rate, shape (num_envs,).
-        speed_error: exponent of speed of the rate at which life is used, less the nominal one, shape (num_envs,).
+        life_rate: rate at which a usual edge is used up.
         overload_price: price of a minute with a load 100 % over its limit [min], shape (num_envs,).
     """
 
-    def __init__(
-        self, told: Told, loads: tuple[Load, Load], log_life_rate: Tensor, speed_error: Tensor, overload_price: Tensor
-    ) -> None:
+    def __init__(self, told: Told, loads: tuple[Load, Load], life_rate: LifeRate, overload_price: Tensor) -> None:
         self._loads = [Load(*map(_wide, load)) for load in loads]
         self._overload_price, self._log_strength = _wide(overload_price), _wide(told["log_edge_strength"])
         self._change, self._cost = (_exp(told[f"log_edge_{name}"]) for name in ("change_time", "price"))
         # A minute of the plan's set point, edges included, is worth a minute.
         self._log_metal = _wide(torch.log(1.0 + (self._cost + self._change) * _exp(-told["log_life"])))
-        self._log_rate = _wide(log_life_rate - told["log_life"])
-        time = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
-        by_speed, by_feed = (told[f"wear_{name}_exponent"] / time for name in ("cutting_speed", "feed"))
-        self._rate_speed, self._rate_feed = _wide((by_speed + speed_error).clamp(min=_MIN_RATE_EXPONENT)), _wide(by_feed)
+        self._log_rate, self._rate_feed = _wide(life_rate.log_rate), _wide(life_rate.feed)
+        self._rate_speed = _wide(life_rate.speed.clamp(min=_MIN_RATE_EXPONENT))
         self._over_base, self._idle = _wide(told["log_speed_over_base_speed"]), _wide(_exp(told["log_idle_power"]))
         speed, feed = (told[f"{name}_at_{USED_LIVES[MIDDLE]}"] for name in ("speed", "feed"))
         self._lowest_feed, self._highest_feed = (_wide(told[f"log_{end}_feed"] - feed) for end in ("lowest", "highest"))

@@ -8,7 +8,7 @@ import torch
 
 from baselines.models.edge_value import worth_of_lots
 from train import job_optimum
-from train.job_optimum import Ahead, ExpectedGain, JobOptimum, Load, log_over_half
+from train.job_optimum import Ahead, ExpectedGain, JobOptimum, LifeRate, Load, log_over_half
 from train.newton_search import search
 from turning_env import Family, Scenario
 from turning_env.physics.spindle import capacity_at, idle_power_at
@@ -32,9 +32,10 @@ def optimum_of(lot: float = 1.0, load: float = 1.0, error: float = 0.0, told_err
         speed, feed, wear = (told[f"{name}_{factor}_exponent"] for factor in ("cutting_speed", "feed", "wear"))
         laws.append(Load(told[f"log_{name}_load"] + float(np.log(load)), speed, feed, wear * told["wear_time_exponent"]))
     told["wear_cutting_speed_exponent"] += told_error * told["wear_time_exponent"]
-    rate, errors = torch.full_like(told["log_life"], float(np.log(lot))), torch.full_like(told["log_life"], error)
-    overload_price = torch.full_like(rate, JOBS[0].economics.overload_price)
-    return JobOptimum(told, (laws[0], laws[1]), rate, errors, overload_price), plan
+    by_speed, by_feed = (told[f"wear_{name}_exponent"] / told["wear_time_exponent"] for name in ("cutting_speed", "feed"))
+    rate = LifeRate(float(np.log(lot)) - told["log_life"], by_speed + error, by_feed)
+    overload_price = torch.full_like(by_speed, JOBS[0].economics.overload_price)
+    return JobOptimum(told, (laws[0], laws[1]), rate, overload_price), plan
 
 
 def gain_of(optimum: JobOptimum, used: torch.Tensor, price: torch.Tensor, spread: float = 0.002, **changes: Any) -> ExpectedGain:

@@ -5,8 +5,7 @@
 
 The first matrix product in the file tells the network how wrong the nominal model may be. Here it also tells the context,
 and moves speed and feed to a range as wide as the family's, if the scenario's is not. A last product turns the agent's action
-into the scenario's, which has other steps or no edge changes. Where the nominal model is nearly right, so are the speed and feed
-that the network proposes, and it corrects them less.
+into the scenario's, which has other steps or no edge changes.
 """
 
 import argparse
@@ -41,8 +40,6 @@ _DRIVES = (
     ("feed", (OBS.feed, OBS.commanded_feed)),
 )
 """Names of ranges, and places of their entries in observations."""
-_FEED = 1
-"""Row of the network's last layer that corrects the feed."""
 _MIN_COST = 0.01
 _TURNS = 5
 _NEVER_SEEN = "removed_wear"
@@ -84,7 +81,6 @@ def baked(file: AgentFile, scenario: Scenario, doubt: float, command: str) -> by
     _check_plays(about.scenario, scenario)
     model = onnx.load_model_from_string(file.content)
     _set_products(model, *_products(about, scenario, doubt))
-    _scale_correction(model, doubt)
     played = "RoughTurning-Shift-v0" if scenario.control.edge_changes == "commanded" else "RoughTurning-v0"
     own = [env_id for env_id, preset in IDS.items() if Scenario.load(preset).digest() == scenario.digest()]
     metadata = Metadata(
@@ -199,15 +195,6 @@ def _set_products(model: onnx.ModelProto, see: Floats, seen: Floats, act: Floats
     for value, name, size in ((graph.input, "observation", len(see)), (graph.output, "action", act.shape[1])):
         (found,) = (each for each in value if each.name == name)
         found.type.tensor_type.shape.dim[1].dim_value = size
-
-
-def _scale_correction(model: onnx.ModelProto, doubt: float) -> None:
-    """Scale the network's correction of the feed by the doubt, as the network does that of the speed."""
-    for tensor in model.graph.initializer:
-        if tensor.name in ("head.weight", "head.bias"):
-            values = numpy_helper.to_array(tensor).copy()
-            values[_FEED] *= np.float32(doubt)
-            tensor.CopyFrom(numpy_helper.from_array(values, tensor.name))
 
 
 def main(arguments: Sequence[str]) -> int:
