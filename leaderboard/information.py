@@ -20,6 +20,7 @@ GIVEN = {
     "life price": "the price of edge life by dynamic programming, in place of the flat charge",
     "spreads": "how much hardness and depth of cut vary",
     "geometry": "length and diameter of the bars",
+    "catalogue errors": "how far nominal models are wrong: mean and covariance over the training jobs",
 }
 """Inputs of training beside observations, by name."""
 SEEN = {
@@ -40,7 +41,7 @@ _ALGORITHMS: Mapping[str, frozenset[str]] = {
     "tqc": _REWARDS,
     **dict.fromkeys(("lagrangian_ppo", "pid_lagrangian_ppo", "focops"), _REWARDS | {"overload share"}),
     "analytic_gradient": _TEACHER,
-    "family_gradient": _TEACHER,
+    "family_gradient": _TEACHER | {"catalogue errors"},
 }
 CLASSES = {
     "model-free agent": "trained on observations, rewards and costs alone",

@@ -52,6 +52,8 @@ MIN_RATIO = single(0.3)
 """Measured over expected load below which a reading is ignored [-]: the tool was partly in air."""
 MIN_SEEN = 0.5
 """Share of the load behind the sensor's lag below which a reading is ignored [-]: the tool has just entered."""
+MISFIT = single(0.02)
+"""Standard deviation of log loads from what errors of the laws explain, at full doubt [-] (found on training jobs)."""
 TIMING_DOUBT = 0.05
 """Standard deviation of the time at which the tool entered the bar [s] (assumption)."""
 HISTORY = INSERT + 1
@@ -85,6 +87,29 @@ class Place(NamedTuple):
     """Nominal wear."""
     pace: Sequence[Tensor]
     """The edge's mean logarithms of speed and feed, by the life that it used."""
+
+
+class Estimate(NamedTuple):
+    """The states of the filter for each environment, and what it is told of the job."""
+
+    told: Told
+    scales: Tensor
+    """See ``JobFilter._scales``."""
+    mean: Tensor
+    """Shape (num_envs, STATES)."""
+    excess: Tensor
+    """The covariance less I, shape (num_envs, STATES, STATES)."""
+
+    def covariances(self, row: Tensor) -> Tensor:
+        """Return the covariances of the states with a quantity; ``row`` holds its derivatives by them."""
+        return (self.excess @ row.unsqueeze(-1)).squeeze(-1) + row
+
+    def corrected(self, row: Tensor, surprise: Tensor, seen: Tensor, variance: float | Tensor) -> "Estimate":
+        """Return the estimate after a measurement where it is ``seen``; ``row`` holds its derivatives by the states."""
+        gain = self.covariances(row)
+        share = seen.to(gain.dtype) / ((row * gain).sum(dim=-1) + variance)
+        mean = self.mean + gain * (share * surprise).unsqueeze(-1)
+        return self._replace(mean=mean, excess=self.excess - share[:, None, None] * gain.unsqueeze(-1) * gain.unsqueeze(-2))
 
 
 class JobFilter(torch.nn.Module):
@@ -170,18 +195,18 @@ class JobFilter(torch.nn.Module):
         observation, state = observation.double(), state.double()
         context = observation[:, self._first : -1] * self._told_spread + self._told_mean
         told = dict(zip(self._names, context.unbind(dim=-1), strict=True)) | {"doubt": observation[:, -1]}
-        scales = self._scales(told)
         begun, along, last_speed, last_feed, worn, *pace, slack = state[:, :PLACE].unbind(dim=-1)
         mean, excess = state[:, PLACE : PLACE + STATES], state[:, PLACE + STATES :].reshape(-1, STATES, STATES)
+        estimate = Estimate(told, self._scales(told), mean, excess)
 
         wear = observation[:, OBS.nominal_wear]
         fresh_edge = wear < worn
         if self._removed is not None:
             removed = observation[:, self._removed]
-            row, expected = self._log_wear(mean, told, scales, pace)
+            row, expected = self._log_wear(estimate, pace)
             surprise = torch.log(removed.clamp(min=_SMALL) / worn.clamp(min=_SMALL)) - expected
             seen = fresh_edge & (removed > 0.0) & (worn > 0.0)
-            mean, excess = corrected(mean, excess, row, surprise, seen, single(INSPECTION_DOUBT**2))
+            estimate = estimate.corrected(row, surprise, seen, single(INSPECTION_DOUBT**2))
 
         speed, feed = self._set_point(observation, _ACTUAL, told)
         known = (torch.where(fresh_edge, 0.0, worn) / wear.clamp(min=_SMALL)).clamp(min=_SMALL, max=1.0)
@@ -206,47 +231,49 @@ class JobFilter(torch.nn.Module):
         along = torch.where(left_late, 1.0, torch.where(left_early, -approach, along))
         fresh_bar, unused = left_early | (passed & ~left_late), (fresh_edge | (wear <= 0.0)).unsqueeze(-1)
         keeps = 1.0 - torch.where(fresh_bar.unsqueeze(-1), self._bar, 0.0) - torch.where(unused, self._edge, 0.0)
-        mean, excess = keeps * mean, keeps.unsqueeze(-1) * excess * keeps.unsqueeze(-2)
+        excess = keeps.unsqueeze(-1) * estimate.excess * keeps.unsqueeze(-2)
         excess = excess - torch.where(unused, self._history, 0.0).diag_embed()  # an edge that has cut nothing has no history
-        mean, excess = self._moved(mean, excess, told, scales, torch.minimum(travel, along.clamp(min=0.0)))
-        mean, excess = self._worn(mean, excess, told, scales, fresh_share)
+        estimate = estimate._replace(mean=keeps * estimate.mean, excess=excess)
+        estimate = self._worn(self._moved(estimate, torch.minimum(travel, along.clamp(min=0.0))), fresh_share)
 
         log_wear = torch.log(wear.clamp(min=_SMALL)) - told["wear_time_exponent"] * _LOG_HALF
         place = Place(speed, feed, log_wear, pace)
         idle = 0.0, self._idle_share(told, place)
         in_metal = (along / rate).clamp(min=0.0, max=self._interval)
-        before = mean
+        before = estimate
         for law, entry in enumerate((OBS.force_ratio, OBS.power_ratio)):
-            row, expected = self._load(law, before, told, scales, place)
+            row, expected = self._load(law, before, place)
             deviation = observation[:, entry] / DEVIATION_SCALE
             ratio = 1.0 + deviation * (1.0 + idle[law])
             shown = (1.0 - torch.exp(-in_metal / self._lags[law])).clamp(min=_SMALL)
-            surprise = torch.log(ratio.clamp(min=_SMALL) / shown) - expected - (row * (mean - before)).sum(dim=-1)
+            surprise = torch.log(ratio.clamp(min=_SMALL) / shown) - expected - (row * (estimate.mean - before.mean)).sum(dim=-1)
             seen = cutting & ~left_late & (shown > MIN_SEEN) & (ratio > MIN_RATIO) & (wear > 0.0)
             timing = single(TIMING_DOUBT / self._lags[law]) * (1.0 / shown - 1.0)
-            mean, excess = corrected(mean, excess, row, surprise, seen, self._noise[law] + timing.square())
+            noise = self._noise[law] + timing.square() + (MISFIT * told["doubt"]).square()
+            estimate = estimate.corrected(row, surprise, seen, noise)
 
         time_left = ((1.0 - along).clamp(min=0.0) / rate).clamp(max=MAX_TIME)
         position = 2.0 * along - 1.0, 2.0 * time_left / MAX_TIME - 1.0
-        others = self._readings(mean, excess, told, scales, wear, place, commanded, along, slack)
+        others = self._readings(estimate, wear, place, commanded, along, slack)
         readings = torch.stack([each.float() for each in (*others, *position)], dim=-1)
         followed = torch.stack([torch.ones_like(wear), along, speed, feed, wear, *pace, slack], dim=-1)
-        return readings.clamp(-5.0, 5.0), torch.cat([followed, mean, excess.flatten(1)], dim=-1).float()
+        return readings.clamp(-5.0, 5.0), torch.cat([followed, estimate.mean, estimate.excess.flatten(1)], dim=-1).float()
 
     def _scales(self, told: Told) -> Tensor:
         """Return the prior standard deviations of the states before ``LAWS``; the history's is 0, but its unit is 1."""
         depth, one = _spread(told, "depth"), torch.ones_like(told["doubt"])
         return torch.stack([depth, one, _spread(told, "hardness"), one, torch.exp(told["log_wear_factor_spread"]), one], dim=-1)
 
-    def _errors(self, mean: Tensor, told: Told) -> Tensor:
+    def _errors(self, estimate: Estimate) -> Tensor:
         """Return the expected errors of the laws, see ``train/law_errors.py``; shape (num_envs, ERRORS)."""
-        return told["doubt"].unsqueeze(-1) * (self._error_mean + mean[:, LAWS:] @ self._error_factor.T)
+        return estimate.told["doubt"].unsqueeze(-1) * (self._error_mean + estimate.mean[:, LAWS:] @ self._error_factor.T)
 
-    def _log_wear(self, mean: Tensor, told: Told, scales: Tensor, pace: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+    def _log_wear(self, estimate: Estimate, pace: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
         """Return the derivatives by the states of the log ratio of wear to the nominal model, and that ratio.
 
         ``pace``: the edge's mean logarithms of speed and feed over the plan's at half a life.
         """
+        told, scales = estimate.told, estimate.scales
         speed, feed = (each + offset for each, offset in zip(pace, self._over_pivot(told), strict=True))
         by_error = [told["wear_time_exponent"], told["wear_cutting_speed_exponent"] * speed, told["wear_time_exponent"] * feed]
         zero, insert = torch.zeros_like(speed), scales[:, INSERT]
@@ -254,7 +281,7 @@ class JobFilter(torch.nn.Module):
         of_errors = torch.stack(by_error, dim=-1) @ self._error_factor[: len(by_error)]
         row = torch.cat([by_state, told["doubt"].unsqueeze(-1) * of_errors], dim=-1)
         known = torch.stack(by_error, dim=-1) @ self._error_mean[: len(by_error)]
-        return row, (row * mean).sum(dim=-1) + told["doubt"] * known
+        return row, (row * estimate.mean).sum(dim=-1) + told["doubt"] * known
 
     def _over_pivot(self, told: Told) -> list[Tensor]:
         """Return the logarithms of the plan's speed and feed at half a life over those from which errors count."""
@@ -286,49 +313,51 @@ class JobFilter(torch.nn.Module):
         bar = torch.exp(log_rate + told["log_bar_time"]) * cutting * single(1000.0 / (60.0 * math.pi))
         return self._approach / bar
 
-    def _moved(self, mean: Tensor, excess: Tensor, told: Told, scales: Tensor, cut: Tensor) -> tuple[Tensor, Tensor]:
+    def _moved(self, estimate: Estimate, cut: Tensor) -> Estimate:
         """Return the estimate after a distance in metal, in which depth, hardness and their slopes change.
 
         The fields are stationary: with a transition T, the covariance P becomes T P T' + I - T T', so P - I becomes T (P - I) T'.
         """
         changes = []
-        for rate in self._rates(told, scales):
+        for rate in self._rates(estimate):
             step = cut * rate
             stays = torch.exp(-step)
             changes += [(1.0 + step) * stays - 1.0, step * stays, -step * stays, (1.0 - step) * stays - 1.0]
         change = (torch.stack(changes, dim=-1) @ self._fields).reshape(-1, STATES, STATES)
         transition = self._one + change
-        return (transition @ mean.unsqueeze(-1)).squeeze(-1), transition @ excess @ transition.transpose(-1, -2)
+        mean = (transition @ estimate.mean.unsqueeze(-1)).squeeze(-1)
+        return estimate._replace(mean=mean, excess=transition @ estimate.excess @ transition.transpose(-1, -2))
 
-    def _worn(self, mean: Tensor, excess: Tensor, told: Told, scales: Tensor, fresh_share: Tensor) -> tuple[Tensor, Tensor]:
+    def _worn(self, estimate: Estimate, fresh_share: Tensor) -> Estimate:
         """Return the estimate after cutting: the present depth and hardness are a share of what the edge has met."""
-        zero = torch.zeros_like(fresh_share)
+        zero, scales = torch.zeros_like(fresh_share), estimate.scales
         by_state = [zero] * STATES
-        by_state[DEPTH] = told["wear_depth_of_cut_exponent"] * scales[:, DEPTH]
+        by_state[DEPTH] = estimate.told["wear_depth_of_cut_exponent"] * scales[:, DEPTH]
         by_state[HARDNESS] = self._hardness[2] * scales[:, HARDNESS]
         by_state[HISTORY] = -torch.ones_like(zero)
         change = fresh_share.unsqueeze(-1) * torch.stack(by_state, dim=-1)
-        grown = covariances(excess, change)
+        grown = estimate.covariances(change)
         cross = self._history.unsqueeze(-1) * grown.unsqueeze(-2)
         variance = (change * grown).sum(dim=-1)[:, None, None] * self._history.diag()
-        mean = mean + (change * mean).sum(dim=-1, keepdim=True) * self._history
-        return mean, excess + cross + cross.transpose(-1, -2) + variance
+        mean = estimate.mean + (change * estimate.mean).sum(dim=-1, keepdim=True) * self._history
+        return estimate._replace(mean=mean, excess=estimate.excess + cross + cross.transpose(-1, -2) + variance)
 
-    def _rates(self, told: Told, scales: Tensor) -> list[Tensor]:
+    def _rates(self, estimate: Estimate) -> list[Tensor]:
         """Return the rates of depth and hardness along the bar [1/bar]."""
-        rates = []
+        told, scales, rates = estimate.told, estimate.scales, []
         for name, k in (("depth", DEPTH), ("hardness", HARDNESS)):
             share = single(SLOPE) * torch.exp(told[f"log_{name}_along_spread"]) / scales[:, k]
             rates.append(share * torch.exp(told["log_bar_time"] - told[f"log_{name}_correlation_time"]))
         return rates
 
-    def _load(self, law: int, mean: Tensor, told: Told, scales: Tensor, place: "Place") -> tuple[Tensor, Tensor]:
+    def _load(self, law: int, estimate: Estimate, place: Place) -> tuple[Tensor, Tensor]:
         """Return the derivatives by the states of the log ratio of a law's load to the nominal model, and that ratio."""
-        of_wear, factor = self._log_wear(mean, told, scales, place.pace)
+        told, scales, mean = estimate.told, estimate.scales, estimate.mean
+        of_wear, factor = self._log_wear(estimate, place.pace)
         speed, feed = (each + offset for each, offset in zip(place[:2], self._over_pivot(told), strict=True))
         by_error = torch.stack([torch.ones_like(speed), speed, feed, place.wear + factor], dim=-1)
         own = slice(LOADS[law], LOADS[law] + by_error.shape[-1])
-        errors, of_hardness = self._errors(mean, told)[:, own], self._hardness[law]
+        errors, of_hardness = self._errors(estimate)[:, own], self._hardness[law]
         of_depth = told[f"{_LAWS[law]}_depth_of_cut_exponent"]
         exponent = told[f"{_LAWS[law]}_wear_exponent"] + errors[:, -1]
         share = (1.0 + scales[:, DEPTH] * mean[:, DEPTH]).clamp(min=single(MIN_DEPTH))
@@ -339,7 +368,7 @@ class JobFilter(torch.nn.Module):
         ratio = of_depth * torch.log(share) + of_hardness * scales[:, HARDNESS] * mean[:, HARDNESS]
         return row, ratio + told[f"{_LAWS[law]}_wear_exponent"] * factor + (by_error * errors).sum(dim=-1)
 
-    def _idle_share(self, told: Told, place: "Place") -> Tensor:
+    def _idle_share(self, told: Told, place: Place) -> Tensor:
         """Return the idle power over that of the cut by the nominal model.
 
         Measured and predicted power contain both, but the law of power is that of the cut.
@@ -350,33 +379,25 @@ class JobFilter(torch.nn.Module):
         return torch.exp(told["log_idle_power"] + place.speed - log_cut)
 
     def _readings(
-        self,
-        mean: Tensor,
-        excess: Tensor,
-        told: Told,
-        scales: Tensor,
-        wear: Tensor,
-        place: "Place",
-        commanded: Sequence[Tensor],
-        along: Tensor,
-        slack: Tensor,
+        self, estimate: Estimate, wear: Tensor, place: Place, commanded: Sequence[Tensor], along: Tensor, slack: Tensor
     ) -> list[Tensor]:
         """Return all readings but those of the position.
 
         ``commanded``: commanded speed and feed as in ``Place``; ``along``, ``slack``: see ``PLACE``.
         """
+        told, mean, excess = estimate.told, estimate.mean, estimate.excess
         exponent = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
-        of_wear, log_factor = self._log_wear(mean, told, scales, place.pace)
+        of_wear, log_factor = self._log_wear(estimate, place.pace)
         used = torch.exp((torch.log(wear.clamp(min=single(1e-6))) + log_factor) / exponent)
-        wear_doubt = (of_wear * covariances(excess, of_wear)).sum(dim=-1).clamp(min=0.0).sqrt() / exponent
+        wear_doubt = (of_wear * estimate.covariances(of_wear)).sum(dim=-1).clamp(min=0.0).sqrt() / exponent
 
-        life_rate, laws = self._estimated(mean, told)
+        life_rate, laws = self._estimated(estimate)
         overload_price = self._overload_price * (SEVERITY[0] + SEVERITY[1] * told["doubt"])
         job = JobOptimum(told, laws, life_rate, overload_price)
         time_price, life_price = job.prices(used)
         life = torch.exp(told["log_edge_price"]) + time_price * torch.exp(told["log_edge_change_time"])
         lost = (1.0 - used).clamp(min=0.0) * life + self._downtime
-        ahead = self._ahead(mean, excess, told, scales, place, laws, log_over_half(used), lost, commanded, along, slack)
+        ahead = self._ahead(estimate, place, laws, log_over_half(used), lost, commanded, along, slack)
 
         middle = _middle(told)
         slowest, fastest = -middle[0], -told["log_speed_over_fastest"]
@@ -415,11 +436,8 @@ class JobFilter(torch.nn.Module):
 
     def _ahead(
         self,
-        mean: Tensor,
-        excess: Tensor,
-        told: Told,
-        scales: Tensor,
-        place: "Place",
+        estimate: Estimate,
+        place: Place,
         laws: Sequence[Load],
         log_used: Tensor,
         lost: Tensor,
@@ -431,6 +449,7 @@ class JobFilter(torch.nn.Module):
 
         ``laws``: estimated ones; ``log_used``: see ``log_over_half``; ``lost``: price of breaking the edge [min].
         """
+        told, scales, mean, excess = estimate
         lags = [torch.exp(told[f"log_{drive}_time_constant"]).unsqueeze(-1) for drive in ("spindle", "feed")]
         number = torch.arange(1, POINTS + 1, dtype=along.dtype, device=along.device)
         times = (self._interval + SETTLING * lags[1]) * number / single(POINTS)
@@ -440,7 +459,7 @@ class JobFilter(torch.nn.Module):
         enters = (reached >= 1.0) | (early >= entry)
         metal = (early >= entry) | (~enters & (early > 0.0))
         cut, stays = reached.clamp(min=0.0) - along.clamp(min=0.0).unsqueeze(-1), []
-        for rate in self._rates(told, scales):
+        for rate in self._rates(estimate):
             step = cut * rate.unsqueeze(-1)
             left = torch.where(enters, 0.0, torch.exp(-step))
             stays += [(1.0 + step) * left, step * left]
@@ -452,8 +471,8 @@ class JobFilter(torch.nn.Module):
 
         loads, variances = [], []
         for law, load in enumerate(laws):
-            row = self._load(law, mean, told, scales, place)[0] * (1.0 - self._bar)
-            with_row = covariances(excess, row)
+            row = self._load(law, estimate, place)[0] * (1.0 - self._bar)
+            with_row = estimate.covariances(row)
             exponent = told[f"{_LAWS[law]}_depth_of_cut_exponent"].unsqueeze(-1)
             of_depth = exponent * scales[:, DEPTH, None] / share
             of_hardness = (self._hardness[law] * scales[:, HARDNESS, None]).expand_as(share)
@@ -484,9 +503,10 @@ class JobFilter(torch.nn.Module):
         """Return the position of a speed (0) or feed (1) in its range, from -1 to 1, for logarithms over the lowest one."""
         return (2.0 * log_value / self._spans[drive] - 1.0).clamp(-_ENDS, _ENDS)
 
-    def _estimated(self, mean: Tensor, told: Told) -> tuple[LifeRate, tuple[Load, Load]]:
+    def _estimated(self, estimate: Estimate) -> tuple[LifeRate, tuple[Load, Load]]:
         """Return the laws of wear, force and power for the expected bar, and for a usual insert."""
-        errors, (over_speed, over_feed) = self._errors(mean, told).unbind(dim=-1), self._over_pivot(told)
+        told, errors = estimate.told, self._errors(estimate).unbind(dim=-1)
+        over_speed, over_feed = self._over_pivot(told)
         time = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
         by_speed, by_feed = (told[f"wear_{name}_exponent"] / time for name in ("cutting_speed", "feed"))
         more = by_speed * errors[1], errors[2]
@@ -499,21 +519,6 @@ class JobFilter(torch.nn.Module):
             log_load = told[f"log_{name}_load"] + bias + speed * over_speed + feed * over_feed
             found.append(Load(log_load, *exponents, used_life))
         return LifeRate(log_rate, by_speed + more[0], by_feed + more[1]), (found[0], found[1])
-
-
-def covariances(excess: Tensor, row: Tensor) -> Tensor:
-    """Return the covariances of the states with a quantity; ``row`` holds its derivatives by them."""
-    return (excess @ row.unsqueeze(-1)).squeeze(-1) + row
-
-
-def corrected(
-    mean: Tensor, excess: Tensor, row: Tensor, surprise: Tensor, seen: Tensor, variance: float | Tensor
-) -> tuple[Tensor, Tensor]:
-    """Return the estimate after a measurement where it is ``seen``; ``row`` holds its derivatives by the states."""
-    gain = covariances(excess, row)
-    share = seen.to(gain.dtype) / ((row * gain).sum(dim=-1) + variance)
-    mean = mean + gain * (share * surprise).unsqueeze(-1)
-    return mean, excess - share[:, None, None] * gain.unsqueeze(-1) * gain.unsqueeze(-2)
 
 
 def _spread(told: Told, name: str) -> Tensor:
