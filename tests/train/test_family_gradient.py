@@ -22,7 +22,7 @@ from train.agents.session import OnnxPolicy, session_of
 from train.edge_worths import worths
 from train.family_actor import HISTORY, LAWS, PLACE, STATES, TAYLOR, Estimate, FamilyActor, JobFilter, Place
 from train.family_gradient import ALGORITHM, SEEDS, Lathes, Training, main, plan, train
-from train.law_errors import ERRORS, LOADS, error_prior
+from train.law_errors import ERRORS, LOADS
 from train.model_gain import FIELDS, ModelGain, Truth
 from train.run import Run
 from turning_env import Family, FamilyVectorEnv, Scenario, read
@@ -264,19 +264,6 @@ def test_edges_worn_at_other_speeds_teach_the_exponent_of_speed() -> None:
         observations, *_ = env.step(actions)
     learnt = state[:, PLACE + TAYLOR].numpy()
     assert np.corrcoef(learnt, errors)[0, 1] > 0.5
-
-
-def test_the_prior_is_the_spread_of_the_laws_about_what_is_told() -> None:
-    shop = Family.load("shop")
-    usual = [shop.context_scale[0][shop.context_names.index(name)] for name in ("speed_at_0.5", "feed_at_0.5")]
-    mean, factor = error_prior(shop, (usual[0], usual[1]))
-    variances = np.diag(factor @ factor.T)
-    kc, share, exponents = 0.2**2, 0.12**2, [0.2, 0.3, 0.1, 0.08, 0.15, 0.05, 0.045, 0.06]  # of the family's file
-    found = np.sqrt(variances[[1, 2, 4, 5, 6, 8, 9, 10]])
-    np.testing.assert_allclose(found, exponents, rtol=0.1)
-    np.testing.assert_allclose(variances[[3, 7]], [kc + share, kc], rtol=0.15)
-    np.testing.assert_allclose((factor @ factor.T)[3, 7], kc, rtol=0.15)  # both loads follow from kc
-    assert mean[0] == pytest.approx(-np.log(0.78), rel=0.1)
 
 
 def test_an_edge_remembers_the_mean_depth_and_hardness_that_it_has_met() -> None:
