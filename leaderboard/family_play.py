@@ -15,7 +15,7 @@ from leaderboard.family_result import FIELDS, FamilyResult, FamilyTask, Rows
 from leaderboard.run import agent_spec, named
 from leaderboard.standings import CAUSAL
 from turning_env.scenario import Scenario
-from turning_env.scenario.family import CONTEXT_LIMIT, Family
+from turning_env.scenario.family import CONTEXT_LIMIT, Family, Job
 from turning_env.scoring.family import Forgetful, HeldOptimum, play_family, play_jobs, truthful
 from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory, PolicySpec
@@ -27,7 +27,7 @@ ANCHOR = "held optimum"
 TOGETHER, APART = 256, 4
 """Numbers of jobs that a worker plays at a time: in one batch, or one by one."""
 FILLED = 16
-"""Agents play a multiple of so many jobs: ONNX Runtime computes the last few of other batches with other last bits."""
+"""Agents play a multiple of so many jobs, each at the place of its number: its last bits depend on where it stands in a batch."""
 
 
 class Retold(Policy):
@@ -125,8 +125,19 @@ def played(piece: Piece) -> Rows:
     return {seed: values[numbers.index(seed % jobs), seed // jobs].tolist() for seed in piece.seeds}
 
 
+def _filled(jobs: Sequence[Job]) -> tuple[list[Job], list[int]]:
+    """Return a batch in which every job stands at the place of its number, modulo ``FILLED``, and the jobs' places in it."""
+    filled: list[Job] = []
+    places = []
+    for job in jobs:
+        filled += [job] * ((job.number - len(filled)) % FILLED)
+        places.append(len(filled))
+        filled.append(job)
+    return filled + filled[-1:] * (-len(filled) % FILLED), places
+
+
 def _played(piece: Piece, numbers: Sequence[int], episodes: int) -> Episodes:
-    """Return episodes of jobs, and perhaps of further ones: fields of shape (jobs, episodes)."""
+    """Return episodes of jobs: fields of shape (jobs, episodes)."""
     policy = piece.policy
     name, right = ("", "") if policy == CAUSAL else _rule_and_truth(str(policy))
     family = piece.family if right is None else truthful(piece.family, right)
@@ -140,8 +151,9 @@ def _played(piece: Piece, numbers: Sequence[int], episodes: int) -> Episodes:
     if isinstance(policy, Path):
         agent = agent_spec(policy)
         told = agent.parameters.get("context")
-        filled = [*jobs, *jobs[-1:] * (-len(jobs) % FILLED)]
-        return play_family(family, filled, remembering(lambda num_envs: Retold(agent.make(num_envs), family, told)), episodes)
+        filled, places = _filled(jobs)
+        found = play_family(family, filled, remembering(lambda num_envs: Retold(agent.make(num_envs), family, told)), episodes)
+        return {name: values[places] for name, values in found.items()}
     if policy == ANCHOR:
         return play_family(family, jobs, lambda _: HeldOptimum(each), episodes, "hidden")
     if policy == CAUSAL:

@@ -12,7 +12,7 @@ import tomli_w
 
 from baselines.catalogue import RULES
 from leaderboard import __main__ as leaderboard
-from leaderboard import family, verify
+from leaderboard import family, family_play, verify
 from leaderboard.family import main
 from leaderboard.family_play import ANCHOR, TRUTH, Retold
 from leaderboard.family_result import FamilyResult
@@ -207,3 +207,12 @@ def test_a_card_has_the_results_of_every_split(shipped: Path, capsys: pytest.Cap
     (shipped / "results" / FAMILY_ID / "brief-unseen_jobs" / "family_gradient-seed1.json.xz").unlink()
     assert leaderboard.main(cards) == 2
     assert "family_gradient-seed1.onnx has no results" in capsys.readouterr().err
+
+
+def test_agents_play_each_job_at_the_place_of_its_number() -> None:
+    brief = Family.load(BRIEF)
+    jobs = [brief.job(number) for number in (1, 3, 4)]
+    filled, places = family_play._filled(jobs)
+    assert all(filled[place] is job for place, job in zip(places, jobs, strict=True))
+    assert [place % family_play.FILLED for place in places] == [job.number % family_play.FILLED for job in jobs]
+    assert len(filled) % family_play.FILLED == 0
