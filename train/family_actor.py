@@ -25,7 +25,7 @@ import torch
 from baselines.models.kalman_steps import DEPTH, HARDNESS, INSERT, INSPECTION_DOUBT, MIN_DEPTH
 from baselines.models.load_filter import READING_DOUBT, SLOPE
 from train.analytic_actor import MAX_TIME, GruActor
-from train.job_optimum import MIN_EXPONENT, Ahead, JobOptimum, LifeRate, Load, Told, log_over_half
+from train.job_optimum import MIN_EXPONENT, SET_POINT, Ahead, JobOptimum, LifeRate, Load, Told, log_over_half
 from train.law_errors import ERRORS, LOADS
 from train.newton_search import Pair, search, single
 from turning_env import Scenario
@@ -59,9 +59,9 @@ TIMING_DOUBT = 0.05
 HISTORY = INSERT + 1
 """The state after the insert's log wear factor: that of the depth and hardness that its edge has met."""
 LAWS = HISTORY + 1
-"""The first state of the errors of laws; that of the rate of wear."""
+"""The first state of the errors of laws: the error of the rate of wear."""
 TAYLOR = LAWS + 1
-"""That of the wear's exponent of speed."""
+"""The state of the error of the wear's exponent of speed."""
 STATES = LAWS + ERRORS
 PLACE = 8
 """Columns of the state that follow the tool: whether there was an observation, its position from the start of the bar over the
@@ -69,7 +69,6 @@ bar's length, logarithms of speed and feed over the plan's at half a life, nomin
 logarithms of speed and feed, by the life that it used, and how far ahead the tool may be."""
 _ACTUAL, _COMMANDED = (OBS.cutting_speed, OBS.feed), (OBS.commanded_cutting_speed, OBS.commanded_feed)
 _LAWS = ("thrust_force", "power")
-_MIDDLE = [f"{name}_at_{USED_LIVES[MIDDLE]}" for name in ("speed", "feed")]  # numbers of the context
 _ENDS = single(0.995)  # of the range -1..1, from which targets keep away
 _MIN_VARIANCE = single(1e-6)
 _MEASURED = -0.5  # reduction of the depth's variance, as a share, in a bar that has been measured
@@ -79,7 +78,7 @@ _SMALL = single(1e-3)  # below which wear over the criterion, or a share, is not
 
 
 class Place(NamedTuple):
-    """What loads depend on: logarithms over the plan's at half a life, each of shape (num_envs,)."""
+    """Speed, feed and wear of an edge: logarithms over the plan's at half a life, each of shape (num_envs,)."""
 
     speed: Tensor
     feed: Tensor
@@ -165,7 +164,7 @@ class JobFilter(torch.nn.Module):
         self._noise = [single(noise**2 + READING_DOUBT**2) for noise in (sensors.force_noise, sensors.power_noise)]
         self._lags = [single(lag) for lag in (sensors.force_time_constant, sensors.power_time_constant)]
         usual = dict(zip(self._names, context["mean"], strict=True))
-        self._pivot = [single(usual[name]) for name in _MIDDLE]
+        self._pivot = [single(usual[name]) for name in SET_POINT]
         one = torch.eye(STATES)
         fields = [torch.outer(one[start + row], one[start + k]) for start in (DEPTH, HARDNESS) for row in (0, 1) for k in (0, 1)]
         constants = {
@@ -529,7 +528,7 @@ def _spread(told: Told, name: str) -> Tensor:
 
 def _middle(told: Told) -> list[Tensor]:
     """Return the plan's speed and feed at half a life, logarithms over the lowest ones."""
-    return [told[name] for name in _MIDDLE]
+    return [told[name] for name in SET_POINT]
 
 
 class FamilyActor(GruActor):

@@ -35,6 +35,7 @@ from train.actor import Actor
 from train.analytic_actor import ACTUAL, GruActor
 from train.edge_worths import LIVES, worths
 from train.family_actor import FamilyActor, JobFilter
+from train.job_optimum import SET_POINT
 from train.law_errors import error_prior
 from train.model_gain import Hindsight, ModelGain, Truth
 from train.run import Run, hyperparameters, overrides, warn_of_pickle
@@ -42,7 +43,7 @@ from turning_env import FAMILY_ID, Family, FamilyVectorEnv
 from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, replace_file
 from turning_env.scenario.family import CHUNK
-from turning_env.scenario.plan import MIDDLE, USED_LIVES, Columns, Section
+from turning_env.scenario.plan import Columns, Section
 from turning_env.scoring.family import truthful
 from turning_env.scoring.seeds import TUNING_START
 
@@ -345,8 +346,8 @@ def plan(family: Family, seed: int, runs: Path, command: str, given: dict[str, A
     mean, spread = mixed.context_scale
     numbers = {"mean": mean, "spread": spread, "low": told.min(axis=0), "high": told.max(axis=0)}
     names = list(mixed.context_names)
-    pivot = mean[names.index(f"speed_at_{USED_LIVES[MIDDLE]}")], mean[names.index(f"feed_at_{USED_LIVES[MIDDLE]}")]
-    numbers |= dict(zip(("error_mean", "error_factor"), error_prior(family, pivot), strict=True))
+    speed, feed = (mean[names.index(name)] for name in SET_POINT)
+    numbers["error_mean"], numbers["error_factor"] = error_prior(family, (speed, feed))
     context = {"names": names} | {name: values.tolist() for name, values in numbers.items()}
     parameters |= {"family": family.portable(), "context": context}
     folder = runs / FAMILY_ID / family.name / f"{NAME}-seed{seed}"

@@ -27,6 +27,8 @@ Tensor = torch.Tensor
 Told = dict[str, Tensor]
 """Numbers of the context by name, not standardised, each of shape (num_envs,)."""
 
+SET_POINT = tuple(f"{name}_at_{USED_LIVES[MIDDLE]}" for name in ("speed", "feed"))
+"""Names of the context's numbers that tell the plan's speed and feed at half a life: logarithms over the lowest ones."""
 LIVES = 6
 """Number of used shares of the life at which it is priced, beside the present one."""
 SPEEDS = 24
@@ -207,7 +209,7 @@ class JobOptimum:
         self._log_rate, self._rate_feed = _wide(life_rate.log_rate), _wide(life_rate.feed)
         self._rate_speed = _wide(life_rate.speed.clamp(min=_MIN_RATE_EXPONENT))
         self._over_base, self._idle = _wide(told["log_speed_over_base_speed"]), _wide(_exp(told["log_idle_power"]))
-        speed, feed = (told[f"{name}_at_{USED_LIVES[MIDDLE]}"] for name in ("speed", "feed"))
+        speed, feed = (told[name] for name in SET_POINT)
         self._lowest_feed, self._highest_feed = (_wide(told[f"log_{end}_feed"] - feed) for end in ("lowest", "highest"))
         slowest, fastest = _wide(-speed), _wide(-told["log_speed_over_fastest"])
         self._speeds = slowest + torch.arange(SPEEDS, dtype=speed.dtype, device=speed.device) / single(SPEEDS - 1) * (

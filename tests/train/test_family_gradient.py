@@ -48,6 +48,14 @@ def context_of(family: Family) -> dict[str, Any]:
     return context
 
 
+def told_of(tracker: JobFilter, family: Family, count: int) -> dict[str, torch.Tensor]:
+    """The numbers of the first jobs' contexts by name, not standardised."""
+    observations, _ = FamilyVectorEnv(count, family).reset(seed=list(range(count)))
+    entries = len(layout(family.job(0).scenario))
+    context = torch.from_numpy(observations[:, entries:]).double() * tracker._told_spread + tracker._told_mean
+    return dict(zip(family.context_names, context.unbind(dim=-1), strict=True))
+
+
 def doubted(observations: NDArray[np.float32], doubt: float = 1.0) -> torch.Tensor:
     return torch.from_numpy(np.pad(observations, ((0, 0), (0, 1)), constant_values=doubt))
 
@@ -201,11 +209,8 @@ def test_an_edge_that_fails_leaves_the_position_in_doubt_until_air_is_seen() -> 
 
 def test_idle_power_is_told_apart_from_the_power_of_the_cut() -> None:
     shop = Family.load("shop")
-    env, tracker = FamilyVectorEnv(48, shop), filter_of(shop)
-    observations, _ = env.reset(seed=list(range(48)))
-    entries = len(layout(env.scenario))
-    context = torch.from_numpy(observations[:, entries:]).double() * tracker._told_spread + tracker._told_mean
-    told = dict(zip(shop.context_names, context.unbind(dim=-1), strict=True))
+    tracker = filter_of(shop)
+    told = told_of(tracker, shop, 48)
     columns = columns_of([shop.job(number).scenario.nominal() for number in range(48)])
     speed, feed = (np.array([getattr(shop.job(n), name) for n in range(48)]) for name in ("cutting_speed", "feed"))
     wear = 0.5**columns.material.wear.time * columns.tool.wear_criterion
@@ -268,10 +273,8 @@ def test_edges_worn_at_other_speeds_teach_the_exponent_of_speed() -> None:
 
 def test_an_edge_remembers_the_mean_depth_and_hardness_that_it_has_met() -> None:
     shop = Family.load("shop")
-    observations, _ = FamilyVectorEnv(8, shop).reset(seed=list(range(8)))
-    tracker, entries = filter_of(shop), len(layout(shop.job(0).scenario))
-    context = torch.from_numpy(observations[:, entries:]).double() * tracker._told_spread + tracker._told_mean
-    told = dict(zip(shop.context_names, context.unbind(dim=-1), strict=True)) | {"doubt": torch.ones(8).double()}
+    tracker = filter_of(shop)
+    told = told_of(tracker, shop, 8) | {"doubt": torch.ones(8).double()}
     scales, prior = tracker._scales(told), torch.zeros(8, STATES, STATES).double()
     estimate = Estimate(told, scales, torch.zeros(8, STATES).double(), prior.clone())
     by_depth = told["wear_depth_of_cut_exponent"] * scales[:, DEPTH]

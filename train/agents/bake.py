@@ -26,6 +26,7 @@ from train.agents import agent_file
 from train.agents.agent_file import ONNX_SUFFIX, AgentFile, Metadata, Space
 from train.agents.session import tried
 from train.agents.to_onnx import with_properties
+from train.job_optimum import SET_POINT
 from turning_env import FAMILY_ID, IDS, OBS, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.console import described
@@ -157,7 +158,7 @@ def _products(about: Metadata, scenario: Scenario, doubt: float) -> tuple[Floats
     plan = plan_of(Columns(values), 1)
     bests = {"cutting_speed": plan.speed[0, MIDDLE], "feed": plan.feed[0, MIDDLE]}
     windows = {}
-    for (name, _), place in zip(_DRIVES, ("speed_at_0.5", "feed_at_0.5"), strict=True):
+    for (name, _), place in zip(_DRIVES, SET_POINT, strict=True):
         windows[name] = _window(family, scenario, name, math.log(bests[name]), usual[place])
         values["machine"][f"{name}_min"] = math.exp(windows[name].low)
     found = features(Columns(values), plan)
