@@ -36,8 +36,6 @@ Tensor = torch.Tensor
 
 SEVERITY = single(0.9), single(0.4)
 """Factor on the price of overload, and what full doubt adds to it [-] (found on training jobs and tuning seeds)."""
-CAUTION = single(0.92)
-"""Factor on the standard deviations of force and power in the price of overload [-] (found on training jobs)."""
 WEAR_CAUTION = single(1.1)
 """Factor on the standard deviation of the used life at which an edge may soon be worn out [-] (found on training jobs)."""
 LEAD = 2.0
@@ -69,12 +67,25 @@ bar's length, logarithms of speed and feed over the plan's at half a life, nomin
 logarithms of speed and feed, by the life that it used, and how far ahead the tool may be."""
 _ACTUAL, _COMMANDED = (OBS.cutting_speed, OBS.feed), (OBS.commanded_cutting_speed, OBS.commanded_feed)
 _LAWS = ("thrust_force", "power")
-_ENDS = single(0.995)  # of the range -1..1, from which targets keep away
+_ENDS = single(0.9999)  # of the range -1..1, from which targets keep away: tanh reaches 1 only at infinity
 _MIN_VARIANCE = single(1e-6)
 _MEASURED = -0.5  # reduction of the depth's variance, as a share, in a bar that has been measured
 _INSIDE = single(1e-4)  # distance of log feed from the ends of the chip breaker's window
 _LOG_HALF = single(math.log(USED_LIVES[MIDDLE]))
 _SMALL = single(1e-3)  # below which wear over the criterion, or a share, is not told apart from 0
+
+
+class Linear(NamedTuple):
+    """A quantity that is linear in the states."""
+
+    row: Tensor
+    """Derivatives by the states, shape (num_envs, STATES)."""
+    prior: Tensor
+    """Value at the prior's mean, shape (num_envs,)."""
+
+    def at(self, mean: Tensor) -> Tensor:
+        """Return the values, shape (num_envs,), at means of the states, shape (num_envs, STATES)."""
+        return (self.row * mean).sum(dim=-1) + self.prior
 
 
 class Place(NamedTuple):
@@ -84,8 +95,8 @@ class Place(NamedTuple):
     feed: Tensor
     wear: Tensor
     """Nominal wear."""
-    pace: Sequence[Tensor]
-    """The edge's mean logarithms of speed and feed, by the life that it used."""
+    wear_factor: Linear
+    """Logarithm of wear over the nominal wear."""
 
 
 class Estimate(NamedTuple):
@@ -121,8 +132,9 @@ class JobFilter(torch.nn.Module):
 
     Args:
         scenario: a job of the family; see ``ALIKE``.
-        context: ``names`` of the context's numbers, ``mean`` and ``spread`` by which they are standardised, and mean and Cholesky
-            factor of the laws' errors, ``error_mean`` and ``error_factor``.
+        context: ``names`` of the context's numbers, ``mean`` and ``spread`` by which they are standardised, their least and
+            greatest values in training, ``low`` and ``high``, and mean and Cholesky factor of the laws' errors, ``error_mean``
+            and ``error_factor``.
     """
 
     READINGS = 8 + STATES + 5 + 2 + 2 + 2 + 2 + 2
@@ -202,10 +214,10 @@ class JobFilter(torch.nn.Module):
         fresh_edge = wear < worn
         if self._removed is not None:
             removed = observation[:, self._removed]
-            row, expected = self._log_wear(estimate, pace)
-            surprise = torch.log(removed.clamp(min=_SMALL) / worn.clamp(min=_SMALL)) - expected
+            factor = self._wear_factor(estimate, pace)
+            surprise = torch.log(removed.clamp(min=_SMALL) / worn.clamp(min=_SMALL)) - factor.at(estimate.mean)
             seen = fresh_edge & (removed > 0.0) & (worn > 0.0)
-            estimate = estimate.corrected(row, surprise, seen, single(INSPECTION_DOUBT**2))
+            estimate = estimate.corrected(factor.row, surprise, seen, single(INSPECTION_DOUBT**2))
 
         speed, feed = self._set_point(observation, _ACTUAL, told)
         known = (torch.where(fresh_edge, 0.0, worn) / wear.clamp(min=_SMALL)).clamp(min=_SMALL, max=1.0)
@@ -236,7 +248,7 @@ class JobFilter(torch.nn.Module):
         estimate = self._worn(self._moved(estimate, torch.minimum(travel, along.clamp(min=0.0))), fresh_share)
 
         log_wear = torch.log(wear.clamp(min=_SMALL)) - told["wear_time_exponent"] * _LOG_HALF
-        place = Place(speed, feed, log_wear, pace)
+        place = Place(speed, feed, log_wear, self._wear_factor(estimate, pace))
         idle = 0.0, self._idle_share(told, place)
         in_metal = (along / rate).clamp(min=0.0, max=self._interval)
         before = estimate
@@ -267,8 +279,8 @@ class JobFilter(torch.nn.Module):
         """Return the expected errors of the laws, see ``train/law_errors.py``; shape (num_envs, ERRORS)."""
         return estimate.told["doubt"].unsqueeze(-1) * (self._error_mean + estimate.mean[:, LAWS:] @ self._error_factor.T)
 
-    def _log_wear(self, estimate: Estimate, pace: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
-        """Return the derivatives by the states of the log ratio of wear to the nominal model, and that ratio.
+    def _wear_factor(self, estimate: Estimate, pace: Sequence[Tensor]) -> Linear:
+        """Return the log ratio of wear to the nominal model.
 
         ``pace``: the edge's mean logarithms of speed and feed over the plan's at half a life.
         """
@@ -279,8 +291,7 @@ class JobFilter(torch.nn.Module):
         by_state = torch.stack([zero] * INSERT + [insert, torch.ones_like(zero)], dim=-1)
         of_errors = torch.stack(by_error, dim=-1) @ self._error_factor[: len(by_error)]
         row = torch.cat([by_state, told["doubt"].unsqueeze(-1) * of_errors], dim=-1)
-        known = torch.stack(by_error, dim=-1) @ self._error_mean[: len(by_error)]
-        return row, (row * estimate.mean).sum(dim=-1) + told["doubt"] * known
+        return Linear(row, told["doubt"] * (torch.stack(by_error, dim=-1) @ self._error_mean[: len(by_error)]))
 
     def _over_pivot(self, told: Told) -> list[Tensor]:
         """Return the logarithms of the plan's speed and feed at half a life over those from which errors count."""
@@ -352,7 +363,7 @@ class JobFilter(torch.nn.Module):
     def _load(self, law: int, estimate: Estimate, place: Place) -> tuple[Tensor, Tensor]:
         """Return the derivatives by the states of the log ratio of a law's load to the nominal model, and that ratio."""
         told, scales, mean = estimate.told, estimate.scales, estimate.mean
-        of_wear, factor = self._log_wear(estimate, place.pace)
+        factor = place.wear_factor.at(mean)
         speed, feed = (each + offset for each, offset in zip(place[:2], self._over_pivot(told), strict=True))
         by_error = torch.stack([torch.ones_like(speed), speed, feed, place.wear + factor], dim=-1)
         own = slice(LOADS[law], LOADS[law] + by_error.shape[-1])
@@ -363,7 +374,7 @@ class JobFilter(torch.nn.Module):
         by_state = [torch.zeros_like(speed)] * LAWS
         by_state[DEPTH], by_state[HARDNESS] = of_depth / share * scales[:, DEPTH], of_hardness * scales[:, HARDNESS]
         of_errors = told["doubt"].unsqueeze(-1) * (by_error @ self._error_factor[own])
-        row = torch.cat([torch.stack(by_state, dim=-1), of_errors], dim=-1) + exponent.unsqueeze(-1) * of_wear
+        row = torch.cat([torch.stack(by_state, dim=-1), of_errors], dim=-1) + exponent.unsqueeze(-1) * place.wear_factor.row
         ratio = of_depth * torch.log(share) + of_hardness * scales[:, HARDNESS] * mean[:, HARDNESS]
         return row, ratio + told[f"{_LAWS[law]}_wear_exponent"] * factor + (by_error * errors).sum(dim=-1)
 
@@ -386,7 +397,7 @@ class JobFilter(torch.nn.Module):
         """
         told, mean, excess = estimate.told, estimate.mean, estimate.excess
         exponent = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
-        of_wear, log_factor = self._log_wear(estimate, place.pace)
+        of_wear, log_factor = place.wear_factor.row, place.wear_factor.at(mean)
         used = torch.exp((torch.log(wear.clamp(min=single(1e-6))) + log_factor) / exponent)
         wear_doubt = (of_wear * estimate.covariances(of_wear)).sum(dim=-1).clamp(min=0.0).sqrt() / exponent
 
@@ -493,7 +504,7 @@ class JobFilter(torch.nn.Module):
             torch.where(metal, log_depth, 0.0),
             growth / told["wear_time_exponent"].clamp(min=MIN_EXPONENT).unsqueeze(-1),
             torch.stack(loads, dim=1),
-            CAUTION * torch.stack(variances, dim=1).sqrt(),
+            torch.stack(variances, dim=1).sqrt(),
             (variances[0] + self._strength_variance).sqrt(),
             torch.where(unmeasured, lost.unsqueeze(-1) * single(60.0 / self._interval), 0.0),
         )
@@ -534,6 +545,9 @@ def _middle(told: Told) -> list[Tensor]:
 class FamilyActor(GruActor):
     """A ``GruActor`` beside a ``JobFilter``.
 
+    The filter computes with the context as it is. The GRU sees it within the range that training jobs had: beyond, it could mean
+    anything to the GRU.
+
     Args:
         scenario: a job of the family.
         context: see ``JobFilter``.
@@ -542,20 +556,31 @@ class FamilyActor(GruActor):
     """
 
     tracker: JobFilter
+    least: Tensor
+    greatest: Tensor
     see_weight: Tensor
     see_bias: Tensor
 
     def __init__(self, scenario: Scenario, context: dict[str, Any], cells: int, width: int) -> None:
         tracker = JobFilter(scenario, context)
-        entries = len(layout(scenario)) + len(context["names"])
+        others = len(layout(scenario))
+        entries = others + len(context["names"])
         super().__init__(scenario, entries + 1, cells, width, tracker)
         torch.nn.init.zeros_(self.head.bias)
+        for name, values, free in (("least", context["low"], -math.inf), ("greatest", context["high"], math.inf)):
+            bounds = torch.tensor([free] * others + values + [free] * (1 + tracker.READINGS))
+            self.register_buffer(name, bounds, persistent=False)
         self.register_buffer("see_weight", torch.eye(entries, entries + 1), persistent=False)
         self.register_buffer("see_bias", torch.eye(entries + 1)[entries], persistent=False)
 
     def forward(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
         """Act on observations without doubt, as if the nominal model were as wrong as the family's."""
         return super().forward(observation @ self.see_weight + self.see_bias, memory)
+
+    def see(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
+        """Return what the GRU sees, and the memory with the filter's next state; see ``GruActor``."""
+        seen, memory = super().see(observation, memory)
+        return torch.minimum(torch.maximum(seen, self.least), self.greatest), memory
 
     def held(self, target: Tensor, seen: Tensor) -> Tensor:
         """Return unbounded targets of speed and feed, kept within the ranges of machine and chip breaker."""

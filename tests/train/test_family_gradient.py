@@ -20,7 +20,7 @@ from train import export, family_actor, family_gradient, job_optimum, newton_sea
 from train.agents import agent_file, bake
 from train.agents.session import OnnxPolicy, session_of
 from train.edge_worths import worths
-from train.family_actor import HISTORY, LAWS, PLACE, STATES, TAYLOR, Estimate, FamilyActor, JobFilter, Place
+from train.family_actor import HISTORY, LAWS, PLACE, STATES, TAYLOR, Estimate, FamilyActor, JobFilter, Linear, Place
 from train.family_gradient import ALGORITHM, SEEDS, Lathes, Training, main, plan, train
 from train.law_errors import ERRORS, LOADS
 from train.model_gain import FIELDS, ModelGain, Truth
@@ -219,7 +219,7 @@ def test_idle_power_is_told_apart_from_the_power_of_the_cut() -> None:
     cut = np.exp(law.log_coefficient) * speed**law.cutting_speed * feed**law.feed * depth**law.depth_of_cut * wear**law.wear
     idle = columns.spindle.idle_torque / (30.0 * columns.workpiece.diameter) * speed
     zero = torch.zeros(48).double()
-    np.testing.assert_allclose(tracker._idle_share(told, Place(zero, zero, zero, (zero, zero))), idle / cut, rtol=0.02)
+    np.testing.assert_allclose(tracker._idle_share(told, Place(zero, zero, zero, Linear(zero, zero))), idle / cut, rtol=0.02)
 
 
 def test_the_filter_estimates_what_the_compiled_one_does(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -150,7 +150,7 @@ def _products(about: Metadata, scenario: Scenario, doubt: float) -> tuple[Floats
     """Return matrices: the network sees observation @ see + seen, and acts by action @ act."""
     family, told = about.scenario, about.parameters["context"]
     assert isinstance(told, dict)
-    mean, spread, low, high = (np.array(told[name], np.float64) for name in ("mean", "spread", "low", "high"))
+    mean, spread = (np.array(told[name], np.float64) for name in ("mean", "spread"))
     names: Any = told["names"]
     usual = dict(zip(names, mean.tolist(), strict=True))
     values = scenario.nominal().model_dump(exclude={"name", "nominal_model"})
@@ -162,8 +162,7 @@ def _products(about: Metadata, scenario: Scenario, doubt: float) -> tuple[Floats
         windows[name] = _window(family, scenario, name, math.log(bests[name]), usual[place])
         values["machine"][f"{name}_min"] = math.exp(windows[name].low)
     found = features(Columns(values), plan)
-    # What no training job had could mean anything to the agent.
-    context = np.clip((np.array([found[name][0] for name in names]) - mean) / spread, low, high)
+    context = (np.array([found[name][0] for name in names]) - mean) / spread
 
     entries = layout(family)
     see = np.eye(len(entries), len(entries) + len(context) + 1)[[entries.index(name) for name in layout(scenario)]]
