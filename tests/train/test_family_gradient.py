@@ -187,6 +187,32 @@ def test_the_less_doubt_the_less_speed_and_feed_are_corrected(drive: int) -> Non
     torch.testing.assert_close(targets[3] - targets[1], torch.full((4,), 0.03))
 
 
+def test_the_ends_of_a_range_are_proposed_where_they_are_best() -> None:
+    shop = Family.load("shop")
+    tracker, positions = filter_of(shop), torch.tensor([-1.0, 0.0, 1.0]).double()
+    for drive, span in enumerate(tracker._spans):
+        proposed = tracker._position(drive, 0.5 * (positions + 1.0) * span)
+        torch.testing.assert_close(proposed, positions, rtol=0.0, atol=2e-4)
+
+
+def test_the_filter_takes_a_context_as_it_is_and_the_network_one_that_training_had() -> None:
+    shop = Family.load("shop")
+    context = context_of(shop)
+    actor, entries = FamilyActor(shop.job(0).scenario, context, 8, 8), len(layout(shop.job(0).scenario))
+    place = entries + context["names"].index("log_idle_power")
+    observations, _ = FamilyVectorEnv(4, shop).reset(seed=list(range(4)))
+    found = []
+    for idle in (context["low"][place - entries], -10.0):
+        observations[:, place] = idle
+        found.append(actor.see(doubted(observations), torch.zeros(4, actor.memory_size))[0])
+    least, lower = found
+    torch.testing.assert_close(lower[:, : -JobFilter.READINGS], least[:, : -JobFilter.READINGS])
+    log_power = -JobFilter.READINGS + 8 + STATES + 5 + 2 + 1
+    free = least[:, log_power] > -5.0
+    assert free.any()
+    assert (lower[free, log_power] < least[free, log_power]).all()
+
+
 def test_an_edge_that_fails_leaves_the_position_in_doubt_until_air_is_seen() -> None:
     shop = Family.load("shop")
     env, tracker = FamilyVectorEnv(16, shop), filter_of(shop)
@@ -443,6 +469,17 @@ def test_the_agent_is_told_the_doubt(tmp_path: Path, capsys: Any) -> None:
     for doubt in ("0.01", "1.5", "nan"):
         assert export.main(["--agent", str(agent), "--scenario", "rough_turning", "--doubt", doubt]) != 0
         assert f"doubt is {float(doubt)}, but must be 0.05 to 1.0" in capsys.readouterr().err
+
+
+def test_the_agent_is_told_what_no_training_job_had(tmp_path: Path) -> None:
+    agent, law = onnx_agents.write_of_family(tmp_path, FAMILY), "power_depth_of_cut_exponent"
+    context: Any = agent_file.read(agent).metadata.parameters["context"]
+    place = context["names"].index(law)
+    assert context["low"][place] == context["high"][place] == 0.0  # all training jobs have the exponent 1
+    see = onnx.load(baked(agent, "rough_turning", tmp_path / "out"))
+    told = {each.name: onnx.numpy_helper.to_array(each) for each in see.graph.initializer}["see_bias"][:-1]
+    value = told[place - len(context["names"])] * context["spread"][place] + context["mean"][place]
+    assert value == pytest.approx(Scenario.load("rough_turning").material.power.depth_of_cut)
 
 
 def edge_cost(scenario: Scenario) -> float:
