@@ -132,9 +132,8 @@ class JobFilter(torch.nn.Module):
 
     Args:
         scenario: a job of the family; see ``ALIKE``.
-        context: ``names`` of the context's numbers, ``mean`` and ``spread`` by which they are standardised, their least and
-            greatest values in training, ``low`` and ``high``, and mean and Cholesky factor of the laws' errors, ``error_mean``
-            and ``error_factor``.
+        context: ``names`` of the context's numbers, ``mean`` and ``spread`` by which they are standardised, and mean and Cholesky
+            factor of the laws' errors, ``error_mean`` and ``error_factor``.
     """
 
     READINGS = 8 + STATES + 5 + 2 + 2 + 2 + 2 + 2
@@ -286,12 +285,14 @@ class JobFilter(torch.nn.Module):
         """
         told, scales = estimate.told, estimate.scales
         speed, feed = (each + offset for each, offset in zip(pace, self._over_pivot(told), strict=True))
-        by_error = [told["wear_time_exponent"], told["wear_cutting_speed_exponent"] * speed, told["wear_time_exponent"] * feed]
+        time, by_speed = told["wear_time_exponent"], told["wear_cutting_speed_exponent"]
+        by_error = torch.stack([time, by_speed * speed, time * feed], dim=-1)
+        own = slice(by_error.shape[-1])
         zero, insert = torch.zeros_like(speed), scales[:, INSERT]
         by_state = torch.stack([zero] * INSERT + [insert, torch.ones_like(zero)], dim=-1)
-        of_errors = torch.stack(by_error, dim=-1) @ self._error_factor[: len(by_error)]
+        of_errors = by_error @ self._error_factor[own]
         row = torch.cat([by_state, told["doubt"].unsqueeze(-1) * of_errors], dim=-1)
-        return Linear(row, told["doubt"] * (torch.stack(by_error, dim=-1) @ self._error_mean[: len(by_error)]))
+        return Linear(row, told["doubt"] * (by_error @ self._error_mean[own]))
 
     def _over_pivot(self, told: Told) -> list[Tensor]:
         """Return the logarithms of the plan's speed and feed at half a life over those from which errors count."""
@@ -550,7 +551,7 @@ class FamilyActor(GruActor):
 
     Args:
         scenario: a job of the family.
-        context: see ``JobFilter``.
+        context: see ``JobFilter``; also the least and greatest values that training jobs had, ``low`` and ``high``.
         cells: size of the memory.
         width: size of the layers around it.
     """
