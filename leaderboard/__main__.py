@@ -114,7 +114,7 @@ def _show(options: argparse.Namespace) -> None:
     """Print the ranking of one environment on one scenario: the first that there is, or the first of an id; or all rankings.
 
     python -m leaderboard show --results leaderboard/results
-    python -m leaderboard show --results leaderboard/results --env RoughTurning-Surface-v0 --json
+    python -m leaderboard show --results leaderboard/results --env RoughTurning-Surface-v1 --json
     python -m leaderboard show --results leaderboard/results --env RoughTurning-Family-v0
     python -m leaderboard show --results leaderboard/results --track constraint
     python -m leaderboard show --results leaderboard/results --all --information
@@ -205,7 +205,7 @@ def _verify(options: argparse.Namespace) -> int:
 
     python -m leaderboard verify --check
     python -m leaderboard verify --seeds 4 --jobs 2
-    python -m leaderboard verify --env RoughTurning-Surface-v0 --jobs 2
+    python -m leaderboard verify --env RoughTurning-Surface-v1 --jobs 2
     """
     from leaderboard import verify  # needed only here: plays
 

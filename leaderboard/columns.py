@@ -142,7 +142,7 @@ _SEVERE = "Share of cutting time above a limit by more than the tolerance."
 _EXCESS = "Mean relative excess over force and power limits, added, while cutting."
 _TIME = "Mean time of an episode: machine time, edge changes, downtime of breakages."
 _PART_COST = "Time per part, plus the price of the edges used up in minutes of machine time."
-_DEVIATION = "Mean relative deviation of Ra from its set point."
+_DEVIATION = "Mean relative deviation of Ra from its set point; 1 in air."
 _BROKEN = "Edges broken, per hundred used up; an edge that the time limit leaves unfinished counts as its used share."
 
 RETURNS = (

@@ -72,7 +72,7 @@ class Standing:
     over_causal: Estimate | None  # [s]
     minutes: float  # of an episode, with edge changes and downtime [min]
     part_cost: float | None  # edges included; None if no parts are turned [min]
-    roughness_deviation: float | None  # mean while cutting, relative; None if no roughness is held
+    roughness_deviation: float | None  # mean, relative; None if no roughness is held
     removal_rate: float  # [cm3/min]
     cost: Estimate | None  # [min/dm3]; None if no metal is removed
     over_least_cost: Estimate | None  # [min/dm3], of the other feasible policies
@@ -262,7 +262,9 @@ def _standing(
             if scenario.control.action == "part"
             else None
         ),
-        roughness_deviation=(_share(episodes["roughness_deviation"], engaged) if scenario.control.aim == "roughness" else None),
+        roughness_deviation=(
+            _share(episodes["roughness_deviation"], episodes["time"]) if scenario.control.aim == "roughness" else None
+        ),
         removal_rate=_share(removed, minutes),
         cost=Estimate.of(costs[name].value, costs[name].replicates) if name in costs else None,
         over_least_cost=None,

@@ -43,7 +43,7 @@ _ENTRY_POINTS = {
     "RoughTurning-v0": ("turning_env.env:RoughTurningEnv", "rough_turning"),
     "RoughTurning-Paper-v0": ("turning_env.tasks:PaperEnv", "paper"),
     "RoughTurning-Override-v0": ("turning_env.tasks:OverrideEnv", "override"),
-    "RoughTurning-Surface-v0": ("turning_env.tasks:SurfaceEnv", "surface"),
+    "RoughTurning-Surface-v1": ("turning_env.tasks:SurfaceEnv", "surface"),
     "RoughTurning-Shift-v0": ("turning_env.tasks:ShiftEnv", "shift"),
     "RoughTurning-Batch-v0": ("turning_env.tasks:BatchEnv", "batch_casting"),
 }

@@ -163,7 +163,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Registered ids
 
     * `RoughTurning-v0`: preset `rough_turning`, as described above.
-    * `RoughTurning-Paper-v0`, `-Override-v0`, `-Surface-v0`, `-Shift-v0`, `-Batch-v0`: see `turning_env.tasks`.
+    * `RoughTurning-Paper-v0`, `-Override-v0`, `-Surface-v1`, `-Shift-v0`, `-Batch-v0`: see `turning_env.tasks`.
 
     `turning_env.SPLITS` names presets that show how well a policy generalises: harder bars, skins, worn edges, biased sensors,
     another diameter and another steel.

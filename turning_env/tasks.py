@@ -60,7 +60,7 @@ class OverrideEnv(RoughTurningEnv):
 
 
 class SurfaceEnv(RoughTurningEnv):
-    """``RoughTurning-Surface-v0``: hold roughness Ra at a changing reference by feed override (roughness control paper).
+    """``RoughTurning-Surface-v1``: hold roughness Ra at a changing reference by feed override (roughness control paper).
 
     ## Description
 
@@ -79,11 +79,12 @@ class SurfaceEnv(RoughTurningEnv):
 
     ## Reward and end
 
-    `reward_roughness` is -10 times the relative deviation of Ra from its reference, integrated over time. Metal is worth next
-    to nothing, and all episodes take the same time. Truncated after 15 s.
+    `reward_roughness` is -10 times the relative deviation of Ra from its reference, integrated over time. In air no surface is
+    made, and the deviation is 1. Metal is worth next to nothing, and all episodes take the same time. Truncated after 15 s.
 
     ## Version history
 
+    * v1: the deviation counts in air. In v0 it did not, so a policy that never reached the bar returned most.
     * v0: initial version.
     """
 

@@ -51,7 +51,7 @@ def test_learning_curves_are_those_of_agents_beside_them() -> None:
         ("RoughTurning-v0", "rough_turning", 1, [CLAIRVOYANT, "causal", "predictive"]),
         ("RoughTurning-v0", "ck45", 1, ["rescaled_grid_search", f"{BEST}-seed1"]),
         ("RoughTurning-Override-v0", None, 1, ["omative", f"{BEST}-seed2"]),
-        ("RoughTurning-Surface-v0", None, 1, ["constant_force", "ppo-seed3"]),
+        ("RoughTurning-Surface-v1", None, 1, ["constant_force", "ppo-seed3"]),
         ("RoughTurning-Batch-v0", None, 2, ["parts_mt", "ppo-seed4"]),
         pytest.param(
             *(FAMILY_ID, "shop-unseen_jobs", 1, ["predictive", "self_tuning", "causal", "family_gradient-seed0"]), marks=FAMILY

@@ -82,6 +82,13 @@ def test_roughness_follows_the_force_and_its_deviation_is_charged():
     assert info["reward_roughness"] == pytest.approx(-10 * info["roughness_deviation"])
 
 
+def test_a_surface_that_is_not_made_deviates_by_all_of_its_reference():
+    idle = steps(SURFACE, [[-1.0]] * 1500)
+    cutting = steps(SURFACE, [[1 / 3]] * 1500)
+    assert sum(info["reward_roughness"] for info in idle) == pytest.approx(-150.0)
+    assert sum(info["reward_roughness"] for info in cutting) > -100.0
+
+
 def test_the_reference_changes_in_fixed_periods_and_stays_in_its_range():
     infos = steps(SURFACE, [[0.0]] * 1500)
     references = np.array([info["roughness_reference"] for info in infos])

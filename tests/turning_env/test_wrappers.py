@@ -31,7 +31,7 @@ def test_a_grade_is_the_override_of_the_table_up_to_the_highest(grade: int, most
 
 @pytest.mark.filterwarnings("ignore:.*different from the unwrapped version")  # as it should be
 def test_checkers_are_content_and_its_spec_makes_it_again() -> None:
-    env = FeedSwitch(gymnasium.make("RoughTurning-Surface-v0"))
+    env = FeedSwitch(gymnasium.make("RoughTurning-Surface-v1"))
     check_env(env)
     check_env_for_agents(env)
     assert env.spec is not None

@@ -270,7 +270,8 @@ def run_sub_step(state, work, report, count, parameters):
     if p.holds_roughness:
         for i in range(count):
             deviation = abs(roughness(at(p, i), state.thrust_force[i]) / state.roughness_reference[i] - 1.0)
-            report.roughness_deviation[i] += 60.0 * work.engaged[i] * deviation
+            in_air = at(p, i).sub_step - work.engaged[i]  # a surface that is not made deviates by all of its reference
+            report.roughness_deviation[i] += 60.0 * (work.engaged[i] * deviation + in_air)
     if p.collapses:
         for i in range(count):
             collapse(state, work, i, p)

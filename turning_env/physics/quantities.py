@@ -220,7 +220,7 @@ OVER_STEP = (
     Q("edges_broken", "-", "broken edges"),
     Q("overload_time", "s", "time beyond a limit"),
     Q("severe_overload_time", "s", "time beyond a limit by more than the tolerance"),
-    Q("roughness_deviation", "s", "integral of the relative deviation of Ra while cutting"),
+    Q("roughness_deviation", "s", "integral of the relative deviation of Ra, which is 1 in air"),
     Q("cost", "-", "cost_force + cost_power; above 0 means violated"),
     Q("cost_force", "-", "mean relative excess of thrust force, or of a further limit's response, over its limit"),
     Q("cost_power", "-", "mean relative excess of power over its limit"),

@@ -122,7 +122,7 @@ def test_random_actions_break_no_edge() -> None:
 
 @pytest.mark.slow
 def test_the_measurement_plays_with_and_without_the_shield(tmp_path: Any) -> None:
-    measured = list(rows(["RoughTurning-Surface-v0"], 1, tmp_path, Settings()))
+    measured = list(rows(["RoughTurning-Surface-v1"], 1, tmp_path, Settings()))
     assert [row.shielded for row in measured] == [False, True]
     assert gymnasium.spec(measured[0].env_id).kwargs["scenario"] == "surface"
 
