@@ -52,7 +52,7 @@ class Calibration:
     """What cannot be true, if the calibration was forced."""
     warnings: tuple[str, ...]
     next_cuts: NextCuts | None
-    """Cuts to measure next; None if no law can be known better."""
+    """Cuts to measure next; None if all laws are known."""
     readings: tuple[str, ...]
     """How each column of the sheet was read."""
     confidence: float

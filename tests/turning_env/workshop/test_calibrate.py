@@ -1,5 +1,6 @@
 """``python -m turning_env calibrate``: what it writes, prints and refuses."""
 
+import itertools
 import json
 from pathlib import Path
 
@@ -107,6 +108,26 @@ def test_spread_of_edges_is_written() -> None:
     assert made.tool.wear_factor_spread == pytest.approx(0.079, abs=0.001)  # of the factors' logarithms
     assert made.tool.wear_criterion == 0.4
     assert json.loads(Path("report.json").read_text())["laws"]["wear"]["edges"]["count"] == 5
+
+
+def test_next_cuts_differ_and_promise_a_gain(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("machine.toml").write_text(
+        "[machine]\ncutting_speed_min = 120.0\ncutting_speed_max = 320.0\nfeed_min = 0.15\nfeed_max = 0.5\n"
+    )
+    assert calibrate("--base", "machine.toml") == 0
+    advice, _, *cuts, _ = capsys.readouterr().out.splitlines()[-8:]
+    assert len(cuts) == len(set(cuts)) == 5
+    assert advice.endswith("within a factor of 2.15, and within 1 % when these cuts have been measured too:")
+
+
+def test_no_cuts_are_proposed_for_laws_that_are_known(capsys: pytest.CaptureFixture[str]) -> None:
+    cuts = itertools.product((80, 190), (0.2, 0.4), (1.5, 3.0), (3, 9))
+    rows = [f"{v},{f},{d},{t},{1e-5 * v**1.8 * f**0.6 * d**0.2 * t**0.6:.5f}" for v, f, d, t in cuts]
+    Path("wear.csv").write_text("\n".join(["cutting_speed,feed,depth_of_cut,time,wear", *rows]))
+    with_air = "[workpiece]\ndepth_profile = [2.0, 0.0, 2.5]\nsection_lengths = [100.0, 50.0, 150.0]\n"
+    Path("parts.toml").write_text(with_air)
+    assert calibrate("--base", "parts.toml", measurements="wear.csv") == 0
+    assert "least known" not in capsys.readouterr().out
 
 
 NAMES = "cutting_speed,feed,depth_of_cut,time,wear,thrust_force,power,hardness,edge"
