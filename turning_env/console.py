@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec
 
+import numpy as np
 from pydantic_core import to_json
 
 from turning_env.extras import missing
@@ -122,5 +123,9 @@ def _message(error: Exception) -> str:
 
 
 def print_json(value: object) -> None:
-    """Print mappings, lists, data classes, numbers and texts as JSON; write numbers that are not finite as null."""
-    print(to_json(value, indent=1, inf_nan_mode="null", fallback=str).decode())
+    """Print mappings, lists, arrays, data classes, numbers and texts as JSON; write numbers that are not finite as null."""
+    print(to_json(value, indent=1, inf_nan_mode="null", fallback=_plain).decode())
+
+
+def _plain(value: Any) -> object:
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)

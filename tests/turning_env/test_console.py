@@ -50,6 +50,11 @@ def test_docstring_is_split_into_prose_and_examples() -> None:
     assert described(None)["epilog"] is None
 
 
+def test_json_holds_arrays_as_lists_of_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    print_json({"return": np.array([[1.5, np.nan], [2.0, 3.0]]), "count": np.int64(3)})
+    assert json.loads(capsys.readouterr().out) == {"return": [[1.5, None], [2.0, 3.0]], "count": 3}
+
+
 def test_json_holds_data_classes_and_no_infinite_numbers(capsys: pytest.CaptureFixture[str]) -> None:
     @dataclass
     class Pair:
