@@ -13,10 +13,11 @@ forgetful policy forgets everything at each change of the edge.
 project are in leaderboard/results.
 
 A job's score is 0 for the "held optimum" and 1 for the oracle "causal", which is told the true laws and the present depth,
-hardness and wear. The table has its interquartile mean over jobs. Leads are over the best controller that is told the nominal
-model, job by job; the share of the gap closed is of that from it to the same controller told the truth. Intervals of 95 % are
-bootstrapped over jobs and training seeds. A policy is feasible on a job if its share of cutting time in severe overload is within
-the scenario's allowance.
+hardness and wear. The table has its interquartile mean over jobs. The full cost is all costs (time, edges, overload, breakage)
+over the worth of the metal, in %; above 100, the metal does not pay. It is not per volume, as volumes of different materials do
+not add up. Leads are over the best controller that is told the nominal model, job by job; the share of the gap closed is of that
+from it to the same controller told the truth. Intervals of 95 % are bootstrapped over jobs and training seeds. A policy is
+feasible on a job if its share of cutting time in severe overload is within the scenario's allowance.
 """
 
 import argparse

@@ -17,7 +17,7 @@ from turning_env.scenario.family import Family
 from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 
-FIELDS = ("return", "steps", "engaged_time", "severe_overload_time")
+FIELDS = ("return", "reward_metal", "steps", "engaged_time", "severe_overload_time")
 """The fields of an episode that are kept."""
 Rows = Mapping[int, Collection[float]]
 """Values of ``FIELDS`` by the seeds of episodes."""

@@ -28,6 +28,8 @@ class Comparison:
     name: str
     value: Estimate
     """Mean return over jobs [s]."""
+    full_cost: Estimate
+    """Cost of time, edges, overload and breakage over the worth of the metal, sums of all jobs."""
     worst: float
     """Lowest return of a job [s]."""
     score: Estimate
@@ -61,6 +63,11 @@ def compare(rows: dict[str, Episodes], rules: Sequence[str], allowance: float) -
     def mean(values: Floats, name: str) -> Estimate:
         return Estimate.of(values.mean(), bootstrap.means(values, name))
 
+    def full_cost(name: str) -> Estimate:
+        worth = rows[name]["reward_metal"].mean(axis=2)
+        cost = worth - returns[name]
+        return Estimate.of(cost.mean() / worth.mean(), bootstrap.means(cost, name) / bootstrap.means(worth, name))
+
     def score(name: str) -> Estimate:
         if not {ANCHOR, CAUSAL} <= returns.keys():
             return Estimate(np.nan, np.nan, np.nan)
@@ -79,6 +86,7 @@ def compare(rows: dict[str, Episodes], rules: Sequence[str], allowance: float) -
             Comparison(
                 name,
                 mean(returns[name], name),
+                full_cost(name),
                 float(returns[name].min()),
                 score(name),
                 mean(lead, name),
@@ -93,9 +101,10 @@ def compare(rows: dict[str, Episodes], rules: Sequence[str], allowance: float) -
 
 
 _HEADINGS = (
-    ("policy", "return", "95 %", "worst job", "score", "95 %", "lead", "95 %", "median", "better", "gap closed", "95 %",
-     "feasible", "overload"),
-    ("", "[s]", "[s]", "[s]", "[%]", "[%]", "[s]", "[s]", "[s]", "[% of jobs]", "[%]", "[%]", "[% of jobs]", "[% of time]"),
+    ("policy", "return", "95 %", "full cost", "95 %", "worst job", "score", "95 %", "lead", "95 %", "median", "better",
+     "gap closed", "95 %", "feasible", "overload"),
+    ("", "[s]", "[s]", "[%]", "[%]", "[s]", "[%]", "[%]", "[s]", "[s]", "[s]", "[% of jobs]",
+     "[%]", "[%]", "[% of jobs]", "[% of time]"),
 )  # fmt: skip
 
 
@@ -111,8 +120,8 @@ def table(comparisons: Sequence[Comparison]) -> str:
     for each in comparisons:
         shares = f"{100.0 * each.feasible:.0f}", f"{100.0 * each.overload:.1f}"
         rows.append(
-            [each.name, *cells(each.value), f"{each.worst:.0f}", *cells(each.score, 100.0), *cells(each.lead),
-             f"{each.median:.1f}", f"{100.0 * each.wins:.0f}", *cells(each.gap_closed, 100.0), *shares]
+            [each.name, *cells(each.value), *cells(each.full_cost, 100.0), f"{each.worst:.0f}", *cells(each.score, 100.0),
+             *cells(each.lead), f"{each.median:.1f}", f"{100.0 * each.wins:.0f}", *cells(each.gap_closed, 100.0), *shares]
         )  # fmt: skip
     return aligned(rows)
 

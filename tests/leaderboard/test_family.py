@@ -30,7 +30,12 @@ JOBS = 40
 
 def episodes(returns: Any, severe: Any = 0.0) -> dict[str, Any]:
     values = returns + np.zeros((1, JOBS, 2))
-    return {"return": values, "severe_overload_time": values * 0.0 + severe, "engaged_time": values * 0.0 + 100.0}
+    return {
+        "return": values,
+        "reward_metal": values * 0.0 + 400.0,
+        "severe_overload_time": values * 0.0 + severe,
+        "engaged_time": values * 0.0 + 100.0,
+    }
 
 
 def compared(**others: Any) -> dict[str, Comparison]:
@@ -61,6 +66,12 @@ def test_intervals_are_over_jobs_and_training_seeds() -> None:
     assert (found.lead.low, found.lead.value, found.lead.high) == pytest.approx((-1.0, 0.0, 1.0))
     assert (found.wins, found.feasible, found.overload) == pytest.approx((0.5, 0.5, 0.05))
     assert found.gap_closed.low < 0.0 < found.gap_closed.high
+
+
+def test_the_full_cost_is_all_cost_over_the_worth_of_the_metal() -> None:
+    found = compared(agent=(40.0, 0.0))["agent"].full_cost  # returns of -60 to 140 for metal that is worth 400
+    assert found.value == pytest.approx((400.0 - 40.0) / 400.0)
+    assert 260.0 / 400.0 < found.low < found.value < found.high < 460.0 / 400.0
 
 
 def test_without_a_gap_no_share_of_it_is_given() -> None:
