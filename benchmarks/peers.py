@@ -2,7 +2,7 @@
 
     python -m benchmarks.peers --out docs
 
-It measures this project and every peer that can be imported, in one process. Install the peers with ``pip install -e
+It measures this project and every peer that runs here, in one process. Install the peers with ``pip install -e
 '.[peers]'``. All cases take turns, so other load on the machine affects them equally. Ratios are taken within a turn. Steps per
 CPU second show which case used more than one core or waited for one. Actions are random and drawn beforehand. Resets count.
 """
@@ -14,6 +14,8 @@ import platform
 import statistics
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -66,7 +68,7 @@ def gymnax_cases() -> Iterator[Case]:
 
     def step(state: Any, key: Any) -> tuple[Any, Any]:
         act, move = jax.random.split(key)
-        _, state, reward, _, _ = env.step(move, state, env.action_space(parameters).sample(act), parameters)
+        _, state, reward, *_ = env.step(move, state, env.action_space(parameters).sample(act), parameters)
         return state, reward
 
     def scan(states: Any, key: Any) -> Any:
@@ -102,17 +104,28 @@ PEERS: dict[str, Callable[[], Iterator[Case]]] = {
 """Cases of each peer, by module."""
 
 
-def importable_cases(report: Callable[[str], None]) -> list[Case]:
-    """Return all cases of this project and of importable peers; pass the reason for each missing peer to ``report``."""
-    cases: list[Case] = []
+def runnable_cases(report: Callable[[str], None]) -> dict[str, list[Case]]:
+    """Return the cases of each peer that runs here, by module; pass the reason for each other peer to ``report``."""
+    cases: dict[str, list[Case]] = {}
     for module, peer in PEERS.items():
         try:
-            cases += peer()
+            found = list(peer())
+            for case in found:
+                case.step()  # some fail only here
+            cases[module] = found
         except ImportError as error:
             report(f"left out: {module}: {error}")
         except Exception as error:  # a failing peer must not stop the others
             report(f"left out: {module} does not run here: {type(error).__name__}: {error}")
-    return [*cases, *our_cases()]
+    return cases
+
+
+def versioned(module: str) -> str:
+    """Return a module's name and version; the name alone if it was not installed as a package."""
+    try:
+        return f"{module} {version(module)}"
+    except PackageNotFoundError:
+        return module
 
 
 class Row(NamedTuple):
@@ -148,7 +161,7 @@ def machine() -> str:
     return f"{model}, {os.cpu_count()} logical cores, {platform.system()}, Python {platform.python_version()}"
 
 
-def page(rows: Sequence[Row], command: str, left_out: Sequence[str]) -> str:
+def page(rows: Sequence[Row], versions: Sequence[str], command: str, left_out: Sequence[str]) -> str:
     """Return the table as Markdown."""
     lines = [
         "# Speed compared with other environments",
@@ -161,7 +174,7 @@ def page(rows: Sequence[Row], command: str, left_out: Sequence[str]) -> str:
         command,
         "```",
         "",
-        f"Machine: {machine()}.",
+        f"Machine: {machine()}. Versions: {', '.join(versions)}.",
         "",
         "| Case | environments | steps per second | per CPU second | ratio |",
         "|---|---:|---:|---:|---:|",
@@ -241,10 +254,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.repeats < 1 or not options.seconds > 0:
         parser.error("--repeats must be at least 1, and --seconds above 0")
     left_out: list[str] = []
-    cases = importable_cases(left_out.append)
+    peers = runnable_cases(left_out.append)
+    cases = [*chain.from_iterable(peers.values()), *our_cases()]
     rows = rows_of(cases, measure(cases, options.repeats, options.seconds))
     command = " ".join(["python -m benchmarks.peers", *(sys.argv[1:] if arguments is None else arguments)])
-    text = page(rows, command, left_out)
+    versions = [versioned(name) for name in (*peers, "rough-turning")]
+    text = page(rows, versions, command, left_out)
     print(text, end="")
     if options.out is not None:
         plot(rows, options.out / "peers.png")

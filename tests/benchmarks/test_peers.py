@@ -1,6 +1,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import gymnasium
 import pytest
 
 from benchmarks import peers
@@ -21,7 +22,7 @@ def test_ratios_are_taken_within_a_turn() -> None:
 
 
 @pytest.mark.slow
-def test_what_cannot_be_imported_is_left_out_and_said(
+def test_peers_that_do_not_run_are_left_out_and_said(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def absent() -> Iterator[Case]:
@@ -32,14 +33,23 @@ def test_what_cannot_be_imported_is_left_out_and_said(
     def broken() -> Iterator[Case]:
         raise RuntimeError("old drivers")
 
+    def changed() -> Iterator[Case]:
+        yield Case("changed", 1, 1, broken().__next__)
+
+    def in_a_folder() -> Iterator[Case]:
+        yield Case("own copy", 1, 1, lambda: None)
+
     monkeypatch.setattr(peers, "NUM_ENVS", (1, 2, 4))
-    monkeypatch.setattr(peers, "PEERS", {"absent": absent, "gymnasium": peers.gymnasium_cases, "broken": broken})
+    others = {"absent": absent, "broken": broken, "changed": changed, "in_a_folder": in_a_folder}
+    monkeypatch.setattr(peers, "PEERS", {"gymnasium": peers.gymnasium_cases, **others})
     assert peers.main(["--repeats", "1", "--seconds", "0.001", "--out", str(tmp_path)]) == 0
     page = (tmp_path / "peers.md").read_text("utf-8")
     assert page == capsys.readouterr().out
     assert "python -m benchmarks.peers --repeats 1 --seconds 0.001" in page
     assert "left out: absent: No module named 'no_such_module'" in page
     assert "left out: broken does not run here: RuntimeError: old drivers" in page
+    assert "left out: changed does not run here" in page
+    assert f"Versions: gymnasium {gymnasium.__version__}, in_a_folder, rough-turning " in page
     for name, lanes in ((peers.REFERENCE, 1), ("Gymnasium CartPole, vector", 4), ("**RoughTurning-v0, vector**", 4)):
         assert f"| {name} | {lanes} | " in page
     assert (tmp_path / "peers.png").read_bytes().startswith(b"\x89PNG")
