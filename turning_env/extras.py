@@ -21,14 +21,9 @@ EXTRAS = {
 """Import names of the packages that each extra of pyproject.toml installs."""
 _CLONE_ONLY = ("benchmark", "distributed")
 
-_INSTALLED_AS = {"PIL": "pillow", "pygame": "pygame-ce"}
-"""Names in the package index that differ from the import names."""
-
 
 def _how(extra: str) -> str:
-    if extra in _CLONE_ONLY:
-        return f"pip install -e '.[{extra}]' in a clone"
-    return f"pip install {' '.join(_INSTALLED_AS.get(package, package) for package in EXTRAS[extra])}"
+    return f"pip install -e '.[{extra}]' in a clone" if extra in _CLONE_ONLY else f"pip install 'rough-turning[{extra}]'"
 
 
 HOW = {package: _how(extra) for extra, packages in EXTRAS.items() for package in packages}
@@ -51,7 +46,7 @@ def needed() -> Iterator[None]:
     except ModuleNotFoundError as error:
         if (message := missing(error)) is None:
             raise
-        raise ModuleNotFoundError(message, name=error.name) from error
+        raise ModuleNotFoundError(message, name=error.name) from None
 
 
 def tell_plainly() -> None:

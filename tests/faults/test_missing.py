@@ -54,6 +54,15 @@ def test_what_is_missing_is_said_in_one_line(package: str, command: str, without
     assert "pip install" in line
 
 
+def test_an_environment_that_needs_more_says_how_to_install_it(without: Path) -> None:
+    variables = os.environ | {"WITHOUT": "shapely", "PYTHONPATH": os.pathsep.join((str(ROOT), str(without)))}
+    code = "import gymnasium; gymnasium.make('turning_env:RoughTurning-Program', program='part.mpf')"
+    finished = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True)
+    assert finished.stderr.count("Traceback") == 1
+    last = finished.stderr.splitlines()[-1]
+    assert last == "ModuleNotFoundError: shapely is not installed: pip install 'rough-turning[programs]'"
+
+
 def test_without_torch_rules_are_played(without: Path) -> None:
     words = ["leaderboard", "run", "--env", "RoughTurning-Override-v0", "--seeds", "1", "--policies", "programmed_feed"]
     variables = os.environ | {"WITHOUT": "torch", "PYTHONPATH": os.pathsep.join((str(ROOT), str(without)))}

@@ -24,7 +24,7 @@ def raising(error: BaseException) -> Callable[[], int]:
     [
         (ValueError("--wear is 5"), 2, "error: --wear is 5"),
         (FileNotFoundError(2, "No such file or directory", "a.csv"), 2, "error: a.csv: No such file or directory"),
-        (ModuleNotFoundError(name="PIL.Image"), 2, "error: PIL is not installed: pip install pillow pygame-ce"),
+        (ModuleNotFoundError(name="PIL.Image"), 2, "error: PIL is not installed: pip install 'rough-turning[render]'"),
         (KeyboardInterrupt(), 130, "stopped; run it again"),
     ],
 )
