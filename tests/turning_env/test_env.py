@@ -31,6 +31,11 @@ def test_ids_can_be_made_by_module_and_name(env_id, preset):
     assert "## Version history" in specification
 
 
+@pytest.mark.parametrize("env_id", [env_id for env_id in gymnasium.registry if env_id.startswith("RoughTurning-")])
+def test_the_specification_lists_every_registered_id(env_id):
+    assert f"{env_id.removeprefix('RoughTurning')}`" in RoughTurningEnv.__doc__
+
+
 @pytest.mark.parametrize("make", [gymnasium.make, lambda spec, **kwargs: gymnasium.make_vec(spec, num_envs=2, **kwargs)])
 @pytest.mark.parametrize("source", ["preset", "scenario", "file", "dict"])
 def test_a_stored_spec_makes_the_same_environment(make, source, tmp_path):
