@@ -3,6 +3,8 @@
 Importing this package registers the ids in ``IDS``; ``env.py`` and ``tasks.py`` specify them.
 """
 
+from importlib.metadata import PackageNotFoundError, version
+
 import gymnasium
 
 from turning_env.env import RoughTurningEnv
@@ -34,10 +36,16 @@ __all__ = [
     "ScenarioError",
     "Score",
     "VectorFeedSwitch",
+    "__version__",
     "presets",
     "read",
     "score",
 ]
+
+try:
+    __version__ = version("rough-turning")
+except PackageNotFoundError:  # run from a folder of sources
+    __version__ = "0+unknown"
 
 _ENTRY_POINTS = {
     "RoughTurning-v0": ("turning_env.env:RoughTurningEnv", "rough_turning"),
@@ -66,4 +74,4 @@ gymnasium.register(
     vector_entry_point="turning_env.family_env:FamilyVectorEnv",
     kwargs={"family": "shop"},
 )
-gymnasium.register("RoughTurning-Program-v0", entry_point="turning_env.programs.environment:ProgramEnv")  # needs a program
+gymnasium.register("RoughTurning-Program-v1", entry_point="turning_env.programs.environment:ProgramEnv")  # needs a program

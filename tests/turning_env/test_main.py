@@ -2,12 +2,18 @@ import json
 import os
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
+import turning_env
 from turning_env import Scenario, presets
 from turning_env.__main__ import main
+
+
+def test_the_package_states_its_version() -> None:
+    assert turning_env.__version__ == version("rough-turning")
 
 
 def test_presets_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
