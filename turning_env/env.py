@@ -165,7 +165,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     * `RoughTurning-v0`: preset `rough_turning`, as described above.
     * `RoughTurning-Paper-v0`, `-Override-v0`, `-Surface-v1`, `-Shift-v0`, `-Batch-v0`: see `turning_env.tasks`.
     * `RoughTurning-Family-v0`: many lathes with wrong nominal models, see `turning_env.FamilyEnv`.
-    * `RoughTurning-Program-v0`: a part program of your own, see `turning_env.programs.environment.ProgramEnv`.
+    * `RoughTurning-Program-v1`: a part program of your own, see `turning_env.programs.environment.ProgramEnv`.
 
     `turning_env.SPLITS` names presets that show how well a policy generalises: harder bars, skins, worn edges, biased sensors,
     another diameter and another steel.
