@@ -27,6 +27,8 @@ from turning_env.workshop.plot_style import policy_look
 SHOWN_AT_FIRST = ("Result", "Constraint track", "Limits")
 _HERE = Path(__file__).parent
 _SCRIPTS = ("tables.js", "charts.js", "start.js")
+_LARGE = re.compile(r"(?<![\w.-])[1-9]\d{4,14}(?!\w)")
+"""Whole numbers of five digits or more, outside names."""
 
 
 def write(leaderboards: Sequence[Leaderboard], path: Path) -> None:
@@ -40,6 +42,7 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
     templates = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     templates.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
     templates.filters["number"] = lambda text: re.sub(r"-(?=\d)", "\N{MINUS SIGN}", str(text))
+    templates.filters["grouped"] = lambda text: _LARGE.sub(lambda digits: f"{int(digits[0]):,}", str(text))
     templates.filters["unit"] = lambda text: str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
     templates.filters["short"] = lambda number: "" if number is None else f"{number:.6g}"
     templates.filters["colour"] = lambda name: policy_look(name)[0]
@@ -77,7 +80,6 @@ def _section(leaderboard: Leaderboard) -> dict[str, Any]:
         "column_groups": shown,
         "columns": [(heading, column) for heading, group in shown.items() for column in group],
         "leaderboard": leaderboard,
-        "versions": leaderboard.results[0].versions,
         "chart_data": chart_data(leaderboard),
         "learning_data": learning_data(leaderboard),
         "best_rules": _best_rules(leaderboard),

@@ -24,7 +24,7 @@ function drawing(name, attributes, text = "", colour = "") {
 // A name among other text: what it is written from right to left stays within it.
 const named = text => element("bdi", { textContent: text });
 const isolated = text => `\u2068${text}\u2069`;
-const written = (value, digits = 4) => Number(value.toPrecision(digits)).toLocaleString("en", { maximumSignificantDigits: digits, useGrouping: false }).replace("-", "\u2212");
+const written = (value, digits = 4) => Number(value.toPrecision(digits)).toLocaleString("en", { maximumSignificantDigits: digits, useGrouping: "min2" }).replace("-", "\u2212");
 
 function ticks(low, high, most) {
   const span = high - low, power = 10 ** Math.floor(Math.log10(span / most));

@@ -49,6 +49,16 @@ def html(leaderboard: Leaderboard) -> str:
     return page.render([leaderboard])
 
 
+def test_large_numbers_are_grouped_but_not_in_names_and_seeds(task: Task, tmp_path: Path) -> None:
+    words = {"description": "trained for 12000000 steps on bar-20000", "parameters": {"memory": 1500000, "rate": 0.00012345}}
+    folder = result_folder(tmp_path, ENV_ID, task.scenario.name)
+    play_all(task, [spec("fixed", **words)], folder)
+    html = page.render([read_leaderboard(folder)])
+    for written in ("12,000,000 steps on bar-20000", "memory = 1,500,000", "rate = 0.00012345", f"{task.seeds[0]} to "):
+        assert written in html
+    assert not re.search(r"rough-turning \d", html)  # of the day on which a result was played
+
+
 class Outline(HTMLParser):
     """The elements of a page, and those that are still open."""
 
