@@ -160,8 +160,8 @@ class ProgramEnv(RoughTurningEnv):
     | 0     | feed override | 0 %          | 100 %              | 200 % of the programmed feed   |
     | 1     | cutting speed | the lowest   |                    | the highest of the machine     |
 
-    Speed and feed stay within the machine's range. `tool_path.scenario` is the job as a scenario for every other environment, batch
-    and policy, with that scenario's own actions.
+    Speed and feed stay within the machine's range. `tool_path.scenario` is the job as a scenario for every other environment,
+    batch and policy, with that scenario's own actions.
 
     ## Observation space
 
