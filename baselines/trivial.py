@@ -1,15 +1,20 @@
-"""Policies without knowledge of cutting: random actions, and actions of 0. A useful controller must beat them.
+"""Policies without knowledge of cutting: random, no and degenerate actions. A useful controller must beat them.
 
-They need nothing of the nominal model.
+Degenerate policies do not machine sensibly: idle, cut as little as possible, break edges or change them all the time. If one
+came near the top of a leaderboard, the reward could be gamed. They need nothing of the nominal model.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rule import Rule
+from baselines.fixed import FixedParameters
+from baselines.rule import Parameters, Rule
 from turning_env.physics.quantities import action_size
+from turning_env.scenario import Scenario
+from turning_env.scenario.plan import columns_of
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 Words = NDArray[np.uint64]
@@ -53,33 +58,130 @@ class RandomActions:
         return (words.astype(np.float32) + 0.5) * np.float32(2.0**-23) - np.float32(1.0)
 
 
-class ZeroActions(Policy):
-    """A policy of actions 0: incremental commands do not change; other commands lie in the middle of their ranges.
+class ConstantActions(Policy):
+    """A policy of the same action at every step.
 
     Args:
-        num_envs: number of environments.
-        actions: number of actions per environment.
+        action: shape (action size,).
     """
 
-    def __init__(self, num_envs: int, actions: int) -> None:
-        self._actions = np.zeros((num_envs, actions), np.float32)
+    def __init__(self, action: Actions) -> None:
+        self._action = action
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size)."""
-        return self._actions
+        return np.tile(self._action, (len(observations), 1))
 
 
-def _rule(description: str, policy: Callable[[int, int], Policy]) -> Rule:
+class WaitThenPlay(Policy):
+    """A policy that idles at first and then plays another policy.
+
+    Args:
+        num_envs: number of environments.
+        idle: the action of the first steps, shape (action size,).
+        steps: number of these steps, one or shape (num_envs,).
+        policy: policy that plays after them.
+    """
+
+    def __init__(self, num_envs: int, idle: Actions, steps: float | NDArray[np.float64], policy: Policy) -> None:
+        self._idle, self._wait, self._policy = idle, steps, policy
+        self._steps = np.zeros(num_envs)
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Begin to idle in the environments of the mask, shape (num_envs,)."""
+        self._steps[mask] = 0.0
+        self._policy.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
+        waits = self._steps < self._wait
+        self._steps += 1.0
+        return np.where(waits[:, np.newaxis], self._idle, self._policy.act(observations))
+
+
+def zero(scenario: Scenario) -> Actions:
+    """Return the action of 0: incremental commands do not change; other commands lie in the middle of their ranges."""
+    return np.zeros(action_size(scenario), np.float32)
+
+
+def lowest(scenario: Scenario) -> Actions:
+    """Return the action of the lowest speed and feed, with parts in as many passes as possible; no edge is changed."""
+    return _extreme(scenario, -1.0)
+
+
+def highest(scenario: Scenario) -> Actions:
+    """Return the action of the highest speed and feed, with parts in one pass; no edge is changed."""
+    return _extreme(scenario, 1.0)
+
+
+def _extreme(scenario: Scenario, end: float) -> Actions:
+    action = np.full_like(zero(scenario), end)
+    if scenario.control.action == "part":
+        action[:2] = -end, 0.0  # number of passes, and the drawing's allowance
+    return _changing(action, -1.0) if _changes_edges(scenario) else action
+
+
+def _changing(action: Actions, change_edge: float = 1.0) -> Actions:
+    return np.append(action[:-1], np.float32(change_edge))
+
+
+def _changes_edges(scenario: Scenario) -> bool:
+    return scenario.control.edge_changes == "commanded"
+
+
+def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> WaitThenPlay:
+    first = scenarios[0]
+    each: Any = first if len(scenarios) == 1 else columns_of(scenarios)
+    control = each.control
+    if control.action == "part":
+        return WaitThenPlay(num_envs, lowest(first), first.workpiece.bars / 2.0, ConstantActions(zero(first)))
+    policy = FixedParameters(each, control.initial_cutting_speed, control.initial_feed)
+    return WaitThenPlay(num_envs, lowest(first), control.time_limit * 60.0 / control.interval / 2.0, policy)
+
+
+def _rule(description: str, policy: Callable[[Sequence[Scenario], int], Policy], *, commanded: bool = False) -> Rule:
+    """Return a rule for one scenario or many; ``commanded``: it plays only where edges are changed on command."""
+
+    def build(scenario: Scenario | Sequence[Scenario], num_envs: int, parameters: Parameters) -> Policy:
+        return policy([scenario] if isinstance(scenario, Scenario) else scenario, num_envs)
+
     return Rule(
         description,
-        lambda scenario, num_envs, parameters: policy(num_envs, action_size(scenario)),
-        lambda scenario: True,
+        build,
+        lambda scenario: _changes_edges(scenario) or not commanded,
         {},
         changes_edges=True,
+        together=True,
     )
 
 
+def _random(scenarios: Sequence[Scenario], num_envs: int) -> RandomActions:
+    return RandomActions(num_envs, action_size(scenarios[0]))
+
+
+def _constant(description: str, action: Callable[[Scenario], Actions], *, commanded: bool = False) -> Rule:
+    return _rule(description, lambda scenarios, num_envs: ConstantActions(action(scenarios[0])), commanded=commanded)
+
+
+DEGENERATE = {
+    "idle": _constant("degenerate: the lowest speed and feed; cuts as little as possible", lowest),
+    "wait_then_play": _rule("degenerate: idles for half of the episode, then the programmed speed and feed", _wait_then_play),
+    "fastest": _constant("degenerate: the highest speed and feed, until the edge breaks", highest),
+    "never_cut": _constant(
+        "degenerate: idles and changes the edge in every step, which leaves next to no time to cut",
+        lambda scenario: _changing(lowest(scenario)),
+        commanded=True,
+    ),
+    "change_every_step": _constant(
+        "degenerate: changes the edge in every step, at the programmed speed and feed",
+        lambda scenario: _changing(zero(scenario)),
+        commanded=True,
+    ),
+}
+"""Rules that do not machine sensibly, by name."""
+
 RULES = {
-    "random": _rule("random actions, drawn evenly", RandomActions),
-    "zero_action": _rule("no action: 0 for all of them", ZeroActions),
+    "random": _rule("random actions, drawn evenly", _random),
+    "zero_action": _constant("no action: 0 for all of them", zero),
+    **DEGENERATE,
 }

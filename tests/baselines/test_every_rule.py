@@ -73,7 +73,7 @@ def test_each_controller_plays_an_override_task_or_a_speed_and_feed_task_once() 
     for preset in ("override", "rough_turning"):
         played = [name.removesuffix("_with_speed") for name, rule in RULES.items() if rule.plays(SCENARIOS[preset])]
         assert len(played) == len(set(played))
-    anywhere = {"random", "zero_action"}
+    anywhere = {"random", "zero_action", "idle", "wait_then_play", "fastest"}
     on_surface = {name for name, rule in RULES.items() if rule.plays(SCENARIOS["surface"])}
     assert on_surface == anywhere | {
         "override_tuned",

@@ -1,9 +1,12 @@
 import numpy as np
 import pytest
 
-from baselines.catalogue import spec
-from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.scoring.play import play
+from baselines.catalogue import RULES, names, spec
+from baselines.trivial import DEGENERATE
+from turning_env import Family, RoughTurningVectorEnv, Scenario
+from turning_env.scoring.family import play_family, play_jobs
+from turning_env.scoring.play import Episodes, play
+from turning_env.scoring.seeds import tuning_seeds
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "batch_casting"])
@@ -32,3 +35,53 @@ def test_no_action_keeps_the_commands_where_actions_are_increments() -> None:
         observations, _, _, _, after = env.step(policy.act(observations))
     for name in ("commanded_cutting_speed", "commanded_feed"):
         np.testing.assert_allclose(after[name], infos[name], rtol=1e-6)
+
+
+def episodes(name: str, scenario: Scenario) -> Episodes:
+    return play(spec(name, scenario).make, scenario, tuning_seeds(2))
+
+
+def test_idling_removes_nothing_where_feed_can_stop_and_least_where_not() -> None:
+    assert not episodes("idle", Scenario.load("surface"))["removed"].any()
+    shift = Scenario.load("shift")
+    removed = {name: float(episodes(name, shift)["removed"].max()) for name in ("never_cut", "idle", "fixed_handbook")}
+    assert removed["never_cut"] < 0.02 * removed["idle"] < 0.02 * removed["fixed_handbook"]
+
+
+def test_an_edge_is_changed_in_every_step() -> None:
+    for name in ("never_cut", "change_every_step"):
+        played = episodes(name, Scenario.load("shift"))
+        np.testing.assert_allclose(played["edges_used"], played["steps"], atol=0.01)
+
+
+def test_the_fastest_break_edges() -> None:
+    assert (episodes("fastest", Scenario.load("shift"))["edges_broken"] > 0.0).all()
+
+
+@pytest.mark.parametrize("preset", ["rough_turning", "paper", "surface"])
+def test_half_of_the_episode_is_waited_and_then_programmed_values_are_played(preset: str) -> None:
+    scenario = Scenario.load(preset)
+    env, steps = RoughTurningVectorEnv(2, scenario, "Disabled"), (scenario.max_episode_steps or 0) // 2
+    waiting, idle = (spec(name, scenario).make(2) for name in ("wait_then_play", "idle"))
+    observations, started = env.reset(seed=0)
+    waiting.reset(np.ones(2, np.bool_))
+    for _ in range(steps):
+        actions = waiting.act(observations)
+        np.testing.assert_array_equal(actions, idle.act(observations))
+        observations, *_ = env.step(actions)
+    for _ in range(10):
+        observations, _, _, _, infos = env.step(waiting.act(observations))
+    for name in ("commanded_cutting_speed", "commanded_feed"):
+        np.testing.assert_allclose(infos[name], started[name], rtol=1e-5)
+
+
+def test_degenerate_policies_play_jobs_of_a_family_together_as_apart() -> None:
+    family = Family.load("shop")
+    jobs = [family.job(0), family.job(1)]
+    scenarios = [job.scenario for job in jobs]
+    assert set(DEGENERATE) <= set(names(scenarios[0]))
+    for name in ("wait_then_play", "never_cut"):
+        assert RULES[name].together
+        together = play_family(family, jobs, spec(name, scenarios).make, 1, "hidden")
+        apart = play_jobs(family, jobs, lambda job, name=name: spec(name, job.scenario).make, 1)
+        np.testing.assert_allclose(together["return"], apart["return"], rtol=1e-6)
