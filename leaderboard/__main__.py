@@ -339,7 +339,7 @@ def _parser() -> argparse.ArgumentParser:
         "--scenario", metavar="NAME", help="the scenario's name (default: the id's own), or family and split, as shop-unseen_jobs"
     )
     add("--all", action="store_true", help="print all rankings, of all ids and scenarios unless one is named")
-    which = "order of policies: penalty, by return (default), or constraint, feasible policies by cost"
+    which = "order of policies: penalty, by return, on splits by full cost (default), or constraint, feasible policies by cost"
     add("--track", choices=table.TRACKS, default="penalty", help=which)
     add("--information", action="store_true", help="print only what training gave each agent and what it sees, as Markdown")
     add = command(_page, "write all rankings as one HTML file", results)

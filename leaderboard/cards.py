@@ -62,7 +62,7 @@ def _of_scenario(results: Path, env_id: str, scenario: str) -> tuple[Played, Sho
         name = leaderboard.names[file.label]
         standing = next(standing for standing in leaderboard.standings if standing.name == name)
         columns_of = (*columns.RETURNS, *columns.COMPARISONS, *columns.CONSTRAINT, *columns.LIMITS, *columns.WORKSHOP)
-        elsewhere: list[tuple[str, Cell, bool]] = []  # split, return there, whether feasible there
+        elsewhere: list[tuple[str, Cell, bool]] = []  # split, full cost there, whether feasible there
         if across and across.tuned_for == file.metadata.scenario.name and name in across.rows:
             for split in across.scenarios[1:]:
                 if (cell := across.cell(name, split)) is not None:

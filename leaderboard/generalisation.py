@@ -1,9 +1,9 @@
-"""The return of policies on scenarios that they were not tuned for: one table over a leaderboard and those of its splits."""
+"""The full cost of policies on scenarios that they were not tuned for: one table over a leaderboard and those of its splits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from leaderboard.columns import RETURNS, Cell
+from leaderboard.columns import FULL_COST, Cell
 from leaderboard.ranking import Leaderboard
 from leaderboard.standings import Standing
 from leaderboard.table import aligned
@@ -22,9 +22,9 @@ class Across:
     """For each policy by name, its standing on each scenario on which it has played."""
 
     def cell(self, policy: str, scenario: str) -> Cell | None:
-        """Return the policy's return [s] on a scenario, None if it has not played there."""
+        """Return the policy's full cost on a scenario, None if it has not played there."""
         standing = self.rows[policy].get(scenario)
-        return None if standing is None else RETURNS[0].cell(standing)
+        return None if standing is None else FULL_COST.cell(standing)
 
     def feasible(self, policy: str, scenario: str) -> bool:
         """Return whether the policy is feasible on a scenario, or has not played there."""
@@ -44,7 +44,7 @@ def across(leaderboards: Sequence[Leaderboard]) -> Across | None:
         if home not in tuned_for or home.name in splits:
             continue
         chosen = [each for name in SPLITS if (each := splits.get(name)) and each.task.env_id == base.task.env_id]
-        rows: dict[str, dict[str, Standing]] = {standing.name: {home.name: standing} for standing in base.standings}
+        rows: dict[str, dict[str, Standing]] = {each.name: {home.name: each} for each in base.standings if each.full_cost}
         for split in chosen:
             names, policies = split.names, [result.policy for result in split.results]
             counted = {names[policy.label] for policy in policies if policy.tuned_for == home or policy.kind == "oracle"}
@@ -61,5 +61,5 @@ def render(table: Across) -> str:
     for policy in table.rows:
         cells = [(table.cell(policy, scenario), table.feasible(policy, scenario)) for scenario in table.scenarios]
         rows.append([policy, *("" if cell is None else cell.text + ("" if feasible else " NO") for cell, feasible in cells)])
-    head = f"return [s] of policies tuned for {table.tuned_for} on other scenarios; NO: not feasible"
+    head = f"full cost [min/dm3] of policies tuned for {table.tuned_for} on other scenarios; NO: not feasible"
     return f"{head}\n\n{aligned(rows)}"

@@ -3,13 +3,14 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from leaderboard.information import Information, class_of, information
 from leaderboard.result import Result
 from leaderboard.shipped import is_own
-from turning_env import Scenario
+from turning_env import SPLITS, Scenario
 from turning_env.files import digest_of
 from turning_env.scoring.overload import ratio
 from turning_env.scoring.policy import PolicySpec
@@ -70,11 +71,12 @@ class Standing:
     score: Estimate | None  # 0 the fixed parameters, 1 the clairvoyant bound
     gap_closed: Estimate | None  # share of the gap from the adaptive controller to the causal oracle
     over_causal: Estimate | None  # [s]
+    full_cost: Estimate | None  # [min/dm3], overload included; None if no metal is removed or a roughness is held
     minutes: float  # of an episode, with edge changes and downtime [min]
     part_cost: float | None  # edges included; None if no parts are turned [min]
     roughness_deviation: float | None  # mean, relative; None if no roughness is held
     removal_rate: float  # [cm3/min]
-    cost: Estimate | None  # [min/dm3]; None if no metal is removed
+    cost: Estimate | None  # [min/dm3], overload excluded; None if no metal is removed
     over_least_cost: Estimate | None  # [min/dm3], of the other feasible policies
     overload_share: float  # of cutting time
     severe_share: float  # of cutting time
@@ -85,8 +87,16 @@ class Standing:
     used_life: float  # at the end
 
 
+def ranked_by(scenario: Scenario) -> str:
+    """Return the field of ``Standing`` that ranks feasible policies: the mean return, or on splits the full cost.
+
+    Where metal does not pay, as on most splits, the return per edge is higher if the edge ends early.
+    """
+    return "full_cost" if scenario.name in SPLITS else "mean_return"
+
+
 def rank(results: Sequence[Result]) -> list[Standing]:
-    """Return the policies of one task: feasible ones first, then by mean return; oracles last. There must be a result."""
+    """Return the policies of one task: feasible ones first, then as ``ranked_by``; oracles last. There must be a result."""
     key = tuple((each.checksum, each.policy.description, is_own(each.policy)) for each in results)
     if key not in _ranked:  # a run asks several times
         _ranked[key] = _rank(results)
@@ -108,9 +118,21 @@ def _rank(results: Sequence[Result]) -> list[Standing]:
     bootstrap = Bootstrap(len(results[0].task.seeds))
     rules = {name: float(np.mean(played[name]["return"])) for name, group in groups.items() if group[0].policy.kind == "rule"}
     means = {name: bootstrap.means(episodes["return"], name) for name, episodes in played.items()}
-    costs = {name: found for name, group in groups.items() if (found := _costs(name, group[0].task.scenario, played, bootstrap))}
+    scenario = results[0].task.scenario
+    costs = {
+        name: _Costs.of(name, _cost_minutes(episodes, scenario), episodes["removed"], bootstrap)
+        for name, episodes in played.items()
+        if episodes["removed"].any()
+    }
     standings = [_standing(name, group, played, rules, bootstrap, means, costs) for name, group in groups.items()]
-    standings.sort(key=lambda each: (rank_key(each.kind, each.feasible, each.mean_return.value), each.name))
+    by_full_cost = ranked_by(scenario) == "full_cost"
+
+    def merit(each: Standing) -> float:
+        if by_full_cost:
+            return -each.full_cost.value if each.full_cost else -math.inf
+        return each.mean_return.value
+
+    standings.sort(key=lambda each: (rank_key(each.kind, each.feasible, merit(each)), each.name))
     return _with_ranks(standings, costs)
 
 
@@ -127,14 +149,21 @@ class _Costs:
     replicates: Floats
     """In each resample."""
 
+    @classmethod
+    def of(cls, name: str, minutes: Floats, removed: Floats, bootstrap: Bootstrap) -> Self:
+        """Return the cost of metal [cm3] that has cost ``minutes``."""
+        volume = removed / 1000.0
+        return cls(_share(minutes, volume), ratio(bootstrap.means(minutes, name), bootstrap.means(volume, name)))
 
-def _costs(name: str, scenario: Scenario, played: Mapping[str, dict[str, Floats]], bootstrap: Bootstrap) -> _Costs | None:
-    episodes = played[name]
-    minutes = total_minutes(episodes, scenario) + scenario.economics.edge_cost * episodes["edges_used"]
-    removed = episodes["removed"] / 1000.0
-    if not removed.any():
-        return None
-    return _Costs(_share(minutes, removed), ratio(bootstrap.means(minutes, name), bootstrap.means(removed, name)))
+    @property
+    def estimate(self) -> Estimate:
+        """Return it with its interval."""
+        return Estimate.of(self.value, self.replicates)
+
+
+def _cost_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
+    """Return the cost [min] of each episode: time and edges."""
+    return total_minutes(episodes, scenario) + scenario.economics.edge_cost * episodes["edges_used"]
 
 
 def _with_ranks(standings: Sequence[Standing], costs: Mapping[str, _Costs]) -> list[Standing]:
@@ -233,6 +262,8 @@ def _standing(
     engaged, severe = episodes["engaged_time"], episodes["severe_overload_time"]
     severe_limit = bootstrap.severe_limit(severe, engaged, name)
     removed, minutes, edges = episodes["removed"], total_minutes(episodes, scenario), episodes["edges_used"]
+    all_minutes = _cost_minutes(episodes, scenario) - episodes["reward_overload"] / 60.0
+    full_cost = _Costs.of(name, all_minutes, removed, bootstrap)
     return Standing(
         name=name,
         kind=policy.kind,
@@ -256,17 +287,14 @@ def _standing(
         score=closed(compared.fixed, CLAIRVOYANT),
         gap_closed=closed(compared.adaptive, CAUSAL),
         over_causal=difference(CAUSAL),
+        full_cost=full_cost.estimate if name in costs and scenario.control.aim == "removal" else None,
         minutes=float(np.mean(minutes)),
-        part_cost=(
-            _share(minutes + scenario.economics.edge_cost * edges, episodes["steps"])
-            if scenario.control.action == "part"
-            else None
-        ),
+        part_cost=(_share(_cost_minutes(episodes, scenario), episodes["steps"]) if scenario.control.action == "part" else None),
         roughness_deviation=(
             _share(episodes["roughness_deviation"], episodes["time"]) if scenario.control.aim == "roughness" else None
         ),
         removal_rate=_share(removed, minutes),
-        cost=Estimate.of(costs[name].value, costs[name].replicates) if name in costs else None,
+        cost=costs[name].estimate if name in costs else None,
         over_least_cost=None,
         overload_share=_share(episodes["overload_time"], engaged),
         severe_share=_share(severe, engaged),

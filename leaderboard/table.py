@@ -4,9 +4,9 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from leaderboard.columns import GROUPS, RETURNS, Column, Count, Mark, groups
+from leaderboard.columns import GROUPS, Column, Count, Mark, groups, ranking
 from leaderboard.ranking import Leaderboard
-from leaderboard.standings import Standing, by_cost
+from leaderboard.standings import Standing, by_cost, ranked_by
 
 UNITS = {
     column.field: column.unit if column.factor == 1.0 else "share"
@@ -21,7 +21,7 @@ TRACKS: dict[str, Callable[[Sequence[Standing]], Sequence[Standing]]] = {
     "penalty": lambda standings: standings,
     "constraint": by_cost,
 }
-"""The order of policies on each track: by return, or feasible policies by cost."""
+"""The order of policies on each track: as ranked, by return or on splits by full cost; or feasible policies by cost."""
 
 
 def as_data(leaderboards: Sequence[Leaderboard], track: str = "penalty") -> dict[str, Any]:
@@ -37,6 +37,7 @@ def as_data(leaderboards: Sequence[Leaderboard], track: str = "penalty") -> dict
                 "scenario": each.task.scenario.name,
                 "seeds": each.task.seeds,
                 "task": each.task.digest,
+                "ranked_by": "cost" if track == "constraint" else ranked_by(each.task.scenario),
                 "standings": [asdict(standing) for standing in TRACKS[track](each.standings)],
             }
             for each in leaderboards
@@ -47,7 +48,9 @@ def as_data(leaderboards: Sequence[Leaderboard], track: str = "penalty") -> dict
 def render(leaderboard: Leaderboard, track: str = "penalty") -> str:
     """Return a leaderboard as tables, one per subject, under a line that names the task."""
     task = leaderboard.task
-    lines = [f"{task.env_id}, scenario {task.scenario.name}, {len(task.seeds)} seeds, task {task.digest[:12]}"]
+    by = "cost" if track == "constraint" else ranking(task.scenario).heading
+    about = f"{task.env_id}, scenario {task.scenario.name}, {len(task.seeds)} seeds, task {task.digest[:12]}"
+    lines = [f"{about}, ranked by {by}"]
     standings = TRACKS[track](leaderboard.standings)
     for heading, columns in groups(standings).items():
         lines += ["", heading, "", aligned(_rows(standings, columns), left=1)]
@@ -62,8 +65,10 @@ def own_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]:
     lines = []
     for place, standing in enumerate(ranked, 1):
         if standing.own and standing.name in asked:
-            cell, task = RETURNS[0].cell(standing), leaderboard.task
-            told = f"your agent: rank {place} of {len(ranked)}, return {cell.text} s ({cell.interval})"
+            task, column = leaderboard.task, ranking(leaderboard.task.scenario)
+            cell = column.cell(standing)
+            value = f"{cell.text} {column.unit} ({cell.interval})" if cell.text else "none"
+            told = f"your agent: rank {place} of {len(ranked)}, {column.heading} {value}"
             lines.append(f"{told}: {standing.name} on {task.env_id}, scenario {task.scenario.name}")
     return lines
 

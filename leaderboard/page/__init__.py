@@ -80,6 +80,7 @@ def _section(leaderboard: Leaderboard) -> dict[str, Any]:
         "column_groups": shown,
         "columns": [(heading, column) for heading, group in shown.items() for column in group],
         "leaderboard": leaderboard,
+        "ranking": columns.ranking(leaderboard.task.scenario),
         "chart_data": chart_data(leaderboard),
         "learning_data": learning_data(leaderboard),
         "best_rules": _best_rules(leaderboard),

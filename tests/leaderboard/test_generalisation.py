@@ -12,25 +12,25 @@ BASE = ScenarioId.of(Scenario.load("rough_turning"))
 TUNED_HERE = spec("tuned")
 
 
-def leaderboard(make_result: MakeResult, scenario: str, returns: list[tuple[PolicySpec, float]]) -> Leaderboard:
+def leaderboard(make_result: MakeResult, scenario: str, costs: list[tuple[PolicySpec, float]]) -> Leaderboard:
     task = Task(env_id=ENV_ID, scenario=Scenario.load(scenario), seeds=[1, 2, 3, 4])
     results = []
-    for policy, value in returns:
+    for policy, cost in costs:  # [min/dm3], of a minute's cutting
         severe = 30.0 if policy.name == "greedy" and scenario != "rough_turning" else 0.0
-        results.append(make_result(policy.name, policy=policy, on=task, severe_overload_time=severe, **{"return": value}))
+        results.append(make_result(policy.name, policy=policy, on=task, severe_overload_time=severe, removed=1000.0 / cost))
     return Leaderboard(task, results, rank(results), None, [])
 
 
 def test_policies_over_the_splits_that_they_were_not_tuned_for(make_result: MakeResult) -> None:
     agent, bound = spec("ppo", seed=0, tuned_for=BASE), spec("oracle", kind="oracle")
     greedy, elsewhere, new = spec("greedy"), spec("greedy", tuned_for=BASE), spec("new", tuned_for=BASE)
-    base = leaderboard(make_result, "rough_turning", [(greedy, 5.0), (TUNED_HERE, 3.0), (agent, 4.0), (bound, 9.0)])
+    base = leaderboard(make_result, "rough_turning", [(greedy, 5.0), (TUNED_HERE, 3.0), (agent, 4.0), (bound, 1.0)])
     first, second = SPLITS[0], SPLITS[-1]
     splits = [
-        leaderboard(make_result, second, [(agent, 1.0), (TUNED_HERE, 8.0), (bound, 12.0)]),
+        leaderboard(make_result, second, [(agent, 1.0), (TUNED_HERE, 8.0), (bound, 0.5)]),
         leaderboard(make_result, first, [(elsewhere, 2.0), (new, 7.0)]),
     ]
-    table = generalisation.across([leaderboard(make_result, "forging", [(agent, 0.0)]), *splits, base])
+    table = generalisation.across([leaderboard(make_result, "forging", [(agent, 1.0)]), *splits, base])
     assert table is not None
     assert (table.tuned_for, table.scenarios) == ("rough_turning", ["rough_turning", first, second])
     # What was tuned for the split does not count there, nor does what has not played the base.
@@ -42,7 +42,12 @@ def test_policies_over_the_splits_that_they_were_not_tuned_for(make_result: Make
     }
     assert not table.feasible("greedy", first)
     lines = {line.split()[0]: line.split()[1:] for line in generalisation.render(table).splitlines()[3:]}
-    assert lines == {"greedy": ["5", "2", "NO"], "ppo": ["4", "1"], "tuned": ["3"], "oracle": ["9", "12"]}
+    assert lines == {
+        "greedy": ["5.00", "2.00", "NO"],
+        "ppo": ["4.00", "1.00"],
+        "tuned": ["3.00"],
+        "oracle": ["1.00", "0.50"],
+    }
 
 
 def test_there_is_no_table_without_splits(make_result: MakeResult) -> None:

@@ -225,7 +225,7 @@ def test_splits_are_played_by_what_was_tuned_for_the_scenario(
         result = read_result(tmp_path / "results" / "RoughTurning-v0" / name / "fixed_tuned.json.xz")
         assert result.policy.tuned_for == ScenarioId.of(Scenario.load("rough_turning"))
     shown = capsys.readouterr().out
-    table = shown[shown.index("return [s] of policies tuned for rough_turning") :].splitlines()
+    table = shown[shown.index("full cost [min/dm3] of policies tuned for rough_turning") :].splitlines()
     assert table[2].split() == ["policy", "rough_turning", *splits]
     assert table[3].split()[0] == "fixed_tuned"
     assert main(["run", "--results", str(tmp_path), "--env", "RoughTurning-Shift-v0", "--splits", "--policies"]) == 2

@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
-from leaderboard import shipped
+from leaderboard import page, shipped, table
 from leaderboard.columns import LIMITS, WORKSHOP
+from leaderboard.ranking import Leaderboard
+from leaderboard.result import Result, Task, read_result, result_files
 from leaderboard.standings import by_cost, rank
 from tests.leaderboard.conftest import MakeResult, spec
+from tests.leaderboard.test_shipped import RESULTS
+from turning_env import Scenario
 
 
 def test_physical_columns_by_hand(make_result: MakeResult) -> None:
@@ -33,6 +37,57 @@ def test_physical_columns_by_hand(make_result: MakeResult) -> None:
     assert standing.excess == pytest.approx(0.004)
     assert standing.broken_share == pytest.approx(1 / 3)
     assert standing.used_life == pytest.approx(2.201 / 4)
+
+
+def test_the_full_cost_is_all_cost_over_the_metal(make_result: MakeResult, task: Task) -> None:
+    # 4 minutes of cutting, half an edge and its change, and overload that costs a minute.
+    result = make_result("rule", removed=1000, edges_used=[0.5, 0, 0, 0], reward_overload=[-60, 0, 0, 0])
+    (standing,) = rank([result])
+    assert standing.cost is not None
+    assert standing.full_cost is not None
+    assert standing.cost.value == pytest.approx((4 + 0.5 * (2 + 3)) / 4)
+    assert standing.full_cost.value == pytest.approx(standing.cost.value + 1 / 4)
+    assert standing.full_cost.low < standing.full_cost.value < standing.full_cost.high
+    (standing,) = rank([make_result("rule", on=task.model_copy(update={"scenario": Scenario.load("surface")}))])
+    assert standing.full_cost is None  # the roughness counts, not the metal
+
+
+@pytest.mark.parametrize(
+    "place", ["v0/rough_turning", "v0/worn_lot", "Override-v0/override", "Shift-v0/shift", "Batch-v0/batch_casting"]
+)
+def test_the_full_cost_is_what_the_return_leaves_of_the_worth_of_the_metal(place: str) -> None:
+    results = [read_result(path) for path in result_files(RESULTS / f"RoughTurning-{place}") if "-seed" not in path.name]
+    played = [each for each in results if any(each.episodes["removed"])]
+    assert len(played) > 10
+    for result in played:
+        (standing,) = rank([result])
+        assert standing.full_cost is not None
+        worth, volume = np.sum(result.episodes["reward_metal"]), np.sum(result.episodes["removed"]) / 1000.0
+        assert standing.full_cost.value == pytest.approx((worth - np.sum(result.episodes["return"])) / 60.0 / volume)
+
+
+def test_splits_are_ranked_by_full_cost(make_result: MakeResult, task: Task) -> None:
+    def results(on: Task) -> list[Result]:
+        return [
+            make_result("ends_early", on=on, removed=100.0, **{"return": -10.0}),
+            make_result("cheap", on=on, removed=200.0, **{"return": -20.0}),
+            make_result("idle", on=on, removed=0.0, **{"return": -5.0}),
+            make_result("greedy", on=on, removed=900.0, severe_overload_time=6.0, **{"return": 100.0}),
+            make_result("known", on=on, policy=spec("known", kind="oracle"), removed=800.0, **{"return": 200.0}),
+        ]
+
+    worn = task.model_copy(update={"scenario": Scenario.load("worn_lot")})
+    boards = {on.scenario.name: Leaderboard(on, results(on), rank(results(on)), None, []) for on in (task, worn)}
+    by_return, by_full_cost = boards.values()
+    assert [each.name for each in by_return.standings] == ["idle", "ends_early", "cheap", "greedy", "known"]
+    assert [each.name for each in by_full_cost.standings] == ["cheap", "ends_early", "idle", "greedy", "known"]
+    assert [each.class_rank for each in by_full_cost.standings] == [1, 2, 3, 4, None]
+    assert [table.render(each).splitlines()[0].rpartition(", ")[2] for each in boards.values()] == [
+        "ranked by return",
+        "ranked by full cost",
+    ]
+    assert [each["ranked_by"] for each in table.as_data([*boards.values()])["leaderboards"]] == ["mean_return", "full_cost"]
+    assert "ranked by full cost" in page.render([by_full_cost])
 
 
 def test_comparisons_by_hand(make_result: MakeResult) -> None:

@@ -67,9 +67,9 @@ class Bootstrap:
         return float(np.quantile(ratio(self.means(severe, policy), self.means(engaged, policy)), CONFIDENCE))
 
 
-def rank_key(kind: str, feasible: bool, mean_return: float) -> tuple[bool, bool, float]:
-    """Return the key by which policies are ranked: oracles last, feasible policies first, then the higher mean return."""
-    return kind == "oracle", not feasible, -mean_return
+def rank_key(kind: str, feasible: bool, merit: float) -> tuple[bool, bool, float]:
+    """Return the key by which policies are ranked: oracles last, feasible policies first, then the higher merit."""
+    return kind == "oracle", not feasible, -merit
 
 
 def interquartile_mean(values: Floats) -> Floats:
