@@ -5,7 +5,7 @@ from importlib import import_module
 
 from baselines import tuned
 from baselines.models.edge_changes import as_played
-from baselines.rule import TOLERANCE, Rule
+from baselines.rule import Rule
 from turning_env import Scenario
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 
@@ -83,6 +83,5 @@ def spec(name: str, scenario: Scenario | Sequence[Scenario], tuned_on: Scenario 
         parameters=dict(parameters),
         command=command,
         tuned_for=None if tuned_on is None else ScenarioId.of(tuned_on),
-        tolerance=TOLERANCE,
         make=lambda num_envs: rule.build(nominal, num_envs, parameters),
     )

@@ -23,6 +23,7 @@ from baselines.models.part_program import PROGRAM, PartProgram, on_override, on_
 from baselines.rule import Range, Rule
 from turning_env import Reading, Scenario, read
 from turning_env.action import towards
+from turning_env.numerics.functions import exp, log
 from turning_env.scenario.sections import Surface
 from turning_env.scoring.policy import Actions, Observations, Policy
 
@@ -41,7 +42,7 @@ def force_of_roughness(surface: Surface, roughness: NDArray[np.float64]) -> NDAr
     """
     if surface.roughness_rate == 0.0:
         raise ValueError("surface.roughness_rate is 0.0, but where force is to set the roughness it must be above 0")
-    return np.maximum(np.log(roughness / surface.roughness_at_no_force) / surface.roughness_rate, 1.0)
+    return np.asarray(np.maximum(log(roughness / surface.roughness_at_no_force) / surface.roughness_rate, 1.0))
 
 
 def feed_of_roughness(
@@ -64,7 +65,7 @@ def feed_of_roughness(
     speed = np.full(len(roughness), scenario.control.initial_cutting_speed)
     force_at_unit_feed = law(speed, 1.0, scenario.workpiece.depth_of_cut, wear=wear)
     force = force_of_roughness(scenario.surface, roughness)
-    feed = np.exp(np.log(force / force_at_unit_feed) / law.feed)
+    feed = exp(log(force / force_at_unit_feed) / law.feed)
     return np.asarray(np.clip(feed, machine.feed_min, machine.feed_max))
 
 

@@ -21,6 +21,7 @@ from baselines.models.network import Network
 from baselines.models.part_program import PartProgram, on_program
 from baselines.rule import Rule
 from turning_env import Scenario, read
+from turning_env.numerics.functions import exp, log, sine_and_cosine
 from turning_env.scoring.policy import Actions, Observations
 
 SAMPLES, UNITS, WIDTH = 64, 6, 0.3
@@ -39,7 +40,7 @@ class RecommendedFeed:
 
     def __init__(self, scenario: Scenario) -> None:
         surface, self._machine = scenario.surface, scenario.machine
-        roughness = np.geomspace(surface.reference_min, surface.reference_max, SAMPLES)
+        roughness = exp(np.linspace(log(surface.reference_min), log(surface.reference_max), SAMPLES))
         self._network = Network(roughness[:, np.newaxis], feed_of_roughness(scenario, roughness), UNITS, WIDTH)
 
     def __call__(self, roughness: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -71,7 +72,7 @@ class ConstantForceNetwork(ConstantForce):
     ) -> None:
         super().__init__(program, num_envs)
         self._recommended = RecommendedFeed(program.scenario)
-        over_feed = math.sin(math.radians(entering_angle))
+        over_feed, _ = sine_and_cosine(entering_angle / 360.0)
         self._feed_range = chip_thickness_min / over_feed, chip_thickness_max / over_feed
 
     def act(self, observations: Observations) -> Actions:

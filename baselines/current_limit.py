@@ -19,6 +19,7 @@ from baselines.constant_force import FORCE_SHARE
 from baselines.models.current_sensing import ForceEstimator
 from baselines.models.part_program import PROGRAM, PartProgram, override_rules
 from turning_env import read
+from turning_env.numerics.functions import real_power
 from turning_env.scoring.policy import Actions, Observations
 from turning_env.wrappers import FEED_GRADES
 
@@ -79,7 +80,7 @@ class CurrentLimit:
         self.reset(~reading.cutting)
         self._steps_in_metal += reading.cutting
         force, feed = (estimate[:, np.newaxis] for estimate in self._estimator.update(reading))
-        force = force * (self._feeds / feed) ** scenario.material.thrust_force.feed  # (num_envs, grades)
+        force = force * real_power(self._feeds / feed, scenario.material.thrust_force.feed)  # (num_envs, grades)
         lowest = (force <= self._lower).sum(axis=1) - 1
         highest = (force <= self._upper).sum(axis=1) - 1
         settled = self._steps_in_metal > self.settling_steps

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.models.part_program import SPEED_AND_TARGET, OverrideLaw, PartProgram, override_rules, target_load
+from turning_env.numerics.functions import exp
 
 MIN_HEADROOM = 0.05
 """Lower bound of 1 - M_z in (2) and (6) [-], because the target may be the rated load or more (assumption)."""
@@ -34,12 +35,12 @@ def new_override(
     override: NDArray[np.float64], load: NDArray[np.float64], target: float, override_max: float, k: float, p: float, d: float
 ) -> NDArray[np.float64]:
     """Return the new override [-] by equations (1) to (7), for the present override and load [-], all of shape (num_envs,)."""
-    rising = k * np.exp(-5.0 * (load / target) ** 2)
+    rising = k * exp(-5.0 * (load / target) ** 2)
     headroom = max(1.0 - target, MIN_HEADROOM)
-    falling = p * np.exp(-10.0 / headroom * (load - target) ** 2) + 1.0 - p
+    falling = p * exp(-10.0 / headroom * (load - target) ** 2) + 1.0 - p
     raised = override + rising * (override_max - override)
     lowered = falling * (override - d) + d
-    return np.where(load < target, raised, lowered)
+    return np.asarray(np.where(load < target, raised, lowered))
 
 
 def fuzzy_override(program: PartProgram, num_envs: int, target: float, k: float, p: float, d: float) -> OverrideLaw:

@@ -20,6 +20,7 @@ from baselines.rule import Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.compilation import compiled, compiled_entry
+from turning_env.numerics.functions import real_power
 from turning_env.physics.machinability import force_and_power, log_wear_coefficient
 from turning_env.physics.records import parameter_records
 from turning_env.physics.spindle import capacity, idle_power
@@ -123,7 +124,7 @@ class GridSearch(Policy):
             self._parameters,
             self._speeds,
             self._feeds,
-            (reading.nominal_wear / self._scenario.tool.wear_criterion) ** (1.0 / self._scenario.material.wear.time),
+            real_power(reading.nominal_wear / self._scenario.tool.wear_criterion, 1.0 / self._scenario.material.wear.time),
             reading.cutting_time,
             self._scenario.control.interval / 60.0,
             self._force_limits,

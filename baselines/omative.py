@@ -15,6 +15,7 @@ from baselines.load_override import LOWEST_OVERRIDE
 from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, override_rules, target_load
 from baselines.rule import Range
 from turning_env import read
+from turning_env.numerics.functions import exp, log
 from turning_env.physics.drives import lag_share
 from turning_env.scoring.policy import Actions, Observations
 
@@ -53,8 +54,8 @@ class AirGapControl:
         reading = read(observations, program.scenario)
         present = program.override(reading)
         load = np.maximum(reading.load, 1e-9)
-        change = np.clip(np.log(self._target / load) / exponent, -MAX_CHANGE, MAX_CHANGE)
-        wanted = np.maximum(reading.feed / program.feed * np.exp(change), LOWEST_OVERRIDE)
+        change = np.clip(log(self._target / load) / exponent, -MAX_CHANGE, MAX_CHANGE)
+        wanted = np.maximum(reading.feed / program.feed * exp(change), LOWEST_OVERRIDE)
         wanted = np.minimum(wanted, program.override_max)
         override = np.where(wanted > present, present + self._rise_share * (wanted - present), wanted)
 

@@ -14,7 +14,6 @@ It needs of the nominal model: the laws of wear, force and power, prices, the sp
 factor and strength, and the lags and noise of drives and sensors.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -27,6 +26,7 @@ from baselines.models.load_filter import Array, LoadFilter, Outlook, decay, feed
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
+from turning_env.numerics.functions import exp, hypotenuse, log, real_power
 from turning_env.scenario.plan import columns_of
 from turning_env.scoring.policy import Actions, Observations
 
@@ -91,7 +91,7 @@ class Optimiser:
         self._parameters = np.concatenate([parameter_record(each, severity) for each in scenarios])
         self._filter = self._new_filter(num_envs)
         self._lots = self._log_rates()
-        rates = tuple(np.exp(self._lots).tolist())
+        rates = tuple(exp(self._lots).tolist())
         worths = [worth_of_lots(each, severity * each.economics.overload_price, rates) for each in scenarios]
         self._prices = np.array([[lot.life for lot in lots] for lots in worths])  # (scenarios, lots, used lives)
         self._look_at(self._scenario.control.interval * (np.arange(POINTS) + 0.5) / POINTS)
@@ -119,9 +119,9 @@ class Optimiser:
     def _used_lives(self, reading: Reading) -> tuple[Array, Array]:
         """Return the used share of the edge's life [-] by the nominal model and by the filter."""
         exponent = self._scenario.material.wear.time
-        nominal = (reading.nominal_wear / self._scenario.tool.wear_criterion) ** (1.0 / exponent)
+        nominal = real_power(reading.nominal_wear / self._scenario.tool.wear_criterion, 1.0 / exponent)
         nominal = np.maximum(nominal, MIN_USED_LIFE)
-        return nominal, nominal * np.exp(self._filter.log_wear_factor / exponent)
+        return nominal, nominal * exp(self._filter.log_wear_factor / exponent)
 
     def _price(self, used_life: Array) -> Array:
         """Return the price of a life [s] at used shares, shape (num_envs,), between those of the priced lots."""
@@ -140,10 +140,10 @@ class Optimiser:
     def _spent(self, reading: Reading, used_life: Array, price: Array) -> NDArray[np.bool_]:
         """Return whether to change the edge: its life has no price left, or may soon be over."""
         exponent, (log_rate, speed, feed) = self._scenario.material.wear.time, self._parameters["life"].T
-        log_rate = log_rate + speed * np.log(reading.cutting_speed) + feed * np.log(reading.feed)
-        rate = np.exp(log_rate + self._filter.log_wear_factor / exponent)  # [1/s]
+        log_rate = log_rate + speed * log(reading.cutting_speed) + feed * log(reading.feed)
+        rate = exp(log_rate + self._filter.log_wear_factor / exponent)  # [1/s]
         soon = used_life + rate * LEAD * self._scenario.control.interval
-        over = soon * np.exp(self.wear_caution * self._filter.wear_doubt / exponent) >= 1.0
+        over = soon * exp(self.wear_caution * self._filter.wear_doubt / exponent) >= 1.0
         spent: NDArray[np.bool_] = (reading.nominal_wear > 0.0) & (over | (price <= 0.0))
         return spent
 
@@ -168,23 +168,23 @@ class Optimiser:
         """Return the prospect at a nominal used life [-] and a price of life [s], shape (num_envs,)."""
         economics, tool, law = self._scenario.economics, self._scenario.tool, self._scenario.material.wear
         nominal_depth = column(self._scenario.workpiece.depth_of_cut)
-        deeper, harder = np.log(outlook.depth_of_cut / nominal_depth), outlook.log_hardness
+        deeper, harder = log(outlook.depth_of_cut / nominal_depth), outlook.log_hardness
         wear = column(law.depth_of_cut) * deeper + column(law.hardness) * harder
         left = np.maximum(1.0 - used_life, 0.0)
         # Air costs only time: crossing it is worth the metal that could be cut instead.
         depth = np.where(cutting > 0, outlook.depth_of_cut, nominal_depth)
         return Prospect(
-            log_speed=np.log(reading.cutting_speed),
-            log_feed=np.log(reading.feed),
+            log_speed=log(reading.cutting_speed),
+            log_feed=log(reading.feed),
             used_life=used_life,
             breakage_price=60.0 * (left * (economics.edge_cost + economics.edge_change_time) + economics.breakage_downtime),
             log_force=outlook.log_force,
             log_power=outlook.log_power,
             force_spread=np.maximum(self._caution * outlook.force_spread, MIN_SPREAD),
             power_spread=np.maximum(self._caution * outlook.power_spread, MIN_SPREAD),
-            strength_spread=np.maximum(np.hypot(outlook.force_spread, column(tool.edge_strength_spread)), MIN_SPREAD),
+            strength_spread=np.maximum(hypotenuse(outlook.force_spread, column(tool.edge_strength_spread)), MIN_SPREAD),
             metal_value=depth / column(economics.reference_removal_rate),
-            life_price=price[:, np.newaxis] * np.exp(wear / column(law.time)),
+            life_price=price[:, np.newaxis] * exp(wear / column(law.time)),
             cutting=cutting,
             unmeasured=unmeasured,
         )
@@ -200,15 +200,15 @@ class Optimiser:
         points = np.stack(prospect[-len(POINT) :], axis=1)
         found = np.empty((len(points), 2))
         search(self._parameters, self._left, environments, points, found)
-        return np.exp(found[:, 0]), np.exp(found[:, 1])
+        return exp(found[:, 0]), exp(found[:, 1])
 
     def _reach(self, commanded: Array, ends: tuple[Any, Any], name: str) -> tuple[Array, Array]:
         """Return the logarithms of the lowest and the highest value, between two ends, that the next action can command."""
-        least, most = (np.log(end) for end in ends)
+        least, most = (log(end) for end in ends)
         if self._scenario.control.action == "set_point":
             return np.broadcast_to(least, commanded.shape), np.broadcast_to(most, commanded.shape)
         step = getattr(self._scenario.control, f"{name}_step")
-        return np.clip(np.log(commanded) - step, least, most), np.clip(np.log(commanded) + step, least, most)
+        return np.clip(log(commanded) - step, least, most), np.clip(log(commanded) + step, least, most)
 
 
 def between(place: Array, count: int) -> tuple[Array, NDArray[np.int64]]:
@@ -229,12 +229,12 @@ def parameter_record(scenario: Scenario, severity: float) -> Any:
     wear, wear_speed, wear_feed = log_law(material.wear, scenario, tool.wear_criterion)
     time = material.wear.time
     parameters: dict[str, Any] = {
-        "life": (wear / time - math.log(60.0), wear_speed / time, wear_feed / time),  # of the log used life [1/s]
+        "life": (wear / time - log(60.0), wear_speed / time, wear_feed / time),  # of the log used life [1/s]
         "force": log_law(material.thrust_force, scenario, limits.thrust_force)[0],
         "power": log_law(material.power, scenario, limits.power)[0],
         "wear_time": time,
-        "log_base_speed": math.log(scenario.base_cutting_speed or 1e-9),
-        "log_strength": float(np.log(tool.edge_strength / limits.thrust_force)),
+        "log_base_speed": log(scenario.base_cutting_speed or 1e-9),
+        "log_strength": float(log(tool.edge_strength / limits.thrust_force)),
         "overload_price": severity * scenario.economics.overload_price,
         "interval": scenario.control.interval,
     }
@@ -245,7 +245,7 @@ def parameter_record(scenario: Scenario, severity: float) -> Any:
 def log_law(law: PowerLaw, scenario: Scenario, limit: float) -> tuple[float, float, float]:
     """Return log(response / limit) at 1 m/min, 1 mm/rev, nominal depth and the wear criterion, and exponents of the first two."""
     at_one = law(1.0, 1.0, scenario.workpiece.depth_of_cut, wear=scenario.tool.wear_criterion)
-    return float(np.log(at_one / limit)), law.cutting_speed, law.feed
+    return float(log(at_one / limit)), law.cutting_speed, law.feed
 
 
 def plays(scenario: Scenario) -> bool:

@@ -16,6 +16,7 @@ from baselines.rule import Parameters, Range, Rule
 from baselines.two_limits import ECONOMIC_OPTIMUM, MIN_DEPTH, TWO_LIMITS, set_point
 from turning_env import Scenario, read
 from turning_env.action import set_point_action
+from turning_env.numerics.functions import exp, log, real_power
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 Array = NDArray[np.float64]
@@ -116,7 +117,7 @@ class RuledParts(Policy):
         depths = pass_depths(allowance, path, passes, self._scenario.control.passes_max)
         speed, feed = set_point(self._rule, process, depths, wear=wear[:, np.newaxis])
         minutes = np.pi * workpiece.diameter * (workpiece.bar_length + workpiece.approach) / (1000.0 * speed * feed)
-        life = np.exp(process.log_life(np.log(speed), np.log(feed), np.maximum(depths, MIN_DEPTH), 1.0))
+        life = exp(process.log_life(log(speed), log(feed), np.maximum(depths, MIN_DEPTH), 1.0))
         edges = np.where(depths > 0.0, minutes / life, 0.0)
         made = np.arange(depths.shape[1]) < passes[:, np.newaxis]
         cost = np.sum(made * (minutes + self._scenario.machine.return_time + process.edge_price * edges), axis=1)
@@ -144,8 +145,8 @@ def pass_depths(allowance: Array, path: Array, passes: Array, passes_max: int) -
 
 def _build_fixed(scenario: Scenario, num_envs: int, p: Parameters) -> FixedParts:
     machine = scenario.machine
-    speed = machine.cutting_speed_min * (machine.cutting_speed_max / machine.cutting_speed_min) ** p["cutting_speed"]
-    feed = machine.feed_min * (machine.feed_max / machine.feed_min) ** p["feed"]
+    speed = machine.cutting_speed_min * real_power(machine.cutting_speed_max / machine.cutting_speed_min, p["cutting_speed"])
+    feed = machine.feed_min * real_power(machine.feed_max / machine.feed_min, p["feed"])
     return FixedParts(scenario, p["passes"], speed, feed)
 
 

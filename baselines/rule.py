@@ -10,14 +10,6 @@ from turning_env.scoring.policy import Policy
 Parameters = dict[str, float]
 
 
-TOLERANCE = 1e-6
-"""Largest difference of any number of a rule's episode, such as its return [s], on another processor.
-
-Rules compute with NumPy, whose exponentials and logarithms differ in the last bit between processors. The largest measured
-difference is 3e-9.
-"""
-
-
 @dataclass(frozen=True)
 class Range:
     """The range within which a parameter is tuned."""

@@ -16,6 +16,7 @@ from baselines.optimiser import plays
 from baselines.predictive import Predictive
 from baselines.rule import Range, Rule
 from turning_env import Scenario
+from turning_env.numerics.functions import log
 
 REACH = 1.5
 """Distance of the slowest and the fastest lot that are priced from the expected one, over the prior deviation [-]."""
@@ -54,7 +55,7 @@ class SelfTuning(Predictive):
         return LoadFilter(self._scenarios, num_envs, self._doubt)
 
     def _log_rates(self) -> Array:
-        lots: Array = self._doubt.lot * REACH * np.array([-1.0, 0.0, 1.0]) - np.log(self._doubt.lot_life)
+        lots: Array = self._doubt.lot * REACH * np.array([-1.0, 0.0, 1.0]) - log(self._doubt.lot_life)
         return lots if self._doubt.lot > 0.0 else lots[:1]
 
 

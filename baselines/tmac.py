@@ -26,6 +26,7 @@ from baselines.load_override import towards_load
 from baselines.models.part_program import SPEED_AND_TARGET, PartProgram, override_rules
 from baselines.rule import Range
 from turning_env import read
+from turning_env.numerics.functions import real_power
 from turning_env.physics.drives import lag_share
 from turning_env.physics.spindle import capacity_at
 from turning_env.scoring.policy import Actions, Observations
@@ -81,8 +82,8 @@ class LearnedPower:
         self._cutting_time = reading.cutting_time
         at_program = (
             reading.power
-            * (program.feed / reading.feed) ** law.feed
-            * (program.cutting_speed / reading.cutting_speed) ** law.cutting_speed
+            * real_power(program.feed / reading.feed, law.feed)
+            * real_power(program.cutting_speed / reading.cutting_speed, law.cutting_speed)
         )
         seconds = 60.0 * reading.cutting_time
         young = seconds < LEARNING_TIME

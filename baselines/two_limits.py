@@ -33,6 +33,7 @@ from baselines.models.process import ALIKE, Array, Limit, Line, Process, Scales
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
+from turning_env.numerics.functions import exp, log, real_power
 from turning_env.scoring.policy import Actions, Observations
 
 TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")
@@ -99,7 +100,7 @@ def set_point(
             first = Line(0.0, 1.0, np.minimum(first.room / first.feed, other.room / other.feed))
         log_speed, log_feed = _within_ranges(process, (first, second), *first.crossing(second))
     log_speed, log_feed = _within_force_and_power(process, held, log_speed, log_feed)
-    return np.clip(np.exp(log_speed), *process.cutting_speed_range), np.clip(np.exp(log_feed), *process.feed_range)
+    return np.clip(exp(log_speed), *process.cutting_speed_range), np.clip(exp(log_feed), *process.feed_range)
 
 
 def depth_exponents(rule: str, process: Process) -> tuple[float, float]:
@@ -109,9 +110,10 @@ def depth_exponents(rule: str, process: Process) -> tuple[float, float]:
 
 def _exponents(one: Limit, other: Limit) -> tuple[float, float]:
     first, second = one.law, other.law
-    coefficients = [[first.cutting_speed, first.feed], [second.cutting_speed, second.feed]]
-    speed, feed = np.linalg.solve(coefficients, [-first.depth_of_cut, -second.depth_of_cut])
-    return float(speed), float(feed)
+    determinant = first.cutting_speed * second.feed - first.feed * second.cutting_speed
+    speed = first.feed * second.depth_of_cut - first.depth_of_cut * second.feed
+    feed = first.depth_of_cut * second.cutting_speed - first.cutting_speed * second.depth_of_cut
+    return speed / determinant, feed / determinant
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ class Along:
     def __call__(self, depth_of_cut: ArrayLike) -> Array:
         """Return q at depths of cut [mm]."""
         depth = np.asarray(depth_of_cut)
-        return np.asarray(self.a * depth**self.eta + self.price * self.b * depth**self.lambda_)
+        return np.asarray(self.a * real_power(depth, self.eta) + self.price * self.b * real_power(depth, self.lambda_))
 
     @property
     def cheapest_depth(self) -> float:
@@ -138,7 +140,7 @@ class Along:
             return np.inf
         if falling >= -ALIKE:
             return 0.0
-        return float((-self.a * self.eta / (self.price * self.b * self.lambda_)) ** (1.0 / (self.lambda_ - self.eta)))
+        return float(real_power(-self.a * self.eta / (self.price * self.b * self.lambda_), 1.0 / (self.lambda_ - self.eta)))
 
 
 def along(process: Process, first: Limit, second: Limit) -> Along:
@@ -148,11 +150,11 @@ def along(process: Process, first: Limit, second: Limit) -> Along:
     speed, feed = _exponents(first, second)
     mu, nu, rho = process.life_exponents
     return Along(
-        a=float(np.exp(-log_speed - log_feed)),
+        a=float(exp(-log_speed - log_feed)),
         eta=-1.0 - speed - feed,
-        b=float(np.exp((mu - 1.0) * log_speed + (nu - 1.0) * log_feed)),
+        b=float(exp((mu - 1.0) * log_speed + (nu - 1.0) * log_feed)),
         lambda_=(mu - 1.0) * speed + (nu - 1.0) * feed + rho - 1.0,
-        price=process.edge_price / float(np.exp(process.log_life(np.zeros(()), np.zeros(()), 1.0, 1.0))),
+        price=process.edge_price / float(exp(process.log_life(np.zeros(()), np.zeros(()), 1.0, 1.0))),
     )
 
 
@@ -192,20 +194,20 @@ def _pairs(process: Process) -> list[tuple[tuple[str, Limit], tuple[str, Limit]]
 
 def _within_ranges(process: Process, lines: Lines, log_speed: Array, log_feed: Array) -> tuple[Array, Array]:
     """Apply step 1 of the module's description."""
-    feed = np.clip(log_feed, *np.log(process.feed_range))
+    feed = np.clip(log_feed, *log(process.feed_range))
     at_feed = np.minimum(*(line.highest_cutting_speed(feed) for line in lines))
     log_speed = np.where(feed == log_feed, log_speed, at_feed)
-    speed = np.clip(log_speed, *np.log(process.cutting_speed_range))
+    speed = np.clip(log_speed, *log(process.cutting_speed_range))
     at_speed = np.minimum(*(line.highest_feed(speed) for line in lines))
-    return speed, np.clip(np.where(speed == log_speed, feed, at_speed), *np.log(process.feed_range))
+    return speed, np.clip(np.where(speed == log_speed, feed, at_speed), *log(process.feed_range))
 
 
 def _within_force_and_power(process: Process, held: Lines, log_speed: Array, log_feed: Array) -> tuple[Array, Array]:
     """Apply step 2 of the module's description."""
     wanted = np.minimum(log_feed, reduce(np.minimum, (line.highest_feed(log_speed) for line in held)))
-    feed = np.maximum(wanted, np.log(process.feed_range[0]))
+    feed = np.maximum(wanted, log(process.feed_range[0]))
     at_feed = reduce(np.minimum, (line.highest_cutting_speed(feed) for line in held))
-    slower = np.maximum(np.minimum(log_speed, at_feed), np.log(process.cutting_speed_range[0]))
+    slower = np.maximum(np.minimum(log_speed, at_feed), log(process.cutting_speed_range[0]))
     return np.where(wanted < feed, slower, log_speed), feed
 
 
@@ -217,8 +219,8 @@ def _cheapest(
     On logarithmic scales, the cost is convex and all limits are lines. So the optimum is where two lines cross, or where the
     life along a line is its economic life.
     """
-    slowest, fastest = np.log(process.cutting_speed_range)
-    least, most = np.log(process.feed_range)
+    slowest, fastest = log(process.cutting_speed_range)
+    least, most = log(process.feed_range)
     points = [one.line(*cut).crossing(other.line(*cut)) for (_, one), (_, other) in _pairs(process)]
     points.append((fastest, least))
     shape = np.broadcast_shapes(*(line.room.shape for line in held), *(np.shape(value) for value in cut))

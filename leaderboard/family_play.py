@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from baselines.catalogue import RULES, spec
 from baselines.oracles.perfect_state import PerfectState
-from baselines.rule import TOLERANCE
 from leaderboard.family_result import FIELDS, FamilyResult, FamilyTask, Rows
 from leaderboard.run import agent_spec, named
 from leaderboard.standings import CAUSAL
@@ -96,7 +95,7 @@ def spec_of(policy: str | Path, forgetful: bool, family: Family, tuned_on: Scena
     if isinstance(policy, Path):
         found = agent_spec(policy)
     elif policy == ANCHOR:
-        found = PolicySpec(name=ANCHOR, tolerance=TOLERANCE)
+        found = PolicySpec(name=ANCHOR)
     else:
         rule, right = _rule_and_truth(policy)
         (found,) = named([rule], family.job(0).scenario, tuned_on)

@@ -6,7 +6,6 @@ from itertools import count
 import numpy as np
 
 from baselines.oracles import clairvoyant, perfect_state
-from baselines.rule import TOLERANCE
 from leaderboard.standings import CAUSAL, CLAIRVOYANT
 from turning_env import Scenario
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
@@ -34,7 +33,6 @@ def oracles(scenario: Scenario) -> list[PolicySpec]:
                 version=4,
                 kind="oracle",
                 description="the optimiser with foresight, told the true depth, hardness and wear after every step",
-                tolerance=TOLERANCE,
                 make=lambda num_envs: perfect_state.PerfectState(nominal, num_envs),
             )
         )

@@ -1,7 +1,6 @@
 """Check that results are valid, and play them again to see whether every number comes back.
 
-Numbers of agents and of the bound are compared bit for bit. Those of policies with a ``tolerance``, the rules, may differ by so
-much from one processor to another.
+Numbers are compared bit for bit.
 """
 
 import json
@@ -101,13 +100,13 @@ def verify(
     with tqdm(total=len(found), initial=len(found) - len(wanted), unit="result", dynamic_ncols=True, disable=None) as bar:
         for paths, played in spread(over, _attempts, _pieces(wanted, seeds)):
             for path, attempt in zip(paths, played, strict=True):
-                result, tolerance = wanted[path].result, wanted[path].tolerance
+                result = wanted[path].result
                 bar.set_description(result.policy.label)
                 bar.update()
                 if isinstance(attempt, ResultError):
                     wrong = [str(attempt)]
                 else:
-                    wrong = differences(result, attempt, tolerance, _chosen(result, seeds))
+                    wrong = differences(result, attempt, _chosen(result, seeds))
                 complaints += [_complaint(path, each) for each in wrong]
                 if not wrong and seeds is None:
                     known.add(result.checksum)
@@ -130,10 +129,6 @@ class _Found(NamedTuple):
 
     result: Result
     player: PolicySpec | Path | None
-
-    @property
-    def tolerance(self) -> float:
-        return self.player.tolerance if isinstance(self.player, PolicySpec) else 0.0
 
 
 def _examine(results: Path, agents: Path, selection: Selection) -> tuple[dict[Path, _Found], list[str]]:
@@ -299,13 +294,13 @@ def _tuned_on(known: ScenarioId | None) -> Scenario | None:
     return scenario
 
 
-def differences(result: Result, episodes: Episodes, tolerance: float, places: Sequence[int]) -> list[str]:
+def differences(result: Result, episodes: Episodes, places: Sequence[int]) -> list[str]:
     """Return a complaint for every field of a result that differs from episodes of its seeds at ``places``; see the module."""
     complaints = []
     for name, values in result.episodes.items():
         played = episodes[name]
         recorded = np.array(values)[places]
-        other = recorded.view(np.int64) != played.view(np.int64) if tolerance == 0.0 else abs(recorded - played) > tolerance
+        other = recorded.view(np.int64) != played.view(np.int64)
         if other.any():
             largest = float(np.max(np.abs(recorded - played)))
             complaints.append(f"{name} differs for {int(other.sum())} of {len(other)} seeds, by up to {largest:g}")

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env import Reading, Scenario
+from turning_env.numerics.functions import log
 from turning_env.scoring.policy import Actions
 
 
@@ -37,8 +38,8 @@ def towards(
     control, machine = scenario.control, scenario.machine
     if control.action == "incremental":
         columns = [
-            np.log(cutting_speed / reading.commanded_cutting_speed) / control.cutting_speed_step,
-            np.log(feed / reading.commanded_feed) / control.feed_step,
+            log(cutting_speed / reading.commanded_cutting_speed) / control.cutting_speed_step,
+            log(feed / reading.commanded_feed) / control.feed_step,
         ]
     elif control.action == "set_point":
         columns = [
@@ -49,4 +50,5 @@ def towards(
         columns = [2.0 * feed / (control.override_max * control.initial_feed) - 1.0]
     if control.edge_changes == "commanded":
         columns.append(np.full(len(feed), -1.0) if change_edge is None else np.where(change_edge, 1.0, -1.0))
-    return np.clip(np.stack(columns, axis=1), -1.0, 1.0).astype(np.float32)
+    actions: Actions = np.clip(np.stack(columns, axis=1), -1.0, 1.0).astype(np.float32)
+    return actions

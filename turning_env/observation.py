@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.numerics.compilation import compiled
-from turning_env.numerics.functions import exp, log
+from turning_env.numerics.functions import exp, expm1, log
 from turning_env.numerics.per_env import at
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.machinability import force_and_power
@@ -151,7 +151,7 @@ class Reading(NamedTuple):
 
 
 def _in_range(position: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
-    return low * (high / low) ** (0.5 * (position + 1.0))
+    return np.asarray(low * exp(0.5 * (position + 1.0) * log(high / low)))
 
 
 def _ratio(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -188,7 +188,7 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
             columns["commanded_cutting_speed"], machine.cutting_speed_min, machine.cutting_speed_max
         ),
         commanded_feed=_in_range(columns["commanded_feed"], machine.feed_min, machine.feed_max),
-        cutting_time=np.expm1(columns["cutting_time"]),
+        cutting_time=expm1(columns["cutting_time"]),
         nominal_wear=columns["nominal_wear"] * scenario.tool.wear_criterion,
         power_ratio=_ratio(columns["power_ratio"]),
         force_ratio=_ratio(columns["force_ratio"]),

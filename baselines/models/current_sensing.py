@@ -6,12 +6,11 @@ both belong to the same moment. The feed also passes it, for controllers that ne
 the rest is the paper's).
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from turning_env import Reading, Scenario
+from turning_env.numerics.functions import sine_and_cosine
 from turning_env.physics.drives import force_from_current
 from turning_env.physics.records import parameter_records
 
@@ -34,11 +33,13 @@ class Smoother:
     """
 
     def __init__(self, num_envs: int, signals: int, cutoff: float, window: int) -> None:
-        from scipy.signal import butter, sosfilt, sosfilt_zi  # takes as long as all other imports of the catalogue
+        from scipy.signal import sosfilt  # takes as long as all other imports of the catalogue
 
         self._filter = sosfilt
-        self._sections: Array = butter(ORDER, cutoff, output="sos")
-        self._steady = sosfilt_zi(self._sections)[:, np.newaxis, np.newaxis, :]  # state per unit of a constant signal
+        self._sections = low_pass(cutoff)
+        b, a = self._sections[:, :3], self._sections[:, 3:]
+        steady = np.stack([1.0 - b[:, 0], b[:, 2] - a[:, 2]], axis=1)  # state per unit of a constant signal
+        self._steady = steady[:, np.newaxis, np.newaxis, :]
         self._state = np.zeros((len(self._sections), num_envs, signals, 2))
         self._fresh = np.ones(num_envs, np.bool_)
         self._window = np.zeros((window, num_envs, signals))
@@ -63,13 +64,28 @@ class Smoother:
         return np.asarray(np.sqrt((self._window**2).sum(axis=0) / self._count[:, np.newaxis]), np.float64)
 
 
+def low_pass(cutoff: float) -> Array:
+    """Return the Butterworth low-pass of a cut-off over the Nyquist frequency as second-order sections, shape (sections, 6).
+
+    It is the bilinear transform of the analogue filter. SciPy's own design gives other bits on other processors.
+    """
+    sine, cosine = sine_and_cosine(0.25 * cutoff)
+    warped = sine / cosine  # tan(pi cutoff / 2)
+    damping = 2.0 * sine_and_cosine((np.arange(ORDER // 2) + 0.5) / (2.0 * ORDER))[0]
+    scale = 1.0 / (1.0 + damping * warped + warped * warped)
+    gain = warped * warped * scale
+    sections = gain, 2.0 * gain, gain, np.ones(len(gain)), 2.0 * (warped * warped - 1.0) * scale
+    return np.stack([*sections, (1.0 - damping * warped + warped * warped) * scale], axis=1)
+
+
 def delay(cutoff: float) -> float:
     """Return the filter's delay of slow changes [samples].
 
     The analogue Butterworth filter of order n has the delay 1 / (w sin(pi / 2n)), with w the cut-off frequency in rad/s. The
     bilinear transform gives w = 2 tan(pi cutoff / 2) per sample.
     """
-    return 1.0 / (math.sin(math.pi / (2.0 * ORDER)) * 2.0 * math.tan(0.5 * math.pi * cutoff))
+    sine, cosine = sine_and_cosine(0.25 * cutoff)
+    return float(cosine / (sine_and_cosine(0.25 / ORDER)[0] * 2.0 * sine))
 
 
 class ForceEstimator:

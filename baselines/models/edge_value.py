@@ -21,10 +21,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
+from baselines.models.normal import excess
 from turning_env import Scenario
+from turning_env.numerics.compilation import compiled_entry
+from turning_env.numerics.functions import exp, hypotenuse, log
 from turning_env.physics.spindle import capacity_at
+from turning_env.scenario.power_law import log_response
 
 Array = NDArray[np.float64]
 
@@ -35,12 +38,6 @@ SPREAD = 0.03
 _SETTINGS = (40, 60)  # cutting speeds and feeds that are tried
 _ITERATIONS = 30  # of Dinkelbach's, which converges faster than linearly
 _MAX_TIME_PRICE = 100.0
-
-
-def expected_excess(log_mean: Array, spread: Array | float) -> Array:
-    """Return the expectation of max(X - 1, 0), where log X is normal with this mean and a standard deviation above 0."""
-    ratio = log_mean / spread
-    return np.asarray(np.exp(log_mean + 0.5 * np.square(spread)) * ndtr(ratio + spread) - ndtr(ratio))
 
 
 class Worth(NamedTuple):
@@ -64,13 +61,16 @@ def worth(scenario: Scenario, overload_price: float) -> Worth:
 def worth_of_lots(scenario: Scenario, overload_price: float, rates: tuple[float, ...]) -> list[Worth]:
     """Return ``worth`` for lots of edges that use their life at so many times the nominal rate, at which dD is still counted."""
     value, rate, weight = _outcomes(scenario, overload_price)
-    if scenario.control.edge_changes == "end":
-        return [Worth(1.0, _prices(value - 1.0, rate, weight))] * len(rates)
-    economics = scenario.economics
     least = 0.0 if scenario.control.edge_changes == "commanded" else -np.inf
 
     def prices(time_price: float) -> Array:
-        return np.maximum(_prices(value - time_price, rate, weight), least)
+        found = np.empty(len(value))
+        break_even(value - time_price, rate, weight, found)
+        return np.maximum(found, least)
+
+    if scenario.control.edge_changes == "end":
+        return [Worth(1.0, prices(1.0))] * len(rates)
+    economics = scenario.economics
 
     def gain_of_an_edge(time_price: float, faster: float) -> float:
         change = time_price * economics.edge_change_time
@@ -94,35 +94,69 @@ def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, 
     """
     machine, material, work, limits = scenario.machine, scenario.material, scenario.workpiece, scenario.limits
     normals, weights = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6.0
-    deviation = np.hypot(work.depth_bar_spread, work.depth_along_spread) * normals
-    depth = np.maximum(work.depth_of_cut + deviation, 0.05 * work.depth_of_cut)[:, np.newaxis, np.newaxis, np.newaxis]
-    hardness = np.exp(np.hypot(work.hardness_bar_spread, work.hardness_along_spread) * normals)[:, np.newaxis, np.newaxis]
-    speed = np.geomspace(machine.cutting_speed_min, machine.cutting_speed_max, _SETTINGS[0])[:, np.newaxis]
-    feed = np.geomspace(*scenario.feed_range, _SETTINGS[1])
-    metal = speed * feed * depth / scenario.economics.reference_removal_rate
-    life_rate = (material.wear(speed, feed, depth, hardness=hardness) / scenario.tool.wear_criterion) ** (
-        1.0 / material.wear.time
-    )
-    values = []
-    for used_life in USED_LIVES:
-        wear = scenario.tool.wear_criterion * used_life**material.wear.time
-        force = material.thrust_force(speed, feed, depth, wear=wear, hardness=hardness) / limits.thrust_force
-        power = material.power(speed, feed, depth, wear=wear, hardness=hardness) / limits.power / capacity_at(scenario, speed)
-        excess = expected_excess(np.log(force), SPREAD) + expected_excess(np.log(power), SPREAD)
-        values.append((metal - overload_price * excess).reshape(9, -1))
-    return np.array(values), life_rate.reshape(9, -1) / 60.0, np.outer(weights, weights).ravel()
+    deviation = hypotenuse(work.depth_bar_spread, work.depth_along_spread) * normals
+    depth = np.maximum(work.depth_of_cut + deviation, 0.05 * work.depth_of_cut).repeat(3)  # of each bar
+    log_hardness = np.tile(hypotenuse(work.hardness_bar_spread, work.hardness_along_spread) * normals, 3)
+    log_depth, log_wear = log(depth), log(scenario.tool.wear_criterion) + material.wear.time * log(USED_LIVES)
+    log_speed = np.linspace(log(machine.cutting_speed_min), log(machine.cutting_speed_max), _SETTINGS[0])
+    least, most = scenario.feed_range
+    log_feed = np.linspace(log(least), log(most), _SETTINGS[1])
+    log_capacity = log(capacity_at(scenario, exp(log_speed)))
+
+    unworn = log_response(material.wear, 0.0, 0.0, log_depth, 0.0, 0.0, log_hardness) - log(scenario.tool.wear_criterion)
+    per_time = 1.0 / material.wear.time
+    along_speed = exp(unworn[:, np.newaxis] * per_time + material.wear.cutting_speed * per_time * log_speed)
+    rate = along_speed[:, :, np.newaxis] * exp(material.wear.feed * per_time * log_feed) / 60.0  # (bars, speeds, feeds)
+    metal = exp(log_speed)[:, np.newaxis] * exp(log_feed) / scenario.economics.reference_removal_rate
+    value = np.broadcast_to(metal * depth[:, np.newaxis, np.newaxis], (len(USED_LIVES), *rate.shape)).copy()
+    for law, limit, room in ((material.thrust_force, limits.thrust_force, 0.0), (material.power, limits.power, log_capacity)):
+        at_one = log_response(law, 0.0, 0.0, log_depth, 0.0, log_wear[:, np.newaxis], log_hardness) - log(limit)
+        charge_overload(overload_price, at_one, law.cutting_speed * log_speed - room, law.feed * log_feed, value)
+    settings = len(depth), -1
+    return value.reshape(len(USED_LIVES), *settings), rate.reshape(settings), np.outer(weights, weights).ravel()
 
 
-def _prices(gain: Array, rate: Array, weight: Array) -> Array:
-    """Return the price at which the best gains, averaged over bars, are 0, for each used life (Dinkelbach 1967)."""
-    price, gained, used = np.zeros(len(gain)), np.empty(gain.shape[:2]), np.empty(gain.shape[:2])
-    bars, moving = np.arange(len(rate)), np.arange(len(gain))
-    for _ in range(_ITERATIONS):
-        for k in moving:
-            best = np.argmax(gain[k] - price[k] * rate, axis=1)
-            gained[k], used[k] = gain[k][bars, best], rate[bars, best]
-        last, price = price, (gained @ weight) / (used @ weight)
-        moving = np.flatnonzero(price != last)
-        if not moving.size:
-            break
-    return price
+@compiled_entry
+def charge_overload(price, at_one, along_speed, along_feed, value):
+    """Subtract the price of the expected excess of a load over its limit.
+
+    Args:
+        price: of a relative excess of 1 [-].
+        at_one: log load over limit at 1 m/min and 1 mm/rev, shape (lives, bars).
+        along_speed: what each speed adds to it, shape (speeds,).
+        along_feed: likewise each feed, shape (feeds,).
+        value: value [-] from which it is subtracted, shape (lives, bars, speeds, feeds).
+    """
+    for life in range(value.shape[0]):
+        for bar in range(value.shape[1]):
+            for i in range(value.shape[2]):
+                log_load = at_one[life, bar] + along_speed[i]
+                for k in range(value.shape[3]):
+                    value[life, bar, i, k] -= price * excess(log_load + along_feed[k], SPREAD)[0]
+
+
+@compiled_entry
+def break_even(gain, rate, weight, price):
+    """Fill in the price of life at which the best gains, averaged over bars, are 0, for each used life (Dinkelbach 1967).
+
+    Args:
+        gain: of each set point [-], shape (lives, bars, set points).
+        rate: life that it uses [1/s], shape (bars, set points).
+        weight: of each bar [-], shape (bars,).
+        price: filled with prices [s], shape (lives,).
+    """
+    for life in range(gain.shape[0]):
+        price[life], last = price[life - 1] if life > 0 else 0.0, np.inf
+        for _ in range(_ITERATIONS):
+            if price[life] == last:
+                break
+            gained, used = 0.0, 0.0
+            for bar in range(gain.shape[1]):
+                best, most = 0, -np.inf
+                for k in range(gain.shape[2]):
+                    worth = gain[life, bar, k] - price[life] * rate[bar, k]
+                    if worth > most:
+                        best, most = k, worth
+                gained += weight[bar] * gain[life, bar, best]
+                used += weight[bar] * rate[bar, best]
+            last, price[life] = price[life], gained / used

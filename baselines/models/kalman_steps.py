@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from turning_env.numerics.compilation import compiled, compiled_entry, compiled_separately
+from turning_env.numerics.functions import exp, log
 
 DEPTH, DEPTH_SLOPE, HARDNESS, HARDNESS_SLOPE, INSERT, LOT, LAWS = range(7)
 """States: relative deviation of depth [-], its slope [1/mm], log hardness [-], its slope [1/mm], log wear factors [-]; from
@@ -82,7 +83,7 @@ def follow_one(p, m, mean, covariance, reading, work):
     fresh_edge = cutting_time < m.cutting_time
     if fresh_edge:
         if removed_wear > 0.0 and m.nominal_wear > 0.0:
-            inspect_edge(mean, covariance, math.log(removed_wear / m.nominal_wear), work)
+            inspect_edge(mean, covariance, log(removed_wear / m.nominal_wear), work)
         forget(mean, covariance, INSERT, INSERT + 1, p)
         m.expected[0] = 0.0
         m.expected[1] = 0.0
@@ -154,7 +155,7 @@ def on_track(p, path, cutting):
 def transition(rate, distance):
     """Return the transition of a field and its slope over a distance [mm]: four numbers of a matrix."""
     step = rate * distance
-    left = math.exp(-step)
+    left = exp(-step)
     return (1.0 + step) * left, distance * left, -rate * step * left, (1.0 - step) * left
 
 
@@ -206,7 +207,7 @@ def log_load(p, mean, law, depth, hardness, place, derivatives):
     derivatives[first + 1] = speed
     derivatives[first + 2] = feed
     derivatives[first + 3] = wear + factor
-    of_bar = p.bar_exponents[law, 0] * math.log(share) + p.bar_exponents[law, 1] * hardness
+    of_bar = p.bar_exponents[law, 0] * log(share) + p.bar_exponents[law, 1] * hardness
     of_law = mean[first] + mean[first + 1] * speed + mean[first + 2] * feed + mean[first + 3] * wear
     return of_bar + exponent * factor + of_law
 
@@ -216,14 +217,14 @@ def learn(p, m, mean, covariance, speed, feed, nominal_wear, loads, time_in_meta
     """Correct the estimate by measured force and power; without wear the tool does not cut."""
     derivatives, gain, before, surprise, variance = work[:2], work[2], work[3], work[4], work[5]
     cutting = nominal_wear > 0.0
-    log_speed, log_feed = math.log(speed), math.log(feed)
-    log_wear = math.log(nominal_wear if cutting else p.wear_criterion)
+    log_speed, log_feed = log(speed), log(feed)
+    log_wear = log(nominal_wear if cutting else p.wear_criterion)
     place = log_speed - p.references[0], log_feed - p.references[1], log_wear - p.references[2]
     for law in range(2):
         own, lag = p.log_laws[law], p.lags[law]
-        nominal = math.exp(own[0] + own[1] * log_speed + own[2] * log_feed + own[3] * log_wear) if cutting else 0.0
+        nominal = exp(own[0] + own[1] * log_speed + own[2] * log_feed + own[3] * log_wear) if cutting else 0.0
         if law == 1 and cutting:
-            m.log_idle = math.log(1.0 + p.idle_power * speed / nominal)
+            m.log_idle = log(1.0 + p.idle_power * speed / nominal)
             nominal += p.idle_power * speed
         expected = m.expected[law] * left_after(p.interval, lag) + nominal * (1.0 - left_after(time_in_metal, lag))
         m.expected[law] = expected
@@ -234,7 +235,7 @@ def learn(p, m, mean, covariance, speed, feed, nominal_wear, loads, time_in_meta
             timing = 0.5 * p.sub_step * (nominal / expected - 1.0) / lag if lag > 0.0 else 0.0
             variance[law] = p.noise[law] + timing * timing
             predicted = log_load(p, mean, law, mean[DEPTH], mean[HARDNESS], place, derivatives[law])
-            surprise[law] = math.log(loads[law] / expected) - predicted
+            surprise[law] = log(loads[law] / expected) - predicted
             m.measured = 1
     before[:] = mean
     for law in range(2):
@@ -248,7 +249,7 @@ def learn(p, m, mean, covariance, speed, feed, nominal_wear, loads, time_in_meta
 def left_after(time, time_constant):
     """Return ``decay`` of a time [s]."""
     if time_constant > 0.0:
-        return math.exp(-time / time_constant)
+        return exp(-time / time_constant)
     return 0.0 if time > 0.0 else 1.0
 
 
@@ -305,9 +306,9 @@ def look_ahead(parameters, memory, mean, covariance, distance, entering, found):
 @compiled_separately
 def look_ahead_one(p, m, mean, covariance, distance, entering, found, work):
     """Fill in the outlook of one environment, shape (fields, points)."""
-    log_wear = math.log(m.nominal_wear) - p.references[2] if m.nominal_wear > 0.0 else 0.0
-    place = math.log(m.speed) - p.references[0], math.log(m.feed) - p.references[1], log_wear
-    origin = -p.references[0], -p.references[1], math.log(p.wear_criterion) - p.references[2]
+    log_wear = log(m.nominal_wear) - p.references[2] if m.nominal_wear > 0.0 else 0.0
+    place = log(m.speed) - p.references[0], log(m.feed) - p.references[1], log_wear
+    origin = -p.references[0], -p.references[1], log(p.wear_criterion) - p.references[2]
     derivatives, products, variances, loads = work[0], work[1:3], work[3], work[4]
     for law in range(2):  # what does not depend on the bar
         loads[law] = log_load(p, mean, law, 0.0, 0.0, origin, derivatives)
@@ -343,5 +344,5 @@ def look_ahead_one(p, m, mean, covariance, distance, entering, found, work):
                 for j in range(INSERT):
                     total += covariance[i, j] * derivatives[j]
                 variance += derivatives[i] * total
-            found[2 + law, k] = loads[law] + p.bar_exponents[law, 0] * math.log(share) + by_hardness * hardness
+            found[2 + law, k] = loads[law] + p.bar_exponents[law, 0] * log(share) + by_hardness * hardness
             found[4 + law, k] = math.sqrt(min(max(variance, 0.0), MAX_SPREAD * MAX_SPREAD))

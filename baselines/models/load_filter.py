@@ -36,6 +36,7 @@ from baselines.models.kalman_steps import (
     look_ahead,
 )
 from turning_env import Reading, Scenario
+from turning_env.numerics.functions import exp, hypotenuse, log
 from turning_env.physics.spindle import idle_power_at
 
 Array = NDArray[np.float64]
@@ -92,7 +93,7 @@ class LoadFilter:
         for i, scenario in enumerate(scenarios):
             for name, value in _numbers(scenario, doubt).items():
                 self._parameters[i][name] = value
-        lot = np.array([-scenario.material.wear.time * math.log(doubt.lot_life) for scenario in scenarios])
+        lot = np.array([-scenario.material.wear.time * log(doubt.lot_life) for scenario in scenarios])
         self._start = np.zeros((len(scenarios), STATES))
         self._start[:, LOT] = lot
         self.mean = np.zeros((num_envs, STATES))
@@ -181,11 +182,11 @@ def _numbers(scenario: Scenario, doubt: Doubt) -> dict[str, Any]:
     wear, laws = scenario.material.wear, (scenario.material.thrust_force, scenario.material.power)
     along = np.array([work.depth_along_spread / work.depth_of_cut, work.hardness_along_spread])
     bar = np.array([work.depth_bar_spread / work.depth_of_cut, work.hardness_bar_spread])
-    spread = np.hypot(along, bar)
+    spread = hypotenuse(along, bar)
     slope = SLOPE * along / np.array([work.depth_correlation_length, work.hardness_correlation_length])
     # An edge's wear also deviates from nominal because of the depth and hardness of the bars that it has cut.
-    history = (wear.depth_of_cut * spread[0]) ** 2 + (wear.hardness * spread[1]) ** 2
-    insert = math.sqrt(scenario.tool.wear_factor_spread**2 + history)
+    history = np.square(wear.depth_of_cut * spread[0]) + np.square(wear.hardness * spread[1])
+    insert = np.sqrt(np.square(scenario.tool.wear_factor_spread) + history)
     errors = (doubt.laws * each for law in LAW_ERRORS for each in law)
     prior = spread[0], slope[0], spread[1], slope[1], insert, wear.time * doubt.lot, *errors
     sub_step = control.interval / control.sub_steps
@@ -200,11 +201,11 @@ def _numbers(scenario: Scenario, doubt: Doubt) -> dict[str, Any]:
         "rates": np.divide(slope, spread, out=np.zeros(2), where=spread > 0),
         "prior": np.square(prior),
         "history": history,
-        "log_laws": [(np.log(law(1.0, 1.0, work.depth_of_cut)), law.cutting_speed, law.feed, law.wear) for law in laws],
+        "log_laws": [(log(law(1.0, 1.0, work.depth_of_cut)), law.cutting_speed, law.feed, law.wear) for law in laws],
         "bar_exponents": [(law.depth_of_cut, law.hardness) for law in laws],
-        "references": np.log([control.initial_cutting_speed, control.initial_feed, 0.5 * scenario.tool.wear_criterion]),
+        "references": log([control.initial_cutting_speed, control.initial_feed, 0.5 * scenario.tool.wear_criterion]),
         "lags": [sensors.force_time_constant, sensors.power_time_constant],
-        "noise": [noise**2 + READING_DOUBT**2 for noise in (sensors.force_noise, sensors.power_noise)],
+        "noise": [np.square(noise) + np.square(READING_DOUBT) for noise in (sensors.force_noise, sensors.power_noise)],
         "interval": control.interval,
         "sub_step": sub_step,
         "spindle_left": spindle.sum(),
@@ -224,4 +225,4 @@ def feed_velocity(scenario: Scenario, cutting_speed: Array, feed: Array) -> Arra
 def decay(time: Array, time_constant: float | Array) -> Array:
     """Return the share of a deviation that remains after a time [s]: exp(-time / time_constant), 0 for a time constant of 0."""
     lag = np.asarray(time_constant, np.float64)
-    return np.where(lag > 0, np.exp(-time / np.where(lag > 0, lag, 1.0)), np.where(time > 0, 0.0, 1.0))
+    return np.where(lag > 0, exp(-time / np.where(lag > 0, lag, 1.0)), np.where(time > 0, 0.0, 1.0))

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from turning_env import PowerLaw, Scenario
+from turning_env.numerics.functions import exp, log
 
 Array = NDArray[np.float64]
 
@@ -76,7 +77,7 @@ class Limit:
     def line(self, depth_of_cut: ArrayLike, hardness: ArrayLike, wear: ArrayLike) -> Line:
         """Return the limit's line at a depth of cut [mm], relative hardness [-] and flank wear [mm], positive; they broadcast."""
         response = self.law(1.0, 1.0, depth_of_cut, self.time, wear, hardness)
-        return Line(self.law.cutting_speed, self.law.feed, np.log(self.most) - np.log(response))
+        return Line(self.law.cutting_speed, self.law.feed, log(self.most) - log(response))
 
     def rescaled(self, scale: ArrayLike) -> Self:
         """Return the limit for a response that is ``scale`` [-] times the law."""
@@ -166,9 +167,9 @@ class Process:
 
     def log_cost(self, log_cutting_speed: Array, log_feed: Array, depth_of_cut: ArrayLike, hardness: ArrayLike) -> Array:
         """Return the log cost of metal [min/cm3]; arrays broadcast."""
-        log_price = math.log(self.edge_price) if self.edge_price > 0 else -math.inf
+        log_price = log(self.edge_price) if self.edge_price > 0 else -math.inf
         edges = log_price - self.log_life(log_cutting_speed, log_feed, depth_of_cut, hardness)
-        return np.asarray(np.logaddexp(0.0, edges) - log_cutting_speed - log_feed - np.log(depth_of_cut))
+        return np.asarray(log(1.0 + exp(edges)) - log_cutting_speed - log_feed - log(depth_of_cut))
 
     def economic_life(self, limit: Limit) -> float:
         """Return T_0 along a limit [min].

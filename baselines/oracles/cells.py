@@ -3,6 +3,7 @@
 import numpy as np
 
 from turning_env.numerics.compilation import compiled, compiled_entry
+from turning_env.numerics.functions import exp, log
 from turning_env.physics.lathe import start_episode
 from turning_env.physics.workpiece import look_up_fields
 
@@ -41,6 +42,12 @@ def corners(speeds, ladder, log_feeds, force, power, force_law, power_law):
         speeds[k] = min(max(corner, ladder[0]), ladder[rungs - 1])
 
 
+@compiled
+def raised(log_values, exponent):
+    """Return values, given by their logarithms, to the power of an exponent."""
+    return np.array([exp(exponent * each) for each in log_values])
+
+
 @compiled_entry
 def start_episode_of(states, scratches):
     """Start an episode of the first environment of the only block; the other environments are not used."""
@@ -56,7 +63,7 @@ def survey(states, scratches, fields, cells):
     for i in range(fields.shape[1]):
         work.middle[0] = (i + 0.5) * p.bar_length / cells
         look_up_fields(state, work, 0, 1, p)
-        fields[0, i] = np.log(state.depth_of_cut[0])
+        fields[0, i] = log(state.depth_of_cut[0])
         fields[1, i] = state.log_hardness[0]
         fields[2, i] = state.log_wear_factor[0] + state.log_skin_wear[0]
 
@@ -72,27 +79,27 @@ def best_return(states, scratches, fields, cells, log_speeds, log_feeds, steps, 
     length = p.bar_length / cells  # [mm]
     metal = length * 60.0 / p.revolutions_per_metre / p.reference_removal_rate  # worth of a cell 1 mm deep [s]
     crossing = 60.0 / p.revolutions_per_metre  # time [s] of 1 mm at 1 m/min and 1 mm/rev
-    air = p.approach * crossing * np.exp(-log_speeds[-1] - log_feeds[1])
+    air = p.approach * crossing * exp(-log_speeds[-1] - log_feeds[1])
     life_by_feed = wear_law.feed * p.life_exponent
-    feed_factors, life_factors = np.exp(-steps), np.exp(steps * (life_by_feed - 1.0))
-    force_factors, power_factors = np.exp(steps * force_law.feed), np.exp(steps * power_law.feed)
-    shallowest = np.log(1.0 - ripple)
+    feed_factors, life_factors = raised(steps, -1.0), raised(steps, life_by_feed - 1.0)
+    force_factors, power_factors = raised(steps, force_law.feed), raised(steps, power_law.feed)
+    shallowest = log(1.0 - ripple)
     values, ends = np.zeros(lives + 1), np.full(lives + 1, float(fields.shape[1]))
     next_values, next_ends = values.copy(), ends.copy()
     speeds = np.empty(log_speeds.shape[0] + 3 * (log_speeds.shape[0] > 1))
     speeds[: log_speeds.shape[0]] = log_speeds
     for i in range(fields.shape[1] - 1, -1, -1):
         log_depth, log_hardness = fields[0, i] + shallowest, fields[1, i]
-        worth = metal * np.exp(fields[0, i]) * (1.0 + ripple)
+        worth = metal * exp(fields[0, i]) * (1.0 + ripple)
         life = wear_law.log_coefficient + wear_law.depth_of_cut * log_depth + wear_law.hardness * log_hardness
-        life = (life + fields[2, i] - p.log_wear_criterion) * p.life_exponent - np.log(60.0)
+        life = (life + fields[2, i] - p.log_wear_criterion) * p.life_exponent - log(60.0)
         for j in range(lives):
             used = j / lives
-            log_wear = p.log_wear_criterion + wear_law.time * np.log(max(used, 1e-9))
+            log_wear = p.log_wear_criterion + wear_law.time * log(max(used, 1e-9))
             force = force_law.log_coefficient + force_law.depth_of_cut * log_depth + force_law.hardness * log_hardness
-            force += force_law.wear * log_wear - np.log(p.thrust_force_limit)
+            force += force_law.wear * log_wear - log(p.thrust_force_limit)
             power = power_law.log_coefficient + power_law.depth_of_cut * log_depth + power_law.hardness * log_hardness
-            power += power_law.wear * log_wear - np.log(p.power_limit)
+            power += power_law.wear * log_wear - log(p.power_limit)
             corners(speeds, log_speeds, log_feeds, force, power, force_law, power_law)
             best, best_end = -np.inf, 0.0
             for log_speed in speeds:
@@ -106,11 +113,11 @@ def best_return(states, scratches, fields, cells, log_speeds, log_feeds, steps, 
                 if power_law.feed > 0.0:
                     kink = min(kink, -power_here / power_law.feed)
                 kink = max(kink, log_feeds[0])
-                time_at_kink = length * crossing * np.exp(-log_speed - kink)
-                life_rate = np.exp(life + wear_law.cutting_speed * p.life_exponent * log_speed + life_by_feed * kink)
+                time_at_kink = length * crossing * exp(-log_speed - kink)
+                life_rate = exp(life + wear_law.cutting_speed * p.life_exponent * log_speed + life_by_feed * kink)
                 used_at_kink = life_rate * time_at_kink
-                force_at_kink = np.exp(force_here + force_law.feed * kink)
-                power_at_kink = np.exp(power_here + power_law.feed * kink)
+                force_at_kink = exp(force_here + force_law.feed * kink)
+                power_at_kink = exp(power_here + power_law.feed * kink)
                 for k in range(steps.shape[0]):
                     if not log_feeds[0] - 1e-9 <= kink + steps[k] <= log_feeds[1] + 1e-9:
                         continue

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from baselines.oracles.cells import best_return, start_episode_of, survey
 from turning_env import Scenario
+from turning_env.numerics.functions import log
 from turning_env.physics.records import STATE, new_records, scratch_records
 
 Array = NDArray[np.float64]
@@ -112,16 +113,16 @@ def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:
     start_episode_of(states, scratch)
     cells = int(np.ceil(work.bar_length / grid.cell))
     if control.action == "override":
-        log_speeds = np.log([control.initial_cutting_speed])
+        log_speeds = log([control.initial_cutting_speed])
         feeds = machine.feed_min, min(machine.feed_max, control.override_max * control.initial_feed)
     else:
-        log_speeds = np.linspace(np.log(machine.cutting_speed_min), np.log(machine.cutting_speed_max), grid.speeds)
+        log_speeds = np.linspace(log(machine.cutting_speed_min), log(machine.cutting_speed_max), grid.speeds)
         feeds = machine.feed_min, machine.feed_max
     bars = work.bars or _BARS
     while True:
         fields = np.empty((3, bars * cells))
         survey(states, scratch, fields, cells)
-        value, end = best_return(states, scratch, fields, cells, log_speeds, np.log(feeds), _FEEDS, ripple, grid.lives)
+        value, end = best_return(states, scratch, fields, cells, log_speeds, log(feeds), _FEEDS, ripple, grid.lives)
         # Twice the length that is cut at best, so the value at the end of the row hardly matters.
         if work.bars or end <= 0.5 * fields.shape[1]:
             return float(value)

@@ -17,6 +17,7 @@ from baselines.models.load_filter import Array, LoadFilter
 from baselines.optimiser import plays
 from baselines.predictive import Predictive
 from turning_env import Reading, Scenario
+from turning_env.numerics.functions import log
 
 DOUBT = 1e-3
 """Standard deviation assumed of the true relative depth, log hardness and log wear factor [-]."""
@@ -32,8 +33,8 @@ def true_states(truth: Mapping[str, Any], reading: Reading, depth_of_cut: Any) -
     wear_factor = np.where(known, truth["wear"], 1.0) / np.where(known, reading.nominal_wear, 1.0)
     states = (
         truth["depth_of_cut"] / depth_of_cut - 1.0,
-        np.log(np.where(known, truth["hardness"], 1.0)),
-        np.log(wear_factor),
+        log(np.where(known, truth["hardness"], 1.0)),
+        log(wear_factor),
     )
     return known, np.stack(states, axis=1)
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from turning_env.batch.jobs import Jobs
 from turning_env.info import Info, info_of
-from turning_env.numerics.compilation import compiled, compiled_entry
-from turning_env.numerics.per_env import INLINED, ROWS, at
+from turning_env.numerics.compilation import INLINED, compiled, compiled_entry
+from turning_env.numerics.per_env import ROWS, at
 from turning_env.observation import bounds, observe
 from turning_env.physics import quantities
 from turning_env.physics.lathe import run_step, start_episode

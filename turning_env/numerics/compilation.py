@@ -23,6 +23,8 @@ from numba.extending import register_jitable
 from turning_env.files import FolderTaken, digest_of_files, exclusive_lock, file_lock
 
 _LOG = logging.getLogger("turning_env")
+INLINED: Any = {"forceinline": True, "no_cfunc_wrapper": True}
+"""Options of overloads that are compiled into their callers."""
 
 
 class _LastLocator(InTreeCacheLocator):

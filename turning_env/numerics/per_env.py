@@ -13,9 +13,9 @@ from numba.core.cgutils import create_struct_proxy, get_record_member
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, overload, register_model
 
+from turning_env.numerics.compilation import INLINED
+
 ROWS = "rows"
-INLINED: Any = {"forceinline": True, "no_cfunc_wrapper": True}
-"""Options of overloads that are compiled into their callers."""
 
 
 class PerEnv:

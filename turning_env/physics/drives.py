@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from turning_env.numerics.compilation import compiled
-from turning_env.numerics.functions import sine_and_cosine
+from turning_env.numerics.functions import expm1, sine_and_cosine
 from turning_env.numerics.per_env import at
 from turning_env.scenario.sections import MAX_DELAY
 
@@ -20,7 +20,7 @@ def lag_share(time: float, time_constant: Any) -> Any:
     """Return the share of the distance to a constant target that a first-order lag covers in ``time`` (both in the same unit)."""
     if np.ndim(time_constant):
         return np.array([lag_share(time, each) for each in time_constant])
-    return 1.0 if time_constant == 0 else -math.expm1(-time / time_constant)
+    return 1.0 if time_constant == 0 else -expm1(-time / time_constant)
 
 
 @compiled

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from turning_env.numerics.functions import log, real_power
 from turning_env.physics.drives import lag_share
 from turning_env.physics.slender_bar import RIGID, SUPPORTS
 from turning_env.physics.spindle import idle_power_at
@@ -359,7 +360,7 @@ def _timeless(s: Scenario) -> bool:
 def further_limits(s: Scenario) -> list[tuple[float, float, float, float]]:
     """Return the log response over limit at f = d = H = 1, and the exponents of f, d and H, of each further limit."""
     laws = [law for law in (s.limits.radial_force, s.limits.torque, s.limits.roughness) if np.any(law.coefficient > NO_LIMIT)]
-    return [(law.log_coefficient - np.log(law.most), law.feed, law.depth_of_cut, law.hardness) for law in laws]
+    return [(law.log_coefficient - log(law.most), law.feed, law.depth_of_cut, law.hardness) for law in laws]
 
 
 def _same(*names: str, dtype: Any = np.float64) -> tuple[Parameter, ...]:
@@ -380,26 +381,26 @@ PARAMETERS = (
         lambda s: EQUIVALENT_TIME if s.tool.wear_rule == "equivalent_time" else CLOCK_TIME,
         np.int64,
     ),
-    P("log_wear_criterion", "-", "logarithm of the criterion [mm]", lambda s: np.log(s.tool.wear_criterion)),
+    P("log_wear_criterion", "-", "logarithm of the criterion [mm]", lambda s: log(s.tool.wear_criterion)),
     P("life_exponent", "-", "1/n of W = K t^n", lambda s: 1.0 / s.material.wear.time),
-    P("log_wear_mismatch", "-", "logarithm of the inserts' mean wear over nominal", lambda s: np.log(s.mismatch.wear_factor)),
+    P("log_wear_mismatch", "-", "logarithm of the inserts' mean wear over nominal", lambda s: log(s.mismatch.wear_factor)),
     P(
         "initial_used_life",
         "-",
         "used life of a new edge",
-        lambda s: (s.mismatch.initial_wear / s.tool.wear_criterion) ** (1.0 / s.material.wear.time),
+        lambda s: real_power(s.mismatch.initial_wear / s.tool.wear_criterion, 1.0 / s.material.wear.time),
     ),
     *_same("wear_criterion", "wear_factor_spread", "edge_strength", "edge_strength_spread"),
     *_same("cutting_speed_min", "cutting_speed_max", "feed_min", "feed_max", "chip_lag", "return_time"),
-    P("log_cutting_speed_min", "-", "logarithm of the lowest speed", lambda s: np.log(s.machine.cutting_speed_min)),
+    P("log_cutting_speed_min", "-", "logarithm of the lowest speed", lambda s: log(s.machine.cutting_speed_min)),
     P(
         "cutting_speed_scale",
         "-",
         "2 / log(highest / lowest speed)",
-        lambda s: 2.0 / np.log(s.machine.cutting_speed_max / s.machine.cutting_speed_min),
+        lambda s: 2.0 / log(s.machine.cutting_speed_max / s.machine.cutting_speed_min),
     ),
-    P("log_feed_min", "-", "logarithm of the lowest feed", lambda s: np.log(s.machine.feed_min)),
-    P("feed_scale", "-", "2 / log(highest / lowest feed)", lambda s: 2.0 / np.log(s.machine.feed_max / s.machine.feed_min)),
+    P("log_feed_min", "-", "logarithm of the lowest feed", lambda s: log(s.machine.feed_min)),
+    P("feed_scale", "-", "2 / log(highest / lowest feed)", lambda s: 2.0 / log(s.machine.feed_max / s.machine.feed_min)),
     P(
         "spindle_share",
         "-",
@@ -440,7 +441,7 @@ PARAMETERS = (
     P("bars_per_path", "1/mm", "bars per path", lambda s: 1.0 / _bar_pitch(s)),
     P("bars_per_cut", "1/mm", "bars per metal", lambda s: 1.0 / s.workpiece.bar_length),
     P("revolutions_per_metre", "rev/m", "of the bar's circumference", lambda s: 1000.0 / (np.pi * s.workpiece.diameter)),
-    P("log_depth_of_cut", "-", "logarithm of the nominal depth [mm]", lambda s: np.log(s.workpiece.depth_of_cut)),
+    P("log_depth_of_cut", "-", "logarithm of the nominal depth [mm]", lambda s: log(s.workpiece.depth_of_cut)),
     P("depth_sections", "-", "sections of different depth", lambda s: len(s.workpiece.depth_profile), np.int64),
     P(
         "depth_profile",
@@ -468,7 +469,7 @@ PARAMETERS = (
     P("depth_ripples_per_turn", "1/rev", "waves of the depth's ripple", lambda s: 1.0 / s.workpiece.depth_ripple_period),
     P("depth_nodes_per_length", "1/mm", "nodes of depth", lambda s: 1.0 / s.workpiece.depth_correlation_length),
     P("hardness_nodes_per_length", "1/mm", "nodes of hardness", lambda s: 1.0 / s.workpiece.hardness_correlation_length),
-    P("log_hardness_mismatch", "-", "logarithm of the mean hardness over nominal", lambda s: np.log(s.mismatch.hardness_factor)),
+    P("log_hardness_mismatch", "-", "logarithm of the mean hardness over nominal", lambda s: log(s.mismatch.hardness_factor)),
     *_same("skin_thickness", "skin_hardness", "skin_wear", "hardness_bar_spread", "hardness_along_spread"),
     P("sub_step", "min", "length of a sub-step", lambda s: _sub_step(s) / 60.0),
     P("action", "-", "what an action names", lambda s: ACTIONS[s.control.action], np.int64),
@@ -493,12 +494,12 @@ PARAMETERS = (
         np.int64,
     ),
     *_same("roughness_at_no_force", "roughness_rate"),
-    P("log_reference_min", "-", "logarithm of the lowest reference [um]", lambda s: np.log(s.surface.reference_min)),
+    P("log_reference_min", "-", "logarithm of the lowest reference [um]", lambda s: log(s.surface.reference_min)),
     P(
         "log_reference_span",
         "-",
         "log(highest / lowest reference)",
-        lambda s: np.log(s.surface.reference_max / s.surface.reference_min),
+        lambda s: log(s.surface.reference_max / s.surface.reference_min),
     ),
     P("reference_time", "min", "time after which the reference changes", lambda s: s.surface.reference_time / 60.0),
     P("senses_current", "-", "the servo current is measured", lambda s: s.sensors.force == "servo_current", np.bool_),
@@ -527,7 +528,7 @@ PARAMETERS = (
         "log_collapse_temperature",
         "-",
         "logarithm of the temperature [K] that an edge bears",
-        lambda s: np.log(_unless_zero(s.edge_failure.collapse_temperature)),
+        lambda s: log(_unless_zero(s.edge_failure.collapse_temperature)),
     ),
     P("wears_faster", "-", "there is tertiary wear", lambda s: s.edge_failure.tertiary_rate > 0.0, np.bool_),
     P("edges_chip", "-", "edges chip", lambda s: s.edge_failure.chipping_rate > 0.0, np.bool_),

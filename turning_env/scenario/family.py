@@ -12,7 +12,7 @@ so a variable that is added changes no other. A job that makes no sense (``makes
 import ast
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import resources
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError, field_validator, model_validator
 
 from turning_env.files import digest_of
+from turning_env.numerics.functions import exp, log, real_power, sine_and_cosine
 from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
 from turning_env.scenario.plan import MIDDLE, USED_LIVES, Columns, Loads, Plan, features, plan_of
 from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, nested
@@ -82,11 +83,11 @@ class Distribution(Section):
         if self.uniform:
             values = self.uniform[0] + first * (self.uniform[1] - self.uniform[0])
         elif self.log_uniform:
-            values = self.log_uniform[0] * (self.log_uniform[1] / self.log_uniform[0]) ** first
+            values = self.log_uniform[0] * exp(first * log(self.log_uniform[1] / self.log_uniform[0]))
         else:
-            normals = np.sqrt(-2.0 * np.log(first)) * np.cos(2.0 * np.pi * second)  # Box-Muller
+            normals = np.sqrt(-2.0 * log(first)) * sine_and_cosine(second)[1]  # Box-Muller
             mean, spread = self.normal or self.log_normal or (0.0, 0.0)
-            values = mean + spread * normals if self.normal else mean * np.exp(spread * normals)
+            values = mean + spread * normals if self.normal else mean * exp(spread * normals)
         return values
 
     def true_values(self, told: Array, uniforms: tuple[Array, Array]) -> Array:
@@ -160,10 +161,36 @@ def _compiled(formula: str) -> CodeType:
     for node in ast.walk(tree):
         if not isinstance(node, allowed) or (isinstance(node, ast.Call) and node.keywords):
             raise ValueError(f"{formula!r}: a formula has numbers, names, + - * / ** and {', '.join(_FUNCTIONS)} only")
-    return compile(tree, "<formula>", "eval")
+    return compile(ast.fix_missing_locations(_PowersByName().visit(tree)), "<formula>", "eval")
 
 
-_FUNCTIONS = {"exp": np.exp, "log": np.log, "sqrt": np.sqrt, "minimum": np.minimum, "maximum": np.maximum}
+class _PowersByName(ast.NodeTransformer):
+    """Write a ** b as a call of ``_power``: Python's and NumPy's own differ in the last bit between processors."""
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        if not isinstance(node.op, ast.Pow):
+            return node
+        return ast.Call(ast.Name("_power", ast.Load()), [node.left, node.right], [])
+
+
+def _above_zero(name: str, value: Any) -> Any:
+    if np.any(np.less_equal(value, 0.0)):
+        raise ValueError(f"{name} needs numbers above 0, but {np.min(value)} is among them")
+    return value
+
+
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "exp": exp,
+    "log": lambda x: log(_above_zero("log", x)),
+    "sqrt": np.sqrt,
+    "minimum": np.minimum,
+    "maximum": np.maximum,
+}
+
+
+def _power(base: Any, exponent: Any) -> Any:
+    return real_power(_above_zero("**", base), exponent)
 
 
 def _evaluate(formula: Any, values: Mapping[str, Any]) -> Any:
@@ -171,7 +198,7 @@ def _evaluate(formula: Any, values: Mapping[str, Any]) -> Any:
     if not isinstance(formula, str):
         return formula
     try:
-        return eval(_compiled(formula), {"__builtins__": {}}, {**_FUNCTIONS, **values})
+        return eval(_compiled(formula), {"__builtins__": {}}, {**_FUNCTIONS, **values, "_power": _power})
     except NameError as error:
         name = str(error).split("'")[1]
         raise ValueError(f"{formula!r}: there is no variable {name!r}; {names_instead(name, values, 'the variables')}") from error

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from turning_env.numerics.functions import exp, hypotenuse, log
 from turning_env.scenario.power_law import PowerLaw, log_response
 from turning_env.scenario.scenario import Scenario
 
@@ -87,7 +88,7 @@ def columns_of(scenarios: Sequence[Scenario]) -> Columns:
 
 def log_wear_at(s: Columns, used_life: float) -> Any:
     """Return the logarithm of the flank wear [mm] at a used share of an edge's life."""
-    return np.log(s.tool.wear_criterion) + s.material.wear.time * np.log(used_life)
+    return log(s.tool.wear_criterion) + s.material.wear.time * log(used_life)
 
 
 class Loads:
@@ -105,32 +106,32 @@ class Loads:
         self._s = s
         self._log_speed = _span(s.machine.cutting_speed_min, s.cutting_speed_max, shares, count)[:, :, None]
         self._log_feed = _span(*s.feed_range, shares, count)[:, None, :]
-        self.speed, self.feed = np.exp(self._log_speed), np.exp(self._log_feed)
+        self.speed, self.feed = exp(self._log_speed), exp(self._log_feed)
         self.removal = self.speed * self.feed * _wide(s.workpiece.depth_of_cut)
         wear = log_response_at(s, "wear", 0.0)
-        self.life_rate = self._over_grid(s.material.wear, wear - np.log(s.tool.wear_criterion), 1.0 / s.material.wear.time)
-        self._force = self._over_grid(s.material.thrust_force, -np.log(s.limits.thrust_force))
-        self._power = self._over_grid(s.material.power, -np.log(s.limits.power))
+        self.life_rate = self._over_grid(s.material.wear, wear - log(s.tool.wear_criterion), 1.0 / s.material.wear.time)
+        self._force = self._over_grid(s.material.thrust_force, -log(s.limits.thrust_force))
+        self._power = self._over_grid(s.material.power, -log(s.limits.power))
         self._idle = _wide(s.spindle.idle_torque / (30.0 * s.workpiece.diameter) / s.limits.power) * self.speed
         self._capacity = np.minimum(self.speed / _wide(np.maximum(s.base_cutting_speed, 1e-9)), 1.0)
 
     def _over_grid(self, law: Any, log_rest: Any, exponent: Any = 1.0) -> Array:
         """Return (exp(log_rest) V^a f^b)^exponent."""
-        along_speed = _wide(log_rest * exponent) + _wide(law.cutting_speed * exponent) * self._log_speed
-        over: Array = np.exp(along_speed + _wide(law.feed * exponent) * self._log_feed)
+        along_speed = exp(_wide(log_rest * exponent) + _wide(law.cutting_speed * exponent) * self._log_speed)
+        over: Array = along_speed * exp(_wide(law.feed * exponent) * self._log_feed)
         return over
 
     def nearest(self, speed: Array, feed: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the places of the grid's speeds and feeds that are nearest to some [m/min, mm/rev], shape (scenarios,) each."""
         pairs = (self.speed, speed), (self.feed, feed)
-        first, second = (abs(np.log(grid.reshape(len(at), -1) / at[:, None])).argmin(axis=1) for grid, at in pairs)
+        first, second = (abs(log(grid.reshape(len(at), -1) / at[:, None])).argmin(axis=1) for grid, at in pairs)
         return first, second
 
     def excess(self, used_life: float, deviations: float = 0.0) -> Array:
         """Return the larger of force and power over their limits, less 1, for bars so many standard deviations worse."""
         s = self._s
-        force = self._force * _wide(np.exp(log_response_at(s, "thrust_force", used_life, deviations)))
-        power = self._power * _wide(np.exp(log_response_at(s, "power", used_life, deviations))) + self._idle
+        force = self._force * _wide(exp(log_response_at(s, "thrust_force", used_life, deviations)))
+        power = self._power * _wide(exp(log_response_at(s, "power", used_life, deviations))) + self._idle
         over: Array = np.maximum(force, power / self._capacity) - 1.0
         return over
 
@@ -138,12 +139,10 @@ class Loads:
 def log_response_at(s: Columns, law_name: str, used_life: float, deviations: float = 0.0) -> Any:
     """Return the logarithm of a response at 1 m/min and 1 mm/rev, to an edge of a used life (0: the law has no wear)."""
     work, law = s.workpiece, getattr(s.material, law_name)
-    depth = work.depth_of_cut + deviations * np.hypot(work.depth_bar_spread, work.depth_along_spread)
-    log_hardness = np.log(s.mismatch.hardness_factor) + deviations * np.hypot(
-        work.hardness_bar_spread, work.hardness_along_spread
-    )
+    depth = work.depth_of_cut + deviations * hypotenuse(work.depth_bar_spread, work.depth_along_spread)
+    log_hardness = log(s.mismatch.hardness_factor) + deviations * hypotenuse(work.hardness_bar_spread, work.hardness_along_spread)
     log_wear = log_wear_at(s, used_life) if used_life > 0.0 else 0.0
-    return log_response(law, 0.0, 0.0, np.log(depth), 0.0, log_wear, log_hardness)  # type: ignore[no-untyped-call]
+    return log_response(law, 0.0, 0.0, log(depth), 0.0, log_wear, log_hardness)  # type: ignore[no-untyped-call]
 
 
 @dataclass(frozen=True)
@@ -187,7 +186,7 @@ def _wide(value: Any) -> Any:
 
 def _span(low: Any, high: Any, shares: Array, count: int) -> Array:
     """Return logarithms between those of two ends, shape (scenarios, shares)."""
-    low, high = np.reshape(np.log(low), (-1, 1)), np.reshape(np.log(high), (-1, 1))
+    low, high = np.reshape(log(low), (-1, 1)), np.reshape(log(high), (-1, 1))
     return np.broadcast_to(low + shares * (high - low), (count, len(shares)))
 
 
@@ -205,8 +204,8 @@ def features(s: Columns, plan: Plan) -> dict[str, Array]:
     told["taylor_exponent"] = material.wear.time / material.wear.cutting_speed
     for law, limit in (("thrust_force", s.limits.thrust_force), ("power", power_limit)):
         exponents = getattr(material, law)
-        at_best = exponents.cutting_speed * np.log(speed) + exponents.feed * np.log(feed)
-        told[f"log_{law}_load"] = at_best + log_response_at(s, law, USED_LIVES[MIDDLE]) - np.log(limit)
+        at_best = exponents.cutting_speed * log(speed) + exponents.feed * log(feed)
+        told[f"log_{law}_load"] = at_best + log_response_at(s, law, USED_LIVES[MIDDLE]) - log(limit)
     logs = {
         "life": life,
         "removal_rate": plan.removal_rate,
@@ -231,9 +230,9 @@ def features(s: Columns, plan: Plan) -> dict[str, Array]:
         "highest_feed": s.feed_range[1] / machine.feed_min,
         "speed_over_fastest": speed / s.cutting_speed_max,
     }
-    told |= {f"log_{name}": np.log(np.maximum(value, 1e-6)) for name, value in logs.items()}
+    told |= {f"log_{name}": log(np.maximum(value, 1e-6)) for name, value in logs.items()}
     for k, used in enumerate(USED_LIVES):
-        told[f"speed_at_{used}"] = np.log(plan.speed[:, k] / machine.cutting_speed_min)
-        told[f"feed_at_{used}"] = np.log(plan.feed[:, k] / machine.feed_min)
-        told[f"log_life_at_{used}"] = np.log(plan.life[:, k])
+        told[f"speed_at_{used}"] = log(plan.speed[:, k] / machine.cutting_speed_min)
+        told[f"feed_at_{used}"] = log(plan.feed[:, k] / machine.feed_min)
+        told[f"log_life_at_{used}"] = log(plan.life[:, k])
     return {name: np.broadcast_to(value, plan.removal_rate.shape) for name, value in told.items()}

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from turning_env.numerics.compilation import compiled
+from turning_env.numerics.functions import exp, log
 from turning_env.scenario.section import Section, quantity
 
 POWER_LAW_RECORD = np.dtype(
@@ -58,7 +59,7 @@ class PowerLaw(Section):
     @property
     def log_coefficient(self) -> Any:
         """Return the natural logarithm of the coefficient, with the reference depth folded in."""
-        return np.log(self.coefficient) - self.depth_of_cut * np.log(self.reference_depth_of_cut)
+        return log(self.coefficient) - self.depth_of_cut * log(self.reference_depth_of_cut)
 
     def record(self) -> Any:
         """Return the law as one ``POWER_LAW_RECORD``, with the reference depth folded into the coefficient."""
@@ -83,4 +84,4 @@ class PowerLaw(Section):
             hardness: Hardness over nominal [-].
         """
         factors = (cutting_speed, feed, depth_of_cut, time, wear, hardness)
-        return np.exp(log_response(self, *(np.log(factor) for factor in factors)))
+        return exp(log_response(self, *(log(factor) for factor in factors)))

@@ -86,8 +86,6 @@ class PolicySpec(BaseModel):
     """The command that trained an agent or tuned a rule."""
     tuned_for: ScenarioId | None = None
     """The scenario on which it was tuned or trained; None: the one that it plays."""
-    tolerance: float = Field(default=0.0, exclude=True)
-    """Largest difference of any number of an episode on another processor; 0: the same to the last bit."""
     trained_on: Scenario | None = Field(default=None, exclude=True, repr=False)
     """The scenario of a loaded agent's training."""
     make: PolicyFactory = Field(default=_known_by_name, exclude=True, repr=False)

@@ -1,11 +1,13 @@
 """The normal distribution of compiled loops is SciPy's."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import norm
 
-from baselines.models.edge_value import expected_excess
 from baselines.models.normal import excess, probability
 
 
@@ -17,7 +19,12 @@ def test_probabilities_and_densities_are_those_of_scipy() -> None:
 
 
 @pytest.mark.parametrize("spread", [1e-3, 0.05, 1.0])
-def test_the_expected_excess_is_that_of_the_price_of_life(spread: float) -> None:
+def test_the_expected_excess_is_that_of_a_log_normal_variable(spread: float) -> None:
+    def expected_excess(log_mean: NDArray[np.float64], spread: float) -> Any:
+        """Black and Scholes (1973)."""
+        ratio = log_mean / spread
+        return np.exp(log_mean + 0.5 * spread**2) * ndtr(ratio + spread) - ndtr(ratio)
+
     means, by = np.linspace(-2.0, 1.0, 61), 0.01 * spread
     value, slope, bend = np.transpose([excess(mean, spread) for mean in means])
     below, at, above = (expected_excess(means + step, spread) for step in (-by, 0.0, by))

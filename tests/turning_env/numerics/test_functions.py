@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from turning_env.numerics.functions import exp, log, real_power, sine_and_cosine
+from turning_env.numerics.functions import exp, expm1, log, real_power, sine_and_cosine
 
 NEAR_ZERO = np.geomspace(1e-12, 1.0, 500)
 
@@ -26,6 +26,26 @@ def test_exponential_is_kept_within_its_range():
 )
 def test_logarithm(x):
     assert [log(value) for value in x] == pytest.approx(np.log(x), rel=7e-16, abs=1e-300)
+
+
+def test_exponential_less_1():
+    x = np.concatenate([NEAR_ZERO, -NEAR_ZERO, np.linspace(-30.0, 30.0, 301)])
+    assert expm1(x) == pytest.approx(np.expm1(x), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("function", "values"),
+    [
+        (exp, np.linspace(-720.0, 720.0, 4001)),
+        (log, np.geomspace(1e-300, 1e300, 4001)),
+        (lambda x: real_power(x, 0.245), np.linspace(0.0, 3.0, 301)),
+        (lambda x: sine_and_cosine(x)[0], np.linspace(0.0, 3.0, 301)),
+        (lambda x: sine_and_cosine(x)[1], np.linspace(0.0, 3.0, 301)),
+    ],
+)
+def test_arrays_have_the_bits_of_single_numbers(function, values):
+    assert function(values).tobytes() == np.array([function(value) for value in values]).tobytes()
+    assert function(values[:, np.newaxis]).shape == (len(values), 1)
 
 
 def test_logarithm_of_1_is_0_and_of_0_is_finite():
