@@ -1,5 +1,7 @@
 """Families: what is drawn, for whom, and what is refused."""
 
+import hashlib
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,13 @@ from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario.family import CHUNK, families, makes_sense
 
 SHOP = Family.load("shop")
+JOBS = {
+    "train": "67b14524b7e305a5",
+    "unseen_jobs": "33cc33f67c5a08bd",
+    "unseen_materials": "3c28e60f8b466d91",
+    "unseen_machines": "3a7f2960716820ea",
+}
+"""Golden digests of all jobs of the family `shop`."""
 SMALL = {
     "name": "small",
     "base": "shift",
@@ -54,6 +63,23 @@ def test_every_job_makes_sense_and_is_a_scenario(split):
     job = SHOP.job(17, split)
     assert Scenario.load(job.scenario.portable()) == job.scenario
     assert job.context.shape == (len(SHOP.context_names),)
+
+
+def digest_of_jobs(split):
+    """Return a digest of all jobs of a split: what is told, what is true, and the context."""
+    digest = hashlib.sha256()
+    for chunk in range(-(-(SHOP.jobs if split == "train" else SHOP.held_out_jobs) // CHUNK)):
+        draw = SHOP.draw(split, chunk)
+        for name, values in (*draw.fields[0].items(), *draw.fields[1].items()):
+            digest.update(name.encode() + np.asarray(values, np.float64).tobytes())
+        digest.update(SHOP.context(draw).tobytes())
+    return digest.hexdigest()[:16]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("split", SHOP.splits)
+def test_jobs_are_as_released_on_every_processor(split):
+    assert digest_of_jobs(split) == JOBS[split], "jobs have changed: the family needs a new version"
 
 
 def test_the_context_is_standardised_by_training_jobs():
