@@ -15,6 +15,8 @@ SHIPPED_RESULTS ?= leaderboard/results
 JOBS ?= 2
 ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurning-Surface-v1 RoughTurning-Shift-v0 RoughTurning-Batch-v0 \
 	RoughTurning-Family-v0
+# Policies of the family's boards that do not machine sensibly.
+DEGENERATE = idle wait_then_play fastest never_cut change_every_step
 # A sixth of the steps of agents that ship, for a first look.
 TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS)/first --steps $(or $(STEPS),1000000)
 RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --seeds $(NUM_SEEDS) --results $(RESULTS)
@@ -78,7 +80,8 @@ results: .venv/run
 				agents=$$(ls $(SHIPPED)/$$env/*/*.onnx); \
 				play="--jobs $(NUM_SEEDS) --episodes 1 --keep $(SHIPPED_RESULTS) --workers $(JOBS) --agent $$agents --split unseen_jobs"; \
 				.venv/bin/python -m leaderboard.family $$play unseen_materials unseen_machines \
-					--policies predictive "predictive, told the truth" self_tuning "self_tuning, told the wear" "self_tuning, told the truth" causal; \
+					--policies $(DEGENERATE) predictive "predictive, told the truth" \
+						self_tuning "self_tuning, told the wear" "self_tuning, told the truth" causal; \
 				.venv/bin/python -m leaderboard.family $$play --policies self_tuning --forgetful; \
 				continue;; \
 			*) seeds="--seeds $(TASK_SEEDS)";; \

@@ -62,7 +62,7 @@ class ConstantActions(Policy):
     """A policy of the same action at every step.
 
     Args:
-        action: shape (action size,).
+        action: shape (action size,), or (num_envs, action size).
     """
 
     def __init__(self, action: Actions) -> None:
@@ -70,33 +70,33 @@ class ConstantActions(Policy):
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size)."""
-        return np.tile(self._action, (len(observations), 1))
+        return np.broadcast_to(self._action, (len(observations), self._action.shape[-1])).copy()
 
 
-class WaitThenPlay(Policy):
-    """A policy that idles at first and then plays another policy.
+class FirstThen(Policy):
+    """A policy that repeats an action at first and then plays another policy.
 
     Args:
         num_envs: number of environments.
-        idle: the action of the first steps, shape (action size,).
+        action: the action of the first steps, shape (action size,), or (num_envs, action size).
         steps: number of these steps, one or shape (num_envs,).
         policy: policy that plays after them.
     """
 
-    def __init__(self, num_envs: int, idle: Actions, steps: float | NDArray[np.float64], policy: Policy) -> None:
-        self._idle, self._wait, self._policy = idle, steps, policy
+    def __init__(self, num_envs: int, action: Actions, steps: float | NDArray[np.float64], policy: Policy) -> None:
+        self._action, self._first_steps, self._policy = action, steps, policy
         self._steps = np.zeros(num_envs)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Begin to idle in the environments of the mask, shape (num_envs,)."""
+        """Begin anew in the environments of the mask, shape (num_envs,)."""
         self._steps[mask] = 0.0
         self._policy.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
-        waits = self._steps < self._wait
+        first = self._steps < self._first_steps
         self._steps += 1.0
-        return np.where(waits[:, np.newaxis], self._idle, self._policy.act(observations))
+        return np.where(first[:, np.newaxis], self._action, self._policy.act(observations))
 
 
 def zero(scenario: Scenario) -> Actions:
@@ -129,14 +129,14 @@ def _changes_edges(scenario: Scenario) -> bool:
     return scenario.control.edge_changes == "commanded"
 
 
-def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> WaitThenPlay:
+def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
     first = scenarios[0]
     each: Any = first if len(scenarios) == 1 else columns_of(scenarios)
     control = each.control
     if control.action == "part":
-        return WaitThenPlay(num_envs, lowest(first), first.workpiece.bars / 2.0, ConstantActions(zero(first)))
+        return FirstThen(num_envs, lowest(first), first.workpiece.bars / 2.0, ConstantActions(zero(first)))
     policy = FixedParameters(each, control.initial_cutting_speed, control.initial_feed)
-    return WaitThenPlay(num_envs, lowest(first), control.time_limit * 60.0 / control.interval / 2.0, policy)
+    return FirstThen(num_envs, lowest(first), control.time_limit * 60.0 / control.interval / 2.0, policy)
 
 
 def _rule(description: str, policy: Callable[[Sequence[Scenario], int], Policy], *, commanded: bool = False) -> Rule:
