@@ -80,7 +80,7 @@ class FirstThen(Policy):
         num_envs: number of environments.
         action: the action of the first steps, shape (action size,), or (num_envs, action size).
         steps: number of these steps, one or shape (num_envs,).
-        policy: policy that plays after them.
+        policy: policy without memory that plays after them.
     """
 
     def __init__(self, num_envs: int, action: Actions, steps: float | NDArray[np.float64], policy: Policy) -> None:
@@ -90,13 +90,13 @@ class FirstThen(Policy):
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Begin anew in the environments of the mask, shape (num_envs,)."""
         self._steps[mask] = 0.0
-        self._policy.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         first = self._steps < self._first_steps
         self._steps += 1.0
-        return np.where(first[:, np.newaxis], self._action, self._policy.act(observations))
+        then = self._action if first.all() else self._policy.act(observations)
+        return np.where(first[:, np.newaxis], self._action, then)
 
 
 def zero(scenario: Scenario) -> Actions:
