@@ -128,7 +128,8 @@ processors: .venv/test
 
 # The promises of docs/soundness.md on far more inputs, kills and steps than in the tests: some hours.
 soak: .venv/test
-	HYPOTHESIS_PROFILE=soak .venv/bin/pytest tests/soundness -n 2 --hypothesis-show-statistics
+	HYPOTHESIS_PROFILE=soak .venv/bin/pytest tests/soundness -n 2 --timeout 0 --hypothesis-show-statistics
+	HYPOTHESIS_PROFILE=soak .venv/bin/pytest -m soak -n 2 --timeout 0
 	.venv/bin/python -m benchmarks.soak
 
 # Which small faults in the physics, the statistics and the models' gradients the tests find; MUTANTS="--count 20" tries fewer.

@@ -19,11 +19,16 @@ os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 # No window is shown.
 os.environ["SDL_VIDEODRIVER"] = "dummy"
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
+SOAKS = os.environ.get("HYPOTHESIS_PROFILE") == "soak"
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the longest tests, so that no worker is left with one at the end."""
-    longest = ("tests/test_pages.py", "tests/test_identity.py")
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what only ``make soak`` runs, and begin with the longest tests, so that no worker is left with one at the end."""
+    left_out = [item for item in items if item.get_closest_marker("soak")] if not SOAKS else []
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in left_out]
+    longest = ("tests/test_pages.py", "tests/test_identity.py", "tests/papers/test_reproduce.py")
     items.sort(key=lambda item: not item.nodeid.startswith(longest))
 
 

@@ -14,23 +14,8 @@ TUTORIALS = DOCS / "tutorials"
 INTERPRETED = TUTORIALS / "change_the_lathe.md"  # tests/test_identity.py walks this one, interpreted
 ALIKE = (TUTORIALS / "train.md", TUTORIALS / "submit_a_policy.md")  # they train, export and rank the same agent
 ALONE = (ROOT / "README.md", DOCS / "results.md", *sorted(set(TUTORIALS.glob("*.md")) - {INTERPRETED, *ALIKE}))
-# What commands begin with that other tests run: these tests themselves, and those of papers, wheel, verification and benchmarks.
-BENCHMARKS = (
-    "throughput",
-    "ablation",
-    "bound",
-    "headroom",
-    "peers",
-    "growth",
-    "training",
-    "time_to_beat",
-    "cost_limits",
-    "equal_terms",
-)
-ELSEWHERE = (
-    *("make test", "python -m papers.reproduce", "pip install", "python -m leaderboard verify --seeds"),
-    *(f"python -m benchmarks.{name}" for name in BENCHMARKS),
-)
+# This suite itself, and the installation of what is under test.
+ELSEWHERE = ("make test", "pip install")
 # How a command is made small: options added to it, words replaced in it.
 SMALLER: Smaller = {
     "make leaderboard": ("SCENARIO=short.toml STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results", {}),
@@ -48,8 +33,6 @@ SMALLER: Smaller = {
     "python -m leaderboard run --agents": ("--policies fixed_tuned grid_search", {}),
     "python -m leaderboard run": ("--seeds 2", {}),
     "python -m leaderboard.watch": ("--steps 6", {}),
-    "python -m papers.figures": ("--only grid_search_12 --out few-figures", {}),
-    "python -m benchmarks.overload_price": ("--seeds 1", {}),
 }
 
 

@@ -420,7 +420,7 @@ def baked(agent: Path, scenario: Path | str, out: Path, *options: str) -> Path:
     return path
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_an_agent_with_a_nominal_model_acts_as_if_it_were_told_it(tmp_path: Path) -> None:
     agent = exported(tmp_path)
     file = agent_file.read(agent)
