@@ -55,7 +55,7 @@ MISTAKES: dict[str, list[str]] = {
         f"train.{name}": ["--scenario nothing", "--env nothing", "--seed -1", "--steps 0", "--steps 1 --runs file"]
         for name in ALGORITHMS
     },
-    "train.family_gradient": ["--family nothing", "--seed -1", "--device nothing", "--set nothing=1", "--runs file"],
+    "train.family_gradient": ["--family nothing", "--set nothing=1"],
     "train.tune": ["--algorithm ppo --scenario nothing", "--algorithm nobody", "--algorithm ppo --trials 0"],
     "train.curves": ["nothing", ". --out made.png", "nothing --level x"],
     "train.export": ["nothing --out made", ". --out made", "nothing", "--agent nothing.onnx --scenario shift", "--agent nothing"],
@@ -98,6 +98,7 @@ MISTAKES: dict[str, list[str]] = {
     "benchmarks.cost_limits": ["--seeds 0", "--shares 0", "--algorithms nothing", "--out made.txt"],
     "benchmarks.clients": ["nothing", "--write"],
     "benchmarks.equal_terms": ["--seeds 0", "--seeds-apart 0", "--agents nothing", "--agents ppo-position"],
+    "benchmarks.exploits": ["--env nothing", "--seeds 0", "--search -1"],
     "benchmarks.family_ablation": ["--jobs 0", "--jobs 5000", "--variants nothing", "--agent nothing.onnx"],
     "benchmarks.foresight": ["--jobs 0", "--split nothing"],
     "benchmarks.headroom": ["--seeds 0", "--rows nothing"],

@@ -41,6 +41,7 @@ def episodes(name: str, scenario: Scenario) -> Episodes:
     return play(spec(name, scenario).make, scenario, tuning_seeds(2))
 
 
+@pytest.mark.slow
 def test_idling_removes_nothing_where_feed_can_stop_and_least_where_not() -> None:
     assert not episodes("idle", Scenario.load("surface"))["removed"].any()
     shift = Scenario.load("shift")
@@ -75,6 +76,7 @@ def test_half_of_the_episode_is_waited_and_then_programmed_values_are_played(pre
         np.testing.assert_allclose(infos[name], started[name], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_degenerate_policies_play_jobs_of_a_family_together_as_apart() -> None:
     family = Family.load("shop")
     jobs = [family.job(0), family.job(1)]

@@ -17,6 +17,7 @@ def weights_of(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     return found["head.weight"], found["head.bias"]
 
 
+@pytest.mark.slow
 def test_only_the_named_corrections_are_left_out(tmp_path: Path) -> None:
     content = onnx_agents.write_of_family(tmp_path, Family.load("shop")).read_bytes()
     before, bias = weights_of(content)

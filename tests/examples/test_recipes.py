@@ -33,6 +33,7 @@ def test_the_batch_and_single_environments_play_the_same() -> None:
         np.testing.assert_allclose(rewards, unscaled / 3, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_torchrl_checks_every_id(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("torchrl")
     assert import_module("examples.torch_rl").main(["--steps", "40", "--num-envs", "8"]) == 0

@@ -16,7 +16,7 @@ from tests.walking import MAX, ROOT
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["training", "tuning of rules", "leaderboard"])
+@pytest.mark.parametrize("name", [pytest.param("training", marks=pytest.mark.soak), "tuning of rules", "leaderboard"])
 def test_a_killed_program_goes_on_to_what_it_makes_undisturbed(name: str, tmp_path: Path) -> None:
     toll = soak.kill(PROGRAMS[name], 1, tmp_path, Random(4))
     assert toll.kills == 1

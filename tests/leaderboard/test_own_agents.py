@@ -204,6 +204,7 @@ def test_a_torch_module_goes_from_nothing_to_a_rank(tmp_path: Path, capsys: pyte
     assert capsys.readouterr().out.splitlines()[-1].startswith(f"your agent: rank {score.rank} of {score.ranked}, return ")
 
 
+@pytest.mark.soak
 def test_the_agent_of_a_family_is_ranked_on_a_scenario_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = next(shipped.AGENTS.glob(f"{FAMILY_ID}/*/*-seed0.onnx"), None) or onnx_agents.write_of_family(
         tmp_path, Family.load("shop")

@@ -47,6 +47,7 @@ def test_two_stand_side_by_side_and_the_still_is_the_end(short: list[str], tmp_p
         assert not np.array_equal(np.asarray(both)[:, :WIDTH], np.asarray(one))
 
 
+@pytest.mark.slow
 def test_steps_are_left_out_and_an_ended_episode_stands_still(scenario: Scenario) -> None:
     spec = PolicySpec(name="one", make=lambda num_envs: Steady(num_envs, (0.0, 0.0)))
     shows = [Show(spec, "RoughTurning-v0", scenario, 3, "rgb_array") for _ in range(2)]

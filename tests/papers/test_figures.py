@@ -42,7 +42,7 @@ def short_plays(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(servo, "lines", lambda: (np.array([200.0, 400.0]), np.array([1.8, 2.4]), np.linspace(0.9, 1.1, 4)))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.usefixtures("short_plays")
 @pytest.mark.parametrize("name", command.FIGURES)
 def test_every_figure_suits_print(name: str) -> None:

@@ -29,6 +29,8 @@ from turning_env import Family, FamilyVectorEnv, Scenario, read
 from turning_env.physics.quantities import OBS, layout
 from turning_env.scenario.plan import MIDDLE, Columns, columns_of, plan_of
 
+pytestmark = pytest.mark.slow
+
 FAMILY = Family.load(BRIEF)
 SHARED = [*range(HISTORY), LAWS, *range(LAWS + LOADS[0], STATES)]
 """States that the compiled filter has, too."""
@@ -126,6 +128,7 @@ def test_the_agent_knows_where_the_tool_is() -> None:
     assert np.abs(errors).mean() < 0.03
 
 
+@pytest.mark.soak
 def test_a_bar_that_is_not_measured_yet_is_entered_with_less_feed() -> None:
     shop = Family.load("shop")
     env, parameters = FamilyVectorEnv(32, shop), plan(shop, 0, Path("unused"), "a command", SMALL).parameters
@@ -248,6 +251,7 @@ def test_idle_power_is_told_apart_from_the_power_of_the_cut() -> None:
     np.testing.assert_allclose(tracker._idle_share(told, Place(zero, zero, zero, Linear(zero, zero))), idle / cut, rtol=0.02)
 
 
+@pytest.mark.soak
 def test_the_filter_estimates_what_the_compiled_one_does(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(family_actor, "MISFIT", 0.0)  # which the compiled one does not know
     shop, steps = Family.load("shop"), 300
@@ -280,6 +284,7 @@ def test_the_filter_estimates_what_the_compiled_one_does(monkeypatch: pytest.Mon
     assert np.mean(differences) < 0.15
 
 
+@pytest.mark.soak
 def test_edges_worn_at_other_speeds_teach_the_exponent_of_speed() -> None:
     shop, count, steps = Family.load("shop"), 48, 80
     env, tracker = FamilyVectorEnv(count, shop), filter_of(shop)
@@ -337,7 +342,6 @@ def state_of(run: Run) -> dict[str, torch.Tensor]:
     return ALGORITHM.actor(run.policy).state_dict()
 
 
-@pytest.mark.slow
 def test_a_training_killed_and_resumed_gives_the_same_agent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     undisturbed, killed = small_run(tmp_path / "undisturbed"), small_run(tmp_path / "killed")
     train(undisturbed)

@@ -101,6 +101,7 @@ def test_an_actor_is_shown_in_play_what_its_training_showed(position: bool, fram
     assert ends > 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("algorithm", "terms"),
     [

@@ -47,6 +47,7 @@ def readings_of(info: dict[str, Any], scenario: Scenario) -> Readings:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", ["rough_turning", "override", "surface", "rough_turning_current", "override_torque", "paper"])
 def test_readings_of_the_simulator_give_its_observations(preset: str) -> None:
     scenario = Scenario.load(preset)

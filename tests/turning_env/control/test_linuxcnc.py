@@ -77,6 +77,7 @@ def test_a_process_that_stops_answering_leaves_the_safe_feed_after_one_period(
     assert not Path(f"/proc/{made[0]['pid']}").exists()
 
 
+@pytest.mark.slow
 def test_the_plant_cuts_what_the_control_moves() -> None:
     scenario = Scenario.load("override")
     plant = Plant(scenario, 0)
