@@ -20,7 +20,7 @@ DEGENERATE = idle wait_then_play fastest never_cut change_every_step
 # A sixth of the steps of agents that ship, for a first look.
 TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS)/first --steps $(or $(STEPS),1000000)
 RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --seeds $(NUM_SEEDS) --results $(RESULTS)
-PYTEST = .venv/bin/pytest -n 2 --dist worksteal
+PYTEST = .venv/bin/pytest -n 2 --dist worksteal $(if $(DURATIONS),--durations $(DURATIONS))
 
 # Extras by set-up: `make leaderboard` and the like need the first, tests, examples and the site also the second.
 RUN_EXTRAS = benchmark
@@ -41,9 +41,12 @@ AGENTS ?= $(addprefix RoughTurning-v0/,analytic_gradient ppo recurrent_ppo lagra
 	RoughTurning-Shift-v0/analytic_gradient RoughTurning-Batch-v0/ppo
 SEEDS ?= 0 1 2 3 4
 
-# Processors that `make processors` imitates: kernels of OpenBLAS, and NumPy without AVX-512, then without any optional instructions.
+# Processors that `make processors` imitates: kernels of OpenBLAS; the C library and compiled code without newer instructions; NumPy without AVX-512,
+# then without any optional instructions.
 PROCESSORS ?= OPENBLAS_CORETYPE=Haswell OPENBLAS_CORETYPE=Zen $(if $(shell grep -m1 avx512f /proc/cpuinfo 2> /dev/null),OPENBLAS_CORETYPE=SkylakeX) \
-	NPY_DISABLE=AVX512 NPY_DISABLE=all
+	GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX512F,-AVX2,-FMA NUMBA_CPU_NAME=generic NPY_DISABLE=AVX512 NPY_DISABLE=all
+# Tests that compare numbers with those that ship.
+IDENTITY = tests/test_identity.py tests/turning_env/scenario/test_family.py tests/leaderboard/test_shipped.py
 FEATURES = import sys; from numpy._core._multiarray_umath import __cpu_dispatch__ as names; \
 	print(*(name for name in names if sys.argv[1] == "all" or "AVX512" in name or name == "X86_V4"))
 TESTS ?= -m "not slow"
@@ -96,7 +99,7 @@ results: .venv/run
 verify: .venv/run
 	.venv/bin/python -m leaderboard verify --jobs $(JOBS) $(VERIFY)
 
-# Lint, types and fast tests, side by side: a minute or two.
+# Lint, types and fast tests, side by side: a minute.
 check: .venv/test
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target fast lint types
 
@@ -116,14 +119,16 @@ test: .venv/test lint
 	.venv/bin/python -m tests.compile & compiling=$$!; .venv/bin/mypy && wait $$compiling
 	$(PYTEST)
 
-# Tests as other processors compute, one after the other; TESTS= runs the slow ones, too. PROCESSORS=OPENBLAS_CORETYPE=Haswell imitates one.
+# Fast tests and those of what ships as other processors compute, one after the other; TESTS= runs the slow ones, too.
+# PROCESSORS=OPENBLAS_CORETYPE=Haswell imitates one.
 processors: .venv/test
 	set -e; failed=; for setting in $(PROCESSORS); do \
 		case $$setting in \
 			NPY_DISABLE=*) what="NPY_DISABLE_CPU_FEATURES=$$(.venv/bin/python -c '$(FEATURES)' $${setting#*=})";; \
 			*) what=$$setting;; \
 		esac; \
-		echo "== $$what"; env "$$what" $(PYTEST) $(TESTS) || failed="$$failed $$setting"; \
+		echo "== $$what"; env "$$what" $(PYTEST) --timeout 0 $(TESTS) \
+			&& env "$$what" HYPOTHESIS_PROFILE=soak $(PYTEST) --timeout 0 $(IDENTITY) || failed="$$failed $$setting"; \
 	done; test -z "$$failed" || { echo "failed with:$$failed"; exit 1; }
 
 # The promises of docs/soundness.md on far more inputs, kills and steps than in the tests: some hours.
