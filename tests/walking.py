@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 MAX = 110.0
 """A process that takes longer [s] hangs, or is too long for a test: pytest-timeout ends that after 120 s."""
 LONG = "# minutes to hours"
-"""How a block begins whose commands take too long for a test. They are asked for their help instead."""
+"""How a block begins whose commands take too long for a test: ``tests/test_command_lines.py`` parses them."""
 
 Smaller = Mapping[str, tuple[str, Mapping[str, str]]]
 """What makes a command small, by how it starts: options added to it, words replaced in it."""
@@ -36,11 +36,8 @@ def blocks(page: str) -> Iterator[Block]:
 
 
 def commands(block: Block) -> list[str]:
-    """The command lines of a block; one that ends in a backslash goes on. Of a ``LONG`` block, those that print their help."""
-    lines = [line for line in block.text.replace("\\\n", " ").splitlines() if line.strip() and not line.startswith("#")]
-    if block.text.startswith(LONG):
-        return [f"{line} --help" for line in lines if line.startswith("python ")]
-    return lines
+    """The command lines of a block; one that ends in a backslash goes on."""
+    return [line for line in block.text.replace("\\\n", " ").splitlines() if line.strip() and not line.startswith("#")]
 
 
 def copy_to(folder: Path) -> None:
@@ -80,7 +77,7 @@ def walk(page: str, folder: Path, smaller: Smaller, done: tuple[str, ...] = ()) 
         elif block.title is not None:
             (folder / block.title).parent.mkdir(parents=True, exist_ok=True)
             (folder / block.title).write_text(block.text, "utf-8")
-        elif block.language == "bash":
+        elif block.language == "bash" and not block.text.startswith(LONG):
             for command in commands(block):
                 if not command.startswith(done):
                     check(run(small(command, smaller), folder), command)
