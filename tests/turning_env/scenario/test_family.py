@@ -121,6 +121,8 @@ def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
         ({"fields": {"limits.power": "factr * 7"}}, "did you mean factor"),
         ({"fields": {"limits.power": "factor.real"}}, "a formula has numbers"),
         ({"fields": {"limits.power": "7 *"}}, "is not a formula"),
+        ({"fields": {"limits.power": "(factor - 1) ** 2"}}, r"\*\* needs numbers above 0"),
+        ({"fields": {"limits.power": "log(factor - 2)"}}, "log needs numbers above 0"),
         ({"fields": {"limits.powr": 7.0}}, "did you mean power"),
         ({"variables": {"factor": {"unit": "-", "source": "none"}}}, "must have one of uniform"),
         ({"variables": {"factor": {"uniform": [2, 1], "unit": "-", "source": "none"}}}, "must not exceed the highest"),
