@@ -81,8 +81,8 @@ results: .venv/run
 			RoughTurning-Shift-v0) seeds="--seeds $(SPLIT_SEEDS)";; \
 			RoughTurning-Family-v0) \
 				agents=$$(ls $(SHIPPED)/$$env/*/*.onnx); \
-				play="--jobs $(NUM_SEEDS) --episodes 1 --keep $(SHIPPED_RESULTS) --workers $(JOBS) --agent $$agents --split unseen_jobs"; \
-				.venv/bin/python -m leaderboard.family $$play unseen_materials unseen_machines \
+				play="--jobs $(NUM_SEEDS) --episodes 1 --keep $(SHIPPED_RESULTS) --workers $(JOBS) --split unseen_jobs"; \
+				.venv/bin/python -m leaderboard.family $$play unseen_materials unseen_machines --agent $$agents \
 					--policies $(DEGENERATE) predictive "predictive, told the truth" \
 						self_tuning "self_tuning, told the wear" "self_tuning, told the truth" causal; \
 				.venv/bin/python -m leaderboard.family $$play --policies self_tuning --forgetful; \
