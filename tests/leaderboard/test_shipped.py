@@ -110,7 +110,7 @@ def test_policies_of_the_family_play_every_job_of_the_three_splits() -> None:
             CAUSAL,
             "family_gradient",
         } <= board.rows.keys()
-    assert sum(path.stat().st_size for path in (RESULTS / FAMILY_ID).rglob("*.xz")) < 500_000
+    assert sum(path.stat().st_size for path in (RESULTS / FAMILY_ID).rglob("*.xz")) < 600_000
 
 
 def test_every_agent_is_of_its_folder_and_has_a_card() -> None:
