@@ -20,7 +20,7 @@ from turning_env import IDS, RoughTurningVectorEnv, Scenario
 FILE = Path(__file__).parents[1] / "golden" / "actions.json"
 STEPS, EVERY, NUM_ENVS = 40, 8, 2
 TOLERANCE = 2e-6
-"""Of actions in -1..1, recorded with seven digits: a formula written otherwise needs no new version."""
+"""Largest difference of an action in -1..1, recorded with seven digits. A rewritten formula within it needs no new version."""
 
 
 def observations(scenario: Scenario) -> list[NDArray[np.float32]]:
