@@ -135,24 +135,24 @@ processors: .venv/test
 soak: .venv/test
 	HYPOTHESIS_PROFILE=soak .venv/bin/pytest tests/soundness -n 2 --timeout 0 --hypothesis-show-statistics
 	HYPOTHESIS_PROFILE=soak .venv/bin/pytest -m soak -n 2 --timeout 0
-	.venv/bin/python -m benchmarks.soak
+	.venv/bin/python -m studies.soak
 
 # Which small faults in the physics, the statistics and the models' gradients the tests find; MUTANTS="--count 20" tries fewer.
 mutants: .venv/test
-	.venv/bin/python -m benchmarks.mutants $(MUTANTS)
+	.venv/bin/python -m studies.mutants $(MUTANTS)
 
 # The wheel in an empty environment: its contents, and that every task gives the same bytes there; likewise with other versions of Python.
 wheel: .venv/run
-	.venv/bin/python -m benchmarks.wheel --python .venv/bin/python $(OTHER_PYTHON)
+	.venv/bin/python -m studies.wheel --python .venv/bin/python $(OTHER_PYTHON)
 
 # The recipes of other libraries (docs/ecosystem.md), each in an environment of its own; CLIENTS="skrl" tries one. Minutes each.
 clients: .venv/run
-	.venv/bin/python -m benchmarks.clients --write docs/ecosystem.md $(CLIENTS)
+	.venv/bin/python -m studies.clients --write docs/ecosystem.md $(CLIENTS)
 
 # Licences of the installed packages, and known vulnerabilities of all that constraints.txt pins.
 audit: .venv/test
 	$(INSTALL) --group audit
-	.venv/bin/python -m benchmarks.audit
+	.venv/bin/python -m studies.audit
 	.venv/bin/pip-audit --require-hashes --disable-pip --progress-spinner off -r constraints.txt
 
 # Resolve pyproject.toml into constraints.txt, for all platforms. Versions stay, unless UPGRADE=--upgrade is given. Hashes of other builds stay

@@ -11,12 +11,12 @@ from pathlib import Path
 
 from turning_env import Scenario
 from turning_env.console import described, number_within
-from turning_env.programs.adapt import adapt, schedule
-from turning_env.programs.blocks import read_program_file
-from turning_env.programs.cutting import Machine, Situation, play
-from turning_env.programs.moves import run
-from turning_env.programs.report import summary
-from turning_env.programs.stock import read_stock, remove
+from turning_nc.adapt import adapt, schedule
+from turning_nc.blocks import read_program_file
+from turning_nc.cutting import Machine, Situation, play
+from turning_nc.moves import run
+from turning_nc.report import summary
+from turning_nc.stock import read_stock, remove
 
 FOLDER = Path(__file__).parent / "programs"
 COLLECTION = tomllib.loads((FOLDER / "collection.toml").read_text("utf-8"))

@@ -64,7 +64,7 @@ def _write_gif(frames: Iterator[Frame], path: Path, frames_per_second: int) -> N
 
 def _colours() -> list[tuple[int, int, int]]:
     """Return the colours of which frames consist: one frame alone would lack some of later ones."""
-    from turning_env.rendering import theme
+    from turning_render import theme
 
     paints = [theme.BLUE, theme.ORANGE, theme.GREEN, theme.VERMILLION, theme.PURPLE, theme.INSERT, theme.LAND, theme.CHIP]
     shares = (1.0, 0.75, 0.5, 0.28, 0.22, 0.07)

@@ -15,7 +15,18 @@ import pytest
 from tests.train.small import ALGORITHMS
 from tests.walking import ROOT, blocks, commands
 
-PACKAGES = ("turning_env", "baselines", "train", "leaderboard", "papers", "benchmarks")
+PACKAGES = (
+    "turning_env",
+    "turning_render",
+    "turning_shop",
+    "turning_nc",
+    "turning_control",
+    "baselines",
+    "train",
+    "leaderboard",
+    "papers",
+    "studies",
+)
 
 # For every command, arguments with a mistake in a name, a number or a file.
 MISTAKES: dict[str, list[str]] = {
@@ -41,12 +52,12 @@ MISTAKES: dict[str, list[str]] = {
     "turning_env advise": ["nothing", ". --seeds 1", "forging --hours 0", "forging --seeds -1"],
     "turning_env map": ["nothing --wear 0.2 --out made.png", "forging --wear 0.2 --out made.txt"],
     "turning_env family": ["nothing", "shop --split nothing", "shop --figure made.txt", "shop --jobs 0"],
-    "turning_env.control": ["nothing"],
-    "turning_env.control shield": ["--env nothing", "--episodes 0", "--target x"],
-    "turning_env.control demo": ["--scenario nothing", "--out made.txt"],
-    "turning_env.control serve": ["--policy nothing", "--policy programmed --scenario nothing"],
-    "turning_env.control opcua": ["--policy programmed", "--policy nothing --url opc.tcp://127.0.0.1:1 --nodes nodes.toml"],
-    "turning_env.control plant": ["--log made.csv --scenario nothing"],
+    "turning_control": ["nothing"],
+    "turning_control shield": ["--env nothing", "--episodes 0", "--target x"],
+    "turning_control demo": ["--scenario nothing", "--out made.txt"],
+    "turning_control serve": ["--policy nothing", "--policy programmed --scenario nothing"],
+    "turning_control opcua": ["--policy programmed", "--policy nothing --url opc.tcp://127.0.0.1:1 --nodes nodes.toml"],
+    "turning_control plant": ["--log made.csv --scenario nothing"],
     "papers.reproduce": ["more"],
     "baselines.tune": ["--scenario nothing", "--rules nobody", "--trials 0", "--seeds 0", "--jobs 0", "--trials x"],
     "papers.reproduce.part_programming_cases": ["more"],
@@ -93,26 +104,26 @@ MISTAKES: dict[str, list[str]] = {
         "--policy fixed_tuned --out made.txt",
         "--agent nothing.onnx --out made.gif",
     ],
-    "benchmarks.ablation": ["--variants nothing", "--seeds 0", "--jobs 0"],
-    "benchmarks.bound": ["--scenario nothing", "--scenario shift", "--seeds 0"],
-    "benchmarks.cost_limits": ["--seeds 0", "--shares 0", "--algorithms nothing", "--out made.txt"],
-    "benchmarks.clients": ["nothing", "--write"],
-    "benchmarks.equal_terms": ["--seeds 0", "--seeds-apart 0", "--agents nothing", "--agents ppo-position"],
-    "benchmarks.exploits": ["--env nothing", "--seeds 0", "--search -1"],
-    "benchmarks.family_ablation": ["--jobs 0", "--jobs 5000", "--variants nothing", "--agent nothing.onnx"],
-    "benchmarks.foresight": ["--jobs 0", "--split nothing"],
-    "benchmarks.headroom": ["--seeds 0", "--rows nothing"],
-    "benchmarks.growth": ["made.txt", "made.png --most 0"],
-    "benchmarks.overload_price": ["--seeds 0", "--seeds x"],
-    "benchmarks.peers": ["--repeats 0", "--seconds x"],
-    "benchmarks.measured_wear": ["nothing", "nothing --json"],
-    "benchmarks.mutants": ["--count x", "--out ."],
-    "benchmarks.audit": ["--constraints nothing"],
-    "benchmarks.soak": ["--kills 0", "--only nothing", "--steps 1"],
-    "benchmarks.throughput": ["--repeats 0", "--num-envs x"],
-    "benchmarks.time_to_beat": ["--rule nobody", "--seeds 0"],
-    "benchmarks.training": ["--repeats 0", "--num-envs x"],
-    "benchmarks.wheel": ["--constraints nothing", "--constraints file"],
+    "studies.ablation": ["--variants nothing", "--seeds 0", "--jobs 0"],
+    "studies.bound": ["--scenario nothing", "--scenario shift", "--seeds 0"],
+    "studies.cost_limits": ["--seeds 0", "--shares 0", "--algorithms nothing", "--out made.txt"],
+    "studies.clients": ["nothing", "--write"],
+    "studies.equal_terms": ["--seeds 0", "--seeds-apart 0", "--agents nothing", "--agents ppo-position"],
+    "studies.exploits": ["--env nothing", "--seeds 0", "--search -1"],
+    "studies.family_ablation": ["--jobs 0", "--jobs 5000", "--variants nothing", "--agent nothing.onnx"],
+    "studies.foresight": ["--jobs 0", "--split nothing"],
+    "studies.headroom": ["--seeds 0", "--rows nothing"],
+    "studies.growth": ["made.txt", "made.png --most 0"],
+    "studies.overload_price": ["--seeds 0", "--seeds x"],
+    "studies.peers": ["--repeats 0", "--seconds x"],
+    "studies.measured_wear": ["nothing", "nothing --json"],
+    "studies.mutants": ["--count x", "--out ."],
+    "studies.audit": ["--constraints nothing"],
+    "studies.soak": ["--kills 0", "--only nothing", "--steps 1"],
+    "studies.throughput": ["--repeats 0", "--num-envs x"],
+    "studies.time_to_beat": ["--rule nobody", "--seeds 0"],
+    "studies.training": ["--repeats 0", "--num-envs x"],
+    "studies.wheel": ["--constraints nothing", "--constraints file"],
 }
 
 
@@ -179,7 +190,7 @@ def test_every_command_is_among_these(parser_of: Callable[[str, list[str]], argp
     assert modules == {command.split()[0] for command in MISTAKES}
     for command, complete in (
         ("turning_env", ["presets"]),
-        ("turning_env.control", ["demo"]),
+        ("turning_control", ["demo"]),
         ("leaderboard", ["show"]),
         ("train.export --nc", ["check", "bar.mpf"]),
     ):

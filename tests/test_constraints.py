@@ -4,7 +4,7 @@ import re
 import subprocess
 import tomllib
 
-from benchmarks.audit import pinned
+from studies.audit import pinned
 from tests.walking import ROOT
 
 TEXT = (ROOT / "constraints.txt").read_text("utf-8")

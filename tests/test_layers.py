@@ -9,16 +9,20 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-BELOW = {
+LEANS_ON = {
     "turning_env": set(),
+    "turning_render": {"turning_env"},
+    "turning_shop": {"turning_env"},
+    "turning_nc": {"turning_env", "turning_shop"},
+    "turning_control": {"turning_env", "turning_shop"},
     "baselines": {"turning_env"},
-    "train": {"turning_env", "baselines"},
-    "papers": {"turning_env", "baselines", "train"},
-    "leaderboard": {"turning_env", "baselines", "train"},
-    "benchmarks": {"turning_env", "baselines", "train", "leaderboard"},
-    "examples": {"turning_env", "baselines", "train"},
+    "train": {"turning_env", "baselines", "turning_nc", "turning_shop"},
+    "papers": {"turning_env", "baselines", "train", "turning_nc", "turning_shop"},
+    "leaderboard": {"turning_env", "baselines", "train", "turning_render", "turning_shop", "turning_nc"},
+    "studies": {"turning_env", "baselines", "train", "leaderboard", "turning_render", "turning_shop", "turning_nc"},
+    "examples": {"turning_env", "baselines", "train", "turning_nc"},
 }
-"""Packages that a package may import."""
+"""Packages that a package may import, wherever in its code."""
 
 FLOORS = (
     {"numerics"},
@@ -27,12 +31,12 @@ FLOORS = (
     {"observation", "info"},
     {"batch"},
     {"env", "vector_env", "family_env", "tasks", "wrappers", "action"},
-    {"scoring", "programs", "control", "workshop", "rendering", "adapters"},
+    {"scoring", "adapters"},
     {"__main__"},
 )
 """Rooms of ``turning_env`` from the ground up: a room may import its own floor and all below."""
-UPWARDS = {("env", "rendering"), ("vector_env", "rendering"), ("action", "scoring")}
-"""Exceptions: an environment opens its viewer when it is asked to render, and actions have the type of a policy's."""
+UPWARDS = {("action", "scoring")}
+"""Exceptions: actions have the type of a policy's."""
 LEAVES = {"files", "locks", "console", "extras"}
 """Modules that all rooms may import, and that import none."""
 
@@ -46,11 +50,28 @@ def imports(path: Path) -> Iterator[str]:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-@pytest.mark.parametrize("package", BELOW)
+@pytest.mark.parametrize("package", LEANS_ON)
 def test_a_package_imports_only_packages_below_it(package: str) -> None:
-    others = (BELOW.keys() | {"tests"}) - BELOW[package] - {package}
+    others = (LEANS_ON.keys() | {"tests"}) - LEANS_ON[package] - {package}
     for path in (ROOT / package).rglob("*.py"):
         assert not {name.split(".")[0] for name in imports(path)} & others, path
+
+
+@pytest.mark.parametrize("package", LEANS_ON)
+def test_a_package_loads_only_packages_below_it(package: str) -> None:
+    modules = [
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+        for path in (ROOT / package).rglob("*.py")
+        if path.name not in ("__main__.py", "sandbox_child.py", "hal_bridge.py", "panel.py")
+    ]
+    code = (
+        "import sys, importlib, contextlib\n"
+        f"for name in {modules}:\n"
+        "    with contextlib.suppress(ModuleNotFoundError): importlib.import_module(name)\n"
+        "print(*{name.split('.')[0] for name in sys.modules})"
+    )
+    finished = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True)
+    assert not set(finished.stdout.split()) & (LEANS_ON.keys() - LEANS_ON[package] - {package})
 
 
 def test_a_room_imports_only_rooms_below_it() -> None:

@@ -1,4 +1,4 @@
-"""What is published: the environment alone, with its presets."""
+"""What is published: the packages of a user, with their data."""
 
 import os
 import subprocess
@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.wheel import built
+from studies.wheel import built
 
 ROOT = Path(__file__).parents[1]
+PACKAGES = {"turning_env", "turning_render", "turning_shop", "turning_nc", "turning_control"}
 
 
 @pytest.fixture(scope="module")
@@ -18,12 +19,12 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return built(tmp_path_factory.mktemp("wheel"))
 
 
-def test_the_wheel_holds_the_environment_and_nothing_else(wheel: Path) -> None:
+def test_the_wheel_holds_the_packages_of_a_user_and_nothing_else(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
-    assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"turning_env"}
-    packaged = {name for name in names if name.startswith("turning_env/")}
+    assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == PACKAGES
+    packaged = {name for name in names if ".dist-info/" not in name}
     ends = ("py", "toml", "xz", "hal", "ini", "tbl", "html", "js")
-    sources = {str(path.relative_to(ROOT)) for end in ends for path in (ROOT / "turning_env").rglob(f"*.{end}")}
+    sources = {str(path.relative_to(ROOT)) for end in ends for package in PACKAGES for path in (ROOT / package).rglob(f"*.{end}")}
     assert packaged == sources
 
 

@@ -7,7 +7,19 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("turning_env", "baselines", "train", "leaderboard", "papers", "benchmarks", "examples")
+PACKAGES = (
+    "turning_env",
+    "turning_render",
+    "turning_shop",
+    "turning_nc",
+    "turning_control",
+    "baselines",
+    "train",
+    "leaderboard",
+    "papers",
+    "studies",
+    "examples",
+)
 # word -> what to write instead
 WORDS = {
     "lane": "environment, env_index",

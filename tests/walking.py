@@ -43,7 +43,7 @@ def commands(block: Block) -> list[str]:
 def copy_to(folder: Path) -> None:
     """Put the tracked files with their times, the machine code made of them, and the installed environment, into a folder."""
     tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines()
-    compiled = [path for package in ("turning_env", "baselines") for path in (ROOT / package).rglob("*.nb[ci]")]
+    compiled = [path for package in ("turning_env", "turning_render", "baselines") for path in (ROOT / package).rglob("*.nb[ci]")]
     for name in (*tracked, *(str(path.relative_to(ROOT)) for path in compiled)):
         if (ROOT / name).exists():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)

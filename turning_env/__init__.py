@@ -74,4 +74,4 @@ gymnasium.register(
     vector_entry_point="turning_env.family_env:FamilyVectorEnv",
     kwargs={"family": "shop"},
 )
-gymnasium.register("RoughTurning-Program-v1", entry_point="turning_env.programs.environment:ProgramEnv")  # needs a program
+gymnasium.register("RoughTurning-Program-v1", entry_point="turning_nc.environment:ProgramEnv")  # needs a program

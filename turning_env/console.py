@@ -19,6 +19,11 @@ from pydantic_core import to_json
 
 from turning_env.extras import missing
 
+
+class Mistake(ValueError):
+    """A user's mistake. The message says what is wrong and what is allowed."""
+
+
 DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
 
 _P = ParamSpec("_P")
@@ -82,13 +87,13 @@ def exits(
     """Decorate a function that returns an exit status: turn its exceptions into one line and a status.
 
     Args:
-        mistakes: Exceptions that a user's mistake raises, printed as ``error: ...``. An OSError always is one, and so is the
+        mistakes: Exceptions that a user's mistake raises, printed as ``error: ...``, beside Mistake, OSError and the
             ModuleNotFoundError of an optional package.
         interrupted: Printed if the user interrupts the command: what is kept, and how to continue.
         checks: Whether the status is the result of a check. If the reader of the output leaves early, the status is then 1;
             otherwise it is 0.
     """
-    caught: tuple[type[Exception], ...] = (*mistakes, OSError)
+    caught: tuple[type[Exception], ...] = (*mistakes, Mistake, OSError)
 
     def decorated(command: Callable[_P, int]) -> Callable[_P, int]:
         @functools.wraps(command)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -12,12 +12,10 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed
+from turning_env.extras import provided
 from turning_env.info import Info, info_of
 from turning_env.scenario import Scenario, Source, presets
 from turning_env.scenario.section import names_instead
-
-if TYPE_CHECKING:
-    from turning_env.rendering.viewer import Viewer
 
 _ONLY = np.ones(1, np.bool_)
 
@@ -165,7 +163,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     * `RoughTurning-v0`: preset `rough_turning`, as described above.
     * `RoughTurning-Paper-v0`, `-Override-v0`, `-Surface-v1`, `-Shift-v0`, `-Batch-v0`: see `turning_env.tasks`.
     * `RoughTurning-Family-v0`: many lathes with wrong nominal models, see `turning_env.FamilyEnv`.
-    * `RoughTurning-Program-v1`: a part program of your own, see `turning_env.programs.environment.ProgramEnv`.
+    * `RoughTurning-Program-v1`: a part program of your own, see `turning_nc.environment.ProgramEnv`.
 
     `turning_env.SPLITS` names presets that show how well a policy generalises: harder bars, skins, worn edges, biased sensors,
     another diameter and another steel.
@@ -196,11 +194,10 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action_space = action_space(self.scenario)
         self._batch = batch
         self._under_way = False
-        self._viewer: Viewer | None = None
+        self._viewer: Any = None  # turning_render's
         if render_mode is not None:
-            from turning_env.rendering import viewer  # its libraries are optional
-
-            self._viewer = viewer.Viewer(self, self._batch)
+            (viewer,) = provided("viewer")  # its libraries are optional
+            self._viewer = viewer(self, self._batch)
 
     @property
     def spec(self) -> EnvSpec | None:

@@ -1,9 +1,11 @@
-"""Messages for optional packages that are not installed: the package and how to install it, instead of a traceback."""
+"""What other packages add: objects that plug in here, and messages for optional packages that are not installed."""
 
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.metadata import entry_points
 from types import TracebackType
+from typing import Any
 
 EXTRAS = {
     "workshop": ("matplotlib", "scipy"),
@@ -28,6 +30,24 @@ def _how(extra: str) -> str:
 
 HOW = {package: _how(extra) for extra, packages in EXTRAS.items() for package in packages}
 """How to install each optional package."""
+
+
+def provided(what: str) -> list[Any]:
+    """Return what installed packages provide: ``commands``, ``viewer``, ``warm_up`` or ``rules``, the entry points of that group.
+
+    Nothing here imports the packages that lean on it. Rules are declared by every installation, but only a clone has them.
+
+    Raises:
+        ModuleNotFoundError: an optional package is not installed.
+    """
+    found = []
+    for entry in entry_points(group=f"turning_env.{what}"):
+        try:
+            found.append(entry.load())
+        except ModuleNotFoundError as error:
+            if error.name != entry.module.partition(".")[0]:
+                raise
+    return found
 
 
 def missing(error: BaseException) -> str | None:

@@ -1,7 +1,7 @@
 """The vector environment."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from gymnasium import logger
@@ -21,11 +21,9 @@ from turning_env.batch.driver import (
     checked_seed,
 )
 from turning_env.env import check_options, portable
+from turning_env.extras import provided
 from turning_env.info import INFO_KEYS, info_of
 from turning_env.scenario import Scenario, Source
-
-if TYPE_CHECKING:
-    from turning_env.rendering.viewer import Viewer
 
 _MASKS = ["_" + name for name in INFO_KEYS]
 
@@ -91,11 +89,10 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         self.single_action_space = action_space(self.scenario)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._viewer: Viewer | None = None
+        self._viewer: Any = None  # turning_render's
         if render_mode is not None:
-            from turning_env.rendering import viewer  # its libraries are optional
-
-            self._viewer = viewer.Viewer(self, self._batch, rendered_envs or num_envs)
+            (viewer,) = provided("viewer")  # its libraries are optional
+            self._viewer = viewer(self, self._batch, rendered_envs or num_envs)
         self._all = np.ones(num_envs, np.bool_)
         self._all.flags.writeable = False  # it goes out as a mask in every info
 
@@ -160,7 +157,8 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         if self._viewer is None:
             logger.warn('without a render mode, render() does nothing: make the environment with render_mode="rgb_array"')
             return None
-        return self._viewer.frames()
+        frames: tuple[NDArray[np.uint8], ...] = self._viewer.frames()
+        return frames
 
     def close_extras(self, **kwargs: Any) -> None:
         """Release the threads."""

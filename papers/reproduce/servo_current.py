@@ -26,7 +26,7 @@ from turning_env.scenario.sections import FeedDrive
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import PolicyFactory
 from turning_env.scoring.seeds import tuning_seeds
-from turning_env.workshop.current import CurrentReport, Line, analyse
+from turning_shop.current import CurrentReport, Line, analyse
 
 NUM_SEEDS = 8
 SETTLED = 3.0

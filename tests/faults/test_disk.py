@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from baselines.tune import __main__ as rule_tuning
-from benchmarks.soak import files, unreadable
 from leaderboard import __main__ as board
 from leaderboard import watch
+from studies.soak import files, unreadable
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
 from train import ppo, tune
 from train.training import train

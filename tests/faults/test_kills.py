@@ -10,8 +10,8 @@ from random import Random
 
 import pytest
 
-from benchmarks import soak
-from benchmarks.soak import PROGRAMS, contents, unreadable
+from studies import soak
+from studies.soak import PROGRAMS, contents, unreadable
 from tests.walking import MAX, ROOT
 
 

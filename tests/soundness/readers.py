@@ -22,15 +22,15 @@ from pydantic import TypeAdapter
 
 from leaderboard.result import Result, ResultError, read_part, read_result, write_part
 from leaderboard.trajectories import Trajectories
-from tests.turning_env.programs.test_read_and_write import TEXT
+from tests.turning_nc.test_read_and_write import TEXT
 from train.agents import agent_file
 from train.agents import graph as plain_graph
 from turning_env import Scenario, ScenarioError
-from turning_env.programs.program import NcError, Program
-from turning_env.programs.read import read, read_file
-from turning_env.programs.write import write
-from turning_env.workshop import WorkshopError
-from turning_env.workshop.measurements import COLUMNS, Measurements, read_measurements
+from turning_nc.program import NcError, Program
+from turning_nc.read import read, read_file
+from turning_nc.write import write
+from turning_shop import WorkshopError
+from turning_shop.measurements import COLUMNS, Measurements, read_measurements
 
 ROOT = Path(__file__).parents[2]
 _RESULTS = ROOT / "leaderboard" / "results"

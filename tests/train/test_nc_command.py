@@ -9,10 +9,10 @@ import pytest
 
 from train import export
 from train.nc import interval_table
-from turning_env.programs import simulate
-from turning_env.programs.read import read_file
-from turning_env.programs.schedule import Totals
-from turning_env.programs.write import WARNING
+from turning_nc import simulate
+from turning_nc.read import read_file
+from turning_nc.schedule import Totals
+from turning_nc.write import WARNING
 
 ROOT = Path(__file__).parents[2]
 

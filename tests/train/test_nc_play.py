@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from baselines import catalogue
 from train.nc import interval_table, laws, simulate_law
 from turning_env import Scenario
-from turning_env.programs import schedule, simulate
-from turning_env.programs.program import Block, NcError, Program
-from turning_env.programs.read import read
-from turning_env.programs.schedule import Segment, bars_of
-from turning_env.programs.synchronous import LOAD, Law
-from turning_env.programs.write import write
+from turning_nc import schedule, simulate
+from turning_nc.program import Block, NcError, Program
+from turning_nc.read import read
+from turning_nc.schedule import Segment, bars_of
+from turning_nc.synchronous import LOAD, Law
+from turning_nc.write import write
 
 SCENARIO, OVERRIDES = Scenario.load("rough_turning"), Scenario.load("override")
 

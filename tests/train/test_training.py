@@ -151,7 +151,11 @@ def test_pickles_are_loaded_with_a_warning_by_algorithms_and_to_resume_alone(
 ) -> None:
     models = r"(?:\w*PPO|SAC|TQC|AnalyticGradient|VecNormalize|model)"
     loaders = rf"(pickle\.loads?|torch\.load|joblib\.load|\b{models}\.load)\(|allow_pickle=True"
-    paths = [path for package in ("turning_env", "baselines", "train", "leaderboard") for path in (ROOT / package).rglob("*.py")]
+    paths = [
+        path
+        for package in ("turning_env", "turning_nc", "baselines", "train", "leaderboard")
+        for path in (ROOT / package).rglob("*.py")
+    ]
     found = {str(path.relative_to(ROOT)) for path in paths if re.search(loaders, path.read_text("utf-8"))}
     assert found == {"train/training.py", "train/family_gradient.py", "train/agents/foreign.py"}
 

@@ -18,13 +18,13 @@ from train.nc import interval_table, laws, simulate_law
 from turning_env import Scenario
 from turning_env.console import described, exits
 from turning_env.files import replace_file
-from turning_env.programs import schedule, simulate
-from turning_env.programs.program import NcError, Program
-from turning_env.programs.read import read, read_file
-from turning_env.programs.schedule import Totals
-from turning_env.programs.write import write
 from turning_env.scoring.policy import PolicyFactory
 from turning_env.scoring.seeds import tuning_seeds
+from turning_nc import schedule, simulate
+from turning_nc.program import NcError, Program
+from turning_nc.read import read, read_file
+from turning_nc.schedule import Totals
+from turning_nc.write import write
 
 PROGRAM = "python -m train.export --nc"
 MAX_DIFFERENCE = 0.02

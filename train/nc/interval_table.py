@@ -14,9 +14,9 @@ from turning_env.action import sets_speed_and_feed
 from turning_env.numerics.functions import exp
 from turning_env.physics.records import parameter_records
 from turning_env.physics.wear import log_wear
-from turning_env.programs.program import NcError, Program
-from turning_env.programs.schedule import Segment, Totals, bars_of, with_bars
 from turning_env.scenario.sections import Mismatch
+from turning_nc.program import NcError, Program
+from turning_nc.schedule import Segment, Totals, bars_of, with_bars
 
 MAX_INTERVALS = 1_000_000
 

@@ -22,10 +22,10 @@ from baselines.omative import ENTRY_TIME
 from baselines.rule import Parameters
 from turning_env import Scenario
 from turning_env.physics.drives import lag_share
-from turning_env.programs.expression import as_written, number_text, parse
-from turning_env.programs.program import FEED_DECIMALS, SPEED_DECIMALS, Block, NcError, Program, rounded_within
-from turning_env.programs.schedule import with_bars
-from turning_env.programs.synchronous import (
+from turning_nc.expression import as_written, number_text, parse
+from turning_nc.program import FEED_DECIMALS, SPEED_DECIMALS, Block, NcError, Program, rounded_within
+from turning_nc.schedule import with_bars
+from turning_nc.synchronous import (
     LOAD,
     MAX_OVERRIDE,
     OVERRIDE,

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from train.nc.laws import STATE
 from turning_env import Reading, RoughTurningEnv, Scenario, read
 from turning_env.action import towards
-from turning_env.programs.program import NcError, Program
-from turning_env.programs.schedule import Totals, with_bars
-from turning_env.programs.synchronous import LOAD, PATH_VELOCITY, SPINDLE_SPEED
 from turning_env.scoring.policy import Actions, Observations, PolicyFactory
+from turning_nc.program import NcError, Program
+from turning_nc.schedule import Totals, with_bars
+from turning_nc.synchronous import LOAD, PATH_VELOCITY, SPINDLE_SPEED
 
 
 class LawPolicy:

@@ -1,0 +1,70 @@
+"""Check the licences and the versions of the installed packages.
+
+``make audit`` then looks up their known vulnerabilities with pip-audit. The exit status is 1 if a licence is not allowed, or if a
+package has another version than ``constraints.txt`` pins.
+
+    python -m studies.audit
+"""
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from importlib.metadata import Distribution, distributions
+from pathlib import Path
+
+from turning_env.console import described, exits
+
+ALLOWED = re.compile(
+    r"MIT|BSD|Apache|\bPSF|Python Software Foundation|\bISC\b|MPL|Mozilla Public|HPND|Zlib|CC0|Unlicense|LGPL|Lesser General",
+    re.IGNORECASE,
+)
+"""Licences that the project's use and distribution allow; LGPL and MPL are allowed because their code is not changed."""
+REFUSED = re.compile(r"\bA?GPL(?!\S* WITH )|Affero|(?<!Lesser )General Public|Proprietary|Commercial", re.IGNORECASE)
+"""Licences that must not be named beside an allowed one."""
+
+
+def allowed(licence: str) -> bool:
+    """Return whether a licence is allowed."""
+    return ALLOWED.search(licence) is not None and REFUSED.search(licence) is None
+
+
+def licence_of(found: Distribution) -> str:
+    """Return the licence that a distribution states, or the heads of its licence files; empty if it states none."""
+    data = found.metadata
+    classified = [text.rpartition(" :: ")[2] for text in data.get_all("Classifier") or [] if text.startswith("License ::")]
+    expression, said = ((data.get_all(name) or [""])[0] for name in ("License-Expression", "License"))
+    files = data.get_all("License-File") or []
+    heads = [(found.read_text(f"licenses/{name}") or "").strip().partition("\n")[0] for name in files]
+    stated = (expression, *classified, said.strip().partition("\n")[0], ", ".join(heads))
+    return next((text for text in stated if text and text not in ("OSI Approved", "UNKNOWN")), "")
+
+
+def pinned(constraints: str) -> dict[str, str]:
+    """Return the versions by name in the text of a constraints file."""
+    return dict(re.findall(r"^([\w.-]+)==([^\s;]+)", constraints, re.MULTILINE))
+
+
+@exits(checks=True)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Audit and print; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m studies.audit", **described(__doc__))
+    parser.add_argument(
+        "--constraints", type=Path, default=Path("constraints.txt"), help="file of pinned versions (default: %(default)s)"
+    )
+    pins = pinned(parser.parse_args(arguments).constraints.read_text("utf-8"))
+    installed = {re.sub(r"[-_.]+", "-", found.name).lower(): found for found in distributions()}
+    complaints = []
+    for name, found in sorted(installed.items()):
+        licence, version = licence_of(found), found.version.partition("+")[0]  # without the build, as in torch's 2.13.0+cpu
+        print(f"{name} {found.version}: {licence or 'states no licence'}")
+        if not allowed(licence):
+            complaints.append(f"{name}: its licence, {licence!r}, is not one of the allowed")
+        if name != "rough-turning" and version != pins.get(name):
+            complaints.append(f"{name} is {version}, but " + (f"pinned to {pins[name]}" if name in pins else "not pinned"))
+    print(f"{len(installed)} distributions", *complaints, sep="\n")
+    return 1 if complaints else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,390 @@
+"""Kill programs at random moments, and step environments for months of cutting. Takes about an hour.
+
+Kills: SIGKILL, which no program can catch, ends each program, which is then started again. After each kill, every file must be
+readable and no process may be left. The final results must equal those of an undisturbed run.
+
+Steps: environments are stepped and reset in one process. Memory must not grow, and the environments of a batch must match single
+ones bit for bit.
+
+The exit status is 1 if any of this does not hold.
+
+    python -m studies.soak
+    python -m studies.soak --only steps --steps 1000000
+    python -m studies.soak --only kills --kills 2
+"""
+
+import argparse
+import csv
+import json
+import lzma
+import os
+import signal
+import sys
+import time
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, redirect_stdout, suppress
+from dataclasses import dataclass
+from functools import partial
+from hashlib import sha256
+from io import StringIO
+from multiprocessing import get_context
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+from tqdm import tqdm
+
+from baselines.tune import __main__ as rule_tuning
+from leaderboard import __main__ as leaderboard_command
+from train import ppo, tune
+from train.run import Run
+from train.training import train
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
+from turning_env.console import described, exits
+from turning_env.files import replace_file
+
+Program = Callable[[Path], int]
+"""A function that fills a folder, or continues to fill it, and returns the exit status."""
+
+SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}, "control": {"time_limit": 2.0}})
+LOG = ".log"
+"""Output of a program, in its folder."""
+MAX_GROWTH = 8_000_000
+"""Growth of memory that is tolerated [bytes]."""
+MAX_SECONDS = 600.0
+"""Time after which a program counts as hung [s]."""
+MAX_ORPHAN_SECONDS = 30.0
+"""Time within which the processes of a killed program must end [s]."""
+
+
+def training(folder: Path) -> int:
+    """Train PPO for a few seconds, with eight checkpoints."""
+    small = {"num_envs": 8, "rollout": 64, "batch_size": 256, "epochs": 2, "steps": 4096}
+    train(Run.plan("ppo", "RoughTurning-v0", SCENARIO, 0, folder, "soak", small), ppo.ALGORITHM, checkpoint_every=512)
+    return 0
+
+
+def tuning_of_rules(folder: Path) -> int:
+    """Search for the parameters of two rules."""
+    words = ["--scenario", _scenario(folder), "--rules", "fixed_tuned", "rescaled_grid_search"]
+    return rule_tuning.main([*words, "--trials", "10", "--seeds", "4", "--out", str(folder / "tuned" / "short.json")])
+
+
+def tuning_of_an_agent(folder: Path) -> int:
+    """Search for PPO's hyperparameters, which trains an agent per setting."""
+    words = ["--algorithm", "ppo", "--scenario", _scenario(folder), "--steps", "4096", "--trials", "3"]
+    with redirect_stdout(StringIO()) as said:
+        status = tune.main([*words, "--runs", str(folder / "runs")])
+    best = said.getvalue().partition(": ")[2]  # without the command, which names the folder, and the trial's number
+    replace_file(folder / "best.txt", lambda path: path.write_text(best, "utf-8"))
+    return status
+
+
+def leaderboard(folder: Path, more: Sequence[str] = ()) -> int:
+    """Play a few rules."""
+    words = ["run", "--results", str(folder / "results"), "--env", "RoughTurning-Override-v0", "--seeds", "16"]
+    return leaderboard_command.main(
+        [*words, "--policies", "constant_force_limit", "programmed_feed", "fuzzy_override", "omative", "tmac", *more]
+    )
+
+
+def _scenario(folder: Path) -> str:
+    path = folder.parent / "short.toml"  # beside the folders, as what is written names it
+    SCENARIO.save(path)
+    return str(path)
+
+
+PROGRAMS: dict[str, Program] = {
+    "training": training,
+    "tuning of rules": tuning_of_rules,
+    "tuning of an agent": tuning_of_an_agent,
+    "leaderboard": leaderboard,
+    "leaderboard, 2 processes": partial(leaderboard, more=("--jobs", "2")),
+}
+
+
+@dataclass
+class Toll:
+    """Counts over the kills of a program: unreadable files, other results, surviving processes; undisturbed time [s]."""
+
+    kills: int = 0
+    finished: int = 0  # although it had been killed before
+    torn: int = 0
+    differing: int = 0
+    orphans: int = 0
+    seconds: float = 0.0
+
+    @property
+    def survived(self) -> bool:
+        """Whether no file was broken and no result lost."""
+        return self.torn == self.differing == self.orphans == 0 < self.finished
+
+
+def kill(program: Program, kills: int, folder: Path, random: Random) -> Toll:
+    """Kill a program ``kills`` times, each at a random moment of its undisturbed duration, and start it again.
+
+    Whenever it finishes, its results are compared with those of an undisturbed run, and it starts again in another folder.
+
+    Raises:
+        RuntimeError: the program fails although it was not killed.
+    """
+    toll, begun = Toll(), 0
+    _started(_nothing, folder / "warm").join()  # the server of processes imports all that is needed, once
+    start = time.monotonic()
+    _finish(_started(program, folder / "undisturbed"), folder / "undisturbed")
+    toll.seconds = time.monotonic() - start
+    expected = contents(folder / "undisturbed")
+    while toll.kills < kills or not toll.finished:
+        here, kills_before, begun = folder / f"killed{begun}", toll.kills, begun + 1
+        while True:
+            process = _started(program, here)
+            process.join(random.uniform(0.0, toll.seconds) if toll.kills < kills else MAX_SECONDS)
+            if not process.is_alive() or toll.kills == kills:
+                break
+            toll.kills += 1
+            toll.orphans += not _killed(process)
+            toll.torn += len(unreadable(here))
+        _finish(process, here)
+        toll.finished += toll.kills > kills_before or toll.kills == kills
+        toll.differing += contents(here) != expected
+    return toll
+
+
+def _nothing(folder: Path) -> int:
+    return 0
+
+
+def _started(program: Callable[..., object], folder: Path) -> BaseProcess:
+    folder.mkdir(parents=True, exist_ok=True)
+    # The server has no threads or other state that a fork would break.
+    context = get_context("forkserver")
+    context.set_forkserver_preload(["studies.soak"])
+    process = context.Process(target=_run, args=(program, folder))
+    process.start()
+    return process
+
+
+def _run(program: Program, folder: Path) -> None:
+    os.setsid()  # it and its processes are a group
+    with (folder / LOG).open("a", encoding="utf-8") as log:
+        os.dup2(log.fileno(), 1)
+        os.dup2(log.fileno(), 2)
+        sys.exit(program(folder))
+
+
+def _killed(process: BaseProcess) -> bool:
+    """Kill a process, but not its children; return whether the children end by themselves, as they should."""
+    assert process.pid is not None
+    process.kill()
+    process.join()
+    deadline = time.monotonic() + MAX_ORPHAN_SECONDS
+    while time.monotonic() < deadline:
+        try:
+            os.killpg(process.pid, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.02)
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    return False
+
+
+def _finish(process: BaseProcess, folder: Path) -> None:
+    process.join(MAX_SECONDS)
+    if process.exitcode != 0:
+        process.kill()
+        said = (folder / LOG).read_text("utf-8").strip().splitlines()[-5:]
+        raise RuntimeError(f"it ended with status {process.exitcode}: " + "\n".join(said))
+
+
+def files(folder: Path) -> Iterator[Path]:
+    """Yield the result files, without hidden files, which are being written, and TensorBoard's, which grow."""
+    for path in sorted(folder.rglob("*")):
+        parts = path.relative_to(folder).parts
+        if path.is_file() and "tensorboard" not in parts and not any(part.startswith(".") for part in parts):
+            yield path
+
+
+def unreadable(folder: Path) -> list[str]:
+    """Return the files that cannot be read to their end, each with the reason."""
+    complaints = []
+    for path in files(folder):
+        try:
+            _read(path)
+        except Exception as error:  # of any reader
+            complaints.append(f"{path}: {error!r}")
+            print(complaints[-1], file=sys.stderr)
+    return complaints
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Return digests of the files, ignoring times and journals, which also hold killed trials."""
+    kept = (path for path in files(folder) if path.suffix != ".log" and path.name != "run.json")
+    return {str(path.relative_to(folder)): sha256(_read(path, path.read_bytes())).hexdigest() for path in kept}
+
+
+def _read(path: Path, otherwise: bytes | None = None) -> bytes:
+    """Return the content that must be equal in all runs; if it cannot be read, return ``otherwise``, or raise if None."""
+    try:
+        content = path.read_bytes()
+        if not content:
+            raise ValueError("it is empty")
+        match path.suffix:
+            case ".xz":
+                json.loads(lzma.decompress(content, format=lzma.FORMAT_XZ))
+            case ".json":
+                json.loads(content)
+            case ".log":
+                for line in content.splitlines():
+                    json.loads(line)
+            case ".html":
+                if not content.rstrip().endswith(b"</html>"):
+                    raise ValueError("it has no end")
+            case ".csv":
+                rows = list(csv.DictReader(content.decode("utf-8").splitlines()))
+                return json.dumps([{key: float(row[key]) for key in row if key != "wall_time"} for row in rows]).encode()
+            case ".zip":  # a model of Stable-Baselines3: weights and optimisers' states; the rest names times and paths
+                with zipfile.ZipFile(path) as archive:
+                    if broken := archive.testzip():
+                        raise ValueError(f"{broken} is broken in it")
+                    return b"".join(archive.read(name) for name in sorted(archive.namelist()) if name.endswith((".pth", ".pt")))
+    except Exception:
+        if otherwise is None:
+            raise
+        return otherwise
+    return content
+
+
+class Endured(NamedTuple):
+    """Outcome of long use: memory growth [bytes] after the first tenth, and the number of environments that differ."""
+
+    steps: int
+    episodes: int
+    growth: int
+    seconds: float
+    differing: int
+
+
+def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
+    """Step a batch with random actions, ``count`` steps of single environments in all.
+
+    The first ``checked`` environments are compared with single ones of the same seeds and actions, bit for bit, at every step.
+    """
+    env = RoughTurningVectorEnv(num_envs)
+    env.reset(seed=0)
+    singles = [RoughTurningEnv() for _ in range(checked)]
+    ended = np.zeros(checked, np.bool_)
+    for seed, single in enumerate(singles):
+        single.reset(seed=seed)
+    random = np.random.default_rng(0)
+    apart: set[int] = set()
+    episodes = num_envs
+
+    def step() -> None:
+        nonlocal episodes
+        actions = random.uniform(-1.0, 1.0, (num_envs, 2)).astype(np.float32)
+        observations, _, terminated, truncated, _ = env.step(actions)
+        episodes += int(np.count_nonzero(terminated | truncated))
+        for index, single in enumerate(singles):
+            if ended[index]:  # the batch's next step is a reset
+                observation, ended[index] = single.reset()[0], False
+            else:
+                observation, _, worn, late, _ = single.step(actions[index])
+                ended[index] = worn or late
+            if observation.tobytes() != observations[index].tobytes() or ended[index] != (terminated | truncated)[index]:
+                apart.add(index)
+
+    steps = max(1, count // num_envs)
+    growth, seconds = repeat(step, steps, f"{num_envs} environments")
+    env.close()
+    return Endured(steps * num_envs, episodes, growth, seconds, len(apart))
+
+
+def reset_long(count: int) -> Endured:
+    """Reset one environment, every second time with a seed, and step it once each time; then compare it with a new one."""
+    env = RoughTurningEnv()
+    env.reset(seed=0)
+    seeds = iter(range(count))
+
+    def step() -> None:
+        seed = next(seeds)
+        env.reset(seed=seed if seed % 2 else None)
+        env.step(np.zeros(2, np.float32))
+
+    growth, seconds = repeat(step, count, "resets")
+    same = env.reset(seed=7)[0].tobytes() == RoughTurningEnv().reset(seed=7)[0].tobytes()
+    return Endured(count, count + 1, growth, seconds, 0 if same else 1)
+
+
+def repeat(step: Callable[[], None], count: int, what: str) -> tuple[int, float]:
+    """Call ``step`` and return (growth of memory after the first tenth [bytes], duration [s])."""
+    import psutil  # type: ignore[import-untyped]
+
+    process = psutil.Process()
+    start, settled = time.perf_counter(), 0
+    for number in tqdm(range(count), desc=what, disable=None):
+        if number == count // 10:
+            settled = process.memory_info().rss
+        step()
+    return process.memory_info().rss - settled, time.perf_counter() - start
+
+
+@exits(RuntimeError, interrupted="interrupted: a soak begins anew", checks=True)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Soak, print and judge; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m studies.soak", **described(__doc__))
+    parser.add_argument("--only", choices=("kills", "steps"), help="run this part alone")
+    parser.add_argument("--kills", type=int, default=20, metavar="N", help="kills of each program (default: %(default)s)")
+    parser.add_argument("--steps", type=int, default=100_000_000, metavar="N", help="steps of a batch (default: %(default)s)")
+    parser.add_argument(
+        "--resets", type=int, default=1_000_000, metavar="N", help="resets of one environment (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of the moments of the kills (default: %(default)s)"
+    )
+    parsed = parser.parse_args(arguments)
+    for name, least in (("kills", 1), ("steps", 10_000), ("resets", 100)):
+        if getattr(parsed, name) < least:
+            parser.error(f"--{name} is {getattr(parsed, name)}, but must be at least {least}")
+    held = True
+    if parsed.only != "steps":
+        held &= _kill_all(parsed.kills, Random(parsed.seed))
+    if parsed.only != "kills":
+        print("| use | steps or resets | episodes | per second | growth of memory [MB] | differing from single environments |")
+        print("|---|---|---|---|---|---|")
+        for name, came in (("1024 environments", step_long(parsed.steps)), ("resets", reset_long(parsed.resets))):
+            speed, growth = came.steps / came.seconds, came.growth / 1e6
+            print(f"| {name} | {came.steps} | {came.episodes} | {speed:.0f} | {growth:.1f} | {came.differing} |", flush=True)
+            held &= came.growth <= MAX_GROWTH and came.differing == 0
+    return 0 if held else 1
+
+
+def _kill_all(kills: int, random: Random) -> bool:
+    print("| program | kills | finished though killed | files torn | other results | processes left | undisturbed [s] |")
+    print("|---|---|---|---|---|---|---|")
+    held = True
+    with ExitStack() as stack:
+        programs = dict(PROGRAMS)
+        with suppress(ModuleNotFoundError):  # Dask is optional
+            from distributed import LocalCluster
+
+            local: Callable[..., LocalCluster] = LocalCluster
+            cluster = stack.enter_context(local(n_workers=2, threads_per_worker=1, dashboard_address=None))
+            programs["leaderboard, Dask"] = partial(leaderboard, more=("--scheduler", cluster.scheduler_address))
+        for name, program in programs.items():
+            with TemporaryDirectory() as folder:
+                toll = kill(program, kills, Path(folder), random)
+            figures = (toll.kills, toll.finished, toll.torn, toll.differing, toll.orphans, f"{toll.seconds:.0f}")
+            print(f"| {name} | {' | '.join(map(str, figures))} |", flush=True)
+            held &= toll.survived
+    return held
+
+
+if __name__ == "__main__":
+    from studies import soak  # under the name by which other processes know it
+
+    sys.exit(soak.main())

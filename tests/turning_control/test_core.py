@@ -1,0 +1,134 @@
+"""The controller core with readings of the simulator and with faults; no machine is needed."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from turning_control.core import Commands, Controller, Readings, Status, apply_actions, on_control
+from turning_env import Scenario
+from turning_env.scoring.policy import Actions, Observations, Policy
+
+STEADY = Readings(
+    spindle_speed=400.0, feed_velocity=100.0, in_feed=True, cutting=True, engaged_time=1.0, power=4.0, thrust_force=700.0
+)
+
+
+class Scripted(Policy):
+    """Gives the answers of a list, then zeros."""
+
+    def __init__(self, answers: list[Any]) -> None:
+        self.answers, self.asked = answers, 0
+
+    def act(self, observations: Observations) -> Actions:
+        self.asked += 1
+        answer = self.answers.pop(0) if self.answers else np.zeros((1, 2), np.float32)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer  # type: ignore[no-any-return]
+
+
+def readings_of(info: dict[str, Any], scenario: Scenario) -> Readings:
+    senses_current = scenario.sensors.force == "servo_current"
+    return Readings(
+        spindle_speed=info["spindle_speed"],
+        feed_velocity=info["feed_velocity"],
+        in_feed=True,
+        cutting=bool(info["cutting"]),
+        engaged_time=info["engaged_time"],
+        power=info["measured_power"],
+        thrust_force=math.nan if senses_current else info["measured_thrust_force"],
+        servo_current=info["measured_servo_current"] if senses_current else math.nan,
+        spindle_heat=info["spindle_heat"],
+        roughness_reference=info["roughness_reference"],
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["rough_turning", "override", "surface", "rough_turning_current", "override_torque", "paper"])
+def test_readings_of_the_simulator_give_its_observations(preset: str) -> None:
+    scenario = Scenario.load(preset)
+    env = gymnasium.make("RoughTurning-v0", scenario=scenario, disable_env_checker=True)
+    controller = Controller(scenario, lambda num_envs: Scripted([]))
+    expected, info = env.reset(seed=7)
+    rng = np.random.default_rng(7)
+    for _ in range(200):
+        seen = controller.observe(readings_of(info, scenario))[0]
+        np.testing.assert_allclose(seen, expected, rtol=2e-6, atol=2e-6)
+        action = rng.uniform(-0.3, 0.3, env.action_space.shape).astype(np.float32)  # type: ignore[arg-type]
+        apply_actions(controller._states, controller._scratches, action[None].astype(np.float64))
+        expected, _, terminated, truncated, info = env.step(action)
+        if terminated or truncated:
+            break
+
+
+def decided(answers: list[Any], *readings: Readings) -> list[Commands]:
+    controller = Controller(Scenario.load("rough_turning"), lambda num_envs: Scripted(answers))
+    return [controller.decide(each) for each in readings]
+
+
+def noisy(count: int, **changed: Any) -> list[Readings]:
+    return [replace(STEADY, **({"power": 4.0 + 0.01 * (i % 2), "thrust_force": 700.0 + i % 2} | changed)) for i in range(count)]
+
+
+@pytest.mark.parametrize(
+    "answer", [np.full((1, 2), np.nan, np.float32), np.zeros((1, 3)), np.array([["a", "b"]]), RuntimeError("broken")]
+)
+def test_a_wrong_answer_gives_the_safe_feed_at_once(answer: Any) -> None:
+    good, bad, after = decided([np.zeros((1, 2)), answer], *noisy(3))
+    assert good.status == Status.POLICY
+    assert bad.status == Status.SAFE
+    assert bad.adaptive_feed == pytest.approx(0.5 * 0.25 / 0.6, rel=0.5)
+    assert after.status in (Status.POLICY, Status.SHIELD)
+
+
+def test_wrong_answers_in_a_row_hold_the_feed_for_the_operator() -> None:
+    commands = decided([np.zeros(0)] * 20, *noisy(12))
+    assert commands[8].status == Status.SAFE
+    assert commands[-1].status == Status.OPERATOR
+    assert commands[-1].adaptive_feed == 0.0
+
+
+@pytest.mark.parametrize("lost", [{"power": math.nan}, {"thrust_force": math.nan}])
+def test_a_lost_sensor_gives_the_safe_feed_at_once(lost: dict[str, float]) -> None:
+    before, after = decided([], STEADY, replace(STEADY, **lost))
+    assert before.status == Status.POLICY
+    assert after.status == Status.SAFE
+
+
+def test_a_stuck_sensor_gives_the_safe_feed() -> None:
+    commands = decided([], *noisy(8, power=4.0))
+    assert commands[4].status != Status.SAFE
+    assert commands[-1].status == Status.SAFE
+
+
+def test_a_stopped_spindle_holds_the_feed() -> None:
+    assert decided([], replace(STEADY, spindle_speed=0.0))[0].adaptive_feed == 0.0
+
+
+def test_without_feed_motion_the_policy_is_not_asked() -> None:
+    policy = Scripted([])
+    controller = Controller(Scenario.load("rough_turning"), lambda num_envs: policy)
+    assert controller.decide(replace(STEADY, in_feed=False)).status == Status.IDLE
+    assert policy.asked == 0
+
+
+def test_the_controller_says_what_it_lacks() -> None:
+    controller = Controller(Scenario.load("surface"), lambda num_envs: Scripted([]))
+    assert controller.lacks(STEADY) == ["roughness_reference"]
+
+
+def test_every_decision_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("DEBUG", "turning_control"):
+        decided([], *noisy(3))
+    assert len([each for each in caplog.records if each.levelname == "DEBUG"]) == 3
+
+
+def test_a_control_has_its_stated_delay_or_that_of_linuxcnc() -> None:
+    scenario = Scenario.load("override")
+    delayed = on_control(scenario)
+    assert delayed.machine.command_delay == pytest.approx(0.5 * scenario.control.interval)
+    assert on_control(delayed) == delayed

@@ -1,0 +1,145 @@
+"""The shield in simulation: limits held, wrong answers refused, right ones left alone."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from turning_control.measure import UniformRandom, rows
+from turning_control.shield import PATIENCE, Settings, Shield, commands
+from turning_env import Scenario, read
+from turning_env.physics.quantities import action_size
+from turning_env.scoring.play import play
+from turning_env.scoring.policy import Actions, Observations, Policy
+from turning_env.vector_env import RoughTurningVectorEnv
+
+
+class Constant(Policy):
+    def __init__(self, answer: Any) -> None:
+        self.answer = answer
+
+    def act(self, observations: Observations) -> Actions:
+        return self.answer  # type: ignore[no-any-return]
+
+
+def first(scenario: Scenario, num_envs: int) -> Observations:
+    observations, _ = RoughTurningVectorEnv(num_envs, scenario).reset(seed=0)
+    return observations
+
+
+@pytest.mark.parametrize("preset", ["rough_turning", "override", "batch_casting", "paper", "shift"])
+def test_actions_far_from_the_limits_pass_unchanged(preset: str) -> None:
+    scenario = Scenario.load(preset)
+    action = np.full((2, action_size(scenario)), -0.9, np.float32)
+    shield = Shield(Constant(action), scenario, 2)
+    np.testing.assert_array_equal(shield.act(first(scenario, 2)), action)
+    assert shield.reasons == ["passed"] * 2
+
+
+@pytest.mark.parametrize("answer", [np.full((2, 2), np.nan), np.zeros((2, 3)), np.zeros(2), [["a", "b"]] * 2, None])
+def test_wrong_answers_command_the_safe_feed_and_then_the_operator(answer: Any) -> None:
+    scenario = Scenario.load("rough_turning")
+    shield = Shield(Constant(answer), scenario, 2)
+    observations = first(scenario, 2)
+    expected = np.log(0.5) / scenario.control.feed_step  # towards half the programmed feed
+    for _ in range(PATIENCE):
+        actions = shield.act(observations)
+        assert np.isfinite(actions).all()
+        np.testing.assert_allclose(actions[:, 1], max(expected, -1.0))
+    assert shield.handed_over.all()
+    shield.reset(np.array([True, False]))
+    assert shield.handed_over.tolist() == [False, True]
+
+
+def test_a_wrong_row_leaves_the_others_alone() -> None:
+    scenario = Scenario.load("rough_turning")
+    shield = Shield(Constant(np.array([[-0.5, -0.5], [np.nan, 0.0]], np.float32)), scenario, 2)
+    actions = shield.act(first(scenario, 2))
+    np.testing.assert_array_equal(actions[0], np.float32([-0.5, -0.5]))
+    assert shield.reasons == ["passed", "not finite"]
+
+
+def test_late_answers_are_refused() -> None:
+    scenario = Scenario.load("rough_turning")
+    shield = Shield(Constant(np.zeros((1, 2), np.float32)), scenario, 1, Settings(deadline=-1.0))
+    shield.act(first(scenario, 1))
+    assert shield.reasons == ["late"]
+
+
+@pytest.mark.slow
+def test_an_override_of_the_highest_feed_is_brought_below_the_limit() -> None:
+    scenario = Scenario.load("override")
+    high = play(lambda n: Constant(np.ones((n, 1), np.float32)), scenario, [0, 1])
+    held = play(lambda n: Shield(Constant(np.ones((n, 1), np.float32)), scenario, n), scenario, [0, 1])
+    share = [each["severe_overload_time"].sum() / each["engaged_time"].sum() for each in (high, held)]
+    assert share[0] > 0.3
+    assert share[1] < 0.01
+
+
+def test_the_shield_never_asks_for_more_removal_than_the_policy() -> None:
+    scenario, random = Scenario.load("rough_turning"), np.random.default_rng(0)
+    env, policy = RoughTurningVectorEnv(8, scenario), Constant(None)
+    shield = Shield(policy, scenario, 8)
+    observations, _ = env.reset(seed=0)
+    shield.reset(np.ones(8, np.bool_))
+    changed = 0
+    for _ in range(60):
+        policy.answer = random.uniform(-0.5, 1.0, (8, 2)).astype(np.float32)
+        reading = read(observations, scenario)
+        actions = shield.act(observations)
+        asked, given = (np.prod(commands(each, reading, scenario), axis=0) for each in (policy.answer, actions))
+        lowest = scenario.machine.feed_min * commands(actions, reading, scenario)[0]
+        assert (given <= np.maximum(asked, lowest) * (1 + 1e-5)).all()
+        changed += sum(reason != "passed" for reason in shield.reasons)
+        observations, *_ = env.step(actions)
+    assert changed > 20
+
+
+def test_a_position_before_the_bar_while_cutting_does_not_free_the_feed() -> None:
+    scenario = Scenario.load("override")
+    env = RoughTurningVectorEnv(1, scenario)
+    observations, _ = env.reset(seed=0)
+    shields = [Shield(Constant(np.ones((1, 1), np.float32)), scenario, 1) for _ in range(2)]
+    for each in shields:
+        each.reset(np.ones(1, np.bool_))
+    shields[1].place = np.array([-50.0])
+    for _ in range(250):
+        given, wrong = (each.act(observations) for each in shields)
+        observations, *_ = env.step(given)
+    assert given[0, 0] < 0.9
+    assert wrong[0, 0] < 0.9
+
+
+@pytest.mark.slow
+def test_random_actions_break_no_edge() -> None:
+    scenario = Scenario.load("rough_turning")
+    free = play(lambda n: UniformRandom(2), scenario, range(4))
+    held = play(lambda n: Shield(UniformRandom(2), scenario, n), scenario, range(4))
+    assert free["edges_broken"].sum() > 0
+    assert held["edges_broken"].sum() == 0
+
+
+@pytest.mark.slow
+def test_the_measurement_plays_with_and_without_the_shield(tmp_path: Any) -> None:
+    measured = list(rows(["RoughTurning-Surface-v1"], 1, tmp_path, Settings()))
+    assert [row.shielded for row in measured] == [False, True]
+    assert gymnasium.spec(measured[0].env_id).kwargs["scenario"] == "surface"
+
+
+def test_an_interrupted_measurement_goes_on_where_it_was(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept, task = tmp_path / "kept.json", ["RoughTurning-Batch-v0"]
+    first_row = next(rows(task, 1, tmp_path, Settings(), kept))
+    monkeypatch.setattr("turning_control.measure.Shield", None)  # only the shielded row is left to play
+    again = rows(task, 1, tmp_path, Settings(), kept)
+    assert next(again) == first_row
+    with pytest.raises(TypeError):
+        next(again)
+
+
+def test_kept_figures_of_other_code_are_refused(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept, task = tmp_path / "kept.json", ["RoughTurning-Batch-v0"]
+    next(rows(task, 1, tmp_path, Settings(), kept))
+    monkeypatch.setattr("turning_control.measure.VERSION", "0.0")
+    with pytest.raises(ValueError, match="version"):
+        next(rows(task, 1, tmp_path, Settings(), kept))

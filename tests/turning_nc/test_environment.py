@@ -1,0 +1,184 @@
+"""A program's tool path as a workpiece: its time, its metal, the spindle's limit, and what is refused."""
+
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+pytest.importorskip("shapely")
+
+from examples.adapt_programs import COLLECTION, path_of
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, ScenarioError
+from turning_nc.environment import ToolPath
+from turning_nc.program import NcError
+
+EVEN: dict[str, Any] = {
+    "machine": {"feed_time_constant": 0.0, "spindle_time_constant": 0.0},
+    "workpiece": dict.fromkeys(("depth_bar_spread", "depth_along_spread", "hardness_bar_spread", "hardness_along_spread"), 0.0),
+}
+
+
+def arguments(name: str) -> dict[str, Any]:
+    return {"program": str(path_of(name)), "stock": COLLECTION[name]["stock"], "tools": COLLECTION[name].get("tools", {})}
+
+
+def first_part(env: gymnasium.Env[Any, Any], action: np.ndarray[Any, Any]) -> tuple[float, float, dict[str, Any]]:
+    """Return time [s] and removed metal [cm3] of the first part."""
+    env.reset(seed=0)
+    time = removed = 0.0
+    while True:
+        *_, info = env.step(action)
+        if info["bar"] >= 1 or info["wear"] >= 0.3:
+            return time, removed, info
+        time += info["time"]
+        removed += info["removed"]
+
+
+@pytest.mark.parametrize("name", ["welle", "stepped_shaft"])
+def test_the_programmed_values_take_the_programs_time(name: str) -> None:
+    env = gymnasium.make("turning_env:RoughTurning-Program-v1", scenario=EVEN, **arguments(name))
+    path = env.unwrapped.tool_path  # type: ignore[attr-defined]
+    speed = float(np.median(path.speeds))
+    machine = path.scenario.machine
+    low, high = machine.cutting_speed_min, machine.cutting_speed_max
+    action = np.array([0.0, 2.0 * (speed - low) / (high - low) - 1.0], np.float32)
+    time, removed, _ = first_part(env, action)
+    around = np.pi * path.diameter / 1000.0
+    expected = float((path.lengths * around / (speed * path.feeds)).sum() * 60.0)
+    assert time == pytest.approx(expected, rel=0.05)  # feeds change at the ends of steps
+    workpiece = path.scenario.workpiece
+    metal = np.pi * path.diameter * np.dot(workpiece.depth_profile, workpiece.section_lengths) / 1000.0
+    assert removed == pytest.approx(metal, rel=0.03)
+
+
+TAPER = """G99 G50 S3000
+G96 S120 M3
+G0 X72. Z1.
+G1 X80. Z-40. F0.2
+G0 X84. Z1.
+G0 X64.
+G1 X80. Z-40.
+"""
+SHORT: dict[str, Any] = {  # edges that last some parts, and times in proportion
+    "base": "practitioner",
+    "mismatch": {"wear_factor": 2.0},
+    "economics": {"edge_cost": 0.3, "edge_change_time": 0.2, "unplanned_stop": 0.3, "breakage_downtime": 1.0},
+}
+PROGRAMMED, IDLE, FASTEST = (0.0, -1.0 / 15.0), (-1.0, -1.0), (1.0, 1.0)
+"""Actions: 120 m/min at the programmed feed; the lowest feed and speed; the highest, which breaks edges."""
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_cheapest_policy_returns_most_and_idlers_least(tmp_path: Path, seed: int) -> None:
+    (tmp_path / "taper.nc").write_text(TAPER)
+    env = gymnasium.make(
+        "turning_env:RoughTurning-Program-v1", program=tmp_path / "taper.nc", scenario=SHORT, stock="bar:80x60", parts=4
+    )
+    programmed_time = 240.0 * env.unwrapped.tool_path.minutes  # type: ignore[attr-defined]
+
+    def play(*actions: tuple[float, float]) -> dict[str, float]:
+        """Return the sums of an episode; the last action is repeated."""
+        env.reset(seed=seed)
+        sums = dict.fromkeys(("return", "removed", "reward_metal", "time", "edges_used", "edges_broken"), 0.0)
+        ended, step = False, 0
+        while not ended:
+            _, reward, terminated, truncated, info = env.step(np.array(actions[min(step, len(actions) - 1)], np.float32))
+            sums = {name: sum_ + (float(reward) if name == "return" else info[name]) for name, sum_ in sums.items()}
+            ended, step = terminated or truncated, step + 1
+        return sums | {"finished": info["finished"], "cost": (sums["reward_metal"] - sums["return"]) / sums["removed"]}
+
+    programmed, idle, fastest = play(PROGRAMMED), play(IDLE), play(FASTEST)
+    constant = [play((feed, speed)) for feed in np.linspace(-1.0, 1.0, 7) for speed in np.linspace(-1.0, 1.0, 7)]
+    finished = [each for each in [*constant, programmed] if each["finished"]]
+    assert len(finished) > 40
+    assert max(each["removed"] for each in finished) == pytest.approx(min(each["removed"] for each in finished), rel=0.01)
+    for cheap, dear in product(finished, finished):
+        if dear["cost"] > 1.01 * cheap["cost"]:  # the removed metal differs by as much, because sub-steps end elsewhere
+            assert dear["return"] < cheap["return"]
+
+    assert programmed["reward_metal"] == pytest.approx(programmed_time, rel=0.05)
+    assert fastest["edges_broken"] > programmed["edges_broken"]
+    assert max(each["edges_used"] for each in finished) > 1.0
+    waits = play(*[IDLE] * 30, PROGRAMMED)
+    slow, creep = play((0.0, -1.0)), play((-1.0, PROGRAMMED[1]))
+    assert not idle["finished"]
+    assert idle["time"] == pytest.approx(10.0 * programmed_time, abs=1.0)
+    assert max(each["return"] for each in (idle, fastest, waits, slow, creep)) < programmed["return"]
+    assert idle["return"] < min(each["return"] for each in finished)
+
+
+def test_the_spindle_limits_the_cutting_speed_at_small_diameters(tmp_path: Path) -> None:
+    (tmp_path / "a.nc").write_text("G99 G50 S1000\nG96 S150 M3\nG0 X40. Z0.5\nG1 Z-30. F0.2\n")
+    env = RoughTurningEnv(ToolPath(tmp_path / "a.nc", EVEN, "bar:43x80").scenario)
+    env.reset(seed=0)
+    for _ in range(5):
+        *_, info = env.step(np.array([1.0, 0.0], np.float32))
+    assert info["commanded_cutting_speed"] == pytest.approx(np.pi * 40.0)
+
+
+def test_a_tool_path_is_a_scenario_of_every_batch() -> None:
+    path = ToolPath(**arguments("abspanen"))
+    assert Scenario.load(path.scenario.portable()).digest() == path.scenario.digest()
+    envs = RoughTurningVectorEnv(3, path.scenario)
+    envs.reset(seed=1)
+    *_, infos = envs.step(np.zeros((3, 2), np.float32))
+    alone = RoughTurningEnv(path.scenario)
+    alone.reset(seed=1)
+    *_, info = alone.step(np.zeros(2, np.float32))
+    assert infos["power"][0] == info["power"]
+
+
+def test_given_lengths_that_are_equal_change_nothing() -> None:
+    base = Scenario.load("override")
+    count = len(base.workpiece.depth_profile)
+    lengths = (base.workpiece.bar_length / count,) * count
+    infos = []
+    for scenario in (base, {"base": "override", "workpiece": {"section_lengths": lengths}}):
+        env = RoughTurningEnv(scenario)
+        env.reset(seed=3)
+        for _ in range(40):
+            *_, info = env.step(np.ones(1, np.float32))
+        infos.append(info)
+    assert infos[0] == infos[1]
+
+
+def test_the_environment_keeps_to_gymnasiums_rules() -> None:
+    env = gymnasium.make("turning_env:RoughTurning-Program-v1", **arguments("welle"))
+    check_env(env.unwrapped, skip_render_check=True)
+    env.reset(seed=0)
+    for wrong in ([0.0], [0.0, np.nan], 0.0, "ab"):
+        with pytest.raises((TypeError, ValueError)):
+            env.unwrapped.step(wrong)
+
+
+@pytest.mark.parametrize(
+    ("workpiece", "named"),
+    [
+        ({"depth_profile": [1.0, 2.0], "section_lengths": [300.0]}, "section_lengths"),
+        ({"depth_profile": [1.0, 2.0], "section_lengths": [100.0, 100.0]}, "bar_length"),
+        ({"depth_profile": [1.0, 2.0], "section_lengths": [400.0, -100.0]}, "above 0"),
+        ({"depth_profile": [1.0, 0.0]}, "air"),
+        ({"depth_profile": [1.0, 2.0], "section_speeds": [100.0]}, "section_speeds"),
+    ],
+)
+def test_sections_that_disagree_are_refused(workpiece: dict[str, Any], named: str) -> None:
+    with pytest.raises(ScenarioError, match=named):
+        Scenario.load({"workpiece": workpiece})
+
+
+@pytest.mark.parametrize(
+    ("more", "named"),
+    [
+        ({"scenario": "batch_casting"}, "part"),
+        ({"tool": "T9"}, "T9"),
+        ({"stock": "bar:20x10"}, "cuts nothing"),
+        ({"parts": 0}, "parts"),
+    ],
+)
+def test_paths_that_cannot_be_played_are_refused(more: dict[str, Any], named: str) -> None:
+    with pytest.raises(NcError, match=named):
+        ToolPath(**(arguments("welle") | more))

@@ -1,0 +1,152 @@
+"""``python -m turning_env calibrate``: what it writes, prints and refuses."""
+
+import itertools
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from turning_env import Scenario
+from turning_env.__main__ import main
+
+EXAMPLE = str(Path(__file__).parents[2] / "docs" / "examples" / "cuts.csv")
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def calibrate(*options: str, measurements: str = EXAMPLE) -> int:
+    return main(["calibrate", measurements, "--out", "my_tool.toml", *options])
+
+
+def test_scenario_states_how_well_each_number_is_known(capsys: pytest.CaptureFixture[str]) -> None:
+    assert calibrate("--report", "report.json") == 0
+    report = json.loads(Path("report.json").read_text())
+    scenario = Scenario.load("my_tool.toml")
+    assert scenario.name == "my_tool"
+    for response, law in report["laws"].items():
+        assert getattr(scenario.material, response).model_dump() == law["law"]
+    assert scenario.model_copy(update={"material": Scenario().material, "name": "rough_turning"}) == Scenario()
+    text = Path("my_tool.toml").read_text()
+    assert "depth_of_cut = 0.75 # assumed: depth_of_cut never varies: 2.5 mm in all 32 rows" in text
+    assert "# 48 rows, R2 1.00000, scatter 0.0021 %." in text
+    wear = report["laws"]["wear"]
+    assert wear["rows"] == 48
+    assert f"{wear['fitted']['time']['low']:.6g} to {wear['fitted']['time']['high']:.6g}" in text
+    assert wear["assumed"]["depth_of_cut"] == {"value": 0.15, "reason": "depth_of_cut never varies: 2.5 mm in all 48 rows"}
+    printed = capsys.readouterr()
+    assert "largest residual: line 20, -0.0057 %" in printed.out
+    assert "warning: wear: extrapolated, used at a wear of up to 0.3 mm" in printed.err
+
+
+def test_values_of_a_base_file_are_kept() -> None:
+    Path("machine.toml").write_text(
+        'base = "paper"\nname = "old"\n[limits]\npower = 11.0\n[material.power]\nfeed = 0.9\n[material.wear]\nfeed = 0.9\n'
+    )
+    Path("wear.csv").write_text(
+        "cutting_speed,feed,depth_of_cut,time,wear\n" + "".join(f"100,0.3,2.5,{t},{0.1 * t**0.3}\n" for t in (1, 2, 4, 8))
+    )
+    assert calibrate("--base", "machine.toml", measurements="wear.csv") == 0
+    made, base = Scenario.load("my_tool.toml"), Scenario.load("machine.toml")
+    assert made.material.wear.time == pytest.approx(0.3)
+    assert made.material.wear.feed == 0.9  # never varies
+    assert made.material.power == base.material.power
+    assert made.model_copy(update={"material": base.material, "name": "old"}) == base
+    assert "# The law of power is the base's: there is no column power" in Path("my_tool.toml").read_text()
+
+
+def test_existing_file_is_kept_without_overwrite(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("my_tool.toml").write_text("precious")
+    assert calibrate() == 2
+    assert "my_tool.toml exists; --overwrite replaces it" in capsys.readouterr().err
+    assert Path("my_tool.toml").read_text() == "precious"
+    assert calibrate("--overwrite") == 0
+    assert Scenario.load("my_tool.toml")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["none.csv", "--out", "a.toml"], "none.csv cannot be read: No such file"),
+        ([EXAMPLE, "--out", "a.toml", "--strict"], "as --strict demands: wear: depth_of_cut never varies"),
+        ([EXAMPLE, "--out", "folder/a.toml"], "folder"),
+    ],
+)
+def test_mistakes_end_with_2_and_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("folder").touch()
+    assert main(["calibrate", *arguments]) == 2
+    printed = capsys.readouterr()
+    assert printed.err.startswith("error: ")
+    assert printed.err.count("\n") == 1
+    assert message in printed.err
+    assert not Path("a.toml").exists()
+
+
+@pytest.mark.slow
+def test_residuals_are_drawn() -> None:
+    pictures = [Path("residuals.svg"), Path("again.svg"), Path("residuals.pdf")]
+    for picture in pictures:
+        assert calibrate("--plot", str(picture), "--overwrite") == 0
+    assert pictures[0].read_bytes() == pictures[1].read_bytes()  # the same figure gives the same bytes
+    assert pictures[2].read_bytes().startswith(b"%PDF-")
+    Path("one.csv").write_text("cutting_speed,feed,depth_of_cut,wear,power\n" + "100,0.3,2.5,0.2,4.5\n" * 3)
+    assert calibrate("--plot", "residuals.png", "--overwrite", measurements="one.csv") == 0  # a coefficient alone
+
+
+def test_spread_of_edges_is_written() -> None:
+    lines = ["cutting_speed,feed,depth_of_cut,time,wear,edge"]
+    for edge, factor in enumerate((0.9, 1.0, 1.1, 1.05, 0.95)):
+        lines += [f"100,0.3,2.5,{time},{0.1 * factor * time**0.25:.4f},E{edge}" for time in (1, 3, 9)]
+    Path("wear.csv").write_text("\n".join(lines))
+    Path("base.toml").write_text("[tool]\nwear_criterion = 0.4\n")
+    assert calibrate("--base", "base.toml", "--report", "report.json", measurements="wear.csv") == 0
+    made = Scenario.load("my_tool.toml")
+    assert made.tool.wear_factor_spread == pytest.approx(0.079, abs=0.001)  # of the factors' logarithms
+    assert made.tool.wear_criterion == 0.4
+    assert json.loads(Path("report.json").read_text())["laws"]["wear"]["edges"]["count"] == 5
+
+
+def test_next_cuts_differ_and_promise_a_gain(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("machine.toml").write_text(
+        "[machine]\ncutting_speed_min = 120.0\ncutting_speed_max = 320.0\nfeed_min = 0.15\nfeed_max = 0.5\n"
+    )
+    assert calibrate("--base", "machine.toml") == 0
+    advice, _, *cuts, _ = capsys.readouterr().out.splitlines()[-8:]
+    assert len(cuts) == len(set(cuts)) == 5
+    assert advice.endswith("within a factor of 2.15, and within 1 % when these cuts have been measured too:")
+
+
+def test_no_cuts_are_proposed_for_laws_that_are_known(capsys: pytest.CaptureFixture[str]) -> None:
+    cuts = itertools.product((80, 190), (0.2, 0.4), (1.5, 3.0), (3, 9))
+    rows = [f"{v},{f},{d},{t},{1e-5 * v**1.8 * f**0.6 * d**0.2 * t**0.6:.5f}" for v, f, d, t in cuts]
+    Path("wear.csv").write_text("\n".join(["cutting_speed,feed,depth_of_cut,time,wear", *rows]))
+    with_air = "[workpiece]\ndepth_profile = [2.0, 0.0, 2.5]\nsection_lengths = [100.0, 50.0, 150.0]\n"
+    Path("parts.toml").write_text(with_air)
+    assert calibrate("--base", "parts.toml", measurements="wear.csv") == 0
+    assert "least known" not in capsys.readouterr().out
+
+
+NAMES = "cutting_speed,feed,depth_of_cut,time,wear,thrust_force,power,hardness,edge"
+rows = st.tuples(*[st.sampled_from(["", "0.999", "1", "1.0001", "2", "4"])] * 9).map(",".join)
+
+
+@pytest.mark.slow
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(table=st.lists(rows, max_size=12), strict=st.booleans())
+def test_poor_rows_give_a_scenario_or_an_error(table: list[str], strict: bool, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("cuts.csv").write_text("\n".join([NAMES, *table]))
+    Path("my_tool.toml").unlink(missing_ok=True)
+    status = calibrate("--force", "--json", "--confidence", "0.9999", *["--strict"] * strict, measurements="cuts.csv")
+    printed = capsys.readouterr()
+    if status == 0:
+        laws = json.loads(printed.out)["laws"]
+        made = Scenario.load("my_tool.toml").material
+        assert {name: law["law"] for name, law in laws.items()} == {name: getattr(made, name).model_dump() for name in laws}
+    else:
+        assert status == 2
+        assert printed.err.startswith("error: ")
+        assert not Path("my_tool.toml").exists()

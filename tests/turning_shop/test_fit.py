@@ -1,0 +1,205 @@
+"""Fitting the laws: known numbers come out, and what cannot be estimated is named."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from turning_env import PowerLaw, Scenario
+from turning_shop import WorkshopError
+from turning_shop.calibrate import Calibration, calibrate
+from turning_shop.fit import FACTORS, fit
+from turning_shop.measurements import Measurements, read_measurements
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "docs" / "examples" / "cuts.csv"
+BASE = Scenario()
+LAW = PowerLaw(coefficient=0.3, cutting_speed=0.8, feed=0.6, depth_of_cut=0.9, wear=0.3, hardness=0.5)
+
+
+def table(**columns: object) -> Measurements:
+    arrays = dict(zip(columns, np.broadcast_arrays(*(np.asarray(values, float) for values in columns.values())), strict=True))
+    return Measurements(arrays, np.arange(2, 2 + len(next(iter(arrays.values())))))
+
+
+def cuts(law: PowerLaw, count: int = 40, scatter: float = 0.0, seed: int = 0, **fixed: float) -> Measurements:
+    """Measurements of a power by a law of speed, feed, depth, wear and hardness, all of which vary unless fixed."""
+    random = np.random.default_rng(seed)
+    ranges = {
+        "cutting_speed": (50, 200),
+        "feed": (0.1, 0.6),
+        "depth_of_cut": (1, 4),
+        "wear": (0.05, 0.3),
+        "hardness": (0.8, 1.2),
+    }
+    factors = {
+        name: np.full(count, fixed[name]) if name in fixed else random.uniform(*ends, count) for name, ends in ranges.items()
+    }
+    return table(**factors, power=law(**factors) * np.exp(scatter * random.standard_normal(count)))
+
+
+@pytest.fixture(scope="module")
+def example() -> Calibration:
+    return calibrate(read_measurements(EXAMPLE), BASE)
+
+
+@pytest.mark.parametrize("response", FACTORS)
+def test_papers_tables_give_the_known_coefficients(response: str, example: Calibration) -> None:
+    found, known = example.fits[response], getattr(BASE.material, response)
+    for name, estimate in found.estimates.items():
+        value = getattr(known, name)
+        assert estimate.value == pytest.approx(value, rel=1e-3), name
+        assert estimate.low <= value <= estimate.high, name
+    assert set(found.assumed) == {"depth_of_cut", "hardness"}
+    assert "depth_of_cut never varies: 2.5 mm" in found.assumed["depth_of_cut"]
+    assert found.law.depth_of_cut == known.depth_of_cut
+    assert found.r_squared == pytest.approx(1.0, abs=1e-5)
+    assert len(found.lines) == (48 if response == "wear" else 32)
+
+
+exponents = st.floats(-2, 2)
+all_exponents = st.fixed_dictionaries({name: exponents for name in FACTORS["power"]})
+
+
+@settings(max_examples=15)
+@given(values=all_exponents, log_coefficient=st.floats(-3, 3), reference=st.floats(0.5, 5), seed=st.integers(0, 1000))
+def test_any_law_is_recovered(values: dict[str, float], log_coefficient: float, reference: float, seed: int) -> None:
+    law = PowerLaw(coefficient=float(np.exp(log_coefficient)), reference_depth_of_cut=reference, **values)
+    found = fit("power", cuts(law, 12, seed=seed), PowerLaw(coefficient=1.0, reference_depth_of_cut=reference))
+    assert not found.assumed
+    for name, estimate in found.estimates.items():
+        assert estimate.value == pytest.approx(getattr(law, name), rel=1e-6, abs=1e-6)
+
+
+@settings(max_examples=10)
+@given(first=st.sampled_from(("cutting_speed", "feed")), slope=st.sampled_from((-1.5, 0.5, 2.0)), assumed=exponents)
+def test_of_factors_that_vary_together_one_is_assumed(first: str, slope: float, assumed: float) -> None:
+    measured = cuts(LAW, 30)
+    measured.columns["depth_of_cut"] = (measured.columns[first] / 10) ** slope
+    measured.columns["power"] = LAW(**{name: measured.columns[name] for name in FACTORS["power"]})
+    found = fit("power", measured, PowerLaw(coefficient=1.0, depth_of_cut=assumed))
+    assert found.assumed == {"depth_of_cut": f"depth_of_cut varies only together with {first}"}
+    # An error of the assumption goes to the exponent of the other factor; the law still reproduces the rows.
+    assert getattr(found.law, first) == pytest.approx(getattr(LAW, first) + slope * (0.9 - assumed), abs=1e-6)
+    assert found.predicted == pytest.approx(found.measured, rel=1e-6)
+
+
+def test_numbers_are_those_of_textbook_least_squares() -> None:
+    measured = cuts(PowerLaw(coefficient=0.3, cutting_speed=0.8), 15, 0.1, feed=0.3, depth_of_cut=2.5, wear=0.2, hardness=1.0)
+    found = fit("power", measured, PowerLaw(coefficient=1.0))
+    line = stats.linregress(np.log(measured.columns["cutting_speed"]), np.log(measured.columns["power"]))
+    t = stats.t.ppf(0.975, 13)
+    assert found.estimates["cutting_speed"] == pytest.approx(
+        (line.slope, line.slope - t * line.stderr, line.slope + t * line.stderr)
+    )
+    margin = t * line.intercept_stderr
+    expected = (line.intercept, line.intercept - margin, line.intercept + margin)
+    assert np.log(found.estimates["coefficient"]) == pytest.approx(expected)
+    assert found.r_squared == pytest.approx(line.rvalue**2)
+
+
+@pytest.mark.parametrize(("count", "needed"), [(1, 2), (2, 7), (6, 7)])
+def test_too_few_rows_are_refused_with_the_number_needed(count: int, needed: int) -> None:
+    with pytest.raises(WorkshopError, match=rf"^power: {count} rows? with .* but {needed} are needed"):
+        fit("power", cuts(LAW, count, 0.1), LAW)
+    assert fit("power", cuts(LAW, 7, 0.1), LAW).degrees == 1
+
+
+def with_edges(spread: float, seed: int) -> Measurements:
+    """Four readings of wear of each of twelve edges, which differ by a factor of a given log standard deviation."""
+    random = np.random.default_rng(seed)
+    low, high = (60, 0.1, 1, 0.85), (190, 0.6, 4, 1.15)
+    settings = np.repeat(random.uniform(low, high, (12, 4)), 4, axis=0)
+    names = ("cutting_speed", "feed", "depth_of_cut", "hardness")
+    factors = dict(zip(names, settings.T, strict=True)) | {"time": np.tile((1.0, 3.0, 6.0, 10.0), 12)}
+    log_factor = np.repeat(spread * random.standard_normal(12), 4) + 0.03 * random.standard_normal(48)
+    measured = table(**factors, wear=BASE.material.wear(**factors) * np.exp(log_factor))
+    return replace(measured, edges=np.repeat(random.permutation(12), 4))
+
+
+TRIALS = 100
+
+
+@pytest.mark.slow
+def test_unnamed_edges_that_differ_are_noticed_and_chance_is_not() -> None:
+    def noticed(spread: float) -> int:
+        warnings = [calibrate(replace(with_edges(spread, seed), edges=None), BASE, force=True).warnings for seed in range(TRIALS)]
+        return sum(any("wear: rows at the same settings deviate together" in text for text in each) for each in warnings)
+
+    assert noticed(0.1) > 0.95 * TRIALS
+    assert noticed(0.0) <= 0.05 * TRIALS
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spread", [0.0, 0.1])
+def test_intervals_cover_the_truth_with_named_edges(spread: float) -> None:
+    covered = dict.fromkeys(("coefficient", *FACTORS["wear"]), 0)
+    spreads = []
+    for seed in range(TRIALS):
+        found = fit("wear", with_edges(spread, seed), BASE.material.wear, confidence=0.9)
+        assert found.edges is not None
+        spreads.append(found.edges.spread)
+        for name, estimate in found.estimates.items():
+            covered[name] += estimate.low <= getattr(BASE.material.wear, name) <= estimate.high
+    for name, times in covered.items():
+        # If edges do not differ, intervals allow for the possibility that they do, and are wider than need be.
+        assert 0.8 < times / TRIALS < (0.97 if spread else 1.01), name
+    assert np.sqrt(np.mean(np.square(spreads))) == pytest.approx(spread, abs=0.01)
+
+
+def test_law_without_rows_stays_the_bases() -> None:
+    measured = cuts(BASE.material.power)
+    found = calibrate(measured, BASE, strict=True)
+    assert found.material.power.hardness == pytest.approx(0.75)
+    assert found.material.wear == BASE.material.wear
+    assert found.kept == {"wear": "there is no column time", "thrust_force": "there is no column thrust_force"}
+    measured.columns["thrust_force"] = np.full(40, np.nan)
+    assert "no row has all of thrust_force, cutting_speed" in calibrate(measured, BASE).kept["thrust_force"]
+    with pytest.raises(WorkshopError, match="as --strict demands: thrust_force: no row has all of"):
+        calibrate(measured, BASE, strict=True)
+    with pytest.raises(WorkshopError, match="no law can be fitted: wear: there is no column wear, time"):
+        calibrate(table(cutting_speed=[1.0, 2.0], feed=0.3, depth_of_cut=2.0), BASE)
+
+
+def test_empty_cells_exclude_rows_and_mean_nominal_hardness() -> None:
+    measured = cuts(BASE.material.power, 40)
+    measured.columns["power"][:10] = np.nan
+    measured.columns["hardness"][10:15] = np.nan
+    found = calibrate(measured, BASE)
+    assert found.fits["power"].lines.tolist() == list(range(12, 42))
+    assert "10 rows have too many empty cells for any law, the first in line 2" in found.warnings
+    assert "hardness is empty in 5 rows, where it was taken as nominal, 1" in found.warnings
+
+
+def test_extrapolation_and_wide_intervals_are_warned_of(example: Calibration) -> None:
+    assert example.warnings == (
+        "wear, thrust_force, power: extrapolated, used at a feed of 0.06 to 0.6 mm/rev, but measured at 0.165 to 0.6",
+        "wear: extrapolated, used at a wear of up to 0.3 mm, but measured at 0.06753 to 0.203",
+        "thrust_force, power: extrapolated, used at a wear of up to 0.3 mm, but measured at 0.08388 to 0.1889",
+    )
+    measured = cuts(BASE.material.power, 40, depth_of_cut=2.0)
+    deep = "power: extrapolated, used at a depth_of_cut of 2.5 mm, but measured at 2"
+    assert deep in calibrate(measured, BASE).warnings
+    stepped = Scenario.model_validate({"workpiece": {"depth_profile": [1.0, 2.0]}})
+    assert deep.replace("2.5 mm", "1 to 2 mm") in calibrate(measured, stepped).warnings
+    measured = cuts(PowerLaw(coefficient=0.3, cutting_speed=0.8), 12, 0.05)
+    measured.columns["feed"] = np.where(np.arange(12) < 6, 0.3, 0.305)
+    assert any(
+        "power: the exponent of feed is hardly known" in warning for warning in calibrate(measured, BASE, force=True).warnings
+    )
+
+
+def test_laws_out_of_range_are_refused() -> None:
+    measured = cuts(PowerLaw(coefficient=1.0, wear=10), 20)
+    measured.columns["power"] *= measured.columns["wear"] ** 0.5
+    with pytest.raises(
+        WorkshopError, match=r"power: exponent of wear, as fitted: 10\.5.* is outside the allowed range -10 to 10"
+    ):
+        calibrate(measured, BASE, force=True)
+    shrinking = table(cutting_speed=100, feed=0.3, depth_of_cut=2, time=[1, 2, 4, 8], wear=[0.3, 0.2, 0.15, 0.1])
+    with pytest.raises(WorkshopError, match="but wear must grow with time"):
+        calibrate(shrinking, BASE, force=True)

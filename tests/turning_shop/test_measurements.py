@@ -1,0 +1,134 @@
+"""Reading measurements: every mistake is named. Damaged files: ``tests/soundness/test_readers.py``."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from turning_shop import WorkshopError
+from turning_shop.headers import read_heading
+from turning_shop.measurements import COLUMNS, read_measurements
+
+HEADER = "cutting_speed,feed,depth_of_cut,wear,power\n"
+GOOD = HEADER + "100,0.3,2.5,0.2,4.5\n"
+
+
+def reading(folder: Path, content: str | bytes) -> Path:
+    path = folder / "cuts.csv"
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "is empty: a header and rows"),
+        (HEADER, "has a header but no rows"),
+        ("feed,power\n1,2\n", "no column cutting_speed, depth_of_cut; it has 'feed', 'power', and the columns understood are"),
+        ("speed,feed,depth_of_cut\n1,1,1\n", r"no column cutting_speed;.*cutting_speed or vc \[m/min\], feed or"),
+        ("a;b;c\n1;2;3\n", "no column cutting_speed, feed, depth_of_cut; it has 'a;b;c'"),
+        (GOOD.replace("feed", "f [mm/min]"), "f .mm/min.*: feed in 'mm/min' is not understood: allowed are mm/rev"),
+        (GOOD.replace("wear", "ap"), "more than one column depth_of_cut: 'depth_of_cut' and 'ap'"),
+        (
+            GOOD.replace(",", ";") + "100;0,3;2.5;0,2;4,5\n",
+            "line 2, column feed: '0.3' has a point, but other cells have decimal commas",
+        ),
+        (GOOD.replace("power", "P [W]") + "100,0.3,2.5,0.2,2e7\n", r"P .W.: 2e7, which is 2e\+04 kW, is outside"),
+        (GOOD.replace("wear", "feed"), "more than one column feed"),
+        (GOOD + "fast,0.3,2.5,0.2,4.5\n", "line 3, column cutting_speed: 'fast' is not a number; allowed is 0.1 to 5000 m/min"),
+        (GOOD + '100,"0,3",2.5,0.2,4.5\n', "line 3, column feed: '0,3' has a comma: write decimals with a point"),
+        (GOOD + "100,-0.3,2.5,0.2,4.5\n", "line 3, column feed: -0.3 is outside the allowed range 0.001 to 10 mm/rev"),
+        (GOOD + "100,0.3,2.5,nan,4.5\n", "line 3, column wear: 'nan' is not a number"),
+        (GOOD + "1_00,0.3,2.5,0.2,4.5\n", "'1_00' is not a number"),
+        (GOOD + "\n\n100,0.3,2.5,0.2\n", "line 5 has 4 cells, but the header has 5"),
+        ("cutting_speed,feed,depth_of_cut,hardness\n100,0.3,2.5,260\n", "hardness: 260 is outside .*: 1 is nominal"),
+        (b"\xff\0" + GOOD.encode(), "is not text: save the sheet as CSV, in UTF-8"),
+        (HEADER + '"100', "is not CSV"),
+    ],
+)
+def test_mistake_is_named(tmp_path: Path, content: str | bytes, message: str) -> None:
+    with pytest.raises(WorkshopError, match=message) as error:
+        read_measurements(reading(tmp_path, content))
+    assert "cuts.csv" in str(error.value)
+
+
+def test_many_mistakes_are_counted(tmp_path: Path) -> None:
+    with pytest.raises(WorkshopError, match=r"line 2, .*; line 6, .*; and 15 more like these$"):
+        read_measurements(reading(tmp_path, HEADER + "x,0.3,2.5,0.2,1\n" * 20))
+
+
+def test_spreadsheets_are_read(tmp_path: Path) -> None:
+    header = '\ufeff cutting_speed , feed,depth_of_cut,"note, of mine",wear\r\n'
+    content = header + '100,0.3,"2.5","a ""b""\nc", \r\n,,,,\r\n1.2e2,+.4,3.,,0.2'
+    found = read_measurements(reading(tmp_path, content))
+    assert found.ignored == ("note, of mine",)
+    assert found.columns["cutting_speed"].tolist() == [100, 120]
+    assert found.columns["feed"].tolist() == [0.3, 0.4]
+    assert np.isnan(found.columns["wear"]).tolist() == [True, False]
+    assert found.lines.tolist() == [3, 5]
+    assert len(read_measurements(reading(tmp_path, GOOD.replace("\n", "\r"))).lines) == 1  # old line ends
+
+
+GERMAN = "Schneide;vc [m/min];f in mm/U;Schnitttiefe (mm);Zeit [s];VB_um;Leistung (W);Härte;Bemerkung"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16"])
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separator: str) -> None:
+    text = f"{GERMAN}\nA;100;0,3;2,5;90;200;4500;1,1;gut\nA;1,2e2;,4;3;120;250;5e3;1,0;\n".replace(";", separator)
+    found = read_measurements(reading(tmp_path, text.encode(encoding)))
+    assert {name: column.tolist() for name, column in found.columns.items()} == {
+        "cutting_speed": [100.0, pytest.approx(120)],
+        "feed": [0.3, 0.4],
+        "depth_of_cut": [2.5, 3.0],
+        "time": [1.5, 2.0],
+        "wear": pytest.approx([0.2, 0.25]),
+        "power": [4.5, 5.0],
+        "hardness": [1.1, 1.0],
+    }
+    assert found.edges is not None
+    assert found.ignored == ("Bemerkung",)
+    assert len(found.readings) == 9
+    assert "times 0.001" in next(line for line in found.readings if "Leistung" in line)
+
+
+@pytest.mark.parametrize(
+    ("header", "column"),
+    [
+        *(("Vc", "cutting_speed"), ("v_c [m/s]", "cutting_speed"), ("Schnittgeschwindigkeit m/min", "cutting_speed")),
+        *(("fn", "feed"), ("Vorschub [mm/U]", "feed"), ("f, mm/rev", "feed"), ("vf [mm/min]", None), ("n [1/min]", None)),
+        *(("a_p", "depth_of_cut"), ("ap mm", "depth_of_cut"), ("DOC [inch]", "depth_of_cut")),
+        *(("t [min]", "time"), ("VB", "wear"), ("flank wear [µm]", "wear"), ("Verschleiß", "wear")),
+        *(("Ff [kN]", "thrust_force"), ("P_kW", "power"), ("Spindelleistung in kW", "power"), ("Fc", None)),
+        *(("Insert", "edge"), ("Härte [%]", "hardness"), ("note, of mine", None), ("", None)),
+    ],
+)
+def test_headers_name_columns(header: str, column: str | None) -> None:
+    assert read_heading(header, {name: known.unit for name, known in COLUMNS.items()}).column == column
+
+
+def test_workbooks_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "cuts.xlsx"
+    path.write_bytes(b"no workbook")
+    with pytest.raises(WorkshopError, match=r"openpyxl|no workbook"):
+        read_measurements(path)
+    book = pytest.importorskip("openpyxl").Workbook()
+    for row in (["vc", "f", "ap", "P [W]", None], [100, 0.3, 2.5, 4500, None], [None] * 5, [120, "0.4", 3, None, None]):
+        book.active.append(row)
+    book.save(path)
+    found = read_measurements(path)
+    assert found.columns["feed"].tolist() == [0.3, 0.4]
+    assert found.columns["power"][0] == 4.5
+    assert found.lines.tolist() == [2, 4]
+
+
+def test_edges_have_any_name(tmp_path: Path) -> None:
+    rows = ["A 1,100", "b,100", "A 1 ,100", ",100", ",100", "1,100"]
+    content = "edge,cutting_speed,feed,depth_of_cut\n" + "".join(f"{row},0.3,2.5\n" for row in rows)
+    edges = read_measurements(reading(tmp_path, content)).edges
+    assert edges is not None
+    assert edges[0] == edges[2]
+    assert len(set(edges)) == 5
+    assert read_measurements(reading(tmp_path, GOOD)).edges is None
+    with pytest.raises(WorkshopError, match="more than one column edge"):
+        read_measurements(reading(tmp_path, content.replace("feed", "edge").replace("edge,cutting", "edge,feed,cutting")))

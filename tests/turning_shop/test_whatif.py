@@ -1,0 +1,122 @@
+"""Tables of cuts and operating maps agree with the laws and the environment."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from turning_env import RoughTurningEnv, Scenario
+from turning_env.__main__ import main
+from turning_shop.plots import draw_map
+from turning_shop.whatif import what_if
+
+BASE = Scenario()
+
+
+def test_the_environment_says_the_same() -> None:
+    env = RoughTurningEnv("paper")
+    env.reset(seed=0)
+    machine = env.scenario.machine
+    action = [2 * (150 - machine.cutting_speed_min) / (machine.cutting_speed_max - machine.cutting_speed_min) - 1]
+    action += [2 * (0.3 - machine.feed_min) / (machine.feed_max - machine.feed_min) - 1]
+    for minutes in (1, 2, 3):
+        info = env.step(np.array(action, np.float32))[-1]
+        cuts = what_if(env.scenario, 150, 0.3, time=minutes)
+        said = (cuts.wear, cuts.thrust_force, cuts.power, cuts.removal_rate, cuts.spindle_speed)
+        names = ("wear", "thrust_force", "power", "removed", "spindle_speed")
+        assert said == pytest.approx([info[name] for name in names], rel=1e-4), minutes
+
+
+@settings(max_examples=15)
+@given(speed=st.floats(50, 200), feed=st.floats(0.06, 0.6), depth=st.floats(0.5, 5), hardness=st.floats(0.7, 1.4))
+def test_time_and_wear_are_two_sides_of_one_law(speed: float, feed: float, depth: float, hardness: float) -> None:
+    worn = what_if(BASE, speed, feed, depth, hardness, wear=0.2)
+    again = what_if(BASE, speed, feed, depth, hardness, time=worn.time)
+    for name, value in worn._asdict().items():
+        assert getattr(again, name) == pytest.approx(value, rel=1e-9), name
+    finished = what_if(BASE, speed, feed, depth, hardness, time=worn.tool_life)
+    assert finished.wear_share == pytest.approx(1.0)
+
+
+WHATIF = ["whatif", "rough_turning", "--cutting-speed", "120", "150:180:15", "--feed", "0.2:0.4:0.1"]
+
+
+def test_every_combination_gives_a_row(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*WHATIF, "--wear", "0.1", "0.2", "--depth", "2", "3", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert len(rows) == 4 * 3 * 2 * 2
+    assert [row["feed"] for row in rows[:3]] == [0.2, 0.3, 0.4]
+    assert sorted({row["cutting_speed"] for row in rows}) == [120, 150, 165, 180]
+    assert main([*WHATIF, "--wear", "0.1", "0.2", "--depth", "2", "3", "--csv"]) == 0
+    table = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert [float(row["power"]) for row in table] == [row["power"] for row in rows]
+    assert list(table[0]) == list(rows[0])
+
+
+def test_text_names_the_limits_that_are_exceeded(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["whatif", "rough_turning", "--cutting-speed", "60", "200", "--feed", "0.6", "--time", "200"]) == 0
+    heading, units, slow, fast = capsys.readouterr().out.splitlines()
+    assert heading.split()[:3] == ["speed", "feed", "depth"]
+    assert units.split()[:3] == ["m/min", "mm/rev", "mm"]
+    assert slow.endswith("wear, force")
+    assert fast.endswith("wear, force, power")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--cutting-speed", "-1", "--feed", "0.3", "--wear", "0.2"], "-1 is outside the allowed range 0.1 to 5000 m/min"),
+        (["--cutting-speed", "100", "--feed", "0.1:0.2", "--wear", "0.2"], "neither a number nor LOW:HIGH:STEP"),
+        (["--cutting-speed", "100", "--feed", "0.2:0.1:0.1", "--wear", "0.2"], "must go up"),
+        (["--cutting-speed", "100", "--feed", "0.1:0.2:1e-9", "--wear", "0.2"], "more than 100000 numbers"),
+        (["--cutting-speed", "100", "--feed", "0.3"], "one of the arguments --time --wear is required"),
+        (["--cutting-speed", "100", "--feed", "0.3", "--wear", "0.2", "--time", "1"], "not allowed with"),
+    ],
+)
+def test_bad_options_are_refused(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["whatif", "rough_turning", *arguments])
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["rough_turning", "override", "batch_casting"])
+def test_every_preset_can_be_mapped(preset: str) -> None:
+    scenario = Scenario.load(preset)
+    figure = draw_map(scenario, 0.5 * scenario.tool.wear_criterion, hardness=1.1)
+    assert isinstance(figure, Figure)
+    left, right = figure.axes
+    assert (left.get_xlabel(), left.get_ylabel()) == ("cutting speed [m/min]", "feed [mm/rev]")
+    assert "[cm³/min]" in right.get_ylabel()
+    rates = [float(label.get_text()) for label in right.get_yticklabels()]
+    top_right = scenario.machine.cutting_speed_max * scenario.workpiece.depth_of_cut
+    if not scenario.workpiece.depth_profile:
+        assert right.get_yticks() == pytest.approx(np.array(rates) / top_right, rel=1e-3, abs=1e-4)
+
+
+def test_the_map_marks_where_most_metal_is_removed() -> None:
+    axes = draw_map(BASE, 0.2).axes[0]
+    (mark,) = [line for line in axes.lines if line.get_marker() == "o"]
+    speed, feed = float(mark.get_xdata()[0]), float(mark.get_ydata()[0])
+    cuts = what_if(BASE, speed, feed, wear=0.2)
+    assert cuts.within_limits
+    assert max(cuts.power_share, cuts.thrust_force_share) > 0.99
+    assert any(text.get_text().startswith(f"{speed:.0f} m/min, {feed:.3g} mm/rev:") for text in axes.texts)
+
+
+@pytest.mark.slow
+def test_maps_are_written_and_mistakes_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for ending, start in (("png", b"\x89PNG"), ("svg", b"<?xm")):
+        path = tmp_path / "maps" / f"map.{ending}"
+        assert main(["map", "forging", "--wear", "0.3", "--out", str(path)]) == 0
+        assert path.read_bytes().startswith(start)
+    assert main(["map", "forging", "--wear", "0.31", "--out", str(tmp_path / "map.png")]) == 2
+    assert "--wear is 0.31, but an edge is worn out at tool.wear_criterion, 0.3 mm" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        main(["map", "forging", "--wear", "0.2", "--out", "map.txt"])

@@ -1,0 +1,153 @@
+"""Guard policies, and run them on a real control.
+
+python -m turning_control shield --kept shield.json
+python -m turning_control demo --out demo.png
+"""
+
+import argparse
+import logging
+import signal
+import sys
+from pathlib import Path
+
+from turning_control import measure, opcua
+from turning_control.core import Controller, on_control
+from turning_control.linuxcnc import (
+    LinuxCncError,
+    figures,
+    find_policy,
+    picture,
+    run,
+    safe_feed,
+    serve,
+    serve_plant,
+    simulated,
+    table,
+)
+from turning_control.shield import LOG, Settings
+from turning_env import IDS
+from turning_env.console import described, exits, number_within, picture_path, print_json
+from turning_env.scenario import Scenario
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return its exit status."""
+    parser = argparse.ArgumentParser(prog="python -m turning_control", **described(__doc__))
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    guard = commands.add_parser("shield", help="measure the shield in simulation", **described(_shield.__doc__))
+    guard.add_argument(
+        "--episodes", type=int, default=1000, metavar="N", help="held-out seeds of every task (default: %(default)s)"
+    )
+    guard.add_argument("--env", nargs="+", choices=IDS, default=list(IDS), metavar="ID", help="tasks (default: all)")
+    guard.add_argument("--agents", type=Path, default=Path("agents"), metavar="FOLDER", help="agents (default: %(default)s)")
+    guard.add_argument("--target", type=number_within(0.1, 2, "-"), default=Settings.target, metavar="X",
+                       help="expected load over its limit that is allowed (default: %(default)s)")  # fmt: skip
+    guard.add_argument("--kept", type=Path, metavar="FILE", help="JSON file of figures: measure only what it lacks, and add it")
+    guard.add_argument("--json", action="store_true", help="print JSON")
+    guard.set_defaults(run=_shield)
+
+    show = commands.add_parser("demo", help="run policies through LinuxCNC", **described(_demo.__doc__))
+    show.add_argument("--policies", nargs="+", metavar="POLICY", help="programmed, a rule's name, module:object or ONNX files")
+    show.add_argument("--bars", type=int, default=2, metavar="N", help="bars per policy (default: %(default)s)")
+    show.add_argument("--out", type=picture_path, metavar="FILE", help="picture of override and load: PNG, SVG or PDF")
+    show.set_defaults(run=_demo)
+
+    answers = commands.add_parser("serve", help="answer a HAL component's pins with a policy", **described(_serve.__doc__))
+    answers.add_argument("--policy", required=True, metavar="POLICY", help="as for demo")
+    answers.set_defaults(run=_serve)
+
+    linked = commands.add_parser("opcua", help="drive a control that serves OPC UA", **described(_opcua.__doc__))
+    linked.add_argument("--policy", required=True, metavar="POLICY", help="as for demo")
+    linked.add_argument("--url", required=True, metavar="URL", help="of the control's server, such as opc.tcp://192.0.2.1:4840")
+    linked.add_argument("--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes")
+    linked.set_defaults(run=_opcua)
+
+    for each in (answers, linked):
+        each.add_argument("--log", type=Path, metavar="FILE", help="text file for every decision")
+
+    plant = commands.add_parser("plant", help="answer a HAL component's pins in place of a lathe", **described(_plant.__doc__))
+    plant.add_argument("--log", type=Path, required=True, metavar="CSV", help="file for every cycle")
+    plant.set_defaults(run=_plant)
+    for each in (show, plant):
+        each.add_argument("--seed", type=int, default=0, metavar="N", help="determines bars and edges (default: %(default)s)")
+    for each in (show, answers, linked, plant):
+        each.add_argument("--scenario", default="override", metavar="NAME", help="preset or TOML file (default: %(default)s)")
+
+    options = parser.parse_args(arguments)
+    return exits(ValueError, LinuxCncError, KeyError, OSError)(options.run)(options)
+
+
+def _shield(options: argparse.Namespace) -> int:
+    """Play uniform random actions and the best shipped agent of every task, with and without the shield.
+
+    python -m turning_control shield --kept shield.json
+    python -m turning_control shield --env RoughTurning-v0 --episodes 4 --json
+    """
+    LOG.setLevel(logging.ERROR)  # hand-overs are counted
+    measured = list(measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target), options.kept))
+    print_json([row._asdict() for row in measured]) if options.json else print(measure.markdown(measured))
+    return 0
+
+
+def _demo(options: argparse.Namespace) -> int:
+    """Start LinuxCNC without a screen on a lathe without hardware, and run policies on the same bars.
+
+    python -m turning_control demo --out demo.png
+    python -m turning_control demo --policies programmed --bars 1
+    """
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # end LinuxCNC, too
+    agent = measure.best_agent("RoughTurning-Override-v0", Path("agents"))
+    policies = options.policies or ["programmed", "modified_fuzzy_override", *([str(agent)] if agent else [])]
+    scenario, runs, compared = Scenario.load(options.scenario), {}, {}
+    for policy in policies:
+        print(f"{policy} ...", file=sys.stderr)
+        name = Path(policy).stem if policy.endswith(".onnx") else policy
+        runs[name] = run(policy, options.scenario, options.bars, options.seed)
+        compared[name] = figures(runs[name], safe_feed(scenario)), simulated(policy, scenario, options.bars, options.seed)
+    print(table(compared))
+    if options.out:
+        picture(runs, scenario, options.out)
+    return 0
+
+
+def _serve(options: argparse.Namespace) -> int:
+    """Answer lines of pins (JSON) with lines of commands; ``hal_bridge.py`` starts this.
+
+    python -m turning_control serve --policy programmed --scenario override
+    """
+    _log_to(options.log)
+    scenario = Scenario.load(options.scenario)
+    serve(on_control(scenario), find_policy(options.policy, scenario))
+    return 0
+
+
+def _opcua(options: argparse.Namespace) -> int:
+    """Read a control's nodes and command its feed over OPC UA until interrupted; then leave the safe feed.
+
+    python -m turning_control opcua --policy programmed --url opc.tcp://192.0.2.1:4840 --nodes nodes.toml
+    """
+    _log_to(options.log)
+    scenario = Scenario.load(options.scenario)
+    controller = Controller(on_control(scenario), find_policy(options.policy, scenario))
+    opcua.drive(controller, options.url, options.nodes, scenario.control.interval)
+    return 0
+
+
+def _log_to(path: Path | None) -> None:
+    if path:
+        logging.basicConfig(filename=path, format="%(asctime)s %(message)s")
+        LOG.setLevel(logging.DEBUG)
+
+
+def _plant(options: argparse.Namespace) -> int:
+    """Answer lines of pins (JSON) with the loads of a simulated process; ``hal_bridge.py`` starts this.
+
+    python -m turning_control plant --scenario override --log plant.csv
+    """
+    serve_plant(Scenario.load(options.scenario), options.seed, options.log)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

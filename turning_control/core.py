@@ -1,0 +1,241 @@
+"""The controller core: readings of a machine in, commands out, through the observation on which policies are trained.
+
+``Controller`` knows no machine. An adapter (``linuxcnc.py``) gives it ``Readings`` once per control interval and carries out its
+``Commands``. The observation is computed by the functions of the simulation, so it cannot drift from that of the training.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_control.shield import LOG, Settings, Shield
+from turning_env.numerics.compilation import compiled_entry
+from turning_env.numerics.functions import log
+from turning_env.observation import observe
+from turning_env.physics.lathe import charge_time_and_life, command
+from turning_env.physics.quantities import action_size, layout
+from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.physics.wear import EQUIVALENT_TIME
+from turning_env.scenario import Scenario
+from turning_env.scoring.policy import PolicyFactory
+
+STUCK = 0.5
+"""Time in metal without any change of a reading after which its sensor counts as stuck [s]; 5 control intervals at least."""
+COMMAND_DELAY = 0.006
+"""Time from readings until LinuxCNC follows the command [s], if the scenario gives none: measured in the demo."""
+_NAN = math.nan
+_FURTHER = ("spindle_heat", "roughness_reference", "probed_depth", "removed_wear")  # readings that only some scenarios need
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Readings of a machine at the end of a control interval. NaN: it has no such sensor, or the sensor is lost."""
+
+    spindle_speed: float
+    """[rev/min]"""
+    feed_velocity: float
+    """[mm/min]"""
+    in_feed: bool
+    """Whether the program moves at feed: no rapid, no pause, no feed hold, no emergency stop."""
+    cutting: bool
+    """Whether the tool is in metal."""
+    engaged_time: float
+    """Time in metal since the readings before [s]."""
+    power: float = _NAN
+    """Spindle power [kW]."""
+    thrust_force: float = _NAN
+    """[N]"""
+    servo_current: float = _NAN
+    """[A]"""
+    position: float = _NAN
+    """Tool position along the bar, below 0 before it [mm]; without it, the shield integrates the feed."""
+    new_edge: bool = False
+    """Whether the edge has been changed since the readings before."""
+    spindle_heat: float = _NAN
+    """[-]"""
+    roughness_reference: float = _NAN
+    """[um]"""
+    probed_depth: float = _NAN
+    """[mm]"""
+    removed_wear: float = _NAN
+    """Measured flank wear of the edge that was taken out last, 0 before the first change [mm]"""
+
+
+class Status(IntEnum):
+    """State of the controller."""
+
+    IDLE = 0
+    """No feed motion: the policy is not asked."""
+    POLICY = 1
+    """The policy's command holds."""
+    SHIELD = 2
+    """The shield has changed the policy's command."""
+    SAFE = 3
+    """The safe feed holds: no valid answer, or a sensor is lost or stuck."""
+    OPERATOR = 4
+    """Feed hold: the operator must decide."""
+
+
+@dataclass(frozen=True)
+class Commands:
+    """Commands to a machine, which hold until the next."""
+
+    adaptive_feed: float
+    """Share of the highest feed, which the program holds, 0 to 1 [-]."""
+    spindle_override: float
+    """Cutting speed over the programmed one [-]."""
+    status: Status
+    reason: str
+    """One word or a few for the operator's display and the log."""
+
+
+class Controller:
+    """A shielded policy for one machine.
+
+    Args:
+        scenario: scenario of the policy's training, calibrated for the machine.
+        make_policy: makes the policy (``turning_env.scoring.adapt.as_factory``).
+        settings: of the shield.
+        highest_feed: feed in the program [mm/rev]; None: the highest that the scenario's actions command.
+
+    Attributes:
+        safe_feed: share of the highest feed that is safe [-]; an adapter falls back to it without the controller.
+        observation: the last observation, float32 of shape (1, entries).
+
+    Raises:
+        ValueError: the scenario's actions command whole parts.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        make_policy: PolicyFactory,
+        settings: Settings = Settings(),  # noqa: B008
+        highest_feed: float | None = None,
+    ) -> None:
+        control, machine = scenario.control, scenario.machine
+        if control.action == "part":
+            raise ValueError(f"scenario {scenario.name!r} commands whole parts, but a controller needs an action per interval")
+        self._scenario = scenario.nominal()
+        override = control.override_max * control.initial_feed if control.action == "override" else math.inf
+        self._highest = highest_feed or min(override, machine.feed_max)
+        self.safe_feed = min(settings.safe_share * control.initial_feed / self._highest, 1.0)
+        self._shield = Shield(make_policy(1), self._scenario, 1, settings)
+        self._states, self._scratches = new_records(STATE, 1), scratch_records(self._scenario)
+        self._actions = np.zeros((1, action_size(scenario)))
+        self.observation = np.zeros((1, len(layout(scenario))), np.float32)
+        self._same, self._before = 0, (_NAN, _NAN)
+        self.start()
+
+    def start(self) -> None:
+        """Start anew with a fresh edge: after the operator's release of a hand-over, or a new job."""
+        control = self._scenario.control
+        self._set(
+            commanded_cutting_speed=control.initial_cutting_speed,
+            commanded_feed=control.initial_feed,
+            log_nominal_depth=math.log(self._scenario.workpiece.depth_of_cut),
+            cutting_time=0.0,
+            nominal_used_life=0.0,
+        )
+        self._shield.reset(np.ones(1, np.bool_))
+
+    def lacks(self, readings: Readings) -> list[str]:
+        """Return the readings that the policy's observation needs and the machine does not give."""
+        force = "servo_current" if self._scenario.sensors.force == "servo_current" else "thrust_force"
+        further = (name for name in _FURTHER if name in layout(self._scenario))
+        return [name for name in ("power", force, *further) if math.isnan(getattr(readings, name))]
+
+    def observe(self, readings: Readings) -> NDArray[np.float32]:
+        """Return the observation of readings, shape (1, entries); call it once per control interval."""
+        machine, diameter = self._scenario.machine, self._scenario.workpiece.diameter
+        speed = max(readings.spindle_speed * np.pi * diameter / 1000.0, 1e-3 * machine.cutting_speed_min)
+        feed = max(readings.feed_velocity / max(readings.spindle_speed, 1e-9), 1e-3 * machine.feed_min)
+        if readings.new_edge:
+            self._set(cutting_time=0.0, nominal_used_life=0.0)
+        self._set(
+            cutting_speed=speed,
+            feed=feed,
+            cutting=int(readings.cutting),
+            measured_power=readings.power,
+            measured_thrust_force=readings.thrust_force,
+            measured_servo_current=readings.servo_current,
+            **{name: getattr(readings, name) for name in _FURTHER},
+        )
+        observe_readings(self._states, self._scratches, readings.engaged_time / 60.0, self.observation)
+        return self.observation
+
+    def decide(self, readings: Readings) -> Commands:
+        """Return the commands for the next control interval, and log them."""
+        commands = self._decided(readings, self.observe(readings))
+        LOG.debug("%s: %s: feed %.4f, %s", commands.status.name, commands.reason, commands.adaptive_feed, readings)
+        return commands
+
+    def _decided(self, readings: Readings, observation: NDArray[np.float32]) -> Commands:
+        if self._shield.handed_over[0]:
+            return Commands(0.0, 1.0, Status.OPERATOR, "handed over")
+        turns = self._scenario.machine.cutting_speed_min * 1000.0 / np.pi / self._scenario.workpiece.diameter
+        if readings.spindle_speed < 0.01 * turns:
+            return Commands(0.0, 1.0, Status.OPERATOR if readings.in_feed else Status.IDLE, "spindle stopped")
+        if not readings.in_feed:
+            return self._commands(Status.IDLE, "no feed motion")
+        if fault := self._fault(readings):
+            LOG.warning("%s: the safe feed holds", fault)
+            self._set(commanded_feed=self.safe_feed * self._highest)
+            return Commands(self.safe_feed, 1.0, Status.SAFE, fault)
+        self._shield.place = None if math.isnan(readings.position) else np.array([readings.position])
+        self._actions[...] = self._shield.act(observation)
+        apply_actions(self._states, self._scratches, self._actions)
+        reason = self._shield.reasons[0]
+        if self._shield.handed_over[0]:
+            return Commands(0.0, 1.0, Status.OPERATOR, reason)
+        refused = reason in ("late", "error", "shape", "not finite")
+        return self._commands(Status.SAFE if refused else Status.POLICY if reason == "passed" else Status.SHIELD, reason)
+
+    def _commands(self, status: Status, reason: str) -> Commands:
+        feed, speed = (float(self._states[name][0, 0]) for name in ("commanded_feed", "commanded_cutting_speed"))
+        return Commands(min(feed / self._highest, 1.0), speed / self._scenario.control.initial_cutting_speed, status, reason)
+
+    def _fault(self, readings: Readings) -> str:
+        """Return what is wrong with the sensors, or an empty text."""
+        if lost := self.lacks(readings):
+            return f"no {lost[0]}"
+        loads = readings.power, readings.servo_current if math.isnan(readings.thrust_force) else readings.thrust_force
+        alike = readings.cutting and any(now == before for now, before in zip(loads, self._before, strict=True))
+        self._same, self._before = self._same + 1 if alike else 0, loads
+        return "sensor stuck" if self._same >= max(STUCK / self._scenario.control.interval, 5.0) else ""
+
+    def _set(self, **values: float) -> None:
+        for name, value in values.items():
+            self._states[name][0, 0] = value
+
+
+def on_control(scenario: Scenario) -> Scenario:
+    """Return a scenario with the delay of a control, ``COMMAND_DELAY``, if it has none."""
+    machine = scenario.machine
+    delay = machine.command_delay or min(COMMAND_DELAY, scenario.control.interval)
+    return scenario.model_copy(update={"machine": machine.model_copy(update={"command_delay": delay})})
+
+
+@compiled_entry
+def observe_readings(states, scratches, minutes, observations):  # type: ignore[no-untyped-def]
+    """Write the observation of the state's readings after ``minutes`` in metal."""
+    state, scratch = states[0], scratches[0]
+    p, work = scratch.parameters, scratch.work
+    work.log_cutting_speed[0] = log(state.cutting_speed[0])
+    work.log_feed[0] = log(state.feed[0])
+    work.time[0] = 0.0
+    work.cutting_time_before[0] = state.cutting_time[0]
+    state.cutting_time[0] += minutes
+    charge_time_and_life(state, work, scratch.report, 0, p, p.wear_rule == EQUIVALENT_TIME)
+    observe(state, work, 0, 1, p)
+    for k in range(observations.shape[1]):
+        observations[0, k] = work.observation[p.observation_layout[k], 0]
+
+
+@compiled_entry
+def apply_actions(states, scratches, actions):  # type: ignore[no-untyped-def]
+    """Set the commanded speed and feed from an action, as the transition does."""
+    command(states[0], scratches[0].work, actions, 0, 1, scratches[0].parameters)

@@ -1,0 +1,159 @@
+"""Measure the shield in simulation: overload, broken edges and material removal rate of policies with and without it."""
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from turning_control.shield import SHIELD_VERSION, Settings, Shield
+from turning_env.files import replace_file
+from turning_env.physics import MODEL_VERSION
+from turning_env.physics.quantities import action_size
+from turning_env.scenario import Scenario
+from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.packed import shipped
+from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
+from turning_env.scoring.seeds import held_out_seeds
+from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
+
+
+class Row(NamedTuple):
+    """A policy's figures on a task."""
+
+    env_id: str
+    policy: str
+    shielded: bool
+    episodes: int
+    target: float
+    """``Settings.target``, which the shield has."""
+    version: str
+    """``VERSION`` of the code that measured it."""
+    severe: float
+    """Share of cutting time with an excess above the tolerance, 5 % [-]."""
+    edges_broken: int
+    removal_rate: float
+    """[cm3/min]"""
+    overridden: float
+    """Share of decisions in which the shield changed the action [-]."""
+    handed_over: int
+    """Episodes that ended early because the shield handed over to the operator; the figures count until then."""
+
+
+SUMS = ("severe_overload_time", "engaged_time", "edges_broken", "removed", "time")
+VERSION = f"{MODEL_VERSION}.{SHIELD_VERSION}"
+"""Versions of the model and of the shield. Figures of others do not hold."""
+REPORTED = 10.0
+"""Time between lines of progress [s]."""
+
+
+class UniformRandom(Policy):
+    """Actions drawn evenly from -1..1."""
+
+    def __init__(self, size: int) -> None:
+        self._size, self._random = size, np.random.default_rng(0)
+
+    def act(self, observations: Observations) -> Actions:
+        return self._random.uniform(-1.0, 1.0, (len(observations), self._size)).astype(np.float32)
+
+
+def best_agent(env_id: str, agents: Path) -> Path | None:
+    """Return the file of the shipped agent with the highest mean return on a task; None if there is none in the folder."""
+    preset = gymnasium.spec(env_id).kwargs["scenario"]
+    found = []
+    for each in shipped(env_id):
+        seed = int(each.returns.mean(axis=1).argmax())
+        path = agents / env_id / preset / f"{each.name}-seed{seed}.onnx"
+        if each.kind == "agent" and path.is_file():
+            found.append((each.returns[seed].mean(), path))
+    return max(found)[1] if found else None
+
+
+def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, kept: Path | None = None) -> Iterator[Row]:
+    """Yield the figures of uniform random actions and of the best agent, each with and without the shield.
+
+    Args:
+        env_ids: tasks.
+        episodes: held-out seeds of each.
+        agents: folder of the agents.
+        settings: of the shield.
+        kept: file of rows; those in it are not measured again, and new ones are added.
+
+    Raises:
+        ValueError: the file holds rows of another version of the code.
+    """
+    found = json.loads(kept.read_text()) if kept and kept.is_file() else []
+    if others := {str(each.get("version", "none")) for each in found} - {VERSION}:
+        raise ValueError(f"{kept} has figures of version {others.pop()}, but the code's is {VERSION}: name another file")
+    done = [Row(**each) for each in found]
+    known = {each[:6]: each for each in done}
+    for env_id in env_ids:
+        scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
+        policies: list[tuple[str, PolicyFactory]] = [("uniform random", lambda n, s=scenario: UniformRandom(action_size(s)))]  # type: ignore[misc]
+        if (best := best_agent(env_id, agents)) is not None:
+            policies.append((best.stem, as_factory(best)))
+        for name, make in policies:
+            for with_shield in (False, True):
+                key = env_id, name, with_shield, episodes, settings.target, VERSION
+                if key not in known:
+                    done.append(_row(key, scenario, make, settings))
+                    known[key] = done[-1]
+                    if kept:
+                        text = json.dumps([each._asdict() for each in done], indent=1)
+                        replace_file(kept, lambda partial, text=text: partial.write_text(text))  # type: ignore[misc]
+                yield known[key]
+
+
+def _row(key: tuple[str, str, bool, int, float, str], scenario: Scenario, make: PolicyFactory, settings: Settings) -> Row:
+    _, _, with_shield, episodes, *_ = key
+    env = RoughTurningVectorEnv(episodes, scenario, AutoresetMode.SAME_STEP)
+    policy = Shield(make(episodes), scenario, episodes, settings) if with_shield else make(episodes)
+    observations, _ = env.reset(seed=held_out_seeds(episodes))
+    policy.reset(np.ones(episodes, np.bool_))
+    running, sums, handed_over, changed, decisions = np.ones(episodes, np.bool_), dict.fromkeys(SUMS, 0.0), 0, 0, 0
+    reported = time.monotonic()
+    while running.any():
+        actions = policy.act(observations)
+        if isinstance(policy, Shield):  # the operator has stopped the machine
+            handed_over += int((running & policy.handed_over).sum())
+            running &= ~policy.handed_over
+            changed += int((running & (np.array(policy.reasons) != "passed")).sum())
+            decisions += int(running.sum())
+        observations, _, terminated, truncated, infos = env.step(actions)
+        for name in SUMS:
+            sums[name] += float((info_at_end_of_step(infos, name) * running).sum())
+        ended = terminated | truncated
+        if ended.any():
+            policy.reset(ended)
+            running &= ~ended
+        if time.monotonic() > reported + REPORTED:
+            reported = time.monotonic()
+            shield = ", shielded" if with_shield else ""
+            print(f"{key[0]}: {key[1]}{shield}: {episodes - running.sum()} of {episodes} episodes", file=sys.stderr, flush=True)
+    return Row(
+        *key,
+        sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9),
+        int(sums["edges_broken"]),
+        60.0 * sums["removed"] / max(sums["time"], 1e-9),
+        changed / max(decisions, 1),
+        handed_over,
+    )
+
+
+def markdown(measured: list[Row]) -> str:
+    """Return the rows as a table."""
+    lines = [
+        "| Task | Policy | Shield | Over 5 % [% of cutting time] | Edges broken | MRR [cm3/min] | Overridden [%] | Handed over |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {row.env_id} | {row.policy} | {'yes' if row.shielded else 'no'} | {100 * row.severe:.3f} | {row.edges_broken} "
+        f"| {row.removal_rate:.1f} |" + (f" {100 * row.overridden:.0f} | {row.handed_over} |" if row.shielded else " | |")
+        for row in measured
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,219 @@
+"""The shield: it stands between a policy and the control, and overrides the policy before a limit is exceeded.
+
+It knows what the policy knows, observations and the nominal model, and works in three stages:
+
+1. **Answers.** An answer that is late, raises an error, is not finite or has the wrong shape is replaced by the safe feed, a
+   share of the programmed one.
+2. **Limits.** A load observer (``observer.py``) compares measured with nominal loads. Cutting speed and feed are limited so that
+   the loads that it expects keep their limits: in the worst case between the actual and the commanded speed, at the next step of
+   depth, and where the next bar begins. If the asked removal rate is possible at another speed near, that speed is taken.
+3. **Hand-over.** After several refused answers in a row, or if no speed and feed keeps the limits, the operator takes over.
+"""
+
+import logging
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_control.observer import Observer, Values, feeds_of
+from turning_env.action import set_point_action, towards
+from turning_env.observation import Reading, read
+from turning_env.physics.drives import lag_share
+from turning_env.physics.quantities import action_size
+from turning_env.scenario import Scenario
+from turning_env.scoring.policy import Actions, Observations, Policy
+
+LOG = logging.getLogger("turning_control")
+
+SHIELD_VERSION = 1
+"""Raise it when the shield decides differently: kept figures of other versions are refused."""
+PART_MARGIN = 2.2
+"""Margin for a part, whose load is not observed before it is cut [standard deviations]."""
+HOPELESS = 2.0
+"""Time without any cutting speed that keeps both limits, after which the operator takes over [s]."""
+MIN_SHARE = 0.2
+"""Smallest share of the drive's way to a command that the shield counts on in a step: its gain is at most the inverse [-]."""
+PATIENCE = 10
+"""Refused answers in a row after which the operator takes over."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of the shield that an operator may choose."""
+
+    safe_share: float = 0.5
+    """Safe over programmed feed [-]."""
+    target: float = 1.02
+    """Expected load over its limit that the shield allows [-]."""
+    rise: float = 20.0
+    """Largest rise of the commanded feed over its range [1/s]."""
+    deadline: float | None = None
+    """Time in which a policy must answer [s]; None: not measured, so that simulations are reproducible."""
+
+
+class Shield(Policy):
+    """A policy behind a shield; it is a policy itself.
+
+        shielded = Shield(policy, scenario, num_envs)
+
+    Args:
+        policy: policy to guard.
+        scenario: scenario that it plays; the shield uses its nominal model.
+        num_envs: number of environments.
+        settings: see ``Settings``.
+
+    Attributes:
+        handed_over: whether the operator has taken over, shape (num_envs,); the safe feed holds until ``reset``.
+        reasons: the last decision's reason in each environment: ``passed``, ``power``, ``force``, ``load`` (a part's), ``rise``,
+            ``late``, ``error``, ``shape``, ``not finite`` or ``handed over``.
+        place: tool position along the bar [mm], below 0 before it, shape (num_envs,); set it before ``act`` if it is known.
+            None: the shield integrates the feed.
+    """
+
+    place: Values | None
+
+    def __init__(self, policy: Policy, scenario: Scenario, num_envs: int, settings: Settings = Settings()) -> None:
+        self._policy, self._scenario, self._settings = policy, scenario.nominal(), settings
+        self.handed_over = np.zeros(num_envs, np.bool_)
+        self.reasons = ["passed"] * num_envs
+        self._refused, self._hopeless = np.zeros((2, num_envs), np.int64)
+        self.place = None
+        self._observer = Observer(self._scenario, num_envs)
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        self._policy.reset(mask)
+        self.handed_over &= ~mask
+        self._refused[mask] = self._hopeless[mask] = 0
+        self._observer.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        reading = read(observations, self._scenario)
+        actions, why = self._answers(observations)
+        refused = why != ""
+        self._refused = np.where(refused, self._refused + 1, 0)
+        self._hand_over(self._refused >= PATIENCE, "no valid answers")
+        safe = refused | self.handed_over
+        actions[safe] = self._safe_actions(reading)[safe]
+        limit = self._limited_parts if self._scenario.control.action == "part" else self._limited
+        actions, limited_by = limit(actions, reading)
+        why = np.where(refused, why, np.where(self.handed_over, "handed over", limited_by))
+        self.reasons = [reason or "passed" for reason in why.tolist()]
+        return actions
+
+    def _answers(self, observations: Observations) -> tuple[Actions, NDArray[Any]]:
+        """Return the policy's actions, 0 where they are refused, and why they are, shape (num_envs,)."""
+        shape = len(observations), action_size(self._scenario)
+        nothing = np.zeros(shape, np.float32)
+        start = time.perf_counter()
+        try:
+            answer = np.asarray(self._policy.act(observations))
+        except Exception as error:  # a policy may fail in any way
+            LOG.warning("the policy failed: %s: %s", type(error).__name__, error)
+            return nothing, np.full(len(observations), "error", object)
+        late = time.perf_counter() - start
+        if self._settings.deadline is not None and late > self._settings.deadline:
+            LOG.warning("the policy answered after %.0f ms", 1000.0 * late)
+            return nothing, np.full(len(observations), "late", object)
+        if answer.shape != shape or answer.dtype.kind not in "fiu":
+            LOG.warning("the policy's answer has type %s and shape %s, not %s", answer.dtype, answer.shape, shape)
+            return nothing, np.full(len(observations), "shape", object)
+        finite = np.asarray(np.isfinite(answer).all(axis=1))
+        actions = np.clip(np.where(finite[:, None], answer, 0.0), -1.0, 1.0).astype(np.float32)
+        return actions, np.where(finite, "", "not finite").astype(object)
+
+    def _hand_over(self, where: NDArray[np.bool_], reason: str) -> None:
+        for i in np.flatnonzero(where & ~self.handed_over):
+            LOG.warning("environment %d: the operator takes over: %s", i, reason)
+        self.handed_over |= where
+
+    def _safe_actions(self, reading: Reading) -> Actions:
+        """Return the actions that command the safe feed at the programmed speed."""
+        control, machine = self._scenario.control, self._scenario.machine
+        programmed = np.full(len(reading.feed), control.initial_cutting_speed)
+        feed = np.full(len(reading.feed), max(self._settings.safe_share * control.initial_feed, machine.feed_min))
+        if control.action != "part":
+            return towards(reading, self._scenario, programmed, feed)
+        speeds = set_point_action(programmed, machine.cutting_speed_min, machine.cutting_speed_max)
+        feeds = set_point_action(feed, machine.feed_min, machine.feed_max)
+        middle = np.zeros_like(feeds)  # the drawing's allowance in half the passes
+        return np.stack([middle, middle, *[speeds, feeds] * control.passes_max], axis=1).astype(np.float32)
+
+    def _limited(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[Any]]:
+        """Return actions that keep the limits, and what limited them, shape (num_envs,)."""
+        control, machine, observer = self._scenario.control, self._scenario.machine, self._observer
+        observer.follow(reading, self.place)
+        observer.expect(self._settings.target)
+        asked_speed, asked = commands(actions, reading, self._scenario)
+        speed, hopeless = observer.speed(asked_speed, asked, control.action != "override")
+        self._hopeless = np.where(hopeless, self._hopeless + 1, 0)
+        stuck = self._hopeless * control.interval >= HOPELESS
+        change_edge = None
+        if control.edge_changes == "commanded":  # a fresh edge helps before the operator must
+            change_edge = (actions[:, -1] > 0.0) | stuck
+            stuck &= self._hopeless * control.interval >= 2.0 * HOPELESS
+        self._hand_over(stuck, "no speed and feed keep the limits")
+        by_power, by_force = np.minimum(observer.feeds(speed), observer.feeds(reading.cutting_speed))
+        bound = np.minimum(by_power, by_force)
+        # If the drive is slow, a command below the bound brings the feed down sooner; too low a command would make a loop with
+        # delays swing.
+        share = max(lag_share(control.interval + machine.command_delay, machine.feed_time_constant), MIN_SHARE)
+        bound = np.where(reading.feed > bound, reading.feed + (bound - reading.feed) / share, bound)
+        rise = reading.commanded_feed + self._settings.rise * control.interval * (machine.feed_max - machine.feed_min)
+        same = asked * asked_speed / speed  # the asked removal rate, not more
+        feed = np.clip(np.minimum(same, np.minimum(bound, rise)), machine.feed_min, machine.feed_max)
+        changed = (feed < asked * (1 - 1e-6)) | (np.abs(speed / asked_speed - 1.0) > 1e-6)
+        by = np.where(rise < bound, "rise", np.where(by_power < by_force, "power", "force"))
+        limited = towards(reading, self._scenario, speed, feed, change_edge)
+        if change_edge is not None:
+            changed |= change_edge & (actions[:, -1] <= 0.0)
+        return np.where(changed[:, None], limited, actions), np.where(changed, by, "").astype(object)
+
+    def _limited_parts(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[Any]]:
+        """Return actions for parts with feeds that keep the limits in every pass, and what limited them."""
+        scenario, machine, work = self._scenario, self._scenario.machine, self._scenario.workpiece
+        unsure = work.depth_along_spread if scenario.sensors.probe else np.hypot(work.depth_along_spread, work.depth_bar_spread)
+        expected = np.where(np.isfinite(reading.probed_depth), reading.probed_depth, work.depth_of_cut)
+        blank = expected + PART_MARGIN * unsure
+        harder = PART_MARGIN * np.hypot(work.hardness_bar_spread, work.hardness_along_spread)
+        force, power = (np.exp(harder * law.hardness) for law in (scenario.material.thrust_force, scenario.material.power))
+        passes = np.minimum(
+            1 + (0.5 * (actions[:, 0] + 1.0) * scenario.control.passes_max).astype(int), scenario.control.passes_max
+        )
+        depth = work.depth_of_cut * (1.0 + actions[:, 1]) / passes
+        wear = np.full(len(depth), scenario.tool.wear_criterion)
+        actions, limited = actions.copy(), np.zeros(len(depth), np.bool_)
+        for number in range(scenario.control.passes_max):
+            floor = (passes - 1 - number) * depth
+            thick = np.maximum(np.minimum(blank, np.inf if number == 0 else floor + depth) - floor, 0.01)
+            speed = set_point(actions[:, 2 + 2 * number], machine.cutting_speed_min, machine.cutting_speed_max)
+            bound = np.minimum(*feeds_of(scenario, speed, thick, wear, force, power, self._settings.target))
+            most = set_point_action(np.clip(bound, machine.feed_min, machine.feed_max), machine.feed_min, machine.feed_max)
+            limited |= (number < passes) & (actions[:, 3 + 2 * number] > most)
+            actions[:, 3 + 2 * number] = np.minimum(actions[:, 3 + 2 * number], most)
+        return actions, np.where(limited, "load", "").astype(object)
+
+
+def set_point(action: NDArray[Any], low: float, high: float) -> Values:
+    """Return the value that an action in -1..1 commands, linear between a range's ends."""
+    value: Values = low + 0.5 * (action.astype(np.float64) + 1.0) * (high - low)
+    return value
+
+
+def commands(actions: Actions, reading: Reading, scenario: Scenario) -> tuple[Values, Values]:
+    """Return the cutting speed [m/min] and feed [mm/rev] that actions command."""
+    control, machine = scenario.control, scenario.machine
+    first, last = actions[:, 0].astype(np.float64), actions[:, min(1, actions.shape[1] - 1)].astype(np.float64)
+    if control.action == "incremental":
+        speed = reading.commanded_cutting_speed * np.exp(control.cutting_speed_step * first)
+        feed = reading.commanded_feed * np.exp(control.feed_step * last)
+    elif control.action == "set_point":
+        speed = set_point(first, machine.cutting_speed_min, machine.cutting_speed_max)
+        feed = set_point(last, machine.feed_min, machine.feed_max)
+    else:
+        speed, feed = reading.commanded_cutting_speed, set_point(first, 0.0, control.override_max * control.initial_feed)
+    return np.clip(speed, machine.cutting_speed_min, scenario.cutting_speed_max), np.clip(
+        feed, machine.feed_min, machine.feed_max
+    )

@@ -1,0 +1,350 @@
+"""Choose the feeds and speeds of a part program anew, and write it back with only its F and S words changed.
+
+Every F word, and every S word of a constant cutting speed, gets the constant value that makes the program shortest within the
+scenario's limits of force and power, the machine's range, and the tool life that the program used before.
+
+Within a block the depth of cut changes, but no word can. ``schedule`` therefore gives a table of feeds by position instead.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_nc.blocks import divide
+from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, loads, play, tool_life
+from turning_nc.moves import run
+from turning_nc.program import NcError
+from turning_nc.stock import Values
+
+FEED_DECIMALS, FEED_DECIMALS_INCH = 3, 5
+_LIFE_MARGIN = 0.998
+"""Share of the allowed life that is planned for, as words are rounded."""
+_MIN_PRICE, _MAX_PRICE = 1.0, 1e6
+"""Range of prices of an edge's life that are tried [s]."""
+_PRICE_STEP = 1.02
+"""Ratio of prices that is not told apart [-]."""
+_CANDIDATES = 61
+
+SAME_DEPTH = 0.02
+"""Relative difference of depths up to which slices of a move are one section of a schedule [-]."""
+
+Where = Literal["words", "blocks", "positions"]
+Key = tuple[str, int, tuple[int, int] | None]
+"""Key of a value: address, line, and the place of the number in it; None where a word is put in."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A word that was changed or put in."""
+
+    line: int
+    before: str
+    """The word as it was; empty if it was put in."""
+    after: str
+
+
+@dataclass(frozen=True)
+class Adapted:
+    """A program with other feeds and speeds, read again and played."""
+
+    text: str
+    changes: tuple[Change, ...]
+    situation: Situation
+    played: Play
+
+
+def adapt(
+    situation: Situation,
+    wear: float,
+    where: Where = "words",
+    life: float = 1.0,
+    finishing_depth: float = FINISHING_DEPTH,
+    go_on: bool = False,
+) -> Adapted:
+    """Return the program with the feeds and speeds that make it shortest; unchanged if none make it shorter.
+
+    Args:
+        situation: the program as it is.
+        wear: flank wear of the edges at the start [mm].
+        where: change the words that stand in the program, or put one into every block.
+        life: tool life that it may use over that used before [-].
+        finishing_depth: feeds of words whose cuts are no deeper stay [mm].
+        go_on: see ``moves.run``.
+
+    Raises:
+        NcError: no F word per revolution and no S word of a constant cutting speed can be changed.
+    """
+    search = _Search(situation, wear, where, finishing_depth)
+    values = search.within_life(life * _LIFE_MARGIN)
+    text, changes = search.written(values)
+    program = divide(text, situation.moves.program.dialect)
+    moves = run(program, go_on)
+    if [move.path for move in moves.moves] != [move.path for move in situation.moves.moves]:
+        raise NcError("the program with other feeds and speeds makes other moves: a word of it cannot be changed alone")
+    again = Situation(situation.scenario, situation.machine, moves, situation.removal)
+    played, before = play(again, wear), search.before
+    if life >= 1.0 and before.load.max() <= 1.0 and before.time.sum() <= played.time.sum():  # it is as short as it can be
+        return Adapted(search.text, (), situation, before)
+    return Adapted(text, changes, again, played)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A stretch of a move in metal, and its feed and speed in a schedule by position."""
+
+    line: int
+    cycle_pass: int
+    """Number of the pass within a cycle; 0 outside."""
+    tool: str
+    z: tuple[float, float]
+    """From and to [mm]."""
+    diameter: tuple[float, float]
+    """From and to [mm]."""
+    depth: float
+    """Largest depth of cut [mm]."""
+    feed: float  # [mm/rev]
+    override: float
+    """Over the programmed feed [-]."""
+    cutting_speed: float
+    """Highest [m/min]."""
+
+
+def schedule(
+    situation: Situation, wear: float, life: float = 1.0, finishing_depth: float = FINISHING_DEPTH
+) -> tuple[list[Section], Play]:
+    """Return the feeds by position that make the program shortest, and their play; see ``adapt``.
+
+    Feeds are constant within a section, and speeds within a block. In air, the programmed values stay.
+    """
+    search = _Search(situation, wear, "positions", finishing_depth)
+    played = play(situation, wear, *search.settings(search.within_life(life * _LIFE_MARGIN)))
+    slices, moves = situation.removal.slices, situation.moves.moves
+    on = np.flatnonzero(situation.engaged)
+    breaks = np.flatnonzero((np.diff(on) > 1) | (np.diff(slices.move[on]) > 0) | (np.abs(np.diff(played.feed[on])) > 1e-9)) + 1
+    sections = []
+    for group in np.split(on, breaks) if len(on) else []:
+        first, last = group[0], group[-1]
+        move = moves[slices.move[first]]
+        z, x = move.path.start
+        if first > 0 and slices.move[first - 1] == slices.move[first]:
+            z, x = slices.z[first - 1], slices.x[first - 1]
+        sections.append(
+            Section(
+                *(move.line, move.cycle_pass, move.tool, (float(z), float(slices.z[last]))),
+                *((2.0 * float(x), 2.0 * float(slices.x[last])), float(slices.depth[group].max()), float(played.feed[first])),
+                *(float(played.feed[first] / search.before.feed[first]), float(played.cutting_speed[group].max())),
+            )
+        )
+    return sections, played
+
+
+class _Search:
+    """The words of a program that can change, and the times, loads and lives that follow."""
+
+    def __init__(self, situation: Situation, wear: float, where: Where, finishing_depth: float) -> None:
+        self.situation = s = situation
+        self.start_wear = wear
+        self.before = before = play(situation, wear)
+        self.text = s.moves.program.text
+        self.words = {line.number: line.words for part in s.moves.program.parts.values() for line in part}
+        keys: dict[Key, int] = {}
+        feeds, speeds = np.full(len(s.removal.slices.move), -1), np.full(len(s.removal.slices.move), -1)
+        for number, move in enumerate(s.moves.moves):
+            if move.kind != "feed":
+                continue
+            mine = s.removal.slices.move == number
+            for address, setting, changes, of in (
+                ("F", move.feed, move.per_revolution, feeds),
+                ("S", move.speed, move.constant_cutting_speed, speeds),
+            ):
+                key = self._key(address, setting.span, move.line, where) if changes else None
+                if key is not None and (key[2] is not None or s.engaged[mine].any()):  # nothing is put into blocks in air
+                    of[mine] = keys.setdefault(key, len(keys))
+        if not keys:
+            raise NcError("the program has no F word in mm/rev and no S word under G96, so nothing can be adapted")
+        self.keys = list(keys)
+        self.feed_of, self.speed_of = feeds, speeds
+        self.ends = {move.line: move.line_end for move in s.moves.moves}
+        self.scales = np.ones(len(keys))
+        for number, move in enumerate(s.moves.moves):
+            first = int(np.argmax(s.removal.slices.move == number))
+            for key_index, setting in ((feeds[first], move.feed), (speeds[first], move.speed)):
+                if key_index >= 0 and move.kind == "feed":
+                    self.scales[key_index] = setting.scale
+        self.fixed = {
+            key: float(s.feed[feeds == key].max())
+            for key in np.unique(feeds[feeds >= 0])
+            if s.finishing(feeds == key, finishing_depth)
+        }
+        if where == "positions":
+            self._divide()
+        # Loads are judged at the wear that the program leaves, tool by tool, so that they hold at the end too.
+        self.wear = np.zeros(len(s.removal.slices.move))
+        for tool in dict.fromkeys(s.tool.tolist()):
+            self.wear[s.tool == tool] = before.wear[s.tool == tool].max()
+
+    def _divide(self) -> None:
+        """Give sections of about the same depth feeds of their own, except for finishing."""
+        slices = self.situation.removal.slices
+        keys, scales = self.feed_of.copy(), list(self.scales)
+        begun = last = -1
+        for index in np.flatnonzero(
+            self.situation.engaged & (self.feed_of >= 0) & ~np.isin(self.feed_of, list(self.fixed))
+        ).tolist():
+            alike = abs(slices.depth[index] - slices.depth[begun]) <= SAME_DEPTH * slices.depth[begun]
+            if begun < 0 or index != last + 1 or slices.move[index] != slices.move[begun] or not alike:
+                begun = index
+                scales.append(self.scales[self.feed_of[index]])
+                self.keys.append(("F", 0, None))
+            keys[index], last = len(self.keys) - 1, index
+        self.feed_of, self.scales = keys, np.array(scales)
+
+    def _key(self, address: str, span: tuple[int, int] | None, line: int, where: Where) -> Key | None:
+        own = span is not None and self.text.count("\n", 0, span[0]) + 1 == line
+        words = self.words.get(line, ())
+        if where == "words" or own or any(word.address == "CYCLE95" or word.address == address for word in words):
+            return None if span is None else (address, self.text.count("\n", 0, span[0]) + 1, span)
+        return address, line, None
+
+    def within_life(self, share: float) -> Values:
+        """Return the values that make the program shortest while no tool uses more than a share of what it used before."""
+        tools = self.situation.tool
+        prices = np.zeros(len(tools))
+        for tool in dict.fromkeys(tools.tolist()):
+            mine = tools == tool
+            allowed = share * float(self.before.used_life[mine].sum())
+            low, high, price = _MIN_PRICE, _MAX_PRICE, 0.0
+            while high > _PRICE_STEP * low and allowed > 0.0:
+                prices[mine] = price
+                if self.used_life(self.best(prices))[mine].sum() > allowed:
+                    low = max(price, low)
+                elif price == 0.0:
+                    high = 0.0
+                else:
+                    high = price
+                price = math.sqrt(low * high)
+            prices[mine] = high if allowed > 0.0 else 0.0
+        return self.best(prices)
+
+    def best(self, price: Values) -> Values:
+        """Return the value of every key that makes time + price * used life least; a price for every slice."""
+        s = self.situation
+        values = np.zeros(len(self.keys))
+        speeds = [key for key in range(len(self.keys)) if self.keys[key][0] == "S"]
+        for key in speeds:
+            values[key] = s.speed[self.speed_of == key].max()
+        shared = any(np.unique(self.speed_of[self.feed_of == key]).size > 1 for key in np.unique(self.feed_of[self.feed_of >= 0]))
+        for _ in range(3 if shared else 1):
+            for key in speeds:
+                self._choose(values, key, price)
+        loose = np.isin(self.feed_of, [key for key in range(len(self.keys)) if values[key] == 0.0]) & (self.feed_of >= 0)
+        if loose.any():
+            self._feeds(values, np.flatnonzero(loose), self._speed(values)[loose][np.newaxis], price)
+        return values
+
+    def _speed(self, values: Values) -> Values:
+        return np.where(self.speed_of >= 0, values[self.speed_of], self.situation.speed)
+
+    def _choose(self, values: Values, key: int, price: Values) -> None:
+        """Set the speed of a key, and the feeds that go with it."""
+        machine = self.situation.scenario.machine
+        mine = self.speed_of == key
+        touched = np.unique(self.feed_of[mine])
+        cuts = np.flatnonzero(mine | (np.isin(self.feed_of, touched) & (self.feed_of >= 0)))
+        scale = self.scales[key]
+        low, high = math.ceil(machine.cutting_speed_min / scale), math.floor(machine.cutting_speed_max / scale)
+        step = max((high - low) / (_CANDIDATES - 1), 1.0)
+        candidates = np.unique(np.rint(np.arange(low, high + 1e-9, step)))
+        for _ in range(2 if step > 1.0 else 1):
+            speeds = np.where(mine[cuts], candidates[:, np.newaxis] * scale, self._speed(values)[cuts])
+            costs = self._feeds(values, cuts, speeds, price, assign=False)
+            chosen = candidates[int(np.argmin(costs))]
+            candidates = np.arange(max(chosen - math.ceil(step), low), min(chosen + math.ceil(step), high) + 1.0)
+        values[key] = chosen * scale
+        self._feeds(values, cuts, self._speed(values)[cuts][np.newaxis], price)
+
+    def _feeds(self, values: Values, cuts: NDArray[np.int64], speeds: Values, price: Values, assign: bool = True) -> Values:
+        """Return the cost [s] of each row of speeds with the best feeds; set these feeds if there is one row."""
+        s, scenario = self.situation, self.situation.scenario
+        material, limits, (low, high) = scenario.material, scenario.limits, s.feed_range
+        radius, length, depth, on = (
+            a[cuts] for a in (s.removal.slices.radius, s.removal.slices.length, s.removal.slices.depth, s.engaged)
+        )
+        around = 2.0 * math.pi * np.maximum(radius, 1e-6) / 1000.0
+        turns = np.minimum(np.where(s.constant_speed[cuts], speeds / around, speeds), s.max_spindle[cuts])
+        speed = turns * around
+        deep = np.where(on, depth, 1.0)
+        unit = np.ones_like(speed)
+        force, power = loads(scenario, speed, unit, deep, self.wear[cuts])
+        allowed = np.full(speed.shape, high)
+        for load, limit, law in ((force, limits.thrust_force, material.thrust_force), (power, limits.power, material.power)):
+            if law.feed > 0.0:
+                allowed = np.where(on, np.minimum(allowed, (limit / load) ** (1.0 / law.feed)), allowed)
+        minutes = 60.0 * length / turns  # time at 1 mm/rev [s]
+        lives = np.where(on, price[cuts] * minutes / tool_life(scenario, speed, unit, deep), 0.0)  # priced [s]
+        exponent = material.wear.feed / material.wear.time
+        costs = np.zeros(len(speed))
+        keys = self.feed_of[cuts]
+        for key in np.unique(keys):
+            mine = keys == key
+            cap = allowed[:, mine].min(axis=1)
+            time, life = minutes[:, mine].sum(axis=1), lives[:, mine].sum(axis=1)
+            if key < 0:  # no word to change
+                feeds = s.feed[cuts][mine]
+                per_turn = np.where(s.per_revolution[cuts][mine], feeds, feeds / turns[:, mine])
+                costs += (minutes[:, mine] / per_turn + lives[:, mine] * per_turn ** (exponent - 1.0)).sum(axis=1)
+                costs += 1e6 * np.maximum((per_turn / allowed[:, mine]).max(axis=1) - 1.0, 0.0)
+                continue
+            if key in self.fixed:
+                feed = np.full(len(speed), self.fixed[key])
+            else:
+                feed = np.full(len(speed), high)
+                if exponent > 1.0:
+                    feed = np.minimum(feed, (time / np.maximum(life * (exponent - 1.0), 1e-300)) ** (1.0 / exponent))
+                feed = np.maximum(np.minimum(feed, cap), low)
+            costs += time / feed + life * feed ** (exponent - 1.0) + 1e6 * np.maximum(feed / cap - 1.0, 0.0)
+            if assign:
+                values[key] = self._rounded_feed(feed[0], key)
+        return costs
+
+    def _rounded_feed(self, feed: float, key: int) -> float:
+        """Return a feed as it can be written: rounded down, but not below the machine's lowest."""
+        if key in self.fixed:
+            return feed
+        step = float(self.scales[key] * 10.0 ** -(FEED_DECIMALS if self.scales[key] == 1.0 else FEED_DECIMALS_INCH))
+        return max(math.floor(feed / step + 1e-9), math.ceil(self.situation.feed_range[0] / step - 1e-9)) * step
+
+    def settings(self, values: Values) -> tuple[Values, Values]:
+        """Return feed and speed of every slice, as programmed where no value sets them."""
+        return np.where(self.feed_of >= 0, values[self.feed_of], self.situation.feed), self._speed(values)
+
+    def used_life(self, values: Values) -> Values:
+        """Return the share of an edge's life that every slice would use [-]."""
+        return play(self.situation, self.start_wear, *self.settings(values)).used_life
+
+    def written(self, values: Values) -> tuple[str, tuple[Change, ...]]:
+        """Return the text with the values in its words, and the words that changed."""
+        edits: list[tuple[int, int, str]] = []
+        changes = []
+        for key, (address, line, span) in enumerate(self.keys):
+            number = values[key] / self.scales[key]
+            decimals = 0 if address == "S" else FEED_DECIMALS if self.scales[key] == 1.0 else FEED_DECIMALS_INCH
+            text = f"{number:.{decimals}f}"
+            if decimals:
+                whole, _, part = text.partition(".")
+                text = f"{whole}.{part.rstrip('0') or '0'}"
+            if span is None:
+                edits.append((self.ends[line], self.ends[line], f" {address}{text}"))
+                changes.append(Change(line, "", f"{address}{text}"))
+            elif key in self.fixed or math.isclose(float(self.text[slice(*span)]), float(text), rel_tol=1e-9):
+                continue
+            else:
+                edits.append((*span, text))
+                changes.append(Change(line, f"{address}{self.text[slice(*span)]}", f"{address}{text}"))
+        made = self.text
+        for first, last, text in sorted(edits, reverse=True):
+            made = made[:first] + text + made[last:]
+        return made, tuple(sorted(changes, key=lambda change: change.line))

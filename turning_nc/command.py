@@ -1,0 +1,173 @@
+"""The command ``python -m turning_env program``: read, play and adapt a part program of the user's own."""
+
+import argparse
+import math
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from turning_env.console import number_within, picture_path, print_json
+from turning_env.files import replace_file
+from turning_env.scenario import Scenario
+from turning_nc.program import NcError
+
+if TYPE_CHECKING:
+    from turning_nc.moves import Moves
+    from turning_nc.report import Summary
+
+WARNING = "simulation output: not for a machine without review"
+MARK = ".simulated"
+
+
+def program(options: argparse.Namespace) -> int:
+    """Play a part program on a stock: depth of cut, load, wear and time of every block; adapt its feeds and speeds.
+
+    The program is Fanuc's (ISO) or SINUMERIK's. What is not understood is named with its line. All values are nominal.
+
+    --adapt changes only F and S words, so that the program takes least time within the scenario's limits and without using
+    more tool life. Within a block no word can change: --adapt positions makes a table (CSV) of feeds by position instead. The
+    adapted program is simulation output. Do not run it on a machine without review.
+
+    python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --figure part.png
+    python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --adapt words --out part.simulated.mpf
+    """
+    from turning_nc import adapt, blocks, cutting, moves, report, stock
+
+    if options.figure:  # before anything is computed, as Matplotlib may be missing
+        from turning_nc import picture
+        from turning_shop import plot_style
+    scenario = Scenario.load(options.scenario)
+    wear = scenario.tool.wear_criterion / 2.0 if options.wear is None else options.wear
+    if wear > scenario.tool.wear_criterion:
+        raise NcError(f"--wear is {wear:g} mm, but must be at most the wear criterion, {scenario.tool.wear_criterion:g} mm")
+    _check_out(options)
+    text = blocks.read_program_file(options.program, options.dialect)
+    run = _named(options.program, lambda: moves.run(text, options.go_on))
+    notes = list(run.notes)
+    if options.stock:
+        polygon = stock.read_stock(options.stock)
+    else:
+        polygon, name = stock.guessed_stock(run)
+        notes.append(f"no --stock is given: {name} is taken")
+    removal = stock.remove(run, polygon, dict(options.tool or ()))
+    notes += removal.notes
+    machine = cutting.Machine(options.max_spindle, options.rapid, options.tool_change, options.max_feed or math.inf)
+    situation = cutting.Situation(scenario, machine, run, removal)
+    played = cutting.play(situation, wear)
+    rows = report.rows(situation, played)
+    totals = report.summary(situation, played)
+    adapted = sections = None
+    if options.adapt == "positions":
+        sections, scheduled = adapt.schedule(situation, wear, options.life, options.finishing)
+        after = report.summary(situation, scheduled)
+    elif options.adapt:
+        adapted = adapt.adapt(situation, wear, options.adapt, options.life, options.finishing, options.go_on)
+        after = report.summary(adapted.situation, adapted.played)
+    if options.figure:
+        plot_style.save(picture.draw(situation, played, f"{options.program.name}, {scenario.name}"), options.figure)
+    if options.out:
+        data = adapted.text.encode("latin-1") if adapted else report.schedule_table(sections or []).encode()
+        replace_file(options.out, lambda partial: partial.write_bytes(data))
+    results: dict[str, Any] = {"program": str(options.program), "dialect": text.dialect, "scenario": scenario.name, "wear": wear}
+    results |= {"totals": asdict(totals), "blocks": report.as_records(rows), "notes": notes}
+    if options.adapt:
+        changes = [asdict(change) for change in adapted.changes] if adapted else []
+        results["adapted"] = {"totals": asdict(after), "changes": changes, "warning": WARNING}
+    if sections is not None:
+        results["adapted"]["sections"] = [asdict(section) for section in sections]
+    if options.json:
+        print_json(results)
+        return 0
+    print(report.table(rows), "", *totals.lines(), *report.findings(rows), *(f"note: {note}" for note in notes), sep="\n")
+    if adapted:
+        changed = [f"  line {change.line}: {change.before or 'new word'} -> {change.after}" for change in adapted.changes]
+        print("", f"adapted ({WARNING}): {len(changed)} words", *changed, *_comparison(totals, after), sep="\n")
+    elif sections is not None:
+        print("", f"schedule by position ({WARNING}): {len(sections)} sections", *_comparison(totals, after), sep="\n")
+    for path in (options.figure, options.out):
+        if path:
+            print(path)
+    return 0
+
+
+def _comparison(before: "Summary", after: "Summary") -> list[str]:
+    saved = 100.0 * (1.0 - after.time / before.time)
+    change = f"{saved:.1f} % saved" if saved >= 0.0 else f"{-saved:.1f} % longer"
+    times = f"cycle time: {before.time:.1f} s before, {after.time:.1f} s after: {change}"
+    load = f"highest load: {100 * before.max_load:.0f} % before, {100 * after.max_load:.0f} % after"
+    lives = [sum(totals.used_life.values()) for totals in (before, after)]
+    return [times, load, f"tool life per part: {100 * lives[0]:.2f} % before, {100 * lives[1]:.2f} % after"]
+
+
+def _check_out(options: argparse.Namespace) -> None:
+    if options.out is None:
+        return
+    if not options.adapt:
+        raise NcError("--out needs --adapt: only an adapted program is written")
+    if MARK not in options.out.suffixes:
+        suffix = ".csv" if options.adapt == "positions" else options.program.suffix
+        wanted = options.program.with_suffix(f"{MARK}{suffix}").name
+        raise NcError(
+            f"--out {options.out}: its name must hold {MARK}, such as {wanted}, so that nobody takes it for a tried program"
+        )
+    if options.out.exists() and not options.overwrite:
+        raise NcError(f"{options.out} exists; --overwrite replaces it")
+
+
+def _named(path: Path, make: "Callable[[], Moves]") -> "Moves":
+    try:
+        return make()
+    except NcError as error:
+        raise NcError(f"{path}: {error}") from error
+
+
+def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command and its options."""
+    parser = command(program, "play and adapt a part program", scenario=False)
+    parser.add_argument("program", type=Path, metavar="FILE", help="part program")
+    parser.add_argument("--scenario", required=True, metavar="SCENARIO", help="preset or TOML file with the laws and limits")
+    parser.add_argument("--stock", metavar="STOCK",
+                        help="bar:DIAMETERxLENGTH or tube:OUTERxINNERxLENGTH [mm], with +FACE for metal before Z0; or a DXF or "
+                        "CSV file (default: a bar that the program fits in)")  # fmt: skip
+    parser.add_argument("--tool", action="append", type=_tool, metavar="NAME=KIND",
+                        help="kind of a tool: outside (default), inside, copying, groove:WIDTH; can be repeated")  # fmt: skip
+    parser.add_argument("--dialect", choices=("fanuc", "sinumerik"), help="default: by the program's own words")
+    parser.add_argument("--wear", type=number_within(0.0, 10.0, "mm"), metavar="X",
+                        help="flank wear of the edges at the start [mm] (default: half the wear criterion)")  # fmt: skip
+    for option, default, high, unit, text in (
+        ("--max-spindle", 4000.0, 1e5, "rev/min", "highest spindle speed of the machine"),
+        ("--rapid", 10_000.0, 1e6, "mm/min", "rapid traverse"),
+        ("--tool-change", 2.0, 1e3, "s", "time to change a tool"),
+    ):
+        low = 0.0 if unit == "s" else 1.0
+        parser.add_argument(option, type=number_within(low, high, unit), default=default, metavar="X",
+                            help=f"{text} [{unit}] (default: %(default)g)")  # fmt: skip
+    parser.add_argument(
+        "--go-on", action="store_true", help="leave out lines that are not understood, instead of refusing the program"
+    )
+    parser.add_argument("--adapt", choices=("words", "blocks", "positions"),
+                        help="adapt feeds and speeds: in the words that stand in the program, in every block, or in a table by "
+                        "position")  # fmt: skip
+    parser.add_argument("--life", type=number_within(0.01, 100.0, ""), default=1.0, metavar="X",
+                        help="tool life that the adapted program may use, over that before (default: %(default)g)")  # fmt: skip
+    parser.add_argument("--max-feed", type=number_within(0.001, 10.0, "mm/rev"), metavar="X",
+                        help="highest feed of the inserts [mm/rev] (default: the scenario's)")  # fmt: skip
+    parser.add_argument("--finishing", type=number_within(0.0, 100.0, "mm"), default=0.5, metavar="X",
+                        help="feeds up to this depth of cut stay: they make the surface [mm] (default: %(default)g)")  # fmt: skip
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help=f"adapted program, or table, to write; its name must hold {MARK}",
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace an existing file")
+    parser.add_argument("--figure", type=picture_path, metavar="FILE", help="picture of stock, passes and load: PNG, SVG or PDF")
+    parser.add_argument("--json", action="store_true", help="print all results as JSON")
+
+
+def _tool(text: str) -> tuple[str, str]:
+    name, equals, kind = text.partition("=")
+    if not (name and equals and kind):
+        raise argparse.ArgumentTypeError(f"{text!r} must be NAME=KIND, such as T0303=inside")
+    return name.upper(), kind

@@ -1,0 +1,183 @@
+"""Play the moves of a part program with a scenario's laws: times, loads, wear and tool life, slice by slice.
+
+All values are nominal: they ignore model mismatch and the spread of edges and bars. Drives and axes follow at once.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env.scenario import Scenario
+from turning_nc.moves import Moves
+from turning_nc.stock import MIN_DEPTH, Removal, Values
+
+FINISHING_DEPTH = 0.5
+"""Depth of cut up to which a cut is finishing: its feed makes the surface, and stays [mm] (assumption)."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What a scenario does not say of a machine (assumptions)."""
+
+    max_spindle_speed: float = 4000.0  # [rev/min]
+    rapid: float = 10_000.0
+    """Rapid traverse [mm/min]."""
+    tool_change: float = 2.0  # [s]
+    max_feed: float = math.inf
+    """Highest feed that the inserts take [mm/rev]; the scenario's machine has its own."""
+
+
+class Situation:
+    """A program on its stock with a scenario: the slices, and all of them that does not change with feed and speed.
+
+    Attributes:
+        kinds, tool, line: Kind of move, tool and line of the file of every slice.
+        feed: As programmed [mm/rev], or [mm/min] where ``per_revolution`` is false.
+        speed: As programmed [m/min], or [rev/min] where ``constant_speed`` is false.
+        max_spindle: Highest spindle speed of program and machine [rev/min].
+        other_time: Time that feed and speed do not change: rapid moves, dwells, tool changes [s].
+    """
+
+    def __init__(self, scenario: Scenario, machine: Machine, moves: Moves, removal: Removal) -> None:
+        self.scenario, self.machine, self.moves, self.removal = scenario, machine, moves, removal
+        slices, all_moves = removal.slices, moves.moves
+
+        def of(values: Iterable[Any]) -> NDArray[Any]:
+            return np.array(list(values))[slices.move]
+
+        self.kinds = of(move.kind for move in all_moves)
+        self.tool = of(move.tool for move in all_moves)
+        self.line = of(move.line for move in all_moves)
+        self.feed = of(move.feed.value for move in all_moves)
+        self.speed = of(move.speed.value for move in all_moves)
+        self.per_revolution = of(move.per_revolution for move in all_moves)
+        self.constant_speed = of(move.constant_cutting_speed for move in all_moves)
+        self.max_spindle = np.minimum(of(move.max_spindle_speed for move in all_moves), machine.max_spindle_speed)
+        changed = [False, *(before.tool != after.tool for before, after in pairwise(all_moves))]
+        waits = of(move.time + machine.tool_change * change for move, change in zip(all_moves, changed, strict=True))
+        rapid = np.where(self.kinds == "rapid", 60.0 * slices.length / machine.rapid, 0.0)
+        self.other_time = rapid + np.where(np.diff(slices.move, prepend=-1) > 0, waits, 0.0)
+
+    @cached_property
+    def fed(self) -> NDArray[np.bool_]:
+        """Whether a slice is run at feed."""
+        return np.isin(self.kinds, ("feed", "thread"))
+
+    @cached_property
+    def engaged(self) -> NDArray[np.bool_]:
+        """Whether a slice cuts metal."""
+        return np.asarray((self.kinds == "feed") & (self.removal.slices.depth > MIN_DEPTH))
+
+    @cached_property
+    def feed_range(self) -> tuple[float, float]:
+        """Lowest and highest feed that may be chosen [mm/rev]."""
+        machine = self.scenario.machine
+        return machine.feed_min, max(min(machine.feed_max, self.machine.max_feed), machine.feed_min)
+
+    def finishing(self, mine: NDArray[np.bool_], depth: float) -> bool:
+        """Return whether at most half of the way in metal is deeper than ``depth`` [mm], or a grooving tool cuts."""
+        mine = mine & self.engaged
+        slices = self.removal.slices
+        deep = float(slices.length[mine & (slices.depth > depth)].sum())
+        grooving = any(self.removal.tools[tool].startswith("groove") for tool in set(self.tool[mine].tolist()))
+        return grooving or deep <= 0.5 * float(slices.length[mine].sum())
+
+
+@dataclass(frozen=True)
+class Play:
+    """Arrays over the slices; loads are 0 in air."""
+
+    time: Values
+    """[s]"""
+    cutting_speed: Values
+    """At the tool's tip [m/min]."""
+    feed: Values  # [mm/rev]
+    spindle_speed: Values  # [rev/min]
+    used_life: Values
+    """Share of an edge's life that the slice uses [-]."""
+    wear: Values
+    """Flank wear of the slice's edge after it [mm]."""
+    thrust_force: Values  # [N]
+    power: Values  # [kW]
+    force_share: Values
+    """Over the scenario's limit [-]."""
+    power_share: Values
+
+    @property
+    def load(self) -> Values:
+        """The higher of the shares of force and power [-]."""
+        return np.maximum(self.force_share, self.power_share)
+
+
+def motion(situation: Situation, feed: Values, speed: Values) -> tuple[Values, Values, Values, Values]:
+    """Return time [s], cutting speed [m/min], feed [mm/rev] and spindle speed [rev/min] of the slices."""
+    s = situation
+    around = 2.0 * math.pi * np.maximum(s.removal.slices.radius, 1e-6) / 1000.0  # [m/rev]
+    turns = np.minimum(np.where(s.constant_speed, speed / around, speed), s.max_spindle)
+    turns = np.where(s.fed, np.maximum(turns, 1e-9), 0.0)
+    per_turn = np.where(s.per_revolution, feed, feed / np.where(s.fed, turns, 1.0))
+    velocity = np.where(s.fed, per_turn * turns, 1.0)
+    time = s.other_time + np.where(s.fed, 60.0 * s.removal.slices.length / velocity, 0.0)
+    return time, turns * around, np.where(s.fed, per_turn, 0.0), turns
+
+
+def play(situation: Situation, wear: float, feed: Values | None = None, speed: Values | None = None) -> Play:
+    """Play the slices in their order; every tool has an edge of its own.
+
+    Args:
+        situation: the slices.
+        wear: flank wear of the edges at the start [mm].
+        feed: feeds in place of those programmed, in the same units.
+        speed: speeds in place of those programmed.
+    """
+    s, scenario = situation, situation.scenario
+    feed, speed = (s.feed if feed is None else feed), (s.speed if speed is None else speed)
+    time, cutting_speed, per_turn, turns = motion(s, feed, speed)
+    on = s.engaged
+    life = np.zeros(len(time))
+    life[on] = time_in_metal(s, time)[on] / tool_life(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on])
+    exponent, criterion = scenario.material.wear.time, scenario.tool.wear_criterion
+    worn = np.zeros(len(time))
+    for tool in dict.fromkeys(s.tool.tolist()):
+        mine = s.tool == tool
+        worn[mine] = criterion * ((wear / criterion) ** (1.0 / exponent) + np.cumsum(life[mine])) ** exponent
+    force, power = np.zeros(len(time)), np.zeros(len(time))
+    force[on], power[on] = loads(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on], worn[on])
+    limits = scenario.limits
+    return Play(
+        *(time, cutting_speed, per_turn, turns, life, worn, force, power),
+        *(force / limits.thrust_force, power / limits.power),
+    )
+
+
+def time_in_metal(situation: Situation, time: Values) -> Values:
+    """Return the times without rapid moves, dwells and tool changes [s]."""
+    return np.asarray(time - situation.other_time)
+
+
+def tool_life(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values) -> Values:
+    """Return the cutting time from a fresh edge to the wear criterion [s]."""
+    law = scenario.material.wear
+    after_a_minute = law(_within_laws(scenario, cutting_speed), feed, depth)
+    return np.asarray(60.0 * (scenario.tool.wear_criterion / after_a_minute) ** (1.0 / law.time))
+
+
+def loads(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values, wear: Values) -> tuple[Values, Values]:
+    """Return thrust force [N] and spindle power [kW].
+
+    Power falls with the cutting speed to 0, as at the centre of a face.
+    """
+    speed = _within_laws(scenario, cutting_speed)
+    power = scenario.material.power(speed, feed, depth, wear=wear) * np.minimum(cutting_speed / speed, 1.0)
+    return scenario.material.thrust_force(speed, feed, depth, wear=wear), power
+
+
+def _within_laws(scenario: Scenario, cutting_speed: Values) -> Values:
+    """Return the cutting speed at which the laws are evaluated: not below the machine's lowest (assumption)."""
+    return np.maximum(cutting_speed, scenario.machine.cutting_speed_min)

@@ -1,0 +1,214 @@
+"""A part program as the workpiece of an environment: its tool path, with changing depth of cut and diameter."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env.action import set_point_action
+from turning_env.env import RoughTurningEnv
+from turning_env.scenario import Scenario, Source
+from turning_env.scenario.sections import MAX_DEPTHS, Control, Economics, Workpiece
+from turning_nc.blocks import read_program_file
+from turning_nc.cutting import Machine, Situation, motion
+from turning_nc.moves import run
+from turning_nc.program import NcError
+from turning_nc.stock import MIN_DEPTH, guessed_stock, read_stock, remove
+
+Values = NDArray[np.float64]
+
+MAX_OVERRIDE = 2.0
+"""Highest feed over the programmed feed [-]."""
+TIME_LIMIT = 10.0
+"""Time limit of an episode over the programmed time of its parts [-]."""
+_MIN_SECTION = 0.01
+"""Shallowest depth of cut of a section [mm]; less is air."""
+
+
+class ToolPath:
+    """What one tool of a program does to its stock, and the scenario that it makes.
+
+    The path is stretched by the ratio of the tip's diameter to a mean diameter, so that its time and metal at that one diameter
+    are right. It holds the moves at feed; rapid moves, dwells and tool changes take no time.
+
+    The scenario's job is a number of parts, and edges are changed automatically. Its reference removal rate is the program's own:
+    metal over time at the programmed feeds and speeds. Its time limit is ``TIME_LIMIT`` times the programmed time of all parts.
+    """
+
+    def __init__(
+        self,
+        program: str | os.PathLike[str],
+        scenario: Source = "rough_turning",
+        stock: str | None = None,
+        tools: Mapping[str, str] = {},
+        tool: str | None = None,
+        max_spindle_speed: float = Machine.max_spindle_speed,
+        parts: int = 20,
+    ) -> None:
+        """Read a program and sweep its tools.
+
+        Args:
+            program: path of the program.
+            scenario: laws, limits, machine and prices; bars, edge changes, time limit and reference removal rate are replaced.
+            stock: see ``stock.read_stock``; by default a bar that the program fits in.
+            tools: kinds of tools, as for ``stock.remove``.
+            tool: the tool whose edge is played; by default the one that removes most metal.
+            max_spindle_speed: of the machine [rev/min].
+            parts: number of parts of an episode.
+
+        Raises:
+            NcError: the program, the stock or a tool is refused, the tool cuts nothing, or there are no parts.
+        """
+        if parts < 1:
+            raise NcError(f"parts is {parts}, but must be at least 1")
+        base = Scenario.load(scenario)
+        if base.control.action == "part":
+            raise NcError('control.action is "part", but a program is played where speed and feed are set step by step')
+        moves = run(read_program_file(Path(program)))
+        removal = remove(moves, read_stock(stock) if stock else guessed_stock(moves)[0], tools)
+        situation = Situation(base, Machine(max_spindle_speed), moves, removal)
+        slices = removal.slices
+        metal = {name: float(slices.volume[situation.tool == name].sum()) for name in removal.tools}
+        tool = tool or max(metal, key=metal.__getitem__)
+        if metal.get(tool, 0.0) <= 0.0:
+            cutting = ", ".join(name for name, removed in metal.items() if removed > 0.0) or "none"
+            raise NcError(f"tool {tool!r} cuts nothing; the tools that do: {cutting}")
+        mine = np.flatnonzero(situation.fed & (situation.tool == tool))
+        depth = np.where(slices.depth[mine] > max(MIN_DEPTH, _MIN_SECTION), slices.depth[mine], 0.0)
+        radius = np.maximum(slices.radius[mine], 0.5)
+        self.diameter = float(2.0 * np.average(radius, weights=slices.volume[mine]))
+        self.lengths = slices.length[mine] * 2.0 * radius / self.diameter
+        _, self.speeds, self.feeds, _ = (values[mine] for values in motion(situation, situation.feed, situation.speed))
+        low, high = base.machine.cutting_speed_min, base.machine.cutting_speed_max
+        feeds = np.clip(self.feeds, base.machine.feed_min, base.machine.feed_max)
+        velocity = 1000.0 * np.clip(self.speeds, low, high) / (np.pi * self.diameter) * feeds  # [mm/min]
+        self.minutes = float((self.lengths / velocity).sum())
+        limits = np.pi * 2.0 * radius * situation.max_spindle[mine] / 1000.0
+        limits = np.clip(limits, low, high)
+        lengths, depths, limits = _merged(self.lengths, depth, limits)
+        self.ends = np.cumsum(self.lengths)
+        cut = depths > 0.0
+        workpiece = base.workpiece.model_dump() | {
+            "bars": parts,
+            "bar_length": float(lengths.sum()),
+            "approach": 0.0,
+            "diameter": self.diameter,
+            "depth_of_cut": float(np.average(depths[cut], weights=lengths[cut])),
+            "depth_profile": tuple(depths.tolist()),
+            "section_lengths": tuple(lengths.tolist()),
+            "section_speeds": tuple(limits.tolist()),
+        }
+        job = {"edge_changes": "automatic", "time_limit": TIME_LIMIT * parts * self.minutes}
+        removal_rate = np.pi * self.diameter * np.dot(depths, lengths) / 1000.0 / self.minutes  # [cm3/min]
+        economics = base.economics.model_dump() | {"reference_removal_rate": float(removal_rate)}
+        self.scenario = base.model_copy(
+            update={
+                "workpiece": Workpiece.model_validate(workpiece),
+                "control": Control.model_validate(base.control.model_dump() | job),
+                "economics": Economics.model_validate(economics),
+            }
+        )
+
+    def programmed(self, path: float) -> tuple[float, float]:
+        """Return the programmed cutting speed [m/min] and feed [mm/rev] at a position along the row of parts [mm]."""
+        index = min(int(np.searchsorted(self.ends, path % self.ends[-1], "right")), len(self.ends) - 1)
+        return float(self.speeds[index]), float(self.feeds[index])
+
+
+def _merged(lengths: Values, depths: Values, limits: Values) -> tuple[Values, Values, Values]:
+    """Return lengths, mean depths and lowest limits of at most ``MAX_DEPTHS`` sections."""
+    tolerance = 0.02
+    while True:
+        starts = [0]
+        for k in range(1, len(depths)):
+            group = depths[starts[-1] : k]
+            apart = abs(depths[k] - np.average(group, weights=lengths[starts[-1] : k])) > tolerance * depths.max()
+            if apart or ((depths[k] > 0.0) != (group[-1] > 0.0) and tolerance < 0.3) or limits[k] < limits[starts[-1]] / 1.3:
+                starts.append(k)
+        if len(starts) <= MAX_DEPTHS:
+            break
+        tolerance *= 1.3
+        if tolerance > 2.0:
+            starts = list(np.linspace(0, len(depths), MAX_DEPTHS, endpoint=False).astype(int))
+            break
+    total = np.add.reduceat(lengths, starts)
+    mean = np.add.reduceat(lengths * depths, starts) / total
+    mean = np.where(mean < _MIN_SECTION, 0.0, mean)
+    return total, mean, np.minimum.reduceat(limits, starts)
+
+
+class ProgramEnv(RoughTurningEnv):
+    """``RoughTurning-Program-v1``: turn the parts of a program of your own; the policy sets feed override and speed.
+
+    ## Description
+
+    As `RoughTurningEnv`, but the bars are the parts of a program: one tool's path with its depth of cut, its diameters and the
+    air at feed. An episode turns `parts` parts, 20 by default. An edge that is worn out or broken is changed within the step.
+    A change takes 2 min, plus 3 min if the edge wore out, or plus 10 min if it broke. Hardness and depth vary as the scenario
+    says. The spindle's limit at each diameter counts at the start of a step. `path` and lengths are at the program's mean
+    diameter.
+
+    ## Action space
+
+    `Box(-1, 1, (2,), float32)`
+
+    | Index | Action        | -1           | 0                  | 1                              |
+    |-------|---------------|--------------|--------------------|--------------------------------|
+    | 0     | feed override | 0 %          | 100 %              | 200 % of the programmed feed   |
+    | 1     | cutting speed | the lowest   |                    | the highest of the machine     |
+
+    Speed and feed stay within the machine's range. `tool_path.scenario` is the job as a scenario for every other environment,
+    batch and policy, with that scenario's own actions.
+
+    ## Observation space
+
+    As for `RoughTurningEnv`; cutting time and nominal wear are the present edge's.
+
+    ## Reward and end
+
+    As for `RoughTurningEnv`, with two differences. An edge costs 3 min only, because the time to change it passes. The reference
+    removal rate is the program's own, its metal over its time at the programmed feeds and speeds. So the programmed values earn
+    0, less edges, stops, overload and breakage. Every policy that finishes removes the same metal, within the error of
+    integration (1 % in a job of a minute, 0.4 % in 20 parts), so a lower cost is a higher return.
+
+    Terminated when all parts are done (`info["finished"]`); truncated after ten times the programmed time of all parts. A
+    truncated episode has then cost more than nine times what all metal is worth.
+
+    ## Arguments
+
+    Those of `ToolPath`:
+
+        gymnasium.make("turning_env:RoughTurning-Program-v1", program="part.mpf", stock="bar:80x120", parts=10)
+
+    ## Version history
+
+    * v1: an episode turns a number of parts and changes edges, and metal is worth its programmed time. In v0 an episode was
+      the life of one edge, so a policy that wore it out sooner could earn more at a higher cost.
+    * v0: initial version.
+    """
+
+    def __init__(self, program: str | os.PathLike[str], render_mode: str | None = None, **arguments: Any) -> None:
+        self.tool_path = ToolPath(program, **arguments)
+        scenario = self.tool_path.scenario
+        control = scenario.control.model_copy(update={"action": "set_point"})
+        super().__init__(scenario.model_copy(update={"control": control}), render_mode)
+        self._path = 0.0
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Any]:
+        observation, info = super().reset(seed=seed, options=options)
+        self._path = float(info["path"])
+        return observation, info
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Any]:
+        if np.shape(action) == (2,):  # others are refused below
+            machine = self.scenario.machine
+            override = 0.5 * MAX_OVERRIDE * (np.clip(float(action[0]), -1.0, 1.0) + 1.0)
+            feed = override * self.tool_path.programmed(self._path)[1]
+            mapped = set_point_action(np.float64(feed), machine.feed_min, machine.feed_max)  # type: ignore[arg-type]
+            action = np.array((action[1], np.clip(mapped, -1.0, 1.0)), np.float32)
+        observation, reward, terminated, truncated, info = super().step(action)
+        self._path = float(info["path"])
+        return observation, reward, terminated, truncated, info

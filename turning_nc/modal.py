@@ -1,0 +1,161 @@
+"""Modal state of a control: units, feed, speed and tool in force, and where the tool stands."""
+
+import math
+from dataclasses import dataclass, field
+
+from turning_nc.blocks import Line, PartProgram, Problem
+from turning_nc.paths import Point
+
+HOME: Point = (200.0, 200.0)
+"""Where the tool stands before the first move and at reference points [mm] (assumption)."""
+INCH, FOOT = 25.4, 0.3048
+_KNOWN_M = {*range(10), 17, 30, *range(40, 46), 98, 99}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A feed or a speed in force."""
+
+    value: float = 0.0
+    """[mm/rev], [mm/min], [m/min] or [rev/min]."""
+    span: tuple[int, int] | None = None
+    """Place of the number in the program's text."""
+    scale: float = 1.0
+    """Its value in these units over the number as written."""
+
+
+@dataclass
+class Modal:
+    """What words set until others replace it."""
+
+    program: PartProgram
+    notes: dict[int, str] = field(default_factory=dict)
+    z: float = HOME[0]
+    x: float = HOME[1]
+    absolute: bool = True
+    diameter: str = "on"
+    length_scale: float = 1.0
+    feed_scale: float = 1.0
+    speed_scale: float = 1.0
+    per_revolution: bool = True
+    feed: Setting = Setting()
+    constant_cutting_speed: bool = False
+    speed: Setting = Setting()
+    max_spindle_speed: float = math.inf
+    tool: str = "T0"
+    whole_noted: bool = False
+    line: Line = field(default_factory=lambda: Line(0, "", (), 0))
+
+    @property
+    def fanuc(self) -> bool:
+        """Whether the program is Fanuc's."""
+        return self.program.dialect == "fanuc"
+
+    def note(self, text: str) -> None:
+        """Note something about the present line."""
+        noted = self.notes.get(self.line.number, "")
+        if text not in noted:
+            self.notes[self.line.number] = f"{noted}; {text}" if noted else text
+
+    def set_units_and_modes(self, codes: set[float]) -> None:
+        """Set units, modes of coordinates and the kind of feed."""
+        inch, metric = ({20}, {21}) if self.fanuc else ({70, 700}, {71, 710})
+        if codes & (inch | metric) and (self.fanuc or not self.line.first("CYCLE95")):
+            self.length_scale = INCH if codes & inch else 1.0
+            if self.fanuc or codes & {700, 710}:
+                self.feed_scale = self.length_scale
+                self.speed_scale = FOOT if codes & inch else 1.0
+        if self.fanuc and codes & {7, 8}:
+            self.diameter = "on" if 7 in codes else "off"
+        ambiguous = self.fanuc and not codes & {0, 1, 2, 3, 32, 33} and self.line.first("X", "Z", "U", "W")
+        for code in codes & {90, 91, 92, 94}:
+            if ambiguous:
+                raise Problem(f"G{code:g} with coordinates but without G0 or G1 is a cycle on some controls")
+        if codes & {90, 91}:
+            self.absolute = 90 in codes
+        if codes & {94, 95, 98, 99}:
+            per_revolution = bool(codes & {95, 99})
+            if per_revolution != self.per_revolution:
+                self.feed = Setting()
+            self.per_revolution = per_revolution
+            if not self.fanuc and self.constant_cutting_speed:  # one group with G96
+                self.constant_cutting_speed, self.speed = False, Setting()
+
+    def set_feed_and_speed(self, line: Line, codes: set[float]) -> None:
+        """Set feed, speed and the limit of the spindle."""
+        word = line.first("F")
+        if word is not None and word.value is not None:
+            if word.value < 0:
+                raise Problem(f"F{word.text} is negative")
+            lead = self.fanuc and bool(codes & {32, 33, 76})  # of a thread: it stays in force, but must not change
+            self.feed = Setting(word.value * self.feed_scale, None if lead else word.span, self.feed_scale)
+        limits = codes & ({50, 92} if self.fanuc else {25, 26})
+        spindle = line.first("S", "S1")
+        lims = line.number_of("LIMS") or (line.number_of("D") if self.fanuc and 96 in codes else None)
+        if limits and spindle is not None and spindle.value is not None and not line.first("X", "Z", "U", "W"):
+            if 25 not in codes:
+                lims = spindle.value
+            spindle = None
+        elif limits:
+            raise Problem(f"G{min(limits):g} is understood as a limit of the spindle alone: G{min(limits):g} S...")
+        if lims is not None:
+            if lims <= 0:
+                raise Problem(f"the limit of the spindle speed is {lims:g}, but must be above 0")
+            self.max_spindle_speed = lims
+        if codes & {96, 97}:
+            constant = 96 in codes
+            if constant != self.constant_cutting_speed:
+                kept = self.speed.value > 0.0 and not constant  # G97 alone keeps the spindle at its present speed
+                self.speed = Setting(self.spindle_speed()) if kept else Setting()
+            self.constant_cutting_speed = constant
+            if not self.fanuc and constant and not self.per_revolution:
+                self.per_revolution, self.feed = True, Setting()
+        if spindle is not None and spindle.value is not None:
+            if spindle.value < 0:
+                raise Problem(f"S{spindle.text} is negative")
+            scale = self.speed_scale if self.constant_cutting_speed else 1.0
+            self.speed = Setting(spindle.value * scale, spindle.span, scale)
+
+    def spindle_speed(self) -> float:
+        """Return the spindle speed where the tool stands [rev/min]."""
+        if self.speed.value <= 0.0:
+            raise Problem("no speed is set: S")
+        if not self.constant_cutting_speed:
+            return self.speed.value
+        return min(1000.0 * self.speed.value / (2.0 * math.pi * max(abs(self.x), 1e-6)), self.max_spindle_speed)
+
+    def set_tool(self, line: Line) -> None:
+        """Set the tool, and note machine functions that are not understood."""
+        word = line.first("T", "T1")
+        cancels = word is not None and self.fanuc and len(word.text) >= 3 and word.text.endswith("00")  # the offset, not the tool
+        if word is not None and not (cancels and self.tool.startswith(f"T{word.text[:-2]}")):
+            self.tool = word.text if word.value is None else f"T{word.text}"
+        for word in line.words:
+            if word.address in ("M", "M1") and word.value not in (*_KNOWN_M, None):
+                self.note(f"M{word.value:g} is not understood; it is taken as without effect on the path")
+
+    def scaled_x(self, value: float, incremental: bool) -> float:
+        """Return a value of X as a radius in mm."""
+        halved = self.diameter == "on" or (self.diameter == "90" and not incremental)
+        return value * self.length_scale * (0.5 if halved else 1.0)
+
+    def _unit(self) -> str:
+        return "mm" if self.length_scale == 1.0 else "inch"
+
+    def target(self, line: Line) -> Point:
+        """Return where a block's coordinates lead."""
+        z, x = self.z, self.x
+        for word in line.words:
+            if word.value is None or word.address not in ("X", "Z", "U", "W"):
+                continue
+            if self.fanuc and "." not in word.text and word.value and not self.whole_noted:
+                self.whole_noted = True
+                self.note(
+                    f"{word.address}{word.text} has no decimal point: whole numbers are read as {self._unit()}, not as 0.001"
+                )
+            incremental = word.address in ("U", "W") or (not self.absolute and word.mode != "AC") or word.mode == "IC"
+            if word.address in ("X", "U"):
+                x = self.scaled_x(word.value, incremental) + (x if incremental else 0.0)
+            else:
+                z = word.value * self.length_scale + (z if incremental else 0.0)
+        return z, x

@@ -1,0 +1,118 @@
+"""The viewer that an environment renders with: what is looked at, its frames, and a window for ``render_mode="human"``."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from gymnasium.error import DependencyNotInstalled, ResetNeeded
+
+from turning_env.extras import missing
+from turning_render.fields import Fields
+from turning_render.history import History
+
+if TYPE_CHECKING:
+    from turning_env.batch.driver import Batch
+    from turning_env.env import RoughTurningEnv
+    from turning_env.vector_env import RoughTurningVectorEnv
+    from turning_render.frame import Frame
+    from turning_render.theme import Pixels
+    from turning_render.window import Window
+
+
+class Viewer:
+    """Looks at the first environments of a batch, from an episode's first frame to its end.
+
+    What is never drawn costs nothing: before a frame nothing is recorded, and Pillow, and pygame for a window, are imported when
+    something is drawn for the first time.
+
+    Args:
+        env: what is rendered; with the mode "human" every step is shown in a window. The frame rate in its metadata is set.
+        batch: what is looked at.
+        num_envs: how many of its environments, from the first on.
+
+    Raises:
+        ValueError: the environment has no such render mode.
+    """
+
+    def __init__(self, env: "RoughTurningEnv | RoughTurningVectorEnv", batch: "Batch", num_envs: int = 1) -> None:
+        mode, allowed, control = env.render_mode, env.metadata["render_modes"], env.scenario.control
+        if mode not in allowed:
+            raise ValueError(f"render_mode is {mode!r}, but must be None or one of {', '.join(map(repr, allowed))}")
+        # Few steps are shown in a second where a step is a whole part or a long interval.
+        env.metadata = env.metadata | {"render_fps": 2 if control.action == "part" or control.interval >= 10.0 else 30}
+        self._env = env
+        self._batch, self._num_envs = batch, num_envs
+        self._histories: list[History] = []
+        self._watched: list[History] = []
+        self._frames: list[Frame] = []
+        self._window: Window | None = None
+
+    @property
+    def title(self) -> str:
+        """The title of the frames: the environment's id, if it has one, and the scenario's name."""
+        spec, name = self._env.spec, self._env.scenario.name
+        return name if spec is None else f"{spec.id}, {name}"
+
+    def note(self) -> None:
+        """Record what the last step gave, where an episode is watched, and show it in a window; call it after step and reset."""
+        if self._watched:
+            self._watched = [history for history in self._watched if history.goes_on()]
+        if self._env.render_mode == "human":
+            self.render()
+
+    def frames(self) -> "tuple[Pixels, ...]":
+        """Return a frame of each environment: uint8, shape (height, width, 3).
+
+        Raises:
+            gymnasium.error.ResetNeeded: there is nothing to see yet.
+            gymnasium.error.DependencyNotInstalled: Pillow is missing.
+        """
+        if not self._batch.seeded:
+            raise ResetNeeded("call reset() before render(): no episode is under way")
+        if not self._histories:
+            fields = Fields(self._env.scenario)
+            self._histories = [History(self._env.scenario, self._batch, index, fields) for index in range(self._num_envs)]
+        if not self._frames:
+            with _named_if_missing():
+                from turning_render.frame import Frame
+            self._frames = [Frame(self._env.scenario, self.title) for _ in self._histories]
+        if len(self._watched) < len(self._histories):
+            for history in self._histories:
+                history.begin()
+            self._watched = list(self._histories)
+        return tuple(frame.draw(history) for frame, history in zip(self._frames, self._histories, strict=True))
+
+    def render(self) -> "Pixels | None":
+        """Return the first environment's frame; with a window show it there, and return None.
+
+        Raises:
+            gymnasium.error.DependencyNotInstalled: Pillow, or for a window pygame-ce, is missing.
+        """
+        (frame, *_) = self.frames()
+        if self._env.render_mode != "human":
+            return frame
+        if self._window is None:
+            with _named_if_missing():
+                from turning_render.window import Window
+            self._window = Window(self._env.metadata["render_fps"])
+        self._window.show(frame, self.title)
+        return None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_frames": []}  # they hold nothing that cannot be drawn again
+
+
+@contextmanager
+def _named_if_missing() -> Iterator[None]:
+    """Say which library is missing, and how to install it."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if (message := missing(error)) is None:
+            raise
+        raise DependencyNotInstalled(message) from error

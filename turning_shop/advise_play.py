@@ -1,0 +1,285 @@
+"""Play recommendations and what adapts to bars and edges on the simulated lathe, and compare their costs by the year."""
+
+import bisect
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env import IDS
+from turning_env.extras import provided
+from turning_env.scenario import Scenario
+from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.overload import severe_share
+from turning_env.scoring.packed import Played as Shipped
+from turning_env.scoring.packed import shipped
+from turning_env.scoring.play import Episodes, play, play_spec
+from turning_env.scoring.policy import Actions, Observations, PolicySpec
+from turning_env.scoring.seeds import held_out_seeds
+from turning_env.scoring.statistics import Bootstrap, Estimate
+from turning_shop import WorkshopError
+from turning_shop.advise import Advice, Prices, Step, part_volume
+
+CLOCKED = "fixed parameters", "schedule by time"
+"""Recommendations, whose edge is changed by the clock."""
+MARGINS = (1.0, 0.92, 0.85, 0.78, 0.72, 0.66, 0.6, 0.5, 0.4)
+"""Factors of the recommended feed, of which the first is used that keeps the scenario's limits often enough."""
+LONGEST = 600.0
+"""Largest time of an edge that is played [min]."""
+MAX_STEPS = 50_000
+"""Largest number of steps that a rule or an agent plays with an edge; of one that lasts longer, the used share counts."""
+CLOCK_INTERVAL = 1.0
+"""Shortest control interval by which speed and feed follow the clock [s]; sub-steps stay as long as the scenario's."""
+
+
+@dataclass(frozen=True)
+class Year:
+    """One policy's year."""
+
+    name: str
+    feed_factor: float
+    """Factor of the recommended feed that keeps the limits in play [-]; 1 for a policy that chooses by itself."""
+    removal_rate: float
+    """Metal per minute, edge changes included [cm3/min]."""
+    overload: float
+    """Share of cutting time in overload [-]."""
+    feasible: bool
+    """Whether this share is allowed."""
+    cost: Estimate
+    """Cost of a year of the fixed parameters' metal."""
+    saved: Estimate
+    """Cost of this year less than with fixed parameters."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """Results of all policies, the fixed parameters first."""
+
+    unit: str
+    """Currency, or "h" of machine time."""
+    hours: float
+    """Hours of a year, in which the fixed parameters' metal is cut."""
+    edges: int
+    """Edges played with each policy."""
+    years: list[Year]
+    notes: list[str]
+    """What was not played, and why."""
+
+    def summary(self) -> Iterator[str]:
+        """Yield lines of text."""
+        first = self.years[0]
+        yield f"played on {self.edges} simulated edges each; a year is the metal of {self.hours:g} h with fixed parameters"
+        rows = [
+            ("", "feed", "MRR", "overload", "cost of a year", "saved in a year"),
+            ("", "%", "cm3/min", "%", self.unit, f"{self.unit} (95 %)"),
+        ]
+        for year in self.years:
+            saved = "" if year is first else f"{year.saved.value:.0f} ({year.saved.low:.0f} to {year.saved.high:.0f})"
+            rows.append(
+                (
+                    year.name,
+                    f"{100 * year.feed_factor:.0f}",
+                    f"{year.removal_rate:.1f}",
+                    f"{100 * year.overload:.1f}" + " !" * (not year.feasible),
+                    f"{year.cost.value:.0f} ({year.cost.low:.0f}-{year.cost.high:.0f})",
+                    saved,
+                )
+            )
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        for row in rows:
+            yield "  ".join(
+                cell.ljust(width) if n == 0 else cell.rjust(width)
+                for n, (cell, width) in enumerate(zip(row, widths, strict=True))
+            ).rstrip()
+        if not all(year.feasible for year in self.years):
+            yield "! in overload longer than limits.overload_allowance: not to be used"
+        yield from self.notes
+
+
+class Clock:
+    """Sets speed and feed by the cutting time of the edge."""
+
+    def __init__(self, scenario: Scenario, steps: Sequence[Step], factor: float, num_envs: int) -> None:
+        machine = scenario.machine
+        self._ends = 60.0 * np.cumsum([step.minutes for step in steps])[:-1]
+        speed, feed = (np.array([getattr(step, name) for step in steps]) for name in ("cutting_speed", "feed"))
+        feed = np.clip(factor * feed, machine.feed_min, machine.feed_max)
+        self._actions = np.column_stack([
+            2.0 * (speed - machine.cutting_speed_min) / (machine.cutting_speed_max - machine.cutting_speed_min) - 1.0,
+            2.0 * (feed - machine.feed_min) / (machine.feed_max - machine.feed_min) - 1.0,
+        ]).clip(-1.0, 1.0).astype(np.float32)  # fmt: skip
+        self._age: NDArray[np.float64] = np.zeros(num_envs)
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        self._age[mask] = 0.0
+
+    def tell(self, infos: dict[str, Any]) -> None:
+        if "engaged_time" in infos:
+            self._age += infos["engaged_time"]
+
+    def act(self, observations: Observations) -> Actions:
+        return np.asarray(self._actions[np.searchsorted(self._ends, self._age, side="right")])
+
+
+def play_all(
+    scenario: Scenario,
+    advice: Sequence[Advice],
+    agents: Sequence[str],
+    rule: str | None,
+    hours: float,
+    edges: int,
+    on_play: Callable[[str], object] = lambda name: None,
+) -> Played:
+    """Play the fixed parameters and the schedule of least cost, agents, and a rule if this is a clone.
+
+    Args:
+        scenario: The lathe, with the model mismatch that it states.
+        advice: Returned by ``advise``.
+        agents: ONNX files or ``module:object``; they must take the scenario's observations and actions. If there are none, and a
+            clone's agents were trained for this lathe, the best of these.
+        rule: A rule of ``baselines``, played if that package can be imported; if None, the best: see ``best_rule``.
+        hours: Hours of work in a year.
+        edges: Number of edges, one per seed.
+        on_play: Called with the name of each policy before it is played.
+
+    Raises:
+        WorkshopError: An agent or the rule cannot play this scenario.
+    """
+    prices, seeds = Prices.of(scenario), held_out_seeds(edges)
+    control = scenario.control
+    own = _for_one_edge(scenario, control.action, min(LONGEST, MAX_STEPS * control.interval / 60.0))
+    played: list[tuple[str, float, Episodes]] = []
+    notes = []
+    for each in advice:
+        if each.aim == "least cost":
+            name = CLOCKED[len(each.steps) > 1]
+            on_play(name)
+            # Its edge is changed by the clock, so an episode lasts as long as an edge.
+            played.append((name, *_with_margin(clocked(scenario, each), each.steps, seeds)))
+    if not (found := provided("rules")):
+        notes.append("rules were not played: they are in a clone, from whose folder this command can play them")
+    for catalogue in found:
+        try:
+            name, spec = best_rule(catalogue, scenario, own) if rule is None else (rule, catalogue.spec(rule, own, scenario))
+        except (KeyError, ValueError) as error:
+            raise WorkshopError(f"--rule {rule}: {error.args[0]}") from error
+        on_play(f"rule {name}")
+        played.append((f"rule {name}", 1.0, play_spec(spec, own, seeds)))
+        agents = agents or _shipped_agents(Path(str(catalogue.__file__)).parents[1] / "agents", scenario)
+    for agent in agents:
+        on_play(f"agent {Path(agent).stem}")
+        try:
+            played.append((f"agent {Path(agent).stem}", 1.0, play(as_factory(agent), own, seeds)))
+        except (TypeError, ValueError) as error:
+            raise WorkshopError(f"--agent {agent}: {error}") from error
+    return _compared(scenario, prices, played, hours, notes)
+
+
+def _nearest(scenario: Scenario) -> tuple[str, Scenario, list[Shipped]]:
+    """Return the id most like a scenario, its preset, and its feasible policies that ship, best first.
+
+    They are ranked by their return on that id's leaderboard, so no seed that is played here decides which are played.
+    """
+    usual = "RoughTurning-Override-v0" if scenario.control.action == "override" else "RoughTurning-v0"
+    env_id = next((env_id for env_id, preset in IDS.items() if preset == scenario.name), usual)
+    preset = Scenario.load(IDS[env_id])
+    allowed = preset.limits.overload_allowance
+    feasible = [each for each in shipped(env_id) if severe_share(each.severe.ravel(), each.engaged.ravel()) <= allowed]
+    return env_id, preset, sorted(feasible, key=lambda each: -float(each.returns.mean()))
+
+
+def best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, PolicySpec]:
+    """Return name and rule, to play ``own``: the best of those that are tuned for the scenario or need no tuning."""
+    _, _, policies = _nearest(scenario)
+    for each in policies:
+        if each.kind == "rule":
+            with suppress(ValueError):  # raised by a rule that cannot play the scenario, or is not tuned for it
+                return each.name, catalogue.spec(each.name, own, scenario)
+    raise ValueError(f"no rule that ships can play {scenario.name!r}")
+
+
+def _shipped_agents(folder: Path, scenario: Scenario) -> list[str]:
+    """Return the file of the best agent that ships for exactly this lathe, if there is any; prices do not matter."""
+    env_id, preset, policies = _nearest(scenario)
+    meaning, other = (each.model_dump(exclude={"name", "economics"}) for each in (scenario, preset))
+    files = [folder / env_id / preset.name / f"{each.name}-seed0.onnx" for each in policies if each.kind == "agent"]
+    return [str(file) for file in files if file.is_file() and meaning == other and preset.control.edge_changes == "end"][:1]
+
+
+def clocked(scenario: Scenario, advice: Advice) -> Scenario:
+    """Return the scenario with episodes as long as a recommendation uses an edge. Plain bars have no return between them."""
+    control = scenario.control
+    minutes = advice.parts[0] * (advice.cycle_time - scenario.machine.return_time)
+    of_one_edge = _for_one_edge(scenario, "set_point", minutes)
+    longer = math.ceil(min(CLOCK_INTERVAL, 60.0 * minutes) / control.interval)
+    slower = {"interval": longer * control.interval, "sub_steps": longer * control.sub_steps}
+    return of_one_edge.model_copy(update={"control": of_one_edge.control.model_copy(update=slower)})
+
+
+def _for_one_edge(scenario: Scenario, action: str, minutes: float = LONGEST) -> Scenario:
+    """Return the scenario with episodes of one edge each."""
+    values = scenario.model_dump()
+    values["control"] |= {"action": action, "edge_changes": "end", "time_limit": minutes}
+    values["workpiece"] |= {"bars": 0}
+    return Scenario.model_validate(values)
+
+
+def _with_margin(scenario: Scenario, steps: Sequence[Step], seeds: Sequence[int]) -> tuple[float, Episodes]:
+    """Return the highest feed factor of ``MARGINS`` that keeps the limits often enough, else the lowest, and its episodes."""
+    plays: dict[float, Episodes] = {}
+
+    def keeps_limits(factor: float) -> bool:
+        plays[factor] = play(partial(Clock, scenario, steps, factor), scenario, seeds, tell=True)
+        return _overload(plays[factor]) <= scenario.limits.overload_allowance
+
+    index = bisect.bisect_left(MARGINS[:-1], True, key=keeps_limits)  # overload grows with the feed
+    factor = MARGINS[index]
+    if factor not in plays:
+        keeps_limits(factor)
+    return factor, plays[factor]
+
+
+def _overload(episodes: Episodes) -> float:
+    return severe_share(episodes["severe_overload_time"], episodes["engaged_time"])
+
+
+def _compared(
+    scenario: Scenario, prices: Prices, played: list[tuple[str, float, Episodes]], hours: float, notes: list[str]
+) -> Played:
+    """Return each policy's costs of cutting the same metal."""
+    costs, minutes, volumes = {}, {}, {}
+    for name, _, episodes in played:
+        # An episode ends when its edge is worn out, broken or changed by the clock, or before if the edge lasts too long to play.
+        left_over = np.where(episodes["truncated"] > 0.0, 1.0 - episodes["used_life"], 0.0)
+        edges = 1.0 - left_over * (name not in CLOCKED)
+        downtime = scenario.economics.breakage_downtime * episodes["edges_broken"]
+        returns = scenario.machine.return_time * episodes["removed"] / part_volume(scenario)
+        minutes[name] = episodes["time"] / 60.0 + returns + prices.change_time * edges + downtime
+        costs[name] = prices.minute * minutes[name] + prices.edge * edges
+        volumes[name] = episodes["removed"]
+    # Hours of machine time if there is no money.
+    scale = 1.0 / 60.0 if prices.unit == "min" else 1.0
+    bootstrap, first = Bootstrap(len(next(iter(costs.values())))), played[0][0]
+
+    def year(name: str, mean: Any) -> Any:
+        """Return the cost of a year's metal from means over seeds."""
+        metal = 60.0 * hours * mean(volumes[first]) / mean(minutes[first])
+        return scale * metal * mean(costs[name]) / mean(volumes[name])
+
+    def resampled(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return bootstrap.means(values[np.newaxis], "")
+
+    years = []
+    for name, factor, episodes in played:
+        cost = Estimate.of(year(name, np.mean), year(name, resampled))
+        saved = Estimate.of(year(first, np.mean) - year(name, np.mean), year(first, resampled) - year(name, resampled))
+        overload = _overload(episodes)
+        rate = float(volumes[name].sum() / minutes[name].sum())
+        years.append(Year(name, factor, rate, overload, overload <= scenario.limits.overload_allowance, cost, saved))
+    return Played("h" if prices.unit == "min" else prices.unit, hours, len(volumes[first]), years, notes)

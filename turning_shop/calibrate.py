@@ -1,0 +1,234 @@
+"""Calibrate a material: fit its laws to measured cuts, report the uncertainty, and write a scenario with them.
+
+The command is ``python -m turning_env calibrate``; docs/your_own_machine.md is the tutorial.
+"""
+
+import difflib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from turning_env.scenario import Scenario
+from turning_env.scenario.sections import Material
+from turning_shop import WorkshopError
+from turning_shop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
+from turning_shop.measurements import COLUMNS, Measurements
+from turning_shop.next_cuts import NextCuts, next_cuts
+from turning_shop.outliers import RobustFit, outliers, robust_fit, unusual_edges
+from turning_shop.plausibility import law_problems, row_problems, tool_life
+from turning_shop.prediction import BEYOND
+
+WIDE = 0.5
+"""Half-width of an exponent's interval above which a warning calls the exponent hardly known [-]."""
+
+
+SLOWER = 30.0
+"""Ratio of the fitted tool life to the base's above which a warning asks for the unit of time [-]."""
+
+
+class Implausible(WorkshopError):
+    """Measurements or laws that cannot be true, with the rows and the likely cause."""
+
+    def __init__(self, problems: Sequence[str]):
+        super().__init__("; ".join(problems))
+        self.problems = tuple(problems)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A material with laws fitted to measurements."""
+
+    fits: dict[str, Fit]
+    """Fitted laws, by what they predict."""
+    robust: dict[str, RobustFit]
+    """The same laws, fitted so that a few wrong rows hardly count."""
+    kept: dict[str, str]
+    """Laws kept from the base, with the reason."""
+    material: Material
+    problems: tuple[str, ...]
+    """What cannot be true, if the calibration was forced."""
+    warnings: tuple[str, ...]
+    next_cuts: NextCuts | None
+    """Cuts to measure next; None if all laws are known."""
+    readings: tuple[str, ...]
+    """How each column of the sheet was read."""
+    confidence: float
+    """Confidence level of all intervals [-]."""
+
+    @property
+    def wear_factor_spread(self) -> float | None:
+        """Log standard deviation of wear from edge to edge [-]; None if it is unknown or outside the scenario's range."""
+        edges = self.fits["wear"].edges if "wear" in self.fits else None
+        return round(edges.spread, 4) if edges and edges.spread <= 1.0 else None
+
+
+def calibrate(
+    measurements: Measurements, base: Scenario, confidence: float = 0.95, strict: bool = False, force: bool = False
+) -> Calibration:
+    """Fit every law that has rows; take the other laws, and exponents that cannot be estimated, from the base.
+
+    Args:
+        measurements: Returned by ``read_measurements``.
+        base: Scenario with the laws to start from and the ranges for which extrapolation is warned of.
+        confidence: Confidence level of the intervals [-], above 0 and below 1.
+        strict: Raise an error if the exponent of a column cannot be estimated.
+        force: Go on with measurements and laws that cannot be true.
+
+    Raises:
+        Implausible: A row, or a fitted law, cannot be true.
+        WorkshopError: No law has rows, one has too few, or the fitted laws are out of range.
+    """
+    problems = list(row_problems(measurements))
+    fits: dict[str, Fit] = {}
+    kept: dict[str, str] = {}
+    for response in FACTORS:
+        if complete_rows(response, measurements).any():
+            try:
+                fits[response] = fit(response, measurements, getattr(base.material, response), confidence)
+            except WorkshopError as error:
+                if problems and not force:  # the likely reason
+                    raise Implausible(problems) from error
+                raise
+        else:
+            needed = [name for name in (response, *FACTORS[response]) if name != "hardness"]
+            absent = [name for name in needed if name not in measurements.columns]
+            kept[response] = f"there is no column {', '.join(absent)}" if absent else f"no row has all of {', '.join(needed)}"
+    if not fits:
+        raise WorkshopError("no law can be fitted: " + "; ".join(f"{name}: {why}" for name, why in kept.items()))
+    wrong = [f"{name}: {why}" for name, why in kept.items() if why.startswith("no row")]
+    for response, fitted in fits.items():
+        wrong += [f"{response}: {why}" for factor, why in fitted.assumed.items() if factor in measurements.columns]
+    if strict and wrong:
+        raise WorkshopError("not all can be fitted, as --strict demands: " + "; ".join(wrong))
+    robust = {response: robust_fit(fitted) for response, fitted in fits.items()}
+    problems += outliers(fits, robust)
+    if not problems or force:  # wrong rows make laws wrong, too
+        problems += law_problems(fits, base.tool.wear_criterion)
+    if problems and not force:
+        raise Implausible(problems)
+    laws = {response: fitted.law.model_dump() for response, fitted in fits.items()}
+    try:
+        material = Material.model_validate(base.material.model_dump() | laws)
+    except ValidationError as error:
+        raise WorkshopError(
+            f"the fitted laws are no material: {error.errors()[0]['msg'].removeprefix('Value error, ')}"
+        ) from error
+    warnings = (*unusual_edges(fits, robust), *_warnings(fits, measurements, base))
+    advised = next_cuts(fits, base)
+    return Calibration(fits, robust, kept, material, tuple(problems), warnings, advised, measurements.readings, confidence)
+
+
+def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) -> Iterator[str]:
+    for name in measurements.ignored:
+        likely = difflib.get_close_matches(name.lower(), COLUMNS, n=1, cutoff=0.75)
+        yield f"column {name!r} is not understood and was ignored" + "".join(f"; is it {column}?" for column in likely)
+    unused = ~np.logical_or.reduce([complete_rows(response, measurements) for response in FACTORS])
+    if unused.any():
+        yield f"{unused.sum()} rows have too many empty cells for any law, the first in line {measurements.lines[unused][0]}"
+    nominal = int(np.isnan(measurements.columns.get("hardness", np.ones(1))).sum())
+    if nominal:
+        yield f"hardness is empty in {nominal} rows, where it was taken as nominal, 1"
+    for response, fitted in fits.items():
+        if fitted.edges is None and measurements.edges is not None:
+            yield f"{response}: too few edges or readings to tell how edges differ: rows were taken as independent"
+        if fitted.edges is None and rows_correlate(fitted):
+            yield (
+                f"{response}: rows at the same settings deviate together, so intervals are too narrow: "
+                "name edges in a column 'edge'; otherwise no power law fits"
+            )
+        for name, estimate in fitted.estimates.items():
+            half = 0.5 * (estimate.high - estimate.low)
+            if name != "coefficient" and half > WIDE:
+                known = f"{estimate.value:.3g} +- {half:.2g}"
+                yield f"{response}: the exponent of {name} is hardly known, {known}: vary it more, or read more edges"
+    if (wear := fits.get("wear")) and wear.factors["time"].size:
+        rate = base.material.wear(**(wear.factors | {"time": 1.0}))
+        with np.errstate(all="ignore"):
+            life = (base.tool.wear_criterion / rate) ** (1.0 / base.material.wear.time)
+            fitted_life = tool_life(wear.law.time, base.tool.wear_criterion, wear.factors["time"], wear.predicted)
+            ratio = float(np.median(fitted_life / life))
+        if ratio > SLOWER:
+            yield f"wear: edges last {ratio:.3g} times as long as the base's: is time in seconds?"
+    yield from _extrapolations(fits, base)
+
+
+def _extrapolations(fits: dict[str, Fit], base: Scenario) -> Iterator[str]:
+    """Yield a warning for each quantity at which the base scenario uses laws outside the fitted range."""
+    machine, depths = base.machine, tuple(filter(None, base.workpiece.depth_profile)) or (base.workpiece.depth_of_cut,)
+    used = {
+        "cutting_speed": (machine.cutting_speed_min, machine.cutting_speed_max),
+        "feed": (machine.feed_min, machine.feed_max),
+        "depth_of_cut": (min(depths), max(depths)),
+        "wear": (None, base.tool.wear_criterion),
+    }
+    laws: dict[str, list[str]] = {}
+    for response, fitted in fits.items():
+        for name, values in (fitted.factors | {response: fitted.measured}).items():
+            low, high = used.get(name, (None, 0.0))
+            least, most = values.min(), values.max()
+            if (low is not None and low < least * (1 - BEYOND)) or high > most * (1 + BEYOND):
+                wanted = f"up to {high:g}" if low is None else f"{high:g}" if low == high else f"{low:g} to {high:g}"
+                measured = f"{least:.4g}" if least == most else f"{least:.4g} to {most:.4g}"
+                laws.setdefault(f"{name} of {wanted} {COLUMNS[name].unit}, but measured at {measured}", []).append(response)
+    for what, responses in laws.items():
+        yield f"{', '.join(responses)}: extrapolated, used at a {what}"
+
+
+def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
+    """Return all results in a form for JSON, with the names of the measurements' file and of the base."""
+    return {
+        "measurements": source,
+        "columns": list(calibration.readings),
+        "base": base,
+        "confidence": calibration.confidence,
+        "laws": {
+            response: {
+                "rows": len(fitted.lines),
+                "degrees_of_freedom": fitted.degrees,
+                "r_squared": fitted.r_squared,
+                "scatter": fitted.scatter,
+                "edges": fitted.edges and {"count": fitted.edges.count, "spread": fitted.edges.spread},
+                "largest_residual": dict(zip(("line", "relative"), fitted.largest_residual(), strict=True)),
+                "robust": calibration.robust[response].exponents,
+                "outliers": fitted.lines[calibration.robust[response].outlying].tolist(),
+                "fitted": {name: estimate._asdict() for name, estimate in fitted.estimates.items()},
+                "assumed": {name: {"value": getattr(fitted.law, name), "reason": why} for name, why in fitted.assumed.items()},
+                "law": fitted.law.model_dump(),
+            }
+            for response, fitted in calibration.fits.items()
+        },
+        "kept_from_base": calibration.kept,
+        "problems": list(calibration.problems),
+        "warnings": list(calibration.warnings),
+        "next_cuts": calibration.next_cuts and calibration.next_cuts._asdict(),
+    }
+
+
+def summary(calibration: Calibration) -> Iterator[str]:
+    """Yield all results as lines of text."""
+    yield f"columns: {', '.join(calibration.readings)}"
+    for response, fitted in calibration.fits.items():
+        line, residual = fitted.largest_residual()
+        yield f"{response}: {quality(fitted)}"
+        yield f"  largest residual: line {line}, {100 * residual:+.2g} %"
+        if fitted.edges:
+            yield f"  {fitted.edges.count} edges, which differ by {100 * fitted.edges.spread:.2g} % (one standard deviation)"
+        for name, estimate in fitted.estimates.items():
+            robust = calibration.robust[response].exponents.get(name)
+            beside = "" if robust is None else f"   robust {robust:.6g}"
+            yield f"  {name:<14}{estimate.value:>12.6g}   {estimate.low:.6g} to {estimate.high:.6g}{beside}"
+        for name, why in fitted.assumed.items():
+            yield f"  {name:<14}{getattr(fitted.law, name):>12.6g}   assumed: {why}"
+    for response, why in calibration.kept.items():
+        yield f"{response}: as in the base, {why}"
+    if calibration.next_cuts:
+        yield from calibration.next_cuts.summary()
+
+
+def quality(fitted: Fit) -> str:
+    """Return a fit's number of rows, explained variance and scatter, for people."""
+    explained = "" if fitted.r_squared is None else f"R2 {fitted.r_squared:.5f}, "
+    return f"{len(fitted.lines)} rows, {explained}scatter {100 * fitted.scatter:.2g} %"

@@ -1,0 +1,339 @@
+"""The commands of ``python -m turning_env`` for a process engineer: calibrate, current, whatif, map, advise and family."""
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from turning_env.console import FAILED, number_within, picture_path, print_json
+from turning_env.files import replace_file
+from turning_env.scenario import Scenario
+from turning_env.scenario.family import Family
+from turning_shop import WorkshopError, whatif
+from turning_shop.measurements import COLUMNS, EDGE, read_measurements
+
+if TYPE_CHECKING:
+    from turning_shop.prediction import Evidence
+
+MAX_CUTS = 100_000
+"""Largest number of rows in a table of cuts."""
+
+
+def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the commands, each with its function, help and options."""
+    columns = [f"  {name:<14}{column.meaning} [{column.unit}]" for name, column in COLUMNS.items()]
+    columns.append(f"  {EDGE:<14}name of the cutting edge, so that its readings do not count as independent (optional)")
+    _calibrate.__doc__ = (_calibrate.__doc__ or "").replace("COLUMNS", "\n    ".join(columns))
+    calibrate = command(_calibrate, "fit the laws to cuts measured on a machine", scenario=False)
+    calibrate.add_argument("measurements", metavar="SHEET", help="CSV or XLSX, one cut per row")
+    calibrate.add_argument("--out", type=Path, required=True, metavar="TOML", help="scenario file to write")
+    calibrate.add_argument("--base", default="rough_turning", metavar="SCENARIO",
+                           help="preset or TOML file for everything that is not fitted (default: %(default)s)")  # fmt: skip
+    calibrate.add_argument("--confidence", type=number_within(0.5, 0.9999, ""), default=0.95, metavar="P",
+                           help="confidence level of the intervals (default: %(default)s)")  # fmt: skip
+    calibrate.add_argument("--strict", action="store_true", help="fail if the exponent of a column cannot be estimated")
+    calibrate.add_argument("--force", action="store_true", help="go on with rows and laws that cannot be true")
+    calibrate.add_argument("--overwrite", action="store_true", help="replace an existing TOML file")
+    calibrate.add_argument("--plot", type=picture_path, metavar="FILE", help="file for a plot of the residuals: PNG, SVG or PDF")
+    calibrate.add_argument("--report", type=Path, metavar="JSON", help="file for all results")
+    calibrate.add_argument("--json", action="store_true", help="print all results as JSON")
+
+    motor = command(_current, "relate a feed motor's current to its load", scenario=False)
+    motor.add_argument("measurements", metavar="CSV", help="one sample per row")
+    motor.add_argument("--cutoff", type=number_within(1e-6, 1e6, "Hz"), metavar="F",
+                       help="cut-off frequency of the low-pass [Hz] (default: twice that of the peak)")  # fmt: skip
+    motor.add_argument("--confidence", type=number_within(0.5, 0.9999, ""), default=0.95, metavar="P",
+                       help="confidence level of the intervals (default: %(default)s)")  # fmt: skip
+    motor.add_argument("--json", action="store_true", help="print all results as JSON")
+
+    table = command(_whatif, "predict force, power, wear and tool life")
+    several: dict[str, Any] = {"nargs": "+", "metavar": "X"}
+    for option, column, default in (
+        ("--cutting-speed", "cutting_speed", None),
+        ("--feed", "feed", None),
+        ("--depth", "depth_of_cut", "the scenario's"),
+        ("--hardness", "hardness", "1"),
+    ):
+        text = f"numbers or LOW:HIGH:STEP [{COLUMNS[column].unit}]" + (f" (default: {default})" if default else "")
+        table.add_argument(option, type=_numbers(column), required=default is None, help=text, **several)
+    age = table.add_mutually_exclusive_group(required=True)
+    age.add_argument("--time", type=_numbers("time"), help="cutting time since the edge was fresh [min]", **several)
+    age.add_argument("--wear", type=_numbers("wear"), help="flank wear of the edge [mm]", **several)
+    form = table.add_mutually_exclusive_group()
+    form.add_argument("--json", dest="form", action="store_const", const=whatif.as_json, help="print JSON")
+    form.add_argument("--csv", dest="form", action="store_const", const=whatif.as_csv, help="print CSV")
+    table.set_defaults(form=whatif.as_text)
+
+    chart = command(_map, "draw the operating map of a worn edge")
+    chart.add_argument("--wear", type=_number("wear"), required=True, metavar="X", help="flank wear of the edge [mm]")
+    chart.add_argument("--depth", type=_number("depth_of_cut"), metavar="X", help="depth of cut [mm] (default: the scenario's)")
+    chart.add_argument(
+        "--hardness", type=_number("hardness"), default=1.0, metavar="X", help="hardness over nominal [-] (default: 1)"
+    )
+    chart.add_argument(
+        "--out", type=picture_path, required=True, metavar="FILE", help="picture to write: PNG, SVG or PDF, by its suffix"
+    )
+
+    advice = command(_advise, "advise speed, feed and edge changes, in parts and money")
+    advice.add_argument("--agent", action="append", default=[], metavar="POLICY",
+                        help="ONNX file or module:object to compare with fixed parameters; may be repeated")  # fmt: skip
+    advice.add_argument("--rule", metavar="NAME", help="rule of a clone to compare (default: the best that ships)")
+    advice.add_argument("--hours", type=number_within(1, 8760, "h"), default=2000.0, metavar="H",
+                        help="hours of work in a year (default: %(default)s)")  # fmt: skip
+    advice.add_argument(
+        "--seeds", type=_count, default=16, metavar="N", help="edges to play with each policy; 0: none (default: 16)"
+    )
+    advice.add_argument("--sheet", type=picture_path, metavar="FILE", help="page to pin to the machine: PDF, PNG or SVG")
+    advice.add_argument("--page", type=Path, metavar="HTML", help="offline page with sliders for settings and prices")
+    advice.add_argument("--json", action="store_true", help="print all results as JSON")
+
+    drawn = command(_family, "print or draw jobs of a family", scenario=False)
+    drawn.add_argument("family", metavar="FAMILY", help="family (shop), or its TOML file")
+    drawn.add_argument("--split", default="train", help="split of its jobs (default: %(default)s)")
+    drawn.add_argument("--jobs", type=int, default=12, metavar="N", help="number of jobs (default: %(default)s)")
+    drawn.add_argument("--figure", type=picture_path, metavar="FILE", help="picture of their operating maps: PNG, SVG or PDF")
+
+
+def _number(column: str) -> Callable[[str], float]:
+    """Return an argparse type for one number within a column's range."""
+    return number_within(COLUMNS[column].low, COLUMNS[column].high, COLUMNS[column].unit)
+
+
+def _numbers(column: str) -> Callable[[str], list[float]]:
+    """Return an argparse type for a number, or ``LOW:HIGH:STEP``, within a column's range."""
+    one = _number(column)
+
+    def parse(text: str) -> list[float]:
+        if ":" not in text:
+            return [one(text)]
+        try:
+            low, high, step = (float(part) for part in text.split(":"))
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is neither a number nor LOW:HIGH:STEP") from None
+        if not (0 < step < math.inf and low <= high):
+            raise argparse.ArgumentTypeError(f"{text!r} must go up: LOW:HIGH:STEP with a step above 0")
+        one(str(low)), one(str(high))
+        count = (high - low) / step * (1 + 1e-9) + 1
+        if count > MAX_CUTS:
+            raise argparse.ArgumentTypeError(f"{text!r} are more than {MAX_CUTS} numbers")
+        # Rounded, so that 0.1:0.3:0.1 does not give 0.30000000000000004.
+        return [round(low + index * step, 12) for index in range(int(count))]
+
+    return parse
+
+
+def _count(text: str) -> int:
+    """Return a number of edges to play, as an argparse type: 0, or 2 or more."""
+    if not text.isascii() or not text.isdigit() or int(text) == 1 or int(text) > 10_000:
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed: 0, or 2 to 10000")
+    return int(text)
+
+
+def _calibrate(options: argparse.Namespace) -> int:
+    """Fit the laws of wear, thrust force and power to measured cuts, and write a scenario with them.
+
+    The sheet has one cut per row and the columns below. Cells may be empty. A row is used for every law whose columns it fills.
+    Symbols such as vc, f and ap, German names and units in brackets are understood. Status 1: rows or laws cannot be true.
+
+    COLUMNS
+
+    python -m turning_env calibrate cuts.csv --out my_tool.toml --plot residuals.png
+    """
+    from turning_shop.calibrate import Implausible, calibrate, report, summary
+    from turning_shop.fitted_file import write_scenario
+
+    if options.plot:  # before anything is written, as Matplotlib may be missing
+        from turning_shop import plot_style, plots
+    if options.out.exists() and not options.overwrite:
+        raise WorkshopError(f"{options.out} exists; --overwrite replaces it")
+    base = Scenario.load(options.base)
+    try:
+        found = calibrate(read_measurements(options.measurements), base, options.confidence, options.strict, options.force)
+    except Implausible as error:
+        print(*(f"implausible: {problem}" for problem in error.problems), sep="\n", file=sys.stderr)
+        print("error: nothing was written: correct the rows above; --force goes on with them", file=sys.stderr)
+        return FAILED
+    write_scenario(found, options.base, Path(options.measurements).name, options.out)
+    if options.plot:
+        plot_style.save(plots.draw_residuals(found), options.plot)
+    results = json.dumps(report(found, options.measurements, options.base), indent=1, allow_nan=False)
+    if options.report:
+        replace_file(options.report, lambda partial: partial.write_text(results + "\n", "utf-8"))
+    for warning in (*found.problems, *found.warnings):
+        print(f"warning: {warning}", file=sys.stderr)
+    if options.json:
+        print(results)
+    else:
+        print(*summary(found), sep="\n")
+        print(*(path for path in (options.out, options.plot, options.report) if path), sep="\n")
+    return 0
+
+
+def _current(options: argparse.Namespace) -> int:
+    """Relate the current of a feed motor to its load, so that the current can stand for a force sensor.
+
+    The CSV has one sample per row: time [s], current [A] of one phase or its amplitude, and torque [N m] or thrust_force [N].
+    Sample at a constant rate and feed velocity. Hold each load for a second or more, and write the value that was set.
+
+    python -m turning_env current docs/examples/current.csv
+    """
+    from turning_shop.current import CURRENT_COLUMNS, CURRENT_REQUIRED, analyse_sheet
+
+    sheet = read_measurements(options.measurements, CURRENT_COLUMNS, CURRENT_REQUIRED)
+    found = analyse_sheet(sheet, options.cutoff, options.confidence)
+    if options.json:
+        print_json(asdict(found))
+    else:
+        print(*found.summary(), sep="\n")
+    return 0
+
+
+def _whatif(options: argparse.Namespace) -> int:
+    """Print a table of cuts, one row for every combination of the listed values.
+
+    Fitted laws give 95 % intervals for an edge that was not measured; a star marks cuts beyond what was measured. The table
+    assumes that speed, feed and depth have been constant since the edge was fresh.
+
+    python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2:0.4:0.1 --wear 0.2
+    """
+    scenario = Scenario.load(options.scenario)
+    lists = (
+        options.depth or [[scenario.workpiece.depth_of_cut]],
+        options.hardness or [[1.0]],
+        options.time or options.wear,
+        options.cutting_speed,
+        options.feed,
+    )
+    axes = [[value for values in each for value in values] for each in lists]
+    rows = math.prod(len(axis) for axis in axes)
+    if rows > MAX_CUTS:
+        raise WorkshopError(f"these are {rows} cuts, but a table may have {MAX_CUTS}: take larger steps")
+    for name, unit, values in (("cutting_speed", "m/min", axes[3]), ("feed", "mm/rev", axes[4])):
+        low, high = (getattr(scenario.machine, f"{name}_{end}") for end in ("min", "max"))
+        if beyond := [value for value in (min(values), max(values)) if not low <= value <= high]:
+            option = f"--{name.replace('_', '-')} {beyond[-1]:g}"
+            print(f"warning: {option} is outside the machine's {low:g} to {high:g} {unit}", file=sys.stderr)
+    depth, hardness, age, speed, feed = np.meshgrid(*axes, indexing="ij")
+    given = {"time": age} if options.time else {"wear": age}
+    evidence = _warned(scenario)
+    cuts = whatif.what_if(scenario, speed, feed, depth, hardness, **given)
+    if evidence.laws:
+        from turning_shop.prediction import predict
+
+        print(options.form(cuts, predict(scenario, evidence, cuts, of_wear=options.time is None)))
+    else:
+        print(options.form(cuts))
+    return 0
+
+
+def _warned(scenario: Scenario) -> "Evidence":
+    """Print the warnings that travel with a scenario's fitted laws; return what is known of these."""
+    from turning_shop.prediction import Evidence, read_evidence
+
+    evidence = read_evidence(scenario) if scenario.calibration is not None else Evidence()
+    for warning in evidence.warnings:
+        print(f"warning: {evidence.source}: {warning}", file=sys.stderr)
+    return evidence
+
+
+def _map(options: argparse.Namespace) -> int:
+    """Draw limits, removal rate and tool life over the machine's range of cutting speed and feed.
+
+    python -m turning_env map rough_turning --wear 0.2 --out map.png
+    """
+    scenario = Scenario.load(options.scenario)
+    criterion = scenario.tool.wear_criterion
+    if options.wear > criterion:
+        raise WorkshopError(f"--wear is {options.wear:g}, but an edge is worn out at tool.wear_criterion, {criterion:g} mm")
+    from turning_shop import plot_style, plots
+
+    _warned(scenario)
+    plot_style.save(plots.draw_map(scenario, options.wear, options.depth, options.hardness), options.out)
+    print(options.out)
+    return 0
+
+
+def _advise(options: argparse.Namespace) -> int:
+    """Recommend speed and feed for most metal, least cost per part and the longest run, fixed and over the edge's life.
+
+    Then play them, and what adapts to bars and edges, on the simulated lathe, and print what a year of each costs. Set
+    economics.machine_rate, operator_rate, insert_price and edges_per_insert in SCENARIO to get money.
+
+    python -m turning_env advise my_tool.toml
+    python -m turning_env advise my_tool.toml --agent my_agent.onnx --hours 4000
+    """
+    from turning_shop.advise import advise, summary
+    from turning_shop.advise_play import play_all
+
+    scenario = Scenario.load(options.scenario)
+    evidence = _warned(scenario)
+    found = advise(scenario, evidence)
+    if options.sheet:
+        from turning_shop import plot_style, sheet
+
+        plot_style.save(sheet.draw_sheet(scenario, evidence, found), options.sheet)
+    if options.page:
+        from turning_shop.page import render
+
+        text = render(scenario, evidence, found)
+        replace_file(options.page, lambda partial: partial.write_text(text, "utf-8"))
+    played = None
+    if options.seeds:
+        told = partial(print, "playing", file=sys.stderr, flush=True)
+        played = play_all(scenario, found, options.agent, options.rule, options.hours, options.seeds, told)
+    if options.json:
+        print_json({"advice": [each._asdict() for each in found], "played": played})
+        return 0
+    print(*summary(scenario, found), sep="\n")
+    if played:
+        print("", *played.summary(), sep="\n")
+    print(*(path for path in (options.sheet, options.page) if path), sep="\n", end="\n" * bool(options.sheet or options.page))
+    return 0
+
+
+def _family(options: argparse.Namespace) -> int:
+    """Print the first jobs of a family, and draw their operating maps.
+
+    The last columns compare truth and nominal model at the nominal model's best set point on a half-worn edge.
+
+    python -m turning_env family shop
+    python -m turning_env family shop --split unseen_materials --figure jobs.png
+    """
+    family = Family.load(options.family)
+    if options.jobs < 1:
+        raise WorkshopError(f"--jobs is {options.jobs}, but must be at least 1")
+    try:
+        jobs = [family.job(number, options.split) for number in range(options.jobs)]
+    except ValueError as error:
+        raise WorkshopError(str(error)) from error
+    print(f"{'job':<14} diameter  depth  power  force   speed      feed    removal     truth over nominal model")
+    print(f"{'':<14}     [mm]   [mm]   [kW]    [N] [m/min]  [mm/rev]  [cm3/min]  power  force  wear rate")
+    for job in jobs:
+        true, nominal, limits = job.scenario, job.scenario.nominal(), job.scenario.limits
+        cut = job.cutting_speed, job.feed, true.workpiece.depth_of_cut
+        wear = true.tool.wear_criterion * 0.5**nominal.material.wear.time
+        power, force = (
+            getattr(true.material, law)(*cut, wear=wear) / getattr(nominal.material, law)(*cut, wear=wear)
+            for law in ("power", "thrust_force")
+        )
+        rates = [
+            (each.material.wear(*cut) / each.tool.wear_criterion) ** (1.0 / each.material.wear.time) for each in (true, nominal)
+        ]
+        print(
+            f"{job.title:<14} {true.workpiece.diameter:8.0f}  {cut[2]:5.2f}  {limits.power:5.1f}  {limits.thrust_force:5.0f}"
+            f"  {cut[0]:6.0f}  {cut[1]:8.3f}  {true.economics.reference_removal_rate:9.0f}"
+            f"  {power:5.2f}  {force:5.2f}  {rates[0] / rates[1]:9.2f}"
+        )
+    if options.figure:
+        from turning_shop import plot_style, plots
+
+        plot_style.save(plots.draw_jobs(jobs), options.figure)
+        print(options.figure)
+    return 0

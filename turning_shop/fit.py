@@ -1,0 +1,304 @@
+"""Fit one power law to measurements, by least squares in logarithms.
+
+The logarithm of a power law is linear in the logarithms of its factors, so its exponents are slopes. If a factor never varies, or
+varies only together with others, its exponent cannot be estimated. The base law's exponent is then kept, and the others are
+fitted given it.
+
+Confidence intervals assume the same relative scatter in all rows. If the file does not name edges, rows count as independent.
+If it does, the rows of one edge share a deviation: a random effect, whose variance is estimated by Swamy and Arora's method
+(Econometrica 40, 1972).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+from scipy import stats
+
+from turning_env.scenario.power_law import PowerLaw
+from turning_shop import WorkshopError
+from turning_shop.measurements import COLUMNS, Measurements
+
+Values = NDArray[np.float64]
+
+FACTORS = {
+    "wear": ("cutting_speed", "feed", "depth_of_cut", "time", "hardness"),
+    "thrust_force": ("cutting_speed", "feed", "depth_of_cut", "wear", "hardness"),
+    "power": ("cutting_speed", "feed", "depth_of_cut", "wear", "hardness"),
+}
+"""Factors of each law, named as in ``turning_env.PowerLaw``; a law is named after the column that it predicts."""
+SETTINGS = ("cutting_speed", "feed", "depth_of_cut", "hardness")
+"""Factors that are equal in all readings of one edge in one bar."""
+MIN_VARIATION = 1e-3
+"""Relative variation [-] of a factor, beyond what other factors explain, that is needed to fit its exponent."""
+MIN_SHARE = 0.1
+"""Share of a factor's variance that must lie within edges for its exponent to be estimated from readings of the same edge [-]."""
+MIN_KEPT = 1e-3
+"""Lowest share of its edge's mean that a row keeps [-]; at 0, settings could not be distinguished."""
+SIGNIFICANCE = 0.01
+"""Probability of the F test below which rows at the same settings count as correlated [-]."""
+MAX_LOG = 700.0
+"""Largest logarithm of an end of the coefficient's interval; it keeps the end finite."""
+
+
+class Estimate(NamedTuple):
+    """A fitted number and the ends of its confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class EdgeEffect:
+    """The deviation that readings of one edge share."""
+
+    count: int
+    """Number of edges."""
+    spread: float
+    """Standard deviation of the logarithm that readings of one edge share [-]."""
+    degrees: tuple[int, ...]
+    """Degrees of freedom of the coefficient and of each fitted exponent."""
+    group: NDArray[np.int64]
+    """Number of each row's edge, from 0, shape (rows,)."""
+    removed: Values
+    """Share of its edge's mean to subtract from each row, which makes all rows independent [-], shape (rows,)."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted law."""
+
+    response: str
+    """What the law predicts: a key of ``FACTORS``."""
+    law: PowerLaw
+    estimates: dict[str, Estimate]
+    """The coefficient and the fitted exponents, by their names in ``PowerLaw``."""
+    assumed: dict[str, str]
+    """Factors whose exponents are the base law's, with the reason."""
+    r_squared: float | None
+    """Share of the variance of the response's logarithm that the law explains [-]; None if the response never varies."""
+    covariance: Values
+    """Covariance of the coefficient's logarithm and the fitted exponents, in the order of ``estimates``."""
+    scatter: float
+    """Standard deviation of the residuals' logarithms, adjusted for the degrees of freedom [-]."""
+    reading_scatter: float
+    """Standard deviation of the logarithm of one reading of an edge that was not measured [-]."""
+    degrees: int
+    """Degrees of freedom of the residuals: number of rows - number of fitted parameters."""
+    factors: dict[str, Values]
+    """Values of all factors in the units of ``COLUMNS``, each of shape (rows,)."""
+    measured: Values
+    """Measured response in its unit, shape (rows,)."""
+    predicted: Values
+    """The law's response in its unit, shape (rows,)."""
+    lines: NDArray[np.int64]
+    """Line of each row in the file, shape (rows,)."""
+    edges: EdgeEffect | None
+    """The deviations of edges; None if they are unknown."""
+
+    @property
+    def residuals(self) -> Values:
+        """Residuals, measured / predicted - 1 [-], shape (rows,)."""
+        return np.asarray(self.measured / self.predicted - 1.0)
+
+    def largest_residual(self) -> tuple[int, float]:
+        """Return the line number and the residual [-] of the row that is farthest from the law."""
+        index = int(np.abs(np.log(self.measured / self.predicted)).argmax())
+        return int(self.lines[index]), float(self.residuals[index])
+
+
+def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: float = 0.95) -> Fit:
+    """Fit the law of one response to all rows with that response and all its factors.
+
+    Without a hardness column or value, hardness is nominal.
+
+    Args:
+        response: A key of ``FACTORS``.
+        measurements: Returned by ``read_measurements``.
+        base: The law whose exponents replace those that cannot be estimated.
+        confidence: Confidence level of the intervals [-], above 0 and below 1.
+
+    Raises:
+        WorkshopError: There are too few rows, or a fitted number lies outside the range of ``PowerLaw``.
+    """
+    present = complete_rows(response, measurements)
+    count = int(present.sum())
+    columns = measurements.columns
+    factors = {
+        name: np.nan_to_num(columns[name][present], nan=1.0) if name in columns else np.ones(count) for name in FACTORS[response]
+    }
+    measured = columns[response][present]
+    logs = {name: np.log(values) for name, values in factors.items()}
+    fitted, assumed = _identifiable(factors, logs)
+    if "hardness" not in columns:
+        assumed["hardness"] = "there is no column hardness: nominal in all rows"
+    if count < len(fitted) + 2:
+        varying = [name for name, log in logs.items() if _variation(log) >= MIN_VARIATION]
+        numbers = f"the coefficient and {len(varying)} exponents ({', '.join(varying)})" if varying else "the coefficient"
+        raise WorkshopError(
+            f"{response}: {count} row{'s' * (count != 1)} with this and all its factors, but {len(varying) + 2} are needed: "
+            f"for {numbers}, and one more to estimate the scatter"
+        )
+
+    known = PowerLaw.model_validate(base.model_dump() | {"coefficient": 1.0} | dict.fromkeys(fitted, 0.0))
+    target = np.log(measured) - np.log(known(**factors))
+    references = {"depth_of_cut": np.log(base.reference_depth_of_cut)}
+    design = np.array([logs[name] - references.get(name, 0.0) for name in fitted]).reshape(len(fitted), count).T
+    edges = None if measurements.edges is None else _edge_effect(target, design, measurements.edges[present])
+    intercept, slopes, covariance, within = _least_squares(target, design, edges)
+    errors = np.sqrt(np.diag(covariance))
+    law = _validated(response, base, {"coefficient": float(np.exp(intercept))} | dict(zip(fitted, slopes.tolist(), strict=True)))
+
+    degrees = count - 1 - len(fitted)
+    freedom = edges.degrees if edges else (degrees,) * (1 + len(fitted))
+    margin, *margins = errors * stats.t.ppf(0.5 + 0.5 * confidence, freedom)
+    low, high = np.exp(np.clip((intercept - margin, intercept + margin), -MAX_LOG, MAX_LOG)).tolist()
+    estimates = {"coefficient": Estimate(law.coefficient, low, high)}
+    for name, slope, half in zip(fitted, slopes.tolist(), margins, strict=True):
+        estimates[name] = Estimate(slope, slope - float(half), slope + float(half))
+
+    predicted = np.asarray(law(**factors))
+    residuals, log_measured = np.log(measured / predicted), np.log(measured)
+    variation = float(((log_measured - log_measured.mean()) ** 2).sum())
+    return Fit(
+        response=response,
+        law=law,
+        estimates=estimates,
+        assumed=assumed,
+        r_squared=1.0 - float(residuals @ residuals) / variation if np.ptp(log_measured) >= MIN_VARIATION else None,
+        covariance=covariance,
+        scatter=float(np.sqrt(residuals @ residuals / degrees)),
+        reading_scatter=float(np.hypot(within, edges.spread if edges else 0.0)),
+        degrees=degrees,
+        factors=factors,
+        measured=measured,
+        predicted=predicted,
+        lines=measurements.lines[present],
+        edges=edges,
+    )
+
+
+def complete_rows(response: str, measurements: Measurements) -> NDArray[np.bool_]:
+    """Return which rows have a response and all its factors, shape (rows,); hardness may be missing."""
+    absent = np.full(len(measurements.lines), np.nan)
+    needed = [measurements.columns.get(name, absent) for name in (response, *FACTORS[response]) if name != "hardness"]
+    return np.asarray(np.isfinite(needed).all(axis=0))
+
+
+def rows_correlate(fitted: Fit) -> bool:
+    """Return whether rows at the same settings deviate from the law together more than by chance.
+
+    Usually they are readings of one edge, and edges differ; otherwise no power law fits. An F test compares the variance of the
+    residuals between settings with the variance within them.
+    """
+    residuals = np.log(fitted.measured / fitted.predicted)
+    settings = np.stack([fitted.factors[name] for name in SETTINGS], axis=1)
+    _, group, members = np.unique(settings, axis=0, return_inverse=True, return_counts=True)
+    means = np.bincount(group, residuals) / members
+    of_settings = 1 + sum(name in SETTINGS for name in fitted.estimates)  # the coefficient and exponents that settings decide
+    between, within = len(members) - of_settings, len(residuals) - len(members) - (len(fitted.estimates) - of_settings)
+    if between < 1 or within < 1:
+        return False
+    rest = float(((residuals - means[group]) ** 2).sum()) / within
+    return rest > 0 and bool(stats.f.sf(float(members @ means**2) / between / rest, between, within) < SIGNIFICANCE)
+
+
+def _identifiable(factors: Mapping[str, Values], logs: Mapping[str, Values]) -> tuple[list[str], dict[str, str]]:
+    """Return the factors whose exponents can be estimated, and the reasons why the others cannot.
+
+    If factors vary only together, the first is fitted.
+    """
+    kept: list[str] = []
+    assumed: dict[str, str] = {}
+    for name, log in logs.items():
+        if _variation(log) < MIN_VARIATION:
+            values, unit = factors[name], COLUMNS[name].unit.replace("-", "")
+            assumed[name] = f"{name} never varies: {values.mean():.4g} {unit}".rstrip() + f" in all {len(values)} rows"
+            continue
+        others = np.array([logs[other] - logs[other].mean() for other in kept]).reshape(len(kept), len(log)).T
+        weights = np.linalg.lstsq(others, log - log.mean(), rcond=None)[0]
+        if _variation(log - others @ weights) < MIN_VARIATION:
+            shares = np.abs(weights) * np.ptp(others, axis=0)
+            together = [other for other, share in zip(kept, shares, strict=True) if share >= MIN_VARIATION]
+            assumed[name] = f"{name} varies only together with {' and '.join(together)}"
+        else:
+            kept.append(name)
+    return kept, assumed
+
+
+def _variation(log: Values) -> float:
+    """Return the largest relative distance of a factor from its mean [-]."""
+    return float(np.abs(log - log.mean()).max())
+
+
+def _edge_effect(target: Values, design: Values, edge: NDArray[np.int64]) -> EdgeEffect | None:
+    """Estimate the deviations of edges from log responses (rows,), log factors (rows, factors) and every row's edge.
+
+    Return None if there are too few edges, or too few readings of each.
+    """
+    _, group, members = np.unique(edge, return_inverse=True, return_counts=True)
+    rows, edges = len(group), len(members)
+    own_design, own_target = design - _group_means(design, group), target - _group_means(target, group)
+    total = ((design - design.mean(axis=0)) ** 2).sum(axis=0)
+    within = (own_design**2).sum(axis=0) > MIN_SHARE * total
+    degrees_within, degrees_between = rows - edges - int(within.sum()), edges - 1 - int((~within).sum())
+    if degrees_within < 1 or degrees_between < 1:
+        return None
+    slopes = np.linalg.lstsq(own_design[:, within], own_target, rcond=None)[0]
+    variance_within = float(((own_target - own_design[:, within] @ slopes) ** 2).sum()) / degrees_within
+
+    level = _group_means(target - design[:, within] @ slopes, group)
+    settings = np.column_stack([np.ones(rows), _group_means(design[:, ~within], group)])
+    deviation = level - settings @ np.linalg.lstsq(settings, level, rcond=None)[0]  # each edge weighs as often as it was read
+    readings = (rows - float(members @ members) / rows) / (edges - 1)
+    variance_between = max(0.0, (float(deviation @ deviation) / degrees_between - variance_within) / readings)
+    both = variance_within + members * variance_between
+    kept = np.sqrt(np.divide(variance_within, both, out=np.ones(edges), where=both > 0))
+    degrees = (degrees_between, *(degrees_within if inside else degrees_between for inside in within))
+    return EdgeEffect(edges, float(np.sqrt(variance_between)), degrees, group, 1.0 - np.maximum(kept, MIN_KEPT)[group])
+
+
+def _group_means(values: Values, group: NDArray[np.int64]) -> Values:
+    """Return each row's mean over its group, for values of shape (rows,) or (rows, columns)."""
+    sums = np.zeros((int(group.max()) + 1, *values.shape[1:]))
+    np.add.at(sums, group, values)
+    return np.asarray((sums.T / np.bincount(group)).T[group])
+
+
+def _least_squares(target: Values, design: Values, edges: EdgeEffect | None) -> tuple[float, Values, Values, float]:
+    """Return intercept, slopes, the covariance of both, shape (1 + factors, 1 + factors), and the rows' own scatter."""
+    centre = design.mean(axis=0)  # subtracted, so that the numbers do not depend on how far from 1 the factors lie
+    columns = np.column_stack([target, np.ones(len(target)), design - centre])
+    if edges is not None:
+        columns = np.asarray(columns - edges.removed[:, np.newaxis] * _group_means(columns, edges.group))
+    target, columns = columns[:, 0], columns[:, 1:]
+    inverse = np.linalg.pinv(columns)
+    solution = inverse @ target
+    residuals = target - columns @ solution
+    variance = float(residuals @ residuals) / (len(target) - columns.shape[1])
+    back = np.eye(columns.shape[1])
+    back[0, 1:] = -centre
+    solution = back @ solution
+    return (
+        float(solution[0]),
+        solution[1:],
+        np.asarray(back @ (inverse @ inverse.T * variance) @ back.T),
+        float(np.sqrt(variance)),
+    )
+
+
+def _validated(response: str, base: PowerLaw, values: dict[str, float]) -> PowerLaw:
+    try:
+        return PowerLaw.model_validate(base.model_dump() | values)
+    except ValidationError as error:
+        detail = error.errors()[0]
+        name = str(detail["loc"][-1])
+        number = name if name == "coefficient" else f"exponent of {name}"
+        raise WorkshopError(
+            f"{response}: {number}, as fitted: {detail['msg'].removeprefix('Value error, ')}; "
+            "factors vary too little, rows scatter too much, or a unit is wrong"
+        ) from error

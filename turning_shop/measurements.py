@@ -1,0 +1,250 @@
+"""Read a sheet of measurements: CSV or XLSX with a header, one cut or sample per row and one quantity per column."""
+
+import csv
+import importlib
+import io
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_shop import WorkshopError
+from turning_shop.headers import NAMES, Heading, describe, read_heading
+
+
+class Column(NamedTuple):
+    """A quantity and its range of plausible values [unit], ends included; a value outside is probably in another unit."""
+
+    unit: str
+    low: float
+    high: float
+    meaning: str
+
+
+COLUMNS = {
+    "cutting_speed": Column("m/min", 0.1, 5000, "cutting speed"),
+    "feed": Column("mm/rev", 0.001, 10, "feed"),
+    "depth_of_cut": Column("mm", 0.01, 50, "depth of cut"),
+    "time": Column("min", 1e-4, 1e5, "cutting time since the edge was fresh, all at this speed, feed and depth"),
+    "wear": Column("mm", 1e-4, 5, "flank wear of the edge since it was fresh"),
+    "thrust_force": Column("N", 1e-3, 1e6, "thrust force"),
+    "power": Column("kW", 1e-4, 1e4, "spindle power"),
+    "hardness": Column("-", 0.1, 10, "hardness of the bar over nominal hardness: 1 is nominal"),
+}
+"""Every column of numbers of a sheet of cuts."""
+
+EDGE = "edge"
+"""A further, optional column: the name of the cutting edge. A row with an empty cell has an edge of its own."""
+
+REQUIRED = ("cutting_speed", "feed", "depth_of_cut")
+"""Columns that every sheet of cuts must have."""
+
+MAX_COMPLAINTS = 5
+"""Number of wrong cells that an error lists; it only counts the others."""
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d*([eE][+-]?\d+)?", re.ASCII)
+_WITH_COMMA = re.compile(r"[+-]?[\d.]*,[\d.,]*", re.ASCII)
+_SEPARATORS = ",;\t|"
+
+Row = tuple[int, list[str]]
+"""A row's line in the file, counted from 1, and its cells."""
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """A sheet of measurements."""
+
+    columns: dict[str, NDArray[np.float64]]
+    """Values of the columns that the file has, in the units of ``COLUMNS``, shape (rows,); NaN for an empty cell."""
+    lines: NDArray[np.int64]
+    """Line of each row in the file, counted from 1, shape (rows,)."""
+    ignored: tuple[str, ...] = ()
+    """Unknown columns, which are ignored."""
+    edges: NDArray[np.int64] | None = None
+    """Number of each row's edge, shape (rows,); None if the file has no column ``edge``."""
+    readings: tuple[str, ...] = ()
+    """How each column of the file was read."""
+
+
+def read_measurements(
+    path: str | os.PathLike[str], columns: Mapping[str, Column] = COLUMNS, required: Sequence[str] = REQUIRED
+) -> Measurements:
+    """Read a sheet: XLSX, or text with cells between commas, semicolons, tabs or bars.
+
+    Headers are names or symbols in English or German, with units or without (``headers.py``). Decimals have a point, or a comma
+    where text cells are not separated by commas. Text is UTF-8 or UTF-16 with a byte order mark, else Windows-1252.
+
+    Args:
+        path: The file.
+        columns: Columns that are understood, by default those of cuts.
+        required: Columns that the file must have.
+
+    Raises:
+        WorkshopError: The file cannot be read or is not a table; a column is missing or occurs twice; a cell is not a number or
+            is outside its column's range.
+    """
+    try:
+        data = Path(path).read_bytes()
+        if Path(path).suffix.lower() in (".xlsx", ".xlsm"):
+            return _parse(_rows_of_workbook(data), str(path), columns, required, False)
+        text = _decoded(data)
+        separator = max(_SEPARATORS, key=lambda mark: len(_understood(_first(_rows(text, mark)), columns)))
+        return _parse(_rows(text, separator), str(path), columns, required, separator != ",")
+    except OSError as error:
+        raise WorkshopError(f"{path} cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise WorkshopError(f"{path} is not text: save the sheet as CSV, in UTF-8") from error
+    except csv.Error as error:
+        raise WorkshopError(f"{path} is not CSV: {error}") from error
+    except ValueError as error:
+        if isinstance(error, WorkshopError):
+            raise
+        raise WorkshopError(f"{str(path)!r} cannot be read: {error}") from error  # a zero byte in the path
+
+
+def _decoded(data: bytes) -> str:
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        if b"\0" in data:
+            raise
+        return data.decode("cp1252")
+
+
+def _rows(text: str, separator: str) -> Iterator[Row]:
+    # newline="" is needed for files of old spreadsheets, whose lines end in "\r" alone.
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    return ((reader.line_num, cells) for cells in reader if any(cell.strip() for cell in cells))
+
+
+def _rows_of_workbook(data: bytes) -> Iterator[Row]:
+    """Yield the rows of the first sheet of a workbook."""
+    try:
+        openpyxl = importlib.import_module("openpyxl")
+    except ModuleNotFoundError:
+        raise WorkshopError("openpyxl reads XLSX, but is not installed: pip install openpyxl, or save the sheet as CSV") from None
+    try:
+        sheet = openpyxl.load_workbook(io.BytesIO(data), data_only=True).worksheets[0]
+        table = [["" if cell is None else str(cell) for cell in row] for row in sheet.iter_rows(values_only=True)]
+    except Exception as error:  # openpyxl lets through whatever zipfile, its parser of XML and its own checks raise
+        raise WorkshopError(f"this is no workbook in XLSX: {error}") from error
+    return ((line, cells) for line, cells in enumerate(table, 1) if any(cell.strip() for cell in cells))
+
+
+def _first(rows: Iterable[Row]) -> list[str]:
+    try:
+        return next(iter(rows), (0, []))[1]
+    except csv.Error:
+        return []
+
+
+def _understood(header: Sequence[str], columns: Mapping[str, Column]) -> list[Heading]:
+    """Return the headings that name a column, or would with another unit."""
+    found = []
+    for text in header:
+        try:
+            found.append(read_heading(text, {name: column.unit for name, column in columns.items()}))
+        except WorkshopError:
+            found.append(Heading(text, text))
+    return [heading for heading in found if heading.column]
+
+
+def _parse(
+    rows: Iterator[Row], source: str, columns: Mapping[str, Column], required: Sequence[str], commas: bool
+) -> Measurements:
+    header = next(rows, (0, []))[1]
+    if not header:
+        raise WorkshopError(f"{source} is empty: a header and rows of measurements are needed")
+    units = {name: column.unit for name, column in columns.items()}
+    try:
+        headings = [read_heading(cell, units) for cell in header]
+    except WorkshopError as error:
+        raise WorkshopError(f"{source}: {error}") from error
+    names = [heading.column for heading in headings]
+    _check_header(headings, source, columns, required)
+    known = [(index, heading.column, heading.factor) for index, heading in enumerate(headings) if heading.column in columns]
+    table: list[Row] = []
+    complaints: list[str] = []
+    for line, row in rows:
+        if len(row) != len(names):
+            complaints.append(f"line {line} has {len(row)} cells, but the header has {len(names)}")
+        table.append((line, row))
+    cells = [row[index].strip() for _, row in table for index, _, _ in known if len(row) == len(names)]
+    commas = commas and any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
+    values: dict[str, list[float]] = {name: [] for _, name, _ in known if name}
+    edges: list[str] = []
+    for line, row in table:
+        if len(row) != len(names):
+            continue
+        # A row without a name gets an edge of its own, under a name that no cell can hold.
+        edges.append((row[names.index(EDGE)].strip() if EDGE in names else "") or f"\n{line}")
+        for index, name, factor in known:
+            try:
+                values[str(name)].append(_number(row[index].strip(), columns[str(name)], factor, commas))
+            except ValueError as error:
+                complaints.append(f"line {line}, column {headings[index].text}: {error}")
+    if complaints:
+        more = len(complaints) - MAX_COMPLAINTS
+        shown = "; ".join(complaints[:MAX_COMPLAINTS]) + (f"; and {more} more like these" if more > 0 else "")
+        raise WorkshopError(f"{source}: {shown}")
+    if not table:
+        raise WorkshopError(f"{source} has a header but no rows of measurements")
+    return Measurements(
+        {name: np.array(column) for name, column in values.items()},
+        np.array([line for line, _ in table]),
+        tuple(heading.text for heading in headings if heading.column is None and heading.text),
+        np.unique(edges, return_inverse=True)[1] if EDGE in names else None,
+        tuple(describe(headings, units)),
+    )
+
+
+def _check_header(headings: Sequence[Heading], source: str, columns: Mapping[str, Column], required: Sequence[str]) -> None:
+    names = [heading.column for heading in headings]
+    if missing := [name for name in required if name not in names]:
+        present = ", ".join(repr(heading.text[:40]) for heading in headings[:20]) + (", ..." if len(names) > 20 else "")
+        symbols = {name: f" or {NAMES[name][1]}" if len(NAMES.get(name, ())) > 1 else "" for name in columns}
+        understood = ", ".join(f"{name}{symbols[name]} [{column.unit}]" for name, column in columns.items())
+        raise WorkshopError(
+            f"{source}: no column {', '.join(missing)}; it has {present}, and the columns understood are {understood}"
+            + (f", {EDGE}" if columns is COLUMNS else "")
+        )
+    for name in (*columns, EDGE):
+        if names.count(name) > 1:
+            twice = " and ".join(repr(heading.text) for heading in headings if heading.column == name)
+            raise WorkshopError(f"{source}: there is more than one column {name}: {twice}")
+
+
+def _number(cell: str, column: Column, factor: float, commas: bool) -> float:
+    """Return the number in a cell in the column's unit, NaN if it is empty; the ValueError says what is wrong.
+
+    Args:
+        cell: The cell's text.
+        column: Its quantity and range.
+        factor: Size of the sheet's unit in the column's.
+        commas: Whether decimals have a comma in this sheet.
+    """
+    if not cell:
+        return float("nan")
+    if commas and "." in cell:
+        raise ValueError(
+            f"{cell[:40]!r} has a point, but other cells have decimal commas: write decimals in one way, and no thousands"
+        )
+    if commas and _DECIMAL_COMMA.fullmatch(cell):
+        cell = cell.replace(",", ".")
+    if _WITH_COMMA.fullmatch(cell):
+        raise ValueError(f"{cell[:40]!r} has a comma: write decimals with a point, and thousands without a separator")
+    allowed = f"{column.low:g} to {column.high:g} {column.unit} ({column.meaning})"
+    if not _NUMBER.fullmatch(cell):
+        raise ValueError(f"{cell[:40]!r} is not a number; allowed is {allowed}, or nothing")
+    value = float(cell) * factor
+    if not column.low <= value <= column.high:
+        shown = cell[:40] if factor == 1.0 else f"{cell[:40]}, which is {value:.4g} {column.unit},"
+        raise ValueError(f"{shown} is outside the allowed range {allowed}")
+    return value

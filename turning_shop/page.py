@@ -1,0 +1,96 @@
+"""Write one offline HTML page with sliders, whose map, loads, tool life and cost a browser computes from the scenario's laws.
+
+``page.html`` is the frame, ``page.js`` computes and draws. Both lie beside this file and are put into the page.
+"""
+
+import hashlib
+import html
+import json
+from base64 import b64encode
+from collections.abc import Sequence
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from scipy import stats
+
+from turning_env.scenario import Scenario
+from turning_env.scenario.power_law import POWER_LAW_RECORD
+from turning_shop.advise import Advice, life_spread
+from turning_shop.prediction import BEYOND, LEVEL, Evidence
+
+_HERE = Path(__file__).parent
+
+
+def render(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) -> str:
+    """Return the page as HTML, which needs no other file and no network.
+
+    Args:
+        scenario: The machine, material, limits and prices.
+        evidence: What is known of the laws, with the warnings.
+        advice: Returned by ``advise``; the page begins with the fixed parameters of least cost.
+    """
+    script = (_HERE / "page.js").read_text("utf-8")
+    data = json.dumps(page_data(scenario, evidence, advice), allow_nan=False, separators=(",", ":"))
+    work = scenario.workpiece
+    return Template((_HERE / "page.html").read_text("utf-8")).substitute(
+        name=html.escape(scenario.name),
+        work=html.escape(f"bars of {work.diameter:g} mm, {work.bar_length:g} mm long"),
+        criterion=f"{scenario.tool.wear_criterion:g}",
+        warnings="".join(f"<li>{html.escape(warning)}</li>" for warning in evidence.warnings),
+        source=html.escape(evidence.source),
+        data=data.replace("<", "\\u003c"),
+        script=script,
+        # No script but this one runs, whatever a scenario is called.
+        script_digest=b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+    )
+
+
+def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) -> dict[str, Any]:
+    """Return what ``page.js`` computes with, as JSON values."""
+    material, machine, work, economics = scenario.material, scenario.machine, scenario.workpiece, scenario.economics
+    laws = {name: getattr(material, name) for name in ("wear", "thrust_force", "power")}
+    fixed = [each for each in advice if len(each.steps) == 1]
+    best = next(each.steps[0] for each in fixed if each.aim == "least cost")
+    criterion = scenario.tool.wear_criterion
+    set_speed = scenario.control.initial_cutting_speed if scenario.control.action == "override" else None
+    depth, change = work.depth_of_cut, economics.edge_change_time
+    rates, price, edges = (economics.machine_rate, economics.operator_rate), economics.insert_price, economics.edges_per_insert
+    sliders = (
+        ("cutting_speed", "cutting speed", "m/min", machine.cutting_speed_min, machine.cutting_speed_max, best.cutting_speed),
+        ("feed", "feed", "mm/rev", machine.feed_min, machine.feed_max, best.feed),
+        ("depth_of_cut", "depth of cut", "mm", 0.2 * depth, 2.0 * depth, depth),
+        ("wear", "flank wear when the edge is changed", "mm", 0.05 * criterion, criterion, best.wear),
+        ("hardness", "hardness over nominal", "", 0.7, 1.3, 1.0),
+        ("machine_rate", "machine", "money/h", 0.0, max(120.0, 3.0 * rates[0]), rates[0]),
+        ("operator_rate", "operator", "money/h", 0.0, max(120.0, 3.0 * rates[1]), rates[1]),
+        ("insert_price", "insert", "money", 0.0, max(30.0, 3.0 * price), price),
+        ("edges_per_insert", "edges per insert", "", 1.0, max(16.0, edges), edges),
+        ("edge_change_time", "change of edge", "min", 0.0, max(10.0, 3.0 * change), change),
+    )
+    return {
+        "laws": {name: {key: float(law.record()[key]) for key in POWER_LAW_RECORD.names or ()} for name, law in laws.items()},
+        "known": {
+            name: known.model_dump(mode="json", include={"terms", "covariance", "scatter", "measured"})
+            | {
+                "quantile": float(stats.t.ppf(0.5 + 0.5 * LEVEL, known.degrees)),
+                "reference_depth_of_cut": laws[name].reference_depth_of_cut,
+            }
+            for name, known in evidence.laws.items()
+        },
+        "beyond": BEYOND,
+        "life_spread": life_spread(scenario),
+        "criterion": criterion,
+        "limits": {"thrust_force": scenario.limits.thrust_force, "power": scenario.limits.power},
+        "base_cutting_speed": scenario.base_cutting_speed or None,
+        "idle_power_per_speed": scenario.spindle.idle_torque / (30.0 * work.diameter),
+        "diameter": work.diameter,
+        "bar_length": work.bar_length,
+        "approach": work.approach,
+        "return_time": machine.return_time,
+        "edge_cost": economics.edge_cost,
+        "currency": economics.currency,
+        "set_speed": set_speed,
+        "advice": [{"aim": each.aim} | each.steps[0]._asdict() for each in fixed],
+        "sliders": [dict(zip(("name", "label", "unit", "low", "high", "value"), each, strict=True)) for each in sliders],
+    }
