@@ -36,10 +36,9 @@ _TEACHER = frozenset({"model gradients", "true states", "geometry"}) | _PRICED
 _ALGORITHMS: Mapping[str, frozenset[str]] = {
     "ppo": _REWARDS,
     "recurrent_ppo": _REWARDS,
-    "transformer_ppo": _REWARDS,
     "sac": _REWARDS,
     "tqc": _REWARDS,
-    **dict.fromkeys(("lagrangian_ppo", "pid_lagrangian_ppo", "focops"), _REWARDS | {"overload share"}),
+    "lagrangian_ppo": _REWARDS | {"overload share"},
     "analytic_gradient": _TEACHER,
     "family_gradient": _TEACHER | {"catalogue errors"},
 }
@@ -97,7 +96,7 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
         given=tuple(name for name in GIVEN if name in given),
         seen=tuple(name for name in SEEN if has[name]),
         steps=_whole(p, "steps"),
-        gradient_steps=None if algorithm == "focops" else _gradient_steps(p),  # it may leave out epochs
+        gradient_steps=_gradient_steps(p),
     )
 
 

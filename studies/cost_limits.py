@@ -2,7 +2,7 @@
 
     python -m studies.cost_limits
     python -m studies.cost_limits --seeds 3 --shares 0.5 1 2 --out docs/cost_limits.png
-    python -m studies.cost_limits --algorithms pid_lagrangian_ppo --steps 6000000
+    python -m studies.cost_limits --steps 6000000
 
 Every constrained algorithm trains at each target, a share of ``limits.overload_allowance``, and plays the same held-out seeds.
 Training explores and finished agents do not, so the severely overloaded share of cutting time that an agent reaches differs from
@@ -28,7 +28,7 @@ from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Result, Task, result_folder
 from leaderboard.shipped import RESULTS
 from leaderboard.standings import Standing, rank
-from train import focops, lagrangian_ppo, pid_lagrangian_ppo
+from train import lagrangian_ppo
 from train.actor import ActorPolicy
 from train.run import Run
 from train.training import SEEDS, train
@@ -41,7 +41,7 @@ from turning_env.scoring.statistics import Estimate
 from turning_shop import plot_style as style
 
 ENV_ID = "RoughTurning-v0"
-ALGORITHMS = {module.ALGORITHM.name: module.ALGORITHM for module in (lagrangian_ppo, pid_lagrangian_ppo, focops)}
+ALGORITHMS = {module.ALGORITHM.name: module.ALGORITHM for module in (lagrangian_ppo,)}
 SHARES = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Targets as shares of the allowance [-]."""
 SHIPPED = {"ppo": "s", "predictive": "^", "analytic_gradient": "D"}

@@ -30,7 +30,7 @@ from tqdm import tqdm
 from leaderboard.result import Result, ResultError, Task, read_result, result_folder, result_path, write_result
 from leaderboard.standings import Standing, rank
 from studies.ablation import ProcessorTime, text
-from train import analytic_gradient, ppo, recurrent_ppo, sac, tqc, transformer_ppo
+from train import analytic_gradient, ppo, recurrent_ppo, sac, tqc
 from train.actor import ActorPolicy
 from train.run import Run
 from train.training import SEEDS, train
@@ -45,9 +45,7 @@ from turning_env.scoring.statistics import Bootstrap, Estimate
 from turning_env.scoring.workers import spread, workers
 
 ENV_ID = "RoughTurning-v0"
-ALGORITHMS = {
-    module.ALGORITHM.name: module.ALGORITHM for module in (analytic_gradient, recurrent_ppo, transformer_ppo, ppo, tqc, sac)
-}
+ALGORITHMS = {module.ALGORITHM.name: module.ALGORITHM for module in (analytic_gradient, recurrent_ppo, ppo, tqc, sac)}
 TUNED: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 """Tuned hyperparameters of each algorithm."""
 TERMS = ("position", "memory", "price")
@@ -61,7 +59,7 @@ def terms(algorithm: str) -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
     }
     if algorithm == "analytic_gradient":
         found["memory"] = ({"memory": True}, {"memory": False})
-    elif algorithm not in ("recurrent_ppo", "transformer_ppo"):  # they are PPO without their memory
+    elif algorithm != "recurrent_ppo":  # they are PPO without their memory
         found["memory"] = ({"frames": 4}, {"frames": 1})
     return found
 
@@ -188,8 +186,7 @@ def page(command: str, agents: Mapping[str, Sequence[Played]], steps: int) -> st
     told = (
         f"Every agent trains for {steps:,} steps on `{ENV_ID}` and plays {seeds} held-out seeds. It is told its position\n"
         "along the bar, remembers (4 observations, or its network's own memory), and is charged p(D) for edge life.\n"
-        "Hyperparameters are tuned on these terms, in as many trials of each algorithm but `transformer_ppo`, which has PPO's\n"
-        "(`studies/equal_terms.toml`).\n"
+        "Hyperparameters are tuned on these terms, in as many trials of each algorithm (`studies/equal_terms.toml`).\n"
         f"Brackets hold {100 * CONFIDENCE:.0f} % bootstrap intervals over held-out seeds and training seeds; differences are\n"
         "paired by held-out seed."
     )

@@ -12,7 +12,6 @@ Files: see ``train/training.py``.
 
 import math
 import sys
-from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -43,13 +42,15 @@ class AllowanceVecEnv(RoughTurningVecEnv):
 
     def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
         """Return rewards without the price of overload, less the multiplier times the severe overload time."""
-        overload, severe, engaged = (info_at_end_of_step(infos, name) for name in _TERMS)
+        overload, severe, engaged = (
+            info_at_end_of_step(infos, name) for name in ("reward_overload", "severe_overload_time", "engaged_time")
+        )
         self._severe_time += float(severe.sum())
         self._engaged_time += float(engaged.sum())
         return rewards - overload - self.multiplier * severe
 
-    def adapt(self, target: float, parameters: Mapping[str, Any]) -> None:
-        """Change the multiplier by the severe share since the last adaptation, its target [-] and the hyperparameters.
+    def adapt(self, target: float, rate: float) -> None:
+        """Change the multiplier's logarithm by ``rate`` per excess of the severe share over its target [-].
 
         It is constant until the first severe overload: if overload is impossible, no price is needed.
         """
@@ -57,15 +58,8 @@ class AllowanceVecEnv(RoughTurningVecEnv):
             self.severe_share = self._severe_time / self._engaged_time
             self._has_overloaded |= self.severe_share > 0.0
             if self._has_overloaded:
-                self.multiplier = self.next_multiplier(self.severe_share - target, parameters)
+                self.multiplier *= math.exp(rate * (self.severe_share - target))
         self._severe_time = self._engaged_time = 0.0
-
-    def next_multiplier(self, excess: float, parameters: Mapping[str, Any]) -> float:
-        """Return the multiplier times exp(multiplier_rate * excess); the excess is the severe share less its target [-]."""
-        return self.multiplier * math.exp(parameters["multiplier_rate"] * excess)
-
-
-_TERMS = ("reward_overload", "severe_overload_time", "engaged_time")  # all [s]
 
 
 class Adaptation(BaseCallback):
@@ -74,14 +68,14 @@ class Adaptation(BaseCallback):
     def __init__(self, run: Run) -> None:
         super().__init__()
         self._target = run.parameters["share_of_allowance"] * run.scenario.limits.overload_allowance
-        self._parameters = run.parameters
+        self._rate = run.parameters["multiplier_rate"]
 
     def _on_step(self) -> bool:
         return True
 
     def _on_rollout_end(self) -> None:
         vec_env: Any = self.training_env
-        vec_env.adapt(self._target, self._parameters)
+        vec_env.adapt(self._target, self._rate)
         for name, value in columns(self.model).items():
             self.logger.record(f"overload/{name}", value)
 
@@ -109,7 +103,6 @@ ALGORITHM = Algorithm(
     callbacks=lambda run: [Adaptation(run)],
     columns=columns,
 )
-
 
 main = partial(command_line, ALGORITHM)
 

@@ -50,7 +50,7 @@ from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.workers import cluster, processes
 
 ALGORITHMS = (
-    *("ppo", "sac", "tqc", "recurrent_ppo", "transformer_ppo", "lagrangian_ppo", "pid_lagrangian_ppo", "focops"),
+    *("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo"),
     "analytic_gradient",
 )
 NUM_EPISODES = 64

@@ -92,7 +92,6 @@ def test_terms_of_training_are_stated_and_count() -> None:
 )
 def test_updates_by_hand(parameters: dict[str, int], updates: int | None) -> None:
     assert told("python -m train.ppo", **parameters).gradient_steps == updates
-    assert told("python -m train.focops", **parameters).gradient_steps is None  # it may leave out epochs
 
 
 def test_the_docs_hold_the_table_of_the_shipped_results(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from train import analytic_gradient, focops, lagrangian_ppo, pid_lagrangian_ppo, ppo, recurrent_ppo, sac, tqc, transformer_ppo
+from train import analytic_gradient, lagrangian_ppo, ppo, recurrent_ppo, sac, tqc
 from train.run import Run
 from train.training import Algorithm
 from turning_env import Scenario
@@ -11,8 +11,7 @@ from turning_env import Scenario
 SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}})
 
 ALGORITHMS = {
-    module.ALGORITHM.name: module.ALGORITHM
-    for module in (ppo, sac, tqc, recurrent_ppo, transformer_ppo, lagrangian_ppo, pid_lagrangian_ppo, focops, analytic_gradient)
+    module.ALGORITHM.name: module.ALGORITHM for module in (ppo, sac, tqc, recurrent_ppo, lagrangian_ppo, analytic_gradient)
 }
 
 _ON_POLICY = {"steps": 2048, "num_envs": 8, "rollout": 64, "batch_size": 256, "epochs": 2}
@@ -23,10 +22,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     "sac": _OFF_POLICY,
     "tqc": _OFF_POLICY | {"quantiles": 5},
     "recurrent_ppo": _ON_POLICY | {"memory_cells": 4},
-    "transformer_ppo": _ON_POLICY | {"memory_cells": 4, "frames": 1},
     "lagrangian_ppo": _ON_POLICY,
-    "pid_lagrangian_ppo": _ON_POLICY,
-    "focops": _ON_POLICY,
     "analytic_gradient": {"steps": 2048, "num_envs": 8, "rollout": 16, "batch_envs": 4, "cells": 8},
 }
 

@@ -10,7 +10,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from tests.train.small import SCENARIO, small_run
 from tests.turning_env.playing import changed
-from train import analytic_gradient, ppo, recurrent_ppo, sac, transformer_ppo
+from train import analytic_gradient, ppo, recurrent_ppo, sac
 from train.actor import Actor, ActorPolicy
 from train.analytic_actor import GruActor, MemorylessActor
 from train.model_gain import edge_price
@@ -108,9 +108,8 @@ def test_an_actor_is_shown_in_play_what_its_training_showed(position: bool, fram
         (ppo.ALGORITHM, {"position": True, "frames": 4, "life_price": "marginal"}),
         (recurrent_ppo.ALGORITHM, {"position": True}),
         (sac.ALGORITHM, {"position": True, "frames": 2}),
-        (transformer_ppo.ALGORITHM, {"position": True, "frames": 4}),
     ],
-    ids=["ppo", "recurrent_ppo", "sac", "transformer_ppo"],
+    ids=["ppo", "recurrent_ppo", "sac"],
 )
 def test_a_trained_agent_acts_on_plain_observations_as_its_policy_on_what_it_was_shown(
     algorithm: Algorithm, terms: dict[str, object], tmp_path: Path
