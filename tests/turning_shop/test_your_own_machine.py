@@ -14,7 +14,7 @@ from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_shop.measurements import COLUMNS, EDGE
 
-PAGE = (ROOT / "docs" / "your_own_machine.md").read_text("utf-8")
+PAGE = "\n".join((ROOT / "docs" / page).read_text("utf-8") for page in ("your_own_machine.md", "advice.md"))
 PROMPT = ["python", "-m", "turning_env"]
 NUMBER = r"-?\d+(?:\.\d+)?"
 
