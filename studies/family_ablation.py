@@ -22,10 +22,10 @@ from tqdm import tqdm
 
 from leaderboard.family_play import Retold
 from train.agents import agent_file
-from train.agents.session import OnnxPolicy, session_of
 from turning_env import FAMILY_ID, Family
 from turning_env.console import described, exits
 from turning_env.scoring.family import play_family, truthful
+from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 from turning_env.scoring.statistics import Bootstrap, Estimate, Floats
 from turning_env.scoring.workers import spread, workers
 

@@ -39,13 +39,14 @@ from train.actor import Actor, ActorPolicy
 from train.agents import agent_file, foreign
 from train.agents.agent_file import FORMAT, NAME, ONNX_SUFFIX, Metadata, Space
 from train.agents.run_folder import load_actor
-from train.agents.session import OnnxPolicy, tried
 from train.agents.to_onnx import adopted, to_onnx
+from train.agents.trial import tried
 from train.run import HYPERPARAMETERS, Run
 from turning_env import FAMILY_ID, IDS, FamilyVectorEnv, RoughTurningVectorEnv, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.console import described, exits
 from turning_env.files import replace_file
+from turning_env.scoring.onnx_session import OnnxPolicy
 from turning_env.scoring.policy import Policy
 from turning_env.scoring.seeds import tuning_seeds
 

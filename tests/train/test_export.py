@@ -19,9 +19,9 @@ from train import export
 from train.actor import ActorPolicy
 from train.agents import agent_file, foreign, onnx_policy
 from train.agents.agent_file import AgentFile
-from train.agents.session import OnnxPolicy, session_of
 from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
+from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 
 SCENARIO = onnx_agents.SCENARIO
 OBSERVATIONS = np.random.default_rng(1).uniform(-1, 3, (10, 5, 11)).astype(np.float32)

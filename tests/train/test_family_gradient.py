@@ -18,7 +18,6 @@ from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF
 from train import export, family_actor, family_gradient, job_optimum, newton_search
 from train.agents import agent_file, bake
-from train.agents.session import OnnxPolicy, session_of
 from train.edge_worths import worths
 from train.family_actor import HISTORY, LAWS, PLACE, STATES, TAYLOR, Estimate, FamilyActor, JobFilter, Linear, Place
 from train.family_gradient import ALGORITHM, SEEDS, Lathes, Training, main, plan, train
@@ -28,6 +27,7 @@ from train.run import Run
 from turning_env import Family, FamilyVectorEnv, Scenario, read
 from turning_env.physics.quantities import OBS, layout
 from turning_env.scenario.plan import MIDDLE, Columns, columns_of, plan_of
+from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 
 pytestmark = pytest.mark.slow
 

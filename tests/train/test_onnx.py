@@ -18,9 +18,10 @@ from train import export
 from train.actor import Actor, ActorPolicy
 from train.agents import agent_file, onnx_policy
 from train.agents import run_folder as agent
-from train.agents.session import OnnxPolicy, session_of, tried
+from train.agents.trial import tried
 from train.training import Algorithm, new_model
 from turning_env import Scenario
+from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 
 ALL = np.ones(5, np.bool_)
 ACTORS = {False: onnx_agents.memoryless, True: onnx_agents.remembering}

@@ -15,7 +15,8 @@ from tests.train import onnx_agents
 from tests.walking import ROOT
 from train.agents import agent_file, onnx_policy, sandbox
 from train.agents.sandbox import Child, GuardedPolicy, Limits
-from train.agents.session import OnnxPolicy, session_of
+from train.agents.trial import act_checked
+from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 
 NUM_ENVS = 6
 linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -50,7 +51,7 @@ def test_it_acts_there_bit_for_bit_as_here(memory: bool) -> None:
 
 @pytest.mark.slow
 def test_its_process_imports_nothing_of_the_environment() -> None:
-    program = f"{sandbox._IMPORTS}\nfrom train.agents import graph, session\nprint('turning_env' in sys.modules)"
+    program = f"{sandbox._IMPORTS}\nfrom train.agents import graph, trial\nprint('turning_env.env' in sys.modules)"
     ran = subprocess.run([sys.executable, "-I", "-c", program, str(ROOT)], check=True, capture_output=True, text=True)
     assert ran.stdout == "False\n"
 
@@ -75,7 +76,7 @@ def test_a_file_is_looked_at_and_tried_elsewhere(tmp_path: Path, monkeypatch: py
 
     path = onnx_agents.write(tmp_path, memory=True)
     expected = agent_file.read(path)
-    for name in ("onnx.load_model_from_string", "onnx.checker.check_model", "train.agents.session.runtime"):
+    for name in ("onnx.load_model_from_string", "onnx.checker.check_model", "turning_env.scoring.onnx_session.runtime"):
         monkeypatch.setattr(name, never)
     agent = onnx_policy.load(path)
     assert (agent.sha256, agent.trained_on) == (expected.digest, expected.metadata.scenario)
@@ -186,7 +187,7 @@ def test_who_does_not_act_alike_is_refused() -> None:
             return [type("Output", (), {"name": "action"})]
 
     with pytest.raises(ValueError, match="gives other actions for the same observations"):
-        OnnxPolicy(Fickle(), 0, 2).act_checked(observations(1, 2)[0], np.random.default_rng())
+        act_checked(OnnxPolicy(Fickle(), 0, 2), observations(1, 2)[0], np.random.default_rng())
 
 
 @pytest.mark.slow

@@ -20,13 +20,14 @@ from train.agents import agent_file
 from train.agents import sandbox_child as child
 from train.agents.agent_file import AgentFile
 from train.agents.graph import MAX_BYTES, MAX_METADATA, Outline
-from train.agents.session import check_actions
+from train.agents.trial import check_actions
 from turning_env.scoring.policy import Actions, Observations
 
 _IMPORTS = """
 import os, sys, types
-package = sys.modules["train"] = types.ModuleType("train")  # train/__init__.py would import the environment
-package.__path__ = [os.path.join(sys.argv[1], "train")]
+for name in ("train", "turning_env"):  # their own __init__.py would import the environment
+    package = sys.modules[name] = types.ModuleType(name)
+    package.__path__ = [os.path.join(sys.argv[1], name)]
 from train.agents.sandbox_child import main
 """
 _PROGRAM = f"""{_IMPORTS}

@@ -88,16 +88,17 @@ def main(purpose: str, memory: int, computing: int) -> None:
     """
     parent = Connection(socket.socket(fileno=0))
     try:
-        from train.agents import session
+        from train.agents import trial  # noqa: F401 - all that is needed, while files can still be opened
+        from turning_env.scoring import onnx_session
 
-        session.runtime()  # while files can still be opened
+        onnx_session.runtime()
         if purpose == CHECK:
             from train.agents import graph  # noqa: F401
         limit(memory, computing)
         try:
-            _play(parent, _checked(parent) if purpose == CHECK else session.session_of(parent.receive(_MAX_REQUEST)[1]))
+            _play(parent, _checked(parent) if purpose == CHECK else onnx_session.session_of(parent.receive(_MAX_REQUEST)[1]))
         except ValueError as error:
-            parent.send(ERROR, session.first_line(error).encode())
+            parent.send(ERROR, onnx_session.first_line(error).encode())
     except EOFError:
         return
     except MemoryError:
@@ -127,7 +128,7 @@ def limit(memory: int, computing: int) -> None:
 
 def _checked(parent: Connection) -> Any:
     """Send the outline of a file; if the parent accepts it, check that the network can be run. Returns its session."""
-    from train.agents import graph, session
+    from train.agents import graph, trial
 
     _, content = parent.receive(graph.MAX_BYTES + 1)
     model, outline = graph.read(content)
@@ -136,14 +137,15 @@ def _checked(parent: Connection) -> Any:
     graph.check_sizes(model)
     del model
     inputs = outline.inputs
-    network = session.tried(content, inputs["observation"], outline.outputs["action"], inputs.get("memory", 0))
+    network = trial.tried(content, inputs["observation"], outline.outputs["action"], inputs.get("memory", 0))
     parent.send(ANSWER)
     return network
 
 
 def _play(parent: Connection, network: Any) -> None:
     """Answer observations with actions. ``SIZES`` makes a new policy of the same network."""
-    from train.agents.session import OnnxPolicy
+    from train.agents.trial import act_checked
+    from turning_env.scoring.onnx_session import OnnxPolicy
 
     generator, calls = np.random.default_rng(), 0
     while True:
@@ -159,5 +161,5 @@ def _play(parent: Connection, network: Any) -> None:
         observations = np.frombuffer(content, np.float32).reshape(num_envs, entries)
         calls += 1
         checked = calls <= _FIRST_CHECKS or generator.integers(_CHECK_EVERY) == 0
-        actions = policy.act_checked(observations, generator) if checked else policy.act(observations)
+        actions = act_checked(policy, observations, generator) if checked else policy.act(observations)
         parent.send(ANSWER, np.ascontiguousarray(actions, np.float32).tobytes())

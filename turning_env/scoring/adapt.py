@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 
 
@@ -68,9 +69,13 @@ def _clipped(actions: Any) -> Actions:
 
 @dataclass
 class _Function(Policy):
-    """A policy without memory."""
+    """A function of observations, and what clears the memory that it may have."""
 
     function: Callable[[Observations], Any]
+    forget: Callable[[NDArray[np.bool_]], None] = lambda mask: None
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        self.forget(mask)
 
     def act(self, observations: Observations) -> Actions:
         return _clipped(self.function(observations))
@@ -104,37 +109,13 @@ def _module(torch: Any, module: Any) -> Callable[[Observations], Any]:
     return run
 
 
-@dataclass
-class _Session:
-    """An ONNX file's network. It runs on one thread, so its results are reproducible to the last bit."""
-
-    session: Any
-    memory: NDArray[np.float32] | None
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        if self.memory is not None:
-            self.memory = np.where(mask[:, None], np.float32(0.0), self.memory)
-
-    def act(self, observations: Observations) -> Actions:
-        if self.memory is None:
-            (action,) = self.session.run(["action"], {"observation": observations})
-            return _clipped(action)
-        fed = {"observation": observations, "memory": self.memory}
-        action, self.memory = self.session.run(["action", "next_memory"], fed)
-        return _clipped(action)
-
-
 def _onnx(path: Path) -> PolicyFactory:
     if not path.is_file():
         raise FileNotFoundError(ENOENT, "no such file", str(path))
-    import onnxruntime  # type: ignore[import-untyped]
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
     try:
-        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # ONNX Runtime's errors have no common type
-        raise ValueError(f"{path} is not an ONNX file that can run: {str(error).splitlines()[0]}") from error
+        session = session_of(str(path))  # by its path, as the weights may lie in a file beside it
+    except ValueError as error:
+        raise ValueError(f"{path} {error}") from error
     inputs = {each.name: each.shape for each in session.get_inputs()}
     outputs = {each.name for each in session.get_outputs()}
     if (set(inputs), outputs) not in (({"observation"}, {"action"}), ({"observation", "memory"}, {"action", "next_memory"})):
@@ -144,7 +125,7 @@ def _onnx(path: Path) -> PolicyFactory:
         )
 
     def make(num_envs: int) -> Policy:
-        memory = np.zeros((num_envs, inputs["memory"][-1]), np.float32) if "memory" in inputs else None
-        return _Session(session, memory)
+        network = OnnxPolicy(session, inputs["memory"][-1] if "memory" in inputs else 0, num_envs)
+        return _Function(network.act, network.reset)
 
     return make

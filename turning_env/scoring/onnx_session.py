@@ -1,0 +1,82 @@
+"""Run the network of an ONNX file, on one thread and in a fixed order, so that its actions are reproducible to the last bit.
+
+A process that runs strangers' networks (``train/agents/sandbox_child.py``) imports this file without the rest of the package.
+"""
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float32]
+
+
+class OnnxPolicy:
+    """The policy of an ONNX file for ``num_envs`` environments."""
+
+    def __init__(self, session: Any, memory_size: int, num_envs: int) -> None:
+        self._session = session
+        self.memory = np.zeros((num_envs, memory_size), np.float32)
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Clear the memory of the environments in the mask, shape (num_envs,)."""
+        if self.memory.shape[1]:
+            self.memory = np.where(mask[:, None], np.float32(0.0), self.memory)
+
+    def act(self, observations: Floats) -> Floats:
+        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32.
+
+        Raises:
+            ValueError: the observations have another shape or type.
+        """
+        actions, self.memory = self.run(observations, self.memory)
+        return actions
+
+    def run(self, observations: Floats, memory: Floats) -> tuple[Floats, Floats]:
+        """Return the actions and the next memory, and leave the policy's own memory as it is; raises as ``act``."""
+        fed = {"observation": observations}
+        if memory.shape[1]:
+            fed["memory"] = memory
+        try:
+            results = self._session.run(None, fed)
+        except Exception as error:  # ONNX Runtime's errors have no common type
+            raise ValueError(f"the agent cannot act on these observations: {first_line(error)}") from error
+        found = dict(zip((output.name for output in self._session.get_outputs()), results, strict=True))
+        action: Floats = found["action"]
+        remembered: Floats = found.get("next_memory", memory)
+        if len(action) != len(observations) or len(remembered) != len(observations):
+            raise ValueError(f"gives {len(action)} actions and {len(remembered)} memories for {len(observations)} environments")
+        return action, remembered
+
+
+def runtime() -> Any:
+    """Import ONNX Runtime without telemetry, which is on by default from version 1.31."""
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+    import onnxruntime  # type: ignore[import-untyped]
+
+    return onnxruntime
+
+
+def session_of(source: bytes | str) -> Any:
+    """Return ONNX Runtime's session of a file's content or path.
+
+    Raises:
+        ValueError: ONNX Runtime cannot run it.
+    """
+    onnxruntime = runtime()
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+    options.use_deterministic_compute = True
+    options.log_severity_level = 4  # errors are raised
+    try:
+        return onnxruntime.InferenceSession(source, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # ONNX Runtime's errors have no common type
+        raise ValueError(f"cannot be run: {first_line(error)}") from error
+
+
+def first_line(error: BaseException) -> str:
+    """Return an error's first line, with unprintable characters replaced."""
+    line = (str(error).strip().splitlines() or [type(error).__name__])[0]
+    return "".join(character if character.isprintable() else "?" for character in line[:500])
