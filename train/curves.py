@@ -40,14 +40,7 @@ def draw(found: Mapping[str, Curve], levels: Mapping[str, float], against: str) 
         axes.plot(curve.x, curve.mean, color=colour, linestyle=dashes, label=f"{name}, {seeds}")
     for name, level in levels.items():
         axes.axhline(level, color=style.GREY, linewidth=0.8, linestyle=":", zorder=0)
-        axes.annotate(
-            f"{name} {level:g} s",
-            (0.0, level),
-            xycoords=("axes fraction", "data"),
-            xytext=(4, 2),
-            textcoords="offset points",
-            color=style.GREY,
-        )
+        axes.annotate(f"{name} {level:g} s", (0.0, level), (4, 2), ("axes fraction", "data"), "offset points", color=style.GREY)
     linear, ticks = scale(found.values())
     axes.set_yscale("symlog", linthresh=linear)
     axes.yaxis.set_major_locator(FixedLocator(ticks))

@@ -3,9 +3,8 @@
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +25,10 @@ _TICKS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200
 Floats = NDArray[np.float64]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Training(_Part):
+class Training(BaseModel):
     """Learning curve of one training."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     first: float
     """Environment steps, or training time [s], of its first value."""
@@ -60,8 +57,10 @@ class Training(_Part):
         return np.interp(x, np.linspace(self.first, self.last, len(self.mean_return)), self.mean_return)
 
 
-class Trainings(_Part):
+class Trainings(BaseModel):
     """Learning curves of agents on one task, over environment steps."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     env_id: str
     scenario: ScenarioId
@@ -82,17 +81,16 @@ class Trainings(_Part):
 
     def write(self, path: Path) -> None:
         """Write a file, all of it or nothing: a line per training."""
-        lines = [
+        lines = (
             f"  {json.dumps(label)}: {each.model_dump_json(exclude_defaults=True)}"
             for label, each in sorted(self.trainings.items())
-        ]
+        )
         head = f' "env_id": {json.dumps(self.env_id)},\n "scenario": {self.scenario.model_dump_json()},\n "trainings": {{\n'
         text = "{\n" + head + ",\n".join(lines) + "\n }\n}\n"
         replace_file(path, lambda partial: partial.write_text(text, "utf-8"))
 
 
-@dataclass(frozen=True)
-class Curve:
+class Curve(NamedTuple):
     """Learning curve of one algorithm: arrays of shape (POINTS,)."""
 
     seeds: int
@@ -105,7 +103,6 @@ class Curve:
     low: Floats
     """Lower end of its interval [s]; with one training seed, the mean."""
     high: Floats
-    """Upper end, likewise."""
 
 
 def read(sources: Sequence[Path], against: str = "steps", again: bool = False) -> Trainings:
@@ -132,8 +129,7 @@ def read(sources: Sequence[Path], against: str = "steps", again: bool = False) -
             new = {f"{run.algorithm}-seed{run.seed}": Training.of(run, against, again)}
         tasks.setdefault(task, source)
         if len(tasks) > 1:
-            one, other = tasks.values()
-            raise ValueError(f"{one} and {other} are trainings on different tasks")
+            raise ValueError("{} and {} are trainings on different tasks".format(*tasks.values()))
         if twice := known.keys() & new:
             raise ValueError(f"{min(twice)} is given more than once")
         known.update(new)
@@ -154,7 +150,7 @@ def curves(trainings: Mapping[str, Training]) -> dict[str, Curve]:
 
 
 def curve(name: str, group: Sequence[Training]) -> Curve:
-    """Return the mean curve of one algorithm's trainings, where they overlap, and its interval.
+    """Return the mean curve of one algorithm's trainings where they overlap, with its bootstrap interval over training seeds.
 
     Raises:
         ValueError: they do not overlap.
@@ -162,20 +158,13 @@ def curve(name: str, group: Sequence[Training]) -> Curve:
     start, end = max(each.first for each in group), min(each.last for each in group)
     if start > end:
         raise ValueError(f"the curves of {name} do not overlap: resume the unfinished trainings")
-    x = np.linspace(start, end, POINTS)
+    x, count = np.linspace(start, end, POINTS), len(group)
     values = np.array([each.at(x) for each in group])
-    low, high = interval(values)
-    return Curve(len(group), any(each.again for each in group), x, values.mean(axis=0), low, high)
-
-
-def interval(values: Floats) -> tuple[Floats, Floats]:
-    """Return the percentile bootstrap interval of the mean over axis 0 (training seeds), one per entry of axis 1."""
-    count = len(values)
     resamples = np.random.default_rng(KEY).integers(count, size=(RESAMPLES, count))
     weights = np.stack([(resamples == seed).mean(axis=1) for seed in range(count)], axis=1)
     tail = (1.0 - CONFIDENCE) / 2.0
     low, high = np.quantile(weights @ values, [tail, 1.0 - tail], axis=0)
-    return low, high
+    return Curve(count, any(each.again for each in group), x, values.mean(axis=0), low, high)
 
 
 def scale(found: Iterable[Curve]) -> tuple[float, list[float]]:

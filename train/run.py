@@ -20,11 +20,14 @@ CURVE_COLUMNS = ("steps", "wall_time", "mean_return")
 episodes, in which the agent explores. An algorithm may add columns of its own."""
 
 
+def _tables(algorithm: str) -> dict[str, dict[str, Any]]:
+    return tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8"))
+
+
 def hyperparameters(algorithm: str, env_id: str) -> dict[str, Any]:
     """Return an algorithm's hyperparameters for an id: the defaults of its file, updated with the id's table."""
-    tables = tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8"))
-    values: dict[str, Any] = tables["default"] | tables.get(env_id, {})
-    return values
+    tables = _tables(algorithm)
+    return tables["default"] | tables.get(env_id, {})
 
 
 def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
@@ -33,34 +36,32 @@ def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
     Raises:
         ValueError: the algorithm has no such hyperparameter, or the value has another type. The message says what is allowed.
     """
-    known: dict[str, Any] = {}
-    for table in tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8")).values():
-        for name, value in table.items():
-            known.setdefault(name, value)
+    tables = _tables(algorithm)
+    default = tables.pop("default")
+    examples = {name: value for table in tables.values() for name, value in table.items()} | default
     values = {}
     for setting in settings:
         name, _, text = (part.strip() for part in setting.partition("="))
-        if name not in known:
-            instead = names_instead(name, known, f"cat train/hyperparameters/{algorithm}.toml")
+        if name not in examples:
+            instead = names_instead(name, examples, f"cat train/hyperparameters/{algorithm}.toml")
             raise ValueError(f"{algorithm} has no hyperparameter {name!r}; {instead}")
         try:
             value = tomllib.loads(f"value = {text}")["value"]
         except ValueError:  # no TOML: a text without quotation marks
             value = text
-        values[name] = _alike(name, value, known[name])
+        values[name] = _typed(name, value, examples[name])
     return values
 
 
-def _alike(name: str, value: Any, example: Any) -> Any:
+def _typed(name: str, value: Any, example: Any) -> Any:
     """Return a value with the type of an example; a negative value is allowed only if the example is negative."""
     if isinstance(example, list) and isinstance(value, list):
-        return [_alike(name, each, example[0]) for each in value]
+        return [_typed(name, each, example[0]) for each in value]
     if isinstance(example, float) and type(value) is int:
         value = float(str(value))  # infinite if it is too large
-    if type(value) is not type(example) or (
-        isinstance(value, int | float) and not (math.isfinite(value) and (value >= 0 or example < 0))
-    ):
-        least = " of 0 or more" if isinstance(example, int | float) and example >= 0 else ""
+    is_number = isinstance(example, int | float)
+    if type(value) is not type(example) or (is_number and not (math.isfinite(value) and (value >= 0 or example < 0))):
+        least = " of 0 or more" if is_number and example >= 0 else ""
         raise ValueError(f"{name} is {value!r}, but must be a {type(example).__name__}{least}, such as {example!r}")
     return value
 
@@ -165,12 +166,6 @@ class Run:
             if (found.scenario, found.parameters) != (self.scenario, self.parameters):
                 raise ValueError(f"{self.folder} holds a training with other settings: delete it, or choose other --runs")
             return
-        values = {
-            "algorithm": self.algorithm,
-            "env_id": self.env_id,
-            "scenario": self.scenario.model_dump(),
-            "seed": self.seed,
-            "parameters": self.parameters,
-            "command": self.command,
-        }
+        values = vars(self) | {"scenario": self.scenario.model_dump()}
+        del values["folder"]
         replace_file(self.folder / "run.json", lambda path: path.write_text(json.dumps(values, indent=1), "utf-8"))

@@ -10,7 +10,6 @@ The trained agent needs nothing else at run time: position and earlier observati
 """
 
 import inspect
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -201,10 +200,6 @@ class Terms:
         """Return the terms of a run."""
         names = ("position", "frames", "life_price")
         return cls(run.scenario, **{name: run.parameters[name] for name in names if name in run.parameters})
-
-    def charged(self, vec_env: Callable[..., RoughTurningVecEnv]) -> Callable[..., RoughTurningVecEnv]:
-        """Return the function that makes training environments, from that of the algorithm."""
-        return vec_env if self.life_price == "flat" else LIFE_PRICES[self.life_price]
 
     def shown(self, vec_env: VecEnv) -> VecEnv:
         """Return environments that show what the agent sees."""

@@ -25,7 +25,7 @@ from tqdm import tqdm
 
 from train.actor import Actor
 from train.run import CURVE_COLUMNS, Run, overrides, warn_of_pickle
-from train.terms import Terms
+from train.terms import LIFE_PRICES, Terms
 from turning_env import IDS, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
@@ -82,23 +82,20 @@ class Algorithm:
 
 
 class Recorder(BaseCallback):
-    """A callback that writes learning curve and checkpoints, and shows a progress bar; it can resume from a checkpoint."""
+    """A callback that writes learning curve and checkpoints, and shows a progress bar."""
 
     def __init__(self, run: Run, algorithm: Algorithm, checkpoint_every: int) -> None:
         super().__init__()
         self.run, self.algorithm, self.checkpoint_every = run, algorithm, checkpoint_every
-        self.rows: list[dict[str, float]] = []
         self.bar: Any = None
-        self.start, self.last_checkpoint = 0.0, 0
 
     def _on_training_start(self) -> None:
-        known = self.run.read_learning_curve() if self.run.learning_curve.exists() else []
+        total, known = self.run.parameters["steps"], self.run.read_learning_curve() if self.run.learning_curve.exists() else []
         # Rows beyond the checkpoint are trained again.
         self.rows = [row for row in known if row["steps"] <= self.num_timesteps]
         self.start = time.monotonic() - (self.rows[-1]["wall_time"] if self.rows else 0.0)
         replace_file(self.run.learning_curve, self._write)
         self.last_checkpoint = self.num_timesteps
-        total = self.run.parameters["steps"]
         self.bar = tqdm(total=total, initial=self.num_timesteps, unit="step", unit_scale=True, desc=self.run.label, disable=None)
 
     def _on_rollout_start(self) -> None:
@@ -123,11 +120,10 @@ class Recorder(BaseCallback):
             return
         mean_return = float(np.mean([episode["r"] for episode in self.model.ep_info_buffer]))
         self.bar.set_postfix_str(f"return per episode {mean_return:.0f} s", refresh=False)
-        if self.num_timesteps - (self.rows[-1]["steps"] if self.rows else 0.0) < min_steps:
-            return
-        values = float(self.num_timesteps), time.monotonic() - self.start, mean_return
-        self.rows.append(dict(zip(CURVE_COLUMNS, values, strict=True)) | self.algorithm.columns(self.model))
-        replace_file(self.run.learning_curve, self._write)
+        if self.num_timesteps - (self.rows[-1]["steps"] if self.rows else 0.0) >= min_steps:
+            values = float(self.num_timesteps), time.monotonic() - self.start, mean_return
+            self.rows.append(dict(zip(CURVE_COLUMNS, values, strict=True)) | self.algorithm.columns(self.model))
+            replace_file(self.run.learning_curve, self._write)
 
     def _write(self, path: Path) -> None:
         with path.open("w", encoding="utf-8", newline="") as file:
@@ -176,7 +172,8 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
     """
     try:
         terms = Terms(run.scenario) if algorithm.own_terms else Terms.of(run)
-        vec_env = terms.charged(algorithm.vec_env)(run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"])
+        make = algorithm.vec_env if terms.life_price == "flat" else LIFE_PRICES[terms.life_price]
+        vec_env = make(run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"])
         model: Any = algorithm.new_model(run, terms.shown(vec_env))
         model.terms = terms
     except Exception as error:  # libraries raise many types for hyperparameters that they cannot use

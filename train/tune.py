@@ -20,10 +20,11 @@ import importlib
 import json
 import shlex
 import sys
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import optuna
@@ -43,24 +44,19 @@ from train.run import Run, hyperparameters, overrides
 from train.training import SEEDS, Algorithm, train
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
-from turning_env.files import exclusive_lock, file_lock
+from turning_env.files import file_lock
 from turning_env.scoring.overload import severe_limit
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.workers import cluster, processes
 
-ALGORITHMS = (
-    *("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo"),
-    "analytic_gradient",
-)
+ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
 NUM_EPISODES = 64
 """Number of tuning seeds that each agent plays."""
-SQLITE_TIMEOUT = 60.0
-"""Time to wait for another process that writes the SQLite file [s]."""
-
-_OVERLOAD = "overload"  # name of the constraint in the journal
+_SQLITE_TIMEOUT = 60.0  # for another process that writes the file [s]
+_ATTEMPTS = 3  # to open a database
+_OVERLOAD = "severe_overload"
 _ENDED = (TrialState.COMPLETE, TrialState.PRUNED)
-_ATTEMPTS = 5  # at creating the tables of a database
 
 
 @dataclass(frozen=True)
@@ -76,11 +72,11 @@ class Task:
     """Trainings per trial, with the training seeds 0, 1, ..."""
     runs: Path
     overrides: dict[str, Any] = field(default_factory=dict)
-    """Hyperparameters in place of the file's, all trials alike."""
+    """Hyperparameters of all trials in place of the file's."""
 
     @property
     def known(self) -> dict[str, Any]:
-        """The values of the first trial, which all trials share but for those that are searched."""
+        """Hyperparameters of the first trial. The others differ from it in those that are searched."""
         return hyperparameters(self.algorithm, self.env_id) | self.overrides | {"steps": self.steps}
 
     @property
@@ -96,8 +92,7 @@ class Task:
         return self.runs / "tuning" / self.algorithm
 
 
-@dataclass(frozen=True)
-class Evaluation:
+class Evaluation(NamedTuple):
     """Result of a setting on the tuning seeds."""
 
     mean_return: float
@@ -116,12 +111,10 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Evaluation | str:
     """Train with a setting and play the agents; if training fails, for example because it diverges, return the reason."""
     algorithm = algorithm_of(task.algorithm)
     runs = task.folder / _digest([task.name, setting])
+    command = f"a trial of python -m train.tune --algorithm {task.algorithm}"
     episodes = []
     for seed in range(task.seeds):
-        command = f"a trial of python -m train.tune --algorithm {task.algorithm}"
         run = Run.plan(task.algorithm, task.env_id, task.scenario, seed, runs, command, task.known | setting)
-        with exclusive_lock(run.folder, wait=True):
-            run.begin()  # outside the try: a folder with other settings is not this setting's fault
         try:
             make = partial(ActorPolicy, algorithm.actor(train(run, algorithm, wait=True)))
             episodes.append(play(make, task.scenario, tuning_seeds(NUM_EPISODES)))
@@ -147,9 +140,8 @@ def open_storage(where: str) -> BaseStorage:
             raise ValueError(f"a study cannot be kept in {where}: {error}") from error
     url = _url(where)
     # A database closes connections that are not used while an agent is trained.
-    options: dict[str, Any] = (
-        {"connect_args": {"timeout": SQLITE_TIMEOUT}} if url.get_backend_name() == "sqlite" else {"pool_pre_ping": True}
-    )
+    is_sqlite = url.get_backend_name() == "sqlite"
+    options: dict[str, Any] = {"connect_args": {"timeout": _SQLITE_TIMEOUT}} if is_sqlite else {"pool_pre_ping": True}
     for attempt in range(1, _ATTEMPTS + 1):
         try:
             return RDBStorage(where, options)
@@ -182,24 +174,29 @@ def search(task: Task, trials: int, parallel: int, scheduler: str | None = None,
         ValueError: all trainings failed, the storage cannot be used, there are no workers, or another process works on this
             study, which is not shared.
     """
-    if storage:
-        return _search(task, trials, parallel, scheduler, open_storage(storage), shared=True)
-    journal = task.folder / "journal.log"
-    with file_lock(task.folder / f".{task.name}.lock"):
-        cut_off_half_line(journal)
-        return _search(task, trials, parallel, scheduler, open_storage(str(journal)), shared=False)
+    with nullcontext() if storage else file_lock(task.folder / f".{task.name}.lock"):
+        journal = task.folder / "journal.log"
+        if not storage:
+            cut_off_half_line(journal)
+        study = optuna.create_study(
+            storage=open_storage(storage or str(journal)), study_name=task.name, direction="maximize", load_if_exists=True
+        )
+        _extend(study, task, trials, parallel, scheduler, shared=storage is not None)
+    complete = _trials(study, TrialState.COMPLETE)
+    if not complete:
+        raise ValueError(f"all {len(_trials(study, *_ENDED))} trials failed")
+    return max(complete, key=lambda trial: (feasible(trial), trial.value))
 
 
-def _search(task: Task, trials: int, parallel: int, scheduler: str | None, opened: BaseStorage, shared: bool) -> FrozenTrial:
-    optuna.logging.set_verbosity(optuna.logging.ERROR)
-    study = optuna.create_study(storage=opened, study_name=task.name, direction="maximize", load_if_exists=True)
+def _extend(study: optuna.Study, task: Task, trials: int, parallel: int, scheduler: str | None, shared: bool) -> None:
+    """Train and play until ``trials`` trials have ended."""
     distributions = dict(algorithm_of(task.algorithm).search)
     if not shared:
-        for unfinished in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+        for unfinished in _trials(study, TrialState.RUNNING):
             study.tell(unfinished.number, state=TrialState.FAIL)  # killed; the sampler must ignore it
-    if not study.get_trials(deepcopy=False, states=(*_ENDED, TrialState.WAITING, TrialState.RUNNING)):
+    if not _trials(study, *_ENDED, TrialState.WAITING, TrialState.RUNNING):
         study.enqueue_trial({name: task.known[name] for name in distributions})
-    ended = _ended(study)
+    ended = len(_trials(study, *_ENDED))
     running: list[optuna.Trial] = []
     with (
         cluster(scheduler) if scheduler else processes(parallel) as over,
@@ -216,15 +213,11 @@ def _search(task: Task, trials: int, parallel: int, scheduler: str | None, opene
                 trial, evaluation = over.finished()
                 running.remove(trial)
                 _tell(study, trial, evaluation, task)
-                ended = _ended(study)
+                ended = len(_trials(study, *_ENDED))
                 bar.update(ended - bar.n)
         finally:
             for trial in running:
                 study.tell(trial, state=TrialState.FAIL)  # interrupted
-    complete = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
-    if not complete:
-        raise ValueError(f"all {ended} trials failed")
-    return max(complete, key=_merit)
 
 
 def _tell(study: optuna.Study, trial: optuna.Trial, evaluation: Evaluation | str, task: Task) -> None:
@@ -238,18 +231,13 @@ def _tell(study: optuna.Study, trial: optuna.Trial, evaluation: Evaluation | str
     tqdm.write(f"trial {trial.number}: mean return {evaluation.mean_return:.1f} s, {share}, with {trial.params}", sys.stderr)
 
 
+def _trials(study: optuna.Study, *states: TrialState) -> list[FrozenTrial]:
+    return study.get_trials(deepcopy=False, states=states)
+
+
 def feasible(trial: FrozenTrial) -> bool:
     """Return whether a trial's setting is feasible."""
     return trial.constraints[_OVERLOAD] <= 0.0
-
-
-def _merit(trial: FrozenTrial) -> tuple[bool, float]:
-    assert trial.value is not None  # it is complete
-    return feasible(trial), trial.value
-
-
-def _ended(study: optuna.Study) -> int:
-    return len(study.get_trials(deepcopy=False, states=_ENDED))
 
 
 def _digest(values: list[Any]) -> str:
@@ -274,6 +262,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--storage", metavar="FILE_OR_URL", help=shared)
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parsed = parser.parse_args(arguments)
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
     for name, largest in (("trials", 100_000), ("seeds", SEEDS), ("steps", 10**12), ("workers", 1000)):
         value = getattr(parsed, name)
         if value is not None and not 1 <= value <= largest:

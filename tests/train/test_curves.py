@@ -65,10 +65,11 @@ def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(tmp
 
 
 def test_the_interval_narrows_as_a_mean_over_seeds_does() -> None:
-    values = np.random.default_rng(0).normal(size=(100, 3))
-    low, high = learning_curves.interval(values)
-    np.testing.assert_allclose(high - low, 2 * 1.96 * values.std(axis=0) / 10.0, rtol=0.1)
-    assert np.all((low < values.mean(axis=0)) & (values.mean(axis=0) < high))
+    values = np.random.default_rng(0).normal(size=100)
+    group = [learning_curves.Training(first=0.0, last=9.0, mean_return=[value]) for value in values]
+    found = learning_curves.curve("ppo", group)
+    np.testing.assert_allclose(found.high - found.low, 2 * 1.96 * values.std() / 10.0, rtol=0.1)
+    assert np.all((found.low < values.mean()) & (values.mean() < found.high))
 
 
 def test_curves_are_drawn(tmp_path: Path) -> None:
