@@ -11,14 +11,13 @@ import sys
 from pathlib import Path
 
 from turning_control import measure, opcua
-from turning_control.core import Controller, on_control
+from turning_control.core import Controller, on_control, safe_feed
 from turning_control.linuxcnc import (
     LinuxCncError,
     figures,
     find_policy,
     picture,
     run,
-    safe_feed,
     serve,
     serve_plant,
     simulated,
@@ -86,7 +85,7 @@ def _shield(options: argparse.Namespace) -> int:
     """
     LOG.setLevel(logging.ERROR)  # hand-overs are counted
     measured = list(measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target), options.kept))
-    print_json([row._asdict() for row in measured]) if options.json else print(measure.markdown(measured))
+    print_json([row._asdict() for row in measured]) if options.json else print(measure.table(measured))
     return 0
 
 

@@ -11,12 +11,13 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_control.shield import LOG, Settings, Shield
+from turning_control.shield import LOG, REFUSALS, Settings, Shield
+from turning_env.action import commanded
 from turning_env.numerics.compilation import compiled_entry
 from turning_env.numerics.functions import log
 from turning_env.observation import observe
-from turning_env.physics.lathe import charge_time_and_life, command
-from turning_env.physics.quantities import action_size, layout
+from turning_env.physics.lathe import charge_time_and_life
+from turning_env.physics.quantities import layout
 from turning_env.physics.records import STATE, new_records, scratch_records
 from turning_env.physics.wear import EQUIVALENT_TIME
 from turning_env.scenario import Scenario
@@ -26,8 +27,8 @@ STUCK = 0.5
 """Time in metal without any change of a reading after which its sensor counts as stuck [s]; 5 control intervals at least."""
 COMMAND_DELAY = 0.006
 """Time from readings until LinuxCNC follows the command [s], if the scenario gives none: measured in the demo."""
-_NAN = math.nan
-_FURTHER = ("spindle_heat", "roughness_reference", "probed_depth", "removed_wear")  # readings that only some scenarios need
+FURTHER = ("spindle_heat", "roughness_reference", "probed_depth", "removed_wear")
+"""Readings that only some scenarios need."""
 
 
 @dataclass(frozen=True)
@@ -44,23 +45,23 @@ class Readings:
     """Whether the tool is in metal."""
     engaged_time: float
     """Time in metal since the readings before [s]."""
-    power: float = _NAN
+    power: float = math.nan
     """Spindle power [kW]."""
-    thrust_force: float = _NAN
+    thrust_force: float = math.nan
     """[N]"""
-    servo_current: float = _NAN
+    servo_current: float = math.nan
     """[A]"""
-    position: float = _NAN
+    position: float = math.nan
     """Tool position along the bar, below 0 before it [mm]; without it, the shield integrates the feed."""
     new_edge: bool = False
     """Whether the edge has been changed since the readings before."""
-    spindle_heat: float = _NAN
+    spindle_heat: float = math.nan
     """[-]"""
-    roughness_reference: float = _NAN
+    roughness_reference: float = math.nan
     """[um]"""
-    probed_depth: float = _NAN
+    probed_depth: float = math.nan
     """[mm]"""
-    removed_wear: float = _NAN
+    removed_wear: float = math.nan
     """Measured flank wear of the edge that was taken out last, 0 before the first change [mm]"""
 
 
@@ -99,7 +100,6 @@ class Controller:
         scenario: scenario of the policy's training, calibrated for the machine.
         make_policy: makes the policy (``turning_env.scoring.adapt.as_factory``).
         settings: of the shield.
-        highest_feed: feed in the program [mm/rev]; None: the highest that the scenario's actions command.
 
     Attributes:
         safe_feed: share of the highest feed that is safe [-]; an adapter falls back to it without the controller.
@@ -109,25 +109,15 @@ class Controller:
         ValueError: the scenario's actions command whole parts.
     """
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        make_policy: PolicyFactory,
-        settings: Settings = Settings(),  # noqa: B008
-        highest_feed: float | None = None,
-    ) -> None:
-        control, machine = scenario.control, scenario.machine
-        if control.action == "part":
+    def __init__(self, scenario: Scenario, make_policy: PolicyFactory, settings: Settings = Settings()) -> None:  # noqa: B008
+        if scenario.control.action == "part":
             raise ValueError(f"scenario {scenario.name!r} commands whole parts, but a controller needs an action per interval")
-        self._scenario = scenario.nominal()
-        override = control.override_max * control.initial_feed if control.action == "override" else math.inf
-        self._highest = highest_feed or min(override, machine.feed_max)
-        self.safe_feed = min(settings.safe_share * control.initial_feed / self._highest, 1.0)
+        self._scenario, self._highest = scenario.nominal(), highest_feed(scenario)
+        self.safe_feed = safe_feed(scenario, settings)
         self._shield = Shield(make_policy(1), self._scenario, 1, settings)
         self._states, self._scratches = new_records(STATE, 1), scratch_records(self._scenario)
-        self._actions = np.zeros((1, action_size(scenario)))
         self.observation = np.zeros((1, len(layout(scenario))), np.float32)
-        self._same, self._before = 0, (_NAN, _NAN)
+        self._repeats, self._loads_before = 0, (math.nan, math.nan)
         self.start()
 
     def start(self) -> None:
@@ -144,25 +134,22 @@ class Controller:
 
     def lacks(self, readings: Readings) -> list[str]:
         """Return the readings that the policy's observation needs and the machine does not give."""
-        force = "servo_current" if self._scenario.sensors.force == "servo_current" else "thrust_force"
-        further = (name for name in _FURTHER if name in layout(self._scenario))
-        return [name for name in ("power", force, *further) if math.isnan(getattr(readings, name))]
+        further = (name for name in FURTHER if name in layout(self._scenario))
+        return [name for name in ("power", force_reading(self._scenario), *further) if math.isnan(getattr(readings, name))]
 
     def observe(self, readings: Readings) -> NDArray[np.float32]:
         """Return the observation of readings, shape (1, entries); call it once per control interval."""
         machine, diameter = self._scenario.machine, self._scenario.workpiece.diameter
-        speed = max(readings.spindle_speed * np.pi * diameter / 1000.0, 1e-3 * machine.cutting_speed_min)
-        feed = max(readings.feed_velocity / max(readings.spindle_speed, 1e-9), 1e-3 * machine.feed_min)
         if readings.new_edge:
             self._set(cutting_time=0.0, nominal_used_life=0.0)
         self._set(
-            cutting_speed=speed,
-            feed=feed,
+            cutting_speed=max(readings.spindle_speed * np.pi * diameter / 1000.0, 1e-3 * machine.cutting_speed_min),
+            feed=max(readings.feed_velocity / max(readings.spindle_speed, 1e-9), 1e-3 * machine.feed_min),
             cutting=int(readings.cutting),
             measured_power=readings.power,
             measured_thrust_force=readings.thrust_force,
             measured_servo_current=readings.servo_current,
-            **{name: getattr(readings, name) for name in _FURTHER},
+            **{name: getattr(readings, name) for name in FURTHER},
         )
         observe_readings(self._states, self._scratches, readings.engaged_time / 60.0, self.observation)
         return self.observation
@@ -186,13 +173,15 @@ class Controller:
             self._set(commanded_feed=self.safe_feed * self._highest)
             return Commands(self.safe_feed, 1.0, Status.SAFE, fault)
         self._shield.place = None if math.isnan(readings.position) else np.array([readings.position])
-        self._actions[...] = self._shield.act(observation)
-        apply_actions(self._states, self._scratches, self._actions)
+        action, state = self._shield.act(observation), self._states
+        before = state["commanded_cutting_speed"][0, :1], state["commanded_feed"][0, :1]
+        speed, feed = commanded(action, *before, self._scenario)
+        self._set(commanded_cutting_speed=speed[0], commanded_feed=feed[0])
         reason = self._shield.reasons[0]
         if self._shield.handed_over[0]:
             return Commands(0.0, 1.0, Status.OPERATOR, reason)
-        refused = reason in ("late", "error", "shape", "not finite")
-        return self._commands(Status.SAFE if refused else Status.POLICY if reason == "passed" else Status.SHIELD, reason)
+        status = Status.SAFE if reason in REFUSALS else Status.POLICY if reason == "passed" else Status.SHIELD
+        return self._commands(status, reason)
 
     def _commands(self, status: Status, reason: str) -> Commands:
         feed, speed = (float(self._states[name][0, 0]) for name in ("commanded_feed", "commanded_cutting_speed"))
@@ -202,14 +191,30 @@ class Controller:
         """Return what is wrong with the sensors, or an empty text."""
         if lost := self.lacks(readings):
             return f"no {lost[0]}"
-        loads = readings.power, readings.servo_current if math.isnan(readings.thrust_force) else readings.thrust_force
-        alike = readings.cutting and any(now == before for now, before in zip(loads, self._before, strict=True))
-        self._same, self._before = self._same + 1 if alike else 0, loads
-        return "sensor stuck" if self._same >= max(STUCK / self._scenario.control.interval, 5.0) else ""
+        loads = readings.power, getattr(readings, force_reading(self._scenario))
+        repeated = readings.cutting and any(now == before for now, before in zip(loads, self._loads_before, strict=True))
+        self._repeats, self._loads_before = self._repeats + 1 if repeated else 0, loads
+        return "sensor stuck" if self._repeats >= max(STUCK / self._scenario.control.interval, 5.0) else ""
 
     def _set(self, **values: float) -> None:
         for name, value in values.items():
             self._states[name][0, 0] = value
+
+
+def highest_feed(scenario: Scenario) -> float:
+    """Return the highest feed that actions command [mm/rev], which the part program holds."""
+    control, machine = scenario.control, scenario.machine
+    return min(control.override_max * control.initial_feed if control.action == "override" else math.inf, machine.feed_max)
+
+
+def safe_feed(scenario: Scenario, settings: Settings = Settings()) -> float:  # noqa: B008
+    """Return the safe feed over the highest [-]."""
+    return min(settings.safe_share * scenario.control.initial_feed / highest_feed(scenario), 1.0)
+
+
+def force_reading(scenario: Scenario) -> str:
+    """Return the name of the reading from which the force is known."""
+    return "servo_current" if scenario.sensors.force == "servo_current" else "thrust_force"
 
 
 def on_control(scenario: Scenario) -> Scenario:
@@ -233,9 +238,3 @@ def observe_readings(states, scratches, minutes, observations):  # type: ignore[
     observe(state, work, 0, 1, p)
     for k in range(observations.shape[1]):
         observations[0, k] = work.observation[p.observation_layout[k], 0]
-
-
-@compiled_entry
-def apply_actions(states, scratches, actions):  # type: ignore[no-untyped-def]
-    """Set the commanded speed and feed from an action, as the transition does."""
-    command(states[0], scratches[0].work, actions, 0, 1, scratches[0].parameters)

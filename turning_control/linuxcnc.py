@@ -21,15 +21,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from turning_control.core import Controller, Readings, Status, on_control
+from turning_control.core import Controller, Readings, Status, force_reading, highest_feed, on_control, safe_feed
+from turning_control.measure import markdown
 from turning_control.plant import Plant
 from turning_control.shield import LOG, Shield
+from turning_env.action import towards
 from turning_env.extras import provided
 from turning_env.files import replace_file
+from turning_env.observation import read
 from turning_env.physics.drives import lag_share
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.policy import PolicyFactory
+from turning_env.scoring.policy import Actions, Observations, PolicyFactory
 from turning_env.vector_env import RoughTurningVectorEnv
 
 PYTHON = "/usr/bin/python3"
@@ -75,7 +78,7 @@ def find_policy(name: str, scenario: Scenario) -> PolicyFactory:
     """Return a policy by what a user calls it.
 
     Args:
-        name: ``programmed`` (the programmed feed), a rule of ``baselines`` in a clone, ``module:object`` or an ONNX file.
+        name: ``programmed`` (the part program's feed), a rule of ``baselines`` in a clone, ``module:object`` or an ONNX file.
         scenario: scenario that it plays.
 
     Raises:
@@ -83,11 +86,12 @@ def find_policy(name: str, scenario: Scenario) -> PolicyFactory:
     """
     if name == "programmed":
         control = scenario.control
-        action = np.array([2.0 / control.override_max - 1.0 if control.action == "override" else 0.0], np.float32)
-        if control.action == "set_point":
-            raise ValueError(f"scenario {scenario.name!r} has set points, so there is no action for the programmed feed")
-        size = 1 if control.action == "override" else 2
-        return as_factory(lambda observations: np.tile(action, (len(observations), size)))
+
+        def programmed(observations: Observations) -> Actions:
+            speed, feed = (np.full(len(observations), v) for v in (control.initial_cutting_speed, control.initial_feed))
+            return towards(read(observations, scenario), scenario, speed, feed)
+
+        return as_factory(programmed)
     if name.endswith(".onnx") or ":" in name:
         return as_factory(name)
     for catalogue in provided("rules"):
@@ -102,18 +106,19 @@ def _lines() -> Iterator[dict[str, Any]]:
         yield json.loads(line)
 
 
-def _answer(pins: Mapping[str, Any]) -> None:
-    print(json.dumps(pins), flush=True)
+def _answer(**pins: float) -> None:
+    print(json.dumps({name.replace("_", "-"): value for name, value in pins.items()}), flush=True)
 
 
 def serve(scenario: Scenario, make_policy: PolicyFactory) -> None:
     """Answer the controller's pins until standard input ends."""
     controller = Controller(scenario, make_policy)
-    _warm_up(controller)
+    for _ in range(3):  # compile and load everything before the first reading counts
+        controller.decide(Readings(400.0, 100.0, True, True, 0.0, power=1.0, thrust_force=100.0, servo_current=1.0))
+    controller.start()
     before: dict[str, Any] = {}
     interval, begun, engaged, commands = scenario.control.interval, 0.0, 0.0, None
     lowest = 0.5 * scenario.machine.feed_min / 60.0  # over the spindle's speed
-    force = "servo_current" if scenario.sensors.force == "servo_current" else "thrust_force"
     for pins in _lines():
         seconds = pins["time"] - before.get("time", pins["time"])
         moves = pins["feed-velocity"] > lowest * abs(pins["spindle-speed"])  # not held
@@ -129,37 +134,20 @@ def serve(scenario: Scenario, make_policy: PolicyFactory) -> None:
                 power=pins["power"],
                 position=pins["position"],
                 new_edge=pins["edge"] != before.get("edge", pins["edge"]),
-                **{force: pins["thrust-force"]},
+                **{force_reading(scenario): pins["thrust-force"]},
             )
             if not before and (lacking := controller.lacks(readings)):
                 LOG.warning("the policy's observation lacks %s: the safe feed holds", ", ".join(lacking))
             commands = controller.decide(readings)
             begun, engaged = pins["time"], 0.0
         before = pins
-        _answer(
-            {
-                "adaptive-feed": commands.adaptive_feed,
-                "spindle-override": commands.spindle_override,
-                "status": int(commands.status),
-            }
-        )
-
-
-def _warm_up(controller: Controller) -> None:
-    """Compile and load everything before the first reading counts."""
-    readings = Readings(400.0, 100.0, True, True, 0.0, power=1.0, thrust_force=100.0, servo_current=1.0)
-    for _ in range(3):
-        controller.decide(readings)
-    controller.start()
+        _answer(adaptive_feed=commands.adaptive_feed, spindle_override=commands.spindle_override, status=int(commands.status))
 
 
 def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
     """Answer the plant's pins until standard input ends, and log every cycle to a file."""
-    plant = Plant(scenario, seed)
-    plant.advance(0.01, 0.0, 100.0, 0.0, False)
-    plant = Plant(scenario, seed)
-    work, before = scenario.workpiece, None
-    current = scenario.sensors.force == "servo_current"
+    Plant(scenario, seed).advance(0.01, 0.0, 100.0, 0.0, False)  # compiles
+    plant, work, before = Plant(scenario, seed), scenario.workpiece, None
     with log.open("w", newline="") as file:
         writer = None
         for pins in _lines():
@@ -168,19 +156,14 @@ def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
             along = work.approach + pins["position"]
             at_feed = pins["motion-type"] == FEED_MOTION and 0.0 <= along < work.approach + work.bar_length
             hidden = plant.advance(max(seconds, 1e-4), along, abs(pins["spindle-speed"]), pins["feed-velocity"], at_feed)
-            row = {
-                "time": pins["time"],
-                "seconds": seconds,
-                "at_feed": int(at_feed),
-                "adaptive_feed": pins["adaptive-feed"],
-                "delay": pins["delay"],
-            } | hidden
+            row = {"time": pins["time"], "seconds": seconds, "at_feed": int(at_feed)}
+            row |= {"adaptive_feed": pins["adaptive-feed"], "delay": pins["delay"]} | hidden
             if writer is None:
                 writer = csv.DictWriter(file, list(row))
                 writer.writeheader()
             writer.writerow(row)
-            force = hidden["measured_servo_current" if current else "measured_thrust_force"]
-            _answer({"power": hidden["measured_power"], "thrust-force": force, "edge": int(hidden["edge"])})
+            force = hidden[f"measured_{force_reading(scenario)}"]
+            _answer(power=hidden["measured_power"], thrust_force=force, edge=int(hidden["edge"]))
 
 
 class Fault(NamedTuple):
@@ -198,31 +181,20 @@ class Fault(NamedTuple):
 def program(scenario: Scenario, bars: int) -> str:
     """Return the part program: ``bars`` passes at the highest feed, with adaptive feed, between run-ups at the programmed one."""
     work, control, machine = scenario.workpiece, scenario.control, scenario.machine
-    highest = min(
-        control.override_max * control.initial_feed if control.action == "override" else machine.feed_max, machine.feed_max
-    )
+    highest, radius = highest_feed(scenario), 0.5 * work.diameter
     spindle_speed = 1000.0 * control.initial_cutting_speed / (np.pi * work.diameter)
-    radius = 0.5 * work.diameter
     lag = spindle_speed / 60.0 * machine.feed_time_constant  # [rev] by which the drive is behind
     run_up = 5.0 * lag * highest + 1.0  # [mm] in which it settles
-    lines = ["G18 G21 G8 G90 G54", f"G97 S{spindle_speed:.1f} M3", "G95"]
-    for _ in range(bars):
-        lines += [
-            "M52 P0",
-            f"G0 X{radius + 5:.3f}",
-            f"G0 Z{work.approach + run_up:.3f}",
-            f"G4 P{10.0 * machine.feed_time_constant:.2f}",
-            f"G0 X{radius:.3f}",
-            f"G1 Z{work.approach - lag * control.initial_feed:.3f} F{control.initial_feed:.4f}",
-            "M52 P1",
-            f"G1 Z{-work.bar_length - run_up:.3f} F{highest:.4f}",
-        ]
-    return "\n".join([*lines, "M52 P0", f"G0 X{radius + 5:.3f}", "M5", "M2", ""])
-
-
-def safe_feed(scenario: Scenario) -> float:
-    """Return the safe feed over the highest, which the program holds."""
-    return Controller(scenario, as_factory(lambda observations: observations)).safe_feed
+    bar = f"""
+M52 P0
+G0 X{radius + 5:.3f}
+G0 Z{work.approach + run_up:.3f}
+G4 P{10.0 * machine.feed_time_constant:.2f}
+G0 X{radius:.3f}
+G1 Z{work.approach - lag * control.initial_feed:.3f} F{control.initial_feed:.4f}
+M52 P1
+G1 Z{-work.bar_length - run_up:.3f} F{highest:.4f}"""
+    return f"G18 G21 G8 G90 G54\nG97 S{spindle_speed:.1f} M3\nG95{bars * bar}\nM52 P0\nG0 X{radius + 5:.3f}\nM5\nM2\n"
 
 
 def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | None = None) -> list[dict[str, float]]:
@@ -235,32 +207,32 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
         raise LinuxCncError(f"LinuxCNC is not installed: apt-get install --no-install-recommends {PACKAGE} (Debian) brings it")
     loaded = Scenario.load(scenario)
     policy = str(Path(policy).resolve()) if Path(policy).is_file() else policy  # LinuxCNC runs in a folder of its own
-    safe = safe_feed(loaded)
+    places = os.pathsep.join([os.getcwd(), *filter(None, sys.path)])  # LinuxCNC sets paths of its own
+    command = ["env", f"PYTHONPATH={places}", sys.executable, "-m", "turning_control"]
     with tempfile.TemporaryDirectory(prefix="turning-") as name:
         folder = Path(name)
+        log, interval = folder / "log.csv", loaded.control.interval
         _write_lathe(folder, loaded)
         (folder / "bars.ngc").write_text(program(loaded, bars))
-        (folder / "panel.json").write_text(json.dumps({"parent": os.getpid(), "fault": fault._asdict() if fault else None}))
-        places = os.pathsep.join([os.getcwd(), *filter(None, sys.path)])  # LinuxCNC sets paths of its own
-        command = ["env", f"PYTHONPATH={places}", sys.executable, "-m", "turning_control"]
-        common = ["--scenario", str(scenario)]
-        log, interval = folder / "log.csv", loaded.control.interval
-        held = {"adaptive-feed": safe, "spindle-override": 1.0, "status": int(Status.SAFE)}
-        served = [*command, "serve", "--policy", policy, *common]
-        _write_plan(folder / "turning.json", CONTROLLER_PINS, interval, held, served)
-        acted = [*command, "plant", "--seed", str(seed), "--log", str(log), *common]
-        sub_step = min(interval / loaded.control.sub_steps, 0.02)
-        _write_plan(folder / "plant.json", PLANT_PINS, sub_step, {}, acted)  # late: the readings before hold
+        turning: dict[str, Any] = CONTROLLER_PINS | {
+            "period": interval,
+            "safe": {"adaptive-feed": safe_feed(loaded), "spindle-override": 1.0, "status": int(Status.SAFE)},
+            "command": [*command, "serve", "--policy", policy, "--scenario", str(scenario)],
+        }
+        plant: dict[str, Any] = PLANT_PINS | {
+            "period": min(interval / loaded.control.sub_steps, 0.02),
+            "safe": {},  # late: the readings before hold
+            "command": [*command, "plant", "--seed", str(seed), "--log", str(log), "--scenario", str(scenario)],
+        }
+        panel = {"parent": os.getpid(), "fault": fault._asdict() if fault else None}
+        for part, plan in {"turning": turning, "plant": plant, "panel": panel}.items():
+            (folder / f"{part}.json").write_text(json.dumps(plan))
         output = _start(folder, 60.0 + bars * 120.0)
         lines = log.read_text().splitlines() if log.is_file() else []
         rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(lines)]
         if not rows:
             raise LinuxCncError(f"LinuxCNC did not run the program:\n{output[-2000:]}")
         return rows
-
-
-def _write_plan(path: Path, pins: Mapping[str, Any], period: float, safe: Mapping[str, float], command: list[str]) -> None:
-    path.write_text(json.dumps({**pins, "period": period, "safe": safe, "command": command}))
 
 
 def _write_lathe(folder: Path, scenario: Scenario) -> None:
@@ -331,90 +303,83 @@ class Figures(NamedTuple):
     """Share of cutting time with an excess above the tolerance [-]."""
     edges: float
     """Edges used."""
-    safe: float = 0.0
+    safe: float
     """Share of the time at feed in which the safe feed held, because an answer was late [-]."""
-    delay: float = 0.0
+    delay: float
     """Mean time from the controller's readings to its command; in the simulation, until drives follow [s]."""
 
 
 def figures(rows: list[dict[str, float]], safe_feed: float) -> Figures:
     """Return the figures of a run through LinuxCNC, where ``safe_feed`` is the safe share of the highest feed."""
-    feed = [row for row in rows if row["at_feed"]]
-    engaged = sum(row["engaged_time"] for row in feed)
-    bars = len({row["bar"] for row in feed if row["engaged_time"] > 0.0})
-    mean = sum(row["power"] * row["engaged_time"] for row in feed) / engaged
-    severe = sum(row["severe_overload_time"] for row in feed) / engaged
-    time = sum(row["seconds"] for row in feed)
-    safe = sum(row["seconds"] for row in feed if abs(row["adaptive_feed"] - safe_feed) < 1e-6)
-    delay = sum(row["seconds"] * row["delay"] for row in feed) / time
-    return Figures(time / bars, mean, severe, 1.0 + rows[-1]["edge"], safe / time, delay)
+    columns = {name: np.array([row[name] for row in rows if row["at_feed"]]) for name in rows[0]}
+    seconds, engaged = columns["seconds"], columns["engaged_time"]
+    return Figures(
+        time=seconds.sum() / len(np.unique(columns["bar"][engaged > 0.0])),
+        mean_power=np.average(columns["power"], weights=engaged),
+        severe=columns["severe_overload_time"].sum() / engaged.sum(),
+        edges=1.0 + rows[-1]["edge"],
+        safe=np.average(np.abs(columns["adaptive_feed"] - safe_feed) < 1e-6, weights=seconds),
+        delay=np.average(columns["delay"], weights=seconds),
+    )
 
 
 def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
     """Return the figures of the same shielded policy on the same bars in the simulation."""
     control, delayed = scenario.control.model_copy(update={"edge_changes": "automatic"}), on_control(scenario)
-    played = delayed.model_copy(update={"control": control, "workpiece": scenario.workpiece.model_copy(update={"bars": bars})})
-    env = RoughTurningVectorEnv(1, played)
+    workpiece = scenario.workpiece.model_copy(update={"bars": bars})
+    env = RoughTurningVectorEnv(1, delayed.model_copy(update={"control": control, "workpiece": workpiece}))
     guard = Shield(find_policy(policy, scenario)(1), delayed, 1)
     observations, info = env.reset(seed=[seed])
     guard.reset(np.ones(1, np.bool_))
-    ended, sums, edges = False, np.zeros(4), 1.0
-    pitch = scenario.workpiece.approach + scenario.workpiece.bar_length
+    ended, sums = (
+        False,
+        dict.fromkeys(("time", "stopped_time", "engaged_time", "energy", "severe_overload_time", "edges_broken"), 0.0),
+    )
     while not ended:
-        guard.place = info["path"] % pitch - scenario.workpiece.approach  # which a control knows
+        guard.place = info["path"] % (workpiece.approach + workpiece.bar_length) - workpiece.approach  # which a control knows
         observations, _, terminated, truncated, info = env.step(guard.act(observations))
-        engaged = info["engaged_time"][0]
-        sums += (
-            info["time"][0] - info["stopped_time"][0],
-            engaged,
-            engaged * info["mean_power"][0],
-            info["severe_overload_time"][0],
-        )
-        edges += info["edges_broken"][0]
         ended = bool(terminated[0] or truncated[0])
-    time_at_feed, engaged, energy, severe = sums
-    return Figures(time_at_feed / bars, energy / engaged, severe / engaged, edges, 0.0, delayed.machine.command_delay)
+        info["energy"] = info["engaged_time"] * info["mean_power"]
+        sums = {name: total + float(info[name][0]) for name, total in sums.items()}
+    return Figures(
+        time=(sums["time"] - sums["stopped_time"]) / bars,
+        mean_power=sums["energy"] / sums["engaged_time"],
+        severe=sums["severe_overload_time"] / sums["engaged_time"],
+        edges=1.0 + sums["edges_broken"],
+        safe=0.0,
+        delay=delayed.machine.command_delay,
+    )
 
 
 def table(runs: Mapping[str, tuple[Figures, Figures]]) -> str:
     """Return figures through LinuxCNC and in the simulation as a Markdown table."""
-    lines = [
-        "| Policy, shielded | Where | Cycle time [s/bar] | Mean power [kW] | Over 5 % [% of cutting time] | Edges | Late [%] "
-        "| Delay [ms] |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for name, both in runs.items():
-        for where, each in zip(("LinuxCNC", "simulation"), both, strict=True):
-            lines.append(
-                f"| {name} | {where} | {each.time:.2f} | {each.mean_power:.2f} | {100 * each.severe:.1f} | {each.edges:.0f} "
-                f"| {100 * each.safe:.1f} | {1000 * each.delay:.1f} |"
-            )
-    return "\n".join(lines)
+    heads = ("Policy, shielded", "Where", "Cycle time [s/bar]", "Mean power [kW]", "Over 5 % [% of cutting time]", "Edges")
+    rows = [
+        (name, where, f"{each.time:.2f}", f"{each.mean_power:.2f}", f"{100 * each.severe:.1f}", f"{each.edges:.0f}",
+         f"{100 * each.safe:.1f}", f"{1000 * each.delay:.1f}")
+        for name, both in runs.items()
+        for where, each in zip(("LinuxCNC", "simulation"), both, strict=True)
+    ]  # fmt: skip
+    return markdown((*heads, "Late [%]", "Delay [ms]"), rows)
 
 
 def picture(runs: Mapping[str, list[dict[str, float]]], scenario: Scenario, path: Path) -> None:
     """Draw override and load over the position in the first bar."""
-    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
 
-    from turning_shop.plot_style import DOUBLE, LINES
+    from turning_shop import plot_style as style
 
-    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(DOUBLE, 0.6 * DOUBLE), layout="constrained")
-    for (name, rows), (colour, dashes) in zip(runs.items(), LINES, strict=False):
-        first = [row for row in rows if row["bar"] == 0.0 and row["at_feed"]]
-        along = [row["along"] - scenario.workpiece.approach for row in first]
-        upper.plot(
-            along,
-            [row["feed"] / scenario.control.initial_feed for row in first],
-            color=colour,
-            linestyle=dashes,
-            lw=1,
-            label=name,
-        )
-        lower.plot(along, [row["power"] for row in first], color=colour, linestyle=dashes, lw=1)
-    lower.axhline(scenario.limits.power, color="#666666", lw=0.8)
-    lower.annotate("limit", (0.0, scenario.limits.power), fontsize=8, va="bottom", color="#666666")
+    figure = Figure(figsize=(style.DOUBLE, 0.6 * style.DOUBLE), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for (name, rows), (colour, dashes) in zip(runs.items(), style.LINES, strict=False):
+        first = [(row["along"], row["feed"], row["power"]) for row in rows if row["bar"] == 0.0 and row["at_feed"]]
+        along, feed, power = np.array(first).T
+        look: dict[str, Any] = {"color": colour, "linestyle": dashes, "lw": 1, "label": name}
+        upper.plot(along - scenario.workpiece.approach, feed / scenario.control.initial_feed, **look)
+        lower.plot(along - scenario.workpiece.approach, power, **look)
+    lower.axhline(scenario.limits.power, color=style.GREY, lw=0.8)
+    lower.annotate("limit", (0.0, scenario.limits.power), fontsize=8, va="bottom", color=style.GREY)
     upper.set_ylabel("actual over\nprogrammed feed [-]")
     lower.set(xlabel="position along the bar [mm]", ylabel="spindle power [kW]")
     upper.legend(fontsize=8, frameon=False, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     replace_file(path, lambda partial: figure.savefig(partial, dpi=150))
-    plt.close(figure)

@@ -3,7 +3,8 @@
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -90,29 +91,27 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, ke
     found = json.loads(kept.read_text()) if kept and kept.is_file() else []
     if others := {str(each.get("version", "none")) for each in found} - {VERSION}:
         raise ValueError(f"{kept} has figures of version {others.pop()}, but the code's is {VERSION}: name another file")
-    done = [Row(**each) for each in found]
-    known = {each[:6]: each for each in done}
+    known = {row[:6]: row for row in (Row(**each) for each in found)}
     for env_id in env_ids:
         scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
-        policies: list[tuple[str, PolicyFactory]] = [("uniform random", lambda n, s=scenario: UniformRandom(action_size(s)))]  # type: ignore[misc]
+        policies = {"uniform random": as_factory(UniformRandom(action_size(scenario)))}
         if (best := best_agent(env_id, agents)) is not None:
-            policies.append((best.stem, as_factory(best)))
-        for name, make in policies:
-            for with_shield in (False, True):
-                key = env_id, name, with_shield, episodes, settings.target, VERSION
-                if key not in known:
-                    done.append(_row(key, scenario, make, settings))
-                    known[key] = done[-1]
-                    if kept:
-                        text = json.dumps([each._asdict() for each in done], indent=1)
-                        replace_file(kept, lambda partial, text=text: partial.write_text(text))  # type: ignore[misc]
-                yield known[key]
+            policies[best.stem] = as_factory(best)
+        for (name, make), with_shield in product(policies.items(), (False, True)):
+            key = env_id, name, with_shield, episodes, settings.target, VERSION
+            if key not in known:
+                known[key] = _measured(key, scenario, make, settings)
+                if kept:
+                    text = json.dumps([each._asdict() for each in known.values()], indent=1)
+                    replace_file(kept, lambda partial, text=text: partial.write_text(text))  # type: ignore[misc]
+            yield known[key]
 
 
-def _row(key: tuple[str, str, bool, int, float, str], scenario: Scenario, make: PolicyFactory, settings: Settings) -> Row:
-    _, _, with_shield, episodes, *_ = key
-    env = RoughTurningVectorEnv(episodes, scenario, AutoresetMode.SAME_STEP)
-    policy = Shield(make(episodes), scenario, episodes, settings) if with_shield else make(episodes)
+def _measured(key: tuple[str, str, bool, int, float, str], scenario: Scenario, make: PolicyFactory, settings: Settings) -> Row:
+    env_id, name, with_shield, episodes, *_ = key
+    env, policy = RoughTurningVectorEnv(episodes, scenario, AutoresetMode.SAME_STEP), make(episodes)
+    if with_shield:
+        policy = Shield(policy, scenario, episodes, settings)
     observations, _ = env.reset(seed=held_out_seeds(episodes))
     policy.reset(np.ones(episodes, np.bool_))
     running, sums, handed_over, changed, decisions = np.ones(episodes, np.bool_), dict.fromkeys(SUMS, 0.0), 0, 0, 0
@@ -125,35 +124,35 @@ def _row(key: tuple[str, str, bool, int, float, str], scenario: Scenario, make: 
             changed += int((running & (np.array(policy.reasons) != "passed")).sum())
             decisions += int(running.sum())
         observations, _, terminated, truncated, infos = env.step(actions)
-        for name in SUMS:
-            sums[name] += float((info_at_end_of_step(infos, name) * running).sum())
+        for each in SUMS:
+            sums[each] += float((info_at_end_of_step(infos, each) * running).sum())
         ended = terminated | truncated
-        if ended.any():
-            policy.reset(ended)
-            running &= ~ended
+        policy.reset(ended)
+        running &= ~ended
         if time.monotonic() > reported + REPORTED:
-            reported = time.monotonic()
-            shield = ", shielded" if with_shield else ""
-            print(f"{key[0]}: {key[1]}{shield}: {episodes - running.sum()} of {episodes} episodes", file=sys.stderr, flush=True)
+            reported, shield = time.monotonic(), ", shielded" if with_shield else ""
+            print(f"{env_id}: {name}{shield}: {episodes - running.sum()} of {episodes} episodes", file=sys.stderr, flush=True)
     return Row(
         *key,
-        sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9),
-        int(sums["edges_broken"]),
-        60.0 * sums["removed"] / max(sums["time"], 1e-9),
-        changed / max(decisions, 1),
-        handed_over,
+        severe=sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9),
+        edges_broken=int(sums["edges_broken"]),
+        removal_rate=60.0 * sums["removed"] / max(sums["time"], 1e-9),
+        overridden=changed / max(decisions, 1),
+        handed_over=handed_over,
     )
 
 
-def markdown(measured: list[Row]) -> str:
-    """Return the rows as a table."""
-    lines = [
-        "| Task | Policy | Shield | Over 5 % [% of cutting time] | Edges broken | MRR [cm3/min] | Overridden [%] | Handed over |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {row.env_id} | {row.policy} | {'yes' if row.shielded else 'no'} | {100 * row.severe:.3f} | {row.edges_broken} "
-        f"| {row.removal_rate:.1f} |" + (f" {100 * row.overridden:.0f} | {row.handed_over} |" if row.shielded else " | |")
-        for row in measured
-    ]
-    return "\n".join(lines)
+def table(measured: Iterable[Row]) -> str:
+    """Return the rows as a Markdown table."""
+    heads = ("Task", "Policy", "Shield", "Over 5 % [% of cutting time]", "Edges broken", "MRR [cm3/min]")
+    rows = []
+    for row in measured:
+        shield = ("yes", f"{100 * row.overridden:.0f}", f"{row.handed_over}") if row.shielded else ("no", "", "")
+        figures = f"{100 * row.severe:.3f}", f"{row.edges_broken}", f"{row.removal_rate:.1f}"
+        rows.append((row.env_id, row.policy, shield[0], *figures, *shield[1:]))
+    return markdown((*heads, "Overridden [%]", "Handed over"), rows)
+
+
+def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a Markdown table."""
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (heads, ["---"] * len(heads), *rows))

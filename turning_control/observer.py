@@ -1,4 +1,4 @@
-"""The shield's load observer: what the nominal model does not know of a bar and an edge, and the feeds that it leaves.
+"""The shield's load observer: what the nominal model does not know of a bar and an edge, and the feeds that the limits allow.
 
 The observer (assumption: the nominal exponents hold) is an extended Kalman filter. Power P and force F follow depth, hardness and
 edge:
@@ -10,6 +10,8 @@ with the nominal P_0 and F_0 at the depth ap of the drawing, the exponents c of 
 of depth [mm], and the logarithms b of the bar's hardness, m of all bars' hardness, and s of the edge's force over nominal. The
 scenario's spreads and correlation lengths are the prior, and say how fast d and b change along the bar. So the filter knows how
 sure it is: it knows little of a new bar, and much of the next section of the same bar.
+
+Pairs of loads or feeds have power first and force second, along the first axis.
 """
 
 import numpy as np
@@ -26,19 +28,21 @@ ENTRY = 1.6
 MODEL_NOISE = 0.005
 """Standard deviation of readings that the sensors' noise does not explain [-]."""
 MODEL_SPREAD = 0.05
-"""Standard deviation of what the nominal model may be wrong by, in hardness and in force [-]."""
+"""Standard deviation of the nominal model's errors in hardness and in force [-]."""
 EDGE_DRIFT = 0.001
 """Drift of force over nominal as the edge wears [1/sqrt(mm)]."""
 SPEED_CHANGE = 0.3
 """Largest change of the asked speed, natural logarithm [-]."""
 SETTLED = 0.02
 """Time before a deeper section at which the feed must fit it [s]."""
-BRAKING = 1.0
-"""Time constant with which the feed falls before a deeper section, over that of the drive [-]."""
 LAG_ERROR = 0.2
 """Standard deviation of a correction for a sensor's lag, over that correction [-]."""
 MIN_WEAR = 0.05
 """Nominal wear over the criterion below which predictions hold it constant [-]."""
+
+EXCESS, SLOPE, BAR, EDGE, ALL_BARS = range(5)
+"""The filter's states: d [mm], its slope along the bar [-], b, s and m."""
+OF_A_BAR = slice(EXCESS, EDGE)
 
 Values = NDArray[np.float64]
 
@@ -46,54 +50,48 @@ Values = NDArray[np.float64]
 class Observer:
     """An extended Kalman filter of what the nominal model does not know, in each environment.
 
-    The state's rows are d [mm], its slope along the bar [-], b, s and m.
+    Attributes:
+        known: whether the present bar has been measured, shape (num_envs,).
     """
 
     def __init__(self, scenario: Scenario, num_envs: int) -> None:
         self._scenario = scenario
-        material, work, sensors, tool = scenario.material, scenario.workpiece, scenario.sensors, scenario.tool
-        power, force = material.power, material.thrust_force
-        self._laws = [  # exponents of depth, hardness and edge; noise; time constant
-            (power.depth_of_cut, power.hardness, power.wear / max(force.wear, 1e-9) if force.wear else 0.0,
-             np.hypot(sensors.power_noise, MODEL_NOISE), sensors.power_time_constant),
-            (force.depth_of_cut, force.hardness, 1.0,
-             np.hypot(sensors.force_noise, MODEL_NOISE), sensors.force_time_constant),
-        ]  # fmt: skip
+        work, sensors, machine = scenario.workpiece, scenario.sensors, scenario.machine
+        power, force = scenario.material.power, scenario.material.thrust_force
+        edge = (power.wear / force.wear if force.wear else 0.0), 1.0
+        self._exponents = np.array([(law.depth_of_cut, law.hardness, w) for law, w in zip((power, force), edge, strict=True)])
+        self._noise = np.hypot((sensors.power_noise, sensors.force_noise), MODEL_NOISE)
+        self._time_constants = sensors.power_time_constant, sensors.force_time_constant
         slope = 0.5 * np.pi * work.depth_along_spread / work.depth_correlation_length
         harder = 0.5 * np.pi * work.hardness_along_spread / work.hardness_correlation_length
         self._slope_length = 0.5 * work.depth_correlation_length
-        self._slope_variance = slope**2
         self._hardness_drift = harder**2 * work.hardness_correlation_length  # [1/mm]
-        self._bar = np.diag([
+        self._prior = np.diag([
             work.depth_bar_spread**2 + work.depth_along_spread**2,
             slope**2,
             work.hardness_bar_spread**2 + work.hardness_along_spread**2,
+            (force.wear * scenario.tool.wear_factor_spread) ** 2 + MODEL_SPREAD**2,
+            MODEL_SPREAD**2,
         ])  # fmt: skip
-        self._edge_variance = (force.wear * tool.wear_factor_spread) ** 2 + MODEL_SPREAD**2
-        self._profile = np.array(work.depth_profile or (work.depth_of_cut,))
-        lengths = work.section_lengths or (work.bar_length / len(self._profile),) * len(self._profile)
+        profile = np.array(work.depth_profile or (work.depth_of_cut,))
+        lengths = work.section_lengths or (work.bar_length / len(profile),) * len(profile)
+        self._profile = np.maximum(profile, 0.01 * profile.max())
         self._starts = np.cumsum([0.0, *lengths])[:-1]
-        settling = scenario.machine.feed_time_constant
-        self._acts = scenario.control.interval + scenario.machine.command_delay  # [s] until the end of the next command's step
-        self._horizon = self._acts + settling  # [s]
+        self._acts = scenario.control.interval + machine.command_delay  # [s] until the end of the next command's step
         self._mean, self._covariance = np.zeros((num_envs, 5)), np.zeros((num_envs, 5, 5))
         self._place, self._cutting_time = np.zeros((2, num_envs))
-        self._lags = np.zeros((2, num_envs))  # nominal power and force behind the sensors' lag
+        self._lagging = np.zeros((2, num_envs))  # nominal loads behind the sensors' lag
         self._in_metal, self.known = np.zeros((2, num_envs), np.bool_)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        self._mean[mask], self._covariance[mask] = 0.0, 0.0
-        self._covariance[mask, 3, 3], self._covariance[mask, 4, 4] = self._edge_variance, MODEL_SPREAD**2
-        self._place[mask] = self._cutting_time[mask] = self._lags[:, mask] = 0.0
+        self._forget(self._mean, self._covariance, mask, slice(None))
+        self._place[mask] = self._cutting_time[mask] = self._lagging[:, mask] = 0.0
         self._in_metal[mask] = self.known[mask] = False
-        self._mean, self._covariance = self._of_a_new_bar(mask, self._mean, self._covariance)
 
-    def _of_a_new_bar(self, mask: NDArray[np.bool_], mean: Values, covariance: Values) -> tuple[Values, Values]:
-        """Return mean and covariance that know nothing of the bar."""
-        mean, covariance = mean.copy(), covariance.copy()
-        mean[mask, :3] = covariance[mask, :3, :] = covariance[mask, :, :3] = 0.0
-        covariance[mask, :3, :3] = self._bar
-        return mean, covariance
+    def _forget(self, mean: Values, covariance: Values, mask: NDArray[np.bool_], states: slice) -> None:
+        """Set states back to their prior, independent of the others."""
+        mean[mask, states] = covariance[mask, states, :] = covariance[mask, :, states] = 0.0
+        covariance[mask, states, states] = self._prior[states, states]
 
     def follow(self, reading: Reading, place: Values | None) -> None:
         """Take the readings at the end of a step into the estimates.
@@ -104,64 +102,62 @@ class Observer:
         """
         scenario, interval = self._scenario, self._scenario.control.interval
         fresh = reading.cutting_time < self._cutting_time - 1e-5
-        self._mean[fresh, 3] = self._covariance[fresh, 3, :] = self._covariance[fresh, :, 3] = 0.0
-        self._covariance[fresh, 3, 3] = self._edge_variance
+        self._forget(self._mean, self._covariance, fresh, slice(EDGE, EDGE + 1))
         engaged = np.clip(60.0 * (reading.cutting_time - np.where(fresh, 0.0, self._cutting_time)), 0.0, interval)
         self._cutting_time = reading.cutting_time
         self._velocity = reading.cutting_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) * reading.feed / 60.0  # [mm/s]
         entering = ~reading.cutting | ~self._in_metal
-        self._mean, self._covariance = self._of_a_new_bar(entering, self._mean, self._covariance)
+        self._forget(self._mean, self._covariance, entering, OF_A_BAR)
         self.known &= ~entering
         moved = self._velocity * engaged
         if place is None:
             place = np.where(reading.cutting, np.where(self._in_metal, self._place, 0.0) + moved, -1e-9)
         place = np.where(reading.cutting, np.maximum(place, 0.0), place)  # a wrong zero must not free the feed
         time_in_metal = np.where(self._in_metal, interval, engaged)
-        self._place, self._in_metal = place, reading.cutting
-        self._feed = reading.feed
+        self._place, self._in_metal, self._feed = place, reading.cutting, reading.feed
         self._wear = np.maximum(reading.nominal_wear, MIN_WEAR * scenario.tool.wear_criterion)
-        here = self._profile[np.clip(np.searchsorted(self._starts, place, side="right") - 1, 0, None)]
-        here = np.maximum(here, 0.01 * self._profile.max())
         self._mean, self._covariance = self._predicted(moved)
-        force, power = nominal_loads(scenario, reading.cutting_speed, reading.feed, here, self._wear)
-        cut_power = np.maximum(reading.power - idle_power_at(scenario, reading.cutting_speed), 0.01 * power)
-        for k, (nominal, measured) in enumerate(((power, cut_power), (force, np.maximum(reading.thrust_force, 0.01 * force)))):
-            *_, noise, tau = self._laws[k]
+        depth = self._profile[np.maximum(self._section(), 0)]
+        nominal = nominal_loads(scenario, reading.cutting_speed, reading.feed, depth, self._wear)
+        cut_power = reading.power - idle_power_at(scenario, reading.cutting_speed)
+        measured = np.maximum([cut_power, reading.thrust_force], 0.01 * nominal)
+        moves = reading.feed > 0.5 * scenario.machine.feed_min  # the models do not hold at a standstill
+        for k, tau in enumerate(self._time_constants):
             share = -np.expm1(-time_in_metal / tau) if tau > 0.0 else 1.0
-            self._lags[k] += (np.where(reading.cutting, nominal, 0.0) - self._lags[k]) * share
-            moves = reading.feed > 0.5 * scenario.machine.feed_min  # the models do not hold at a standstill
-            readable = reading.cutting & (engaged > 0.0) & moves & (self._lags[k] > 0.3 * nominal)
-            lag = np.log(np.maximum(self._lags[k], 1e-9) / nominal)
+            self._lagging[k] += (np.where(reading.cutting, nominal[k], 0.0) - self._lagging[k]) * share
+            readable = reading.cutting & (engaged > 0.0) & moves & (self._lagging[k] > 0.3 * nominal[k])
+            lag = np.log(np.maximum(self._lagging[k], 1e-9) / nominal[k])
+            noise = self._noise[k] * (np.maximum(reading.power / measured[0], 1.0) if k == 0 else 1.0)
             if k == 0:
-                noise = noise * np.maximum(reading.power / cut_power, 1.0)
                 self.known |= readable
-            self._correct(k, np.log(measured / nominal) - lag, noise**2 + (LAG_ERROR * lag) ** 2, here, readable)
+            self._correct(k, np.log(measured[k] / nominal[k]) - lag, noise**2 + (LAG_ERROR * lag) ** 2, depth, readable)
+
+    def _section(self) -> NDArray[np.intp]:
+        """Return the index of the drawing's section in which the tool is; -1: before the bar."""
+        return np.searchsorted(self._starts, self._place, side="right") - 1
 
     def _predicted(self, moved: Values) -> tuple[Values, Values]:
-        """Return mean and covariance after a way [mm] in metal."""
-        mean, keep = self._mean.copy(), np.exp(-moved / self._slope_length)
-        integrated = self._slope_length * (1.0 - keep)
+        """Return mean and covariance after a distance [mm] in metal."""
+        keep = np.exp(-moved / self._slope_length)
         step = np.tile(np.eye(5), (len(moved), 1, 1))
-        step[:, 0, 1], step[:, 1, 1] = integrated, keep
-        mean[:, 0] += integrated * mean[:, 1]
-        mean[:, 1] *= keep
+        step[:, EXCESS, SLOPE], step[:, SLOPE, SLOPE] = self._slope_length * (1.0 - keep), keep
         covariance = step @ self._covariance @ step.transpose(0, 2, 1)
-        new = self._slope_variance * (1.0 - keep**2)
-        covariance[:, 0, 0] += new * moved**2 / 3.0
-        covariance[:, 0, 1] += new * moved / 2.0
-        covariance[:, 1, 0] += new * moved / 2.0
-        covariance[:, 1, 1] += new
-        covariance[:, 2, 2] += self._hardness_drift * moved
-        covariance[:, 3, 3] += EDGE_DRIFT**2 * moved
-        return mean, covariance
+        new = self._prior[SLOPE, SLOPE] * (1.0 - keep**2)
+        covariance[:, EXCESS, EXCESS] += new * moved**2 / 3.0
+        covariance[:, EXCESS, SLOPE] += new * moved / 2.0
+        covariance[:, SLOPE, EXCESS] += new * moved / 2.0
+        covariance[:, SLOPE, SLOPE] += new
+        covariance[:, BAR, BAR] += self._hardness_drift * moved
+        covariance[:, EDGE, EDGE] += EDGE_DRIFT**2 * moved
+        return np.einsum("nij,nj->ni", step, self._mean), covariance
 
     def _response(self, k: int, mean: Values, depth: Values) -> tuple[Values, Values]:
-        """Return the logarithm of power (k = 0) or force (1) over nominal at a nominal depth [mm], and its gradient."""
-        by_depth, by_hardness, by_edge, *_ = self._laws[k]
-        actual = np.maximum(depth + mean[:, 0], 0.2 * depth)
-        zero, one = np.zeros_like(depth), np.ones_like(depth)
-        gradient = np.stack([by_depth / actual, zero, by_hardness * one, by_edge * one, by_hardness * one], axis=1)
-        value = by_depth * np.log(actual / depth) + by_hardness * (mean[:, 2] + mean[:, 4]) + by_edge * mean[:, 3]
+        """Return the logarithm of a load over nominal at a nominal depth [mm], and its gradient."""
+        by_depth, by_hardness, by_edge = self._exponents[k]
+        actual = np.maximum(depth + mean[:, EXCESS], 0.2 * depth)
+        gradient = np.tile([0.0, 0.0, by_hardness, by_edge, by_hardness], (len(depth), 1))
+        value = by_depth * np.log(actual / depth) + by_hardness * (mean[:, BAR] + mean[:, ALL_BARS]) + by_edge * mean[:, EDGE]
+        gradient[:, EXCESS] = by_depth / actual
         return value, gradient
 
     def _correct(self, k: int, measured: Values, variance: Values, depth: Values, readable: NDArray[np.bool_]) -> None:
@@ -177,49 +173,43 @@ class Observer:
 
         They are those expected over ``target``, or a margin above the expected ones over the tolerated, whichever is more.
         """
-        scenario, work, control = self._scenario, self._scenario.workpiece, self._scenario.control
-        mean, covariance = self._predicted(self._velocity * self._horizon)
-        section = np.searchsorted(self._starts, self._place, side="right") - 1  # -1: before the bar
-        new_bar = section == len(self._starts) - 1
+        scenario, work, machine = self._scenario, self._scenario.workpiece, self._scenario.machine
+        section = self._section()
+        self._in_air, new_bar = section < 0, section == len(self._starts) - 1
         following = np.where(new_bar, 0, section + 1)
-        profile = np.maximum(self._profile, 0.01 * self._profile.max())
-        self._depths = np.stack([profile[section], profile[following]])
-        bar_mean, bar_covariance = self._of_a_new_bar(new_bar, mean, covariance)
+        self._depths = self._profile[section], self._profile[following]
+        here = self._predicted(self._velocity * (self._acts + machine.feed_time_constant))
+        there = here[0].copy(), here[1].copy()
+        self._forget(*there, new_bar, OF_A_BAR)
         loads = np.empty((2, 2, len(section)))
-        for j, (m, c, unknown) in enumerate(((mean, covariance, ~self.known), (bar_mean, bar_covariance, new_bar | ~self.known))):
+        for j, ((mean, covariance), unknown) in enumerate(((here, ~self.known), (there, new_bar | ~self.known))):
             margin = np.where(unknown, ENTRY, MARGIN)
             for k in (0, 1):
-                value, gradient = self._response(k, m, self._depths[j])
-                spread = np.sqrt(np.einsum("ni,nij,nj->n", gradient, c, gradient))
+                value, gradient = self._response(k, mean, self._depths[j])
+                spread = np.sqrt(np.einsum("ni,nij,nj->n", gradient, covariance, gradient))
                 tolerated = value + margin * spread - np.log1p(scenario.limits.overload_tolerance)
-                loads[k, j] = np.maximum(value - np.log(target), tolerated)
+                loads[j, k] = np.maximum(value - np.log(target), tolerated)
         self._loads = np.exp(loads)
-        way = np.where(new_bar, work.bar_length + work.approach, self._starts[following]) - self._place
-        left = np.maximum(way, 0.0) / self._velocity - self._acts - SETTLED
-        fall = max(BRAKING * scenario.machine.feed_time_constant, 1e-3)
-        if control.action == "incremental":
-            fall = max(fall, control.interval / control.feed_step)
+        distance = np.where(new_bar, work.bar_length + work.approach, self._starts[following]) - self._place
+        left = np.maximum(distance, 0.0) / self._velocity - self._acts - SETTLED
+        fall = max(machine.feed_time_constant, 1e-3)  # time constant with which the feed falls before a deeper section [s]
+        if scenario.control.action == "incremental":
+            fall = max(fall, scenario.control.interval / scenario.control.feed_step)
         self._slack = np.exp(np.clip(left / fall, 0.0, 50.0))
         self._slack[new_bar & (work.bars == 1)] = np.inf
-        self._in_air = section < 0
 
-    def feeds(self, speed: Values) -> tuple[Values, Values]:
-        """Return the feeds [mm/rev] at which power and force reach what they may at a speed [m/min]."""
-        law = self._scenario.material.wear
+    def feeds(self, speed: Values) -> Values:
+        """Return the feeds [mm/rev] at which power and force reach their allowed values at a speed [m/min]."""
+        law, low = self._scenario.material.wear, self._scenario.machine.feed_min
         per_minute = law(speed, self._feed, self._scenario.workpiece.depth_of_cut)
         minutes, n = self._acts / 60.0, law.time
         wear = (self._wear ** (1.0 / n) + per_minute ** (1.0 / n) * minutes) ** n  # at the end of the next step
         if self._scenario.tool.wear_rule == "clock_time":  # as if the edge had always cut so
             wear = np.maximum(wear, per_minute * (self._cutting_time + minutes) ** n)
         here, there = (
-            feeds_of(self._scenario, speed, self._depths[j], wear, self._loads[1, j], self._loads[0, j]) for j in (0, 1)
+            feeds_of(self._scenario, speed, depth, wear, loads) for depth, loads in zip(self._depths, self._loads, strict=True)
         )
-        low = self._scenario.machine.feed_min
-        power, force = (
-            np.minimum(np.where(self._in_air, np.inf, now), low + np.maximum(then - low, 0.0) * self._slack)
-            for now, then in zip(here, there, strict=True)
-        )
-        return power, force
+        return np.minimum(np.where(self._in_air, np.inf, here), low + np.maximum(there - low, 0.0) * self._slack)
 
     def speed(self, asked: Values, feed: Values, free: bool) -> tuple[Values, NDArray[np.bool_]]:
         """Return the speed [m/min] nearest to the asked one at which the removal rate can be the asked one, or else is highest.
@@ -232,27 +222,25 @@ class Observer:
         Returns:
             The speed; and whether no speed near and no feed keep the limits.
         """
-        scenario = self._scenario
+        machine = self._scenario.machine
         self._feed = np.maximum(self._feed, feed)
-        ways = np.linspace(-SPEED_CHANGE, SPEED_CHANGE, 41) if free else np.zeros(1)
-        ways = ways[np.argsort(np.abs(ways), kind="stable")]
-        speeds = np.clip(asked * np.exp(ways)[:, None], scenario.machine.cutting_speed_min, scenario.cutting_speed_max)
-        feeds = np.minimum(*self.feeds(speeds))
-        removal = speeds * np.where(feeds >= scenario.machine.feed_min, feeds, 1e-6 * feeds)
+        changes = np.linspace(-SPEED_CHANGE, SPEED_CHANGE, 41) if free else np.zeros(1)
+        changes = changes[np.argsort(np.abs(changes), kind="stable")]
+        speeds = np.clip(asked * np.exp(changes)[:, None], machine.cutting_speed_min, self._scenario.cutting_speed_max)
+        feeds = self.feeds(speeds).min(axis=0)
+        removal = speeds * np.where(feeds >= machine.feed_min, feeds, 1e-6 * feeds)
         enough = removal >= asked * feed
         chosen = np.where(enough.any(axis=0), enough.argmax(axis=0), removal.argmax(axis=0))
-        return speeds[chosen, np.arange(len(asked))], self.known & (feeds < scenario.machine.feed_min).all(axis=0)
+        return speeds[chosen, np.arange(len(asked))], self.known & (feeds < machine.feed_min).all(axis=0)
 
 
-def nominal_loads(scenario: Scenario, speed: Values, feed: Values, depth: Values, wear: Values) -> tuple[Values, Values]:
-    """Return the nominal thrust force [N] and cutting power [kW]."""
-    material = scenario.material
-    return (material.thrust_force(speed, feed, depth, wear=wear), material.power(speed, feed, depth, wear=wear))
+def nominal_loads(scenario: Scenario, speed: Values, feed: Values, depth: Values, wear: Values) -> Values:
+    """Return nominal cutting power [kW] and thrust force [N]."""
+    laws = scenario.material.power, scenario.material.thrust_force
+    return np.stack([law(speed, feed, depth, wear=wear) for law in laws])
 
 
-def feeds_of(
-    scenario: Scenario, speed: Values, depth: Values, wear: Values, force: Values, power: Values, target: float = 1.0
-) -> tuple[Values, Values]:
+def feeds_of(scenario: Scenario, speed: Values, depth: Values, wear: Values, loads: Values, target: float = 1.0) -> Values:
     """Return the feeds [mm/rev] at which power and force reach ``target`` times their limits; unlimited if feed has no effect.
 
     Args:
@@ -260,18 +248,16 @@ def feeds_of(
         speed: cutting speed [m/min].
         depth: depth of cut [mm].
         wear: flank wear [mm].
-        force: expected over nominal thrust force [-].
-        power: expected over nominal cutting power [-].
+        loads: expected over nominal cutting power and thrust force [-].
         target: load over limit [-].
     """
     limits, material = scenario.limits, scenario.material
-    per_force, per_power = nominal_loads(scenario, speed, np.ones_like(depth), depth, wear)
+    nominal = nominal_loads(scenario, speed, np.ones_like(depth), depth, wear)
+    per_power, per_force = (load * each for load, each in zip(loads, nominal, strict=True))
     left = np.maximum(target * limits.power * capacity_at(scenario, speed) - idle_power_at(scenario, speed), 1e-6)
-    shares = (
-        (left / (power * per_power), material.power.feed),
-        (target * limits.thrust_force / (force * per_force), material.thrust_force.feed),
-    )
-    by_power, by_force = (
-        share ** (1.0 / exponent) if exponent > 0 else np.full_like(share, np.inf) for share, exponent in shares
-    )
-    return by_power, by_force
+    shares = left / per_power, target * limits.thrust_force / per_force
+    exponents = material.power.feed, material.thrust_force.feed
+    return np.stack([
+        share ** (1.0 / exponent) if exponent > 0 else np.full_like(share, np.inf)
+        for share, exponent in zip(shares, exponents, strict=True)
+    ])  # fmt: skip

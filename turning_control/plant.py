@@ -10,11 +10,18 @@ import numpy as np
 from turning_env.numerics.compilation import compiled_entry
 from turning_env.physics.drives import lag_share
 from turning_env.physics.lathe import run_step, start_episode
-from turning_env.physics.quantities import action_size
 from turning_env.physics.records import STATE, new_records, scratch_records
 from turning_env.scenario import Scenario
 
-_STILL = 1e-6  # [mm/rev] a feed that removes nothing worth mentioning
+STILL = 1e-6
+"""Feed in place of a standstill [mm/rev]; it removes nothing worth mentioning."""
+REPORTED = ("engaged_time", "severe_overload_time", "removed", "edges_broken")
+"""Sums over a call, from the transition's report."""
+STATES = (
+    *("thrust_force", "power", "depth_of_cut", "edge"),
+    *("measured_power", "measured_thrust_force", "measured_servo_current"),
+)
+"""Values at the end of a call, from the transition's state."""
 
 
 class Plant:
@@ -26,22 +33,18 @@ class Plant:
     """
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
-        control = scenario.control.model_copy(
-            update={"action": "incremental", "edge_changes": "automatic", "sub_steps": 1, "time_limit": 1e5}
-        )
-        self._scenario = scenario.model_copy(
-            update={"control": control, "workpiece": scenario.workpiece.model_copy(update={"bars": 0})}
-        )
+        one_step = {"action": "incremental", "edge_changes": "automatic", "sub_steps": 1, "time_limit": 1e5}
+        endless = {
+            "control": scenario.control.model_copy(update=one_step),
+            "workpiece": scenario.workpiece.model_copy(update={"bars": 0}),
+        }
+        self._scenario = scenario.model_copy(update=endless)
         self._states, self._scratches = new_records(STATE, 1), scratch_records(self._scenario)
         self._states["seed"][0, 0] = seed
-        self._actions = np.zeros((1, action_size(self._scenario)))
         start_plant(self._states, self._scratches)
-        parameters = self._scratches["parameters"]
-        for name in ("spindle_share", "feed_share"):
-            parameters[name] = 0.0
-        for name, low in (("cutting_speed_min", 1e-3), ("feed_min", _STILL)):
-            parameters[name] = low
-        parameters["reachable_cutting_speed"] = parameters["feed_max"] = math.inf
+        free = {"spindle_share": 0.0, "feed_share": 0.0, "cutting_speed_min": 1e-3, "feed_min": STILL}  # the control moves
+        for name, value in (free | {"reachable_cutting_speed": math.inf, "feed_max": math.inf}).items():
+            self._scratches["parameters"][name] = value
         self._bar, self._along, self._returns = 0, 0.0, False
 
     def advance(self, seconds: float, along: float, spindle_speed: float, velocity: float, in_feed: bool) -> dict[str, float]:
@@ -61,42 +64,21 @@ class Plant:
         self._returns &= not in_feed
         if self._returns:
             self._along = along
+        pitch = float(p["bar_pitch"][0])
         speed = max(spindle_speed / float(p["revolutions_per_metre"][0]), 1e-3)
-        feed = max(60.0 * velocity / max(spindle_speed, 1e-3), _STILL) if in_feed else _STILL
-        for name, value in (
-            ("cutting_speed", speed),
-            ("commanded_cutting_speed", speed),
-            ("feed", feed),
-            ("commanded_feed", feed),
-            ("path", self._bar * float(p["bar_pitch"][0]) + min(max(self._along, 0.0), float(p["bar_pitch"][0]) - 1e-6)),
-            ("ended", 0),
-            ("clock", 0.0),
-        ):
+        feed = max(60.0 * velocity / max(spindle_speed, 1e-3), STILL) if in_feed else STILL
+        moved = {"cutting_speed": speed, "commanded_cutting_speed": speed, "feed": feed, "commanded_feed": feed}
+        path = self._bar * pitch + min(max(self._along, 0.0), pitch - 1e-6)
+        for name, value in (moved | {"path": path, "ended": 0, "clock": 0.0}).items():
             self._states[name][0, 0] = value
         p["sub_step"] = seconds / 60.0
-        for name, tau in (
-            ("power_sensor_share", sensors.power_time_constant),
-            ("force_sensor_share", sensors.force_time_constant),
-        ):
-            p[name] = lag_share(seconds, tau)
-        move_plant(self._states, self._scratches, self._actions)
+        p["power_sensor_share"] = lag_share(seconds, sensors.power_time_constant)
+        p["force_sensor_share"] = lag_share(seconds, sensors.force_time_constant)
+        move_plant(self._states, self._scratches, np.zeros((1, 2)))
         self._along = max(self._along, along) if in_feed else self._along
-        report = self._scratches["report"]
-        over = {name: float(report[name][0, 0]) for name in ("engaged_time", "severe_overload_time", "removed", "edges_broken")}
-        now = (
-            "thrust_force",
-            "power",
-            "depth_of_cut",
-            "measured_power",
-            "measured_thrust_force",
-            "measured_servo_current",
-            "edge",
-        )
-        return (
-            {"bar": float(self._bar), "along": self._along, "feed": feed}
-            | over
-            | {name: float(self._states[name][0, 0]) for name in now}
-        )
+        report = {name: float(self._scratches["report"][name][0, 0]) for name in REPORTED}
+        state = {name: float(self._states[name][0, 0]) for name in STATES}
+        return {"bar": float(self._bar), "along": self._along, "feed": feed} | report | state
 
 
 @compiled_entry

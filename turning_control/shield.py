@@ -13,13 +13,12 @@ It knows what the policy knows, observations and the nominal model, and works in
 import logging
 import time
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turning_control.observer import Observer, Values, feeds_of
-from turning_env.action import set_point_action, towards
+from turning_env.action import commanded, set_point_action, towards
 from turning_env.observation import Reading, read
 from turning_env.physics.drives import lag_share
 from turning_env.physics.quantities import action_size
@@ -35,9 +34,11 @@ PART_MARGIN = 2.2
 HOPELESS = 2.0
 """Time without any cutting speed that keeps both limits, after which the operator takes over [s]."""
 MIN_SHARE = 0.2
-"""Smallest share of the drive's way to a command that the shield counts on in a step: its gain is at most the inverse [-]."""
+"""Smallest share of a change of feed that the drive is assumed to complete in a step; its inverse limits the gain [-]."""
 PATIENCE = 10
 """Refused answers in a row after which the operator takes over."""
+REFUSALS = ("late", "error", "shape", "not finite")
+"""Reasons for which an answer is refused."""
 
 
 @dataclass(frozen=True)
@@ -68,19 +69,18 @@ class Shield(Policy):
     Attributes:
         handed_over: whether the operator has taken over, shape (num_envs,); the safe feed holds until ``reset``.
         reasons: the last decision's reason in each environment: ``passed``, ``power``, ``force``, ``load`` (a part's), ``rise``,
-            ``late``, ``error``, ``shape``, ``not finite`` or ``handed over``.
+            one of ``REFUSALS`` or ``handed over``.
         place: tool position along the bar [mm], below 0 before it, shape (num_envs,); set it before ``act`` if it is known.
             None: the shield integrates the feed.
     """
 
-    place: Values | None
+    place: Values | None = None
 
     def __init__(self, policy: Policy, scenario: Scenario, num_envs: int, settings: Settings = Settings()) -> None:
         self._policy, self._scenario, self._settings = policy, scenario.nominal(), settings
         self.handed_over = np.zeros(num_envs, np.bool_)
         self.reasons = ["passed"] * num_envs
         self._refused, self._hopeless = np.zeros((2, num_envs), np.int64)
-        self.place = None
         self._observer = Observer(self._scenario, num_envs)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
@@ -99,30 +99,30 @@ class Shield(Policy):
         actions[safe] = self._safe_actions(reading)[safe]
         limit = self._limited_parts if self._scenario.control.action == "part" else self._limited
         actions, limited_by = limit(actions, reading)
-        why = np.where(refused, why, np.where(self.handed_over, "handed over", limited_by))
-        self.reasons = [reason or "passed" for reason in why.tolist()]
+        self.reasons = np.select(
+            [refused, self.handed_over, limited_by != ""], [why, "handed over", limited_by], "passed"
+        ).tolist()
         return actions
 
-    def _answers(self, observations: Observations) -> tuple[Actions, NDArray[Any]]:
+    def _answers(self, observations: Observations) -> tuple[Actions, NDArray[np.str_]]:
         """Return the policy's actions, 0 where they are refused, and why they are, shape (num_envs,)."""
-        shape = len(observations), action_size(self._scenario)
-        nothing = np.zeros(shape, np.float32)
-        start = time.perf_counter()
+        shape, start = (len(observations), action_size(self._scenario)), time.perf_counter()
         try:
             answer = np.asarray(self._policy.act(observations))
         except Exception as error:  # a policy may fail in any way
-            LOG.warning("the policy failed: %s: %s", type(error).__name__, error)
-            return nothing, np.full(len(observations), "error", object)
-        late = time.perf_counter() - start
-        if self._settings.deadline is not None and late > self._settings.deadline:
-            LOG.warning("the policy answered after %.0f ms", 1000.0 * late)
-            return nothing, np.full(len(observations), "late", object)
-        if answer.shape != shape or answer.dtype.kind not in "fiu":
-            LOG.warning("the policy's answer has type %s and shape %s, not %s", answer.dtype, answer.shape, shape)
-            return nothing, np.full(len(observations), "shape", object)
-        finite = np.asarray(np.isfinite(answer).all(axis=1))
-        actions = np.clip(np.where(finite[:, None], answer, 0.0), -1.0, 1.0).astype(np.float32)
-        return actions, np.where(finite, "", "not finite").astype(object)
+            why, problem = "error", f"it failed: {type(error).__name__}: {error}"
+        else:
+            seconds, deadline = time.perf_counter() - start, self._settings.deadline
+            if deadline is not None and seconds > deadline:
+                why, problem = "late", f"it answered after {1000.0 * seconds:.0f} ms"
+            elif answer.shape != shape or answer.dtype.kind not in "fiu":
+                why, problem = "shape", f"its answer has type {answer.dtype} and shape {answer.shape}, not {shape}"
+            else:
+                finite = np.asarray(np.isfinite(answer).all(axis=1))
+                actions = np.clip(np.where(finite[:, None], answer, 0.0), -1.0, 1.0).astype(np.float32)
+                return actions, np.where(finite, "", "not finite")
+        LOG.warning("the policy is refused: %s", problem)
+        return np.zeros(shape, np.float32), np.full(len(observations), why)
 
     def _hand_over(self, where: NDArray[np.bool_], reason: str) -> None:
         for i in np.flatnonzero(where & ~self.handed_over):
@@ -141,16 +141,15 @@ class Shield(Policy):
         middle = np.zeros_like(feeds)  # the drawing's allowance in half the passes
         return np.stack([middle, middle, *[speeds, feeds] * control.passes_max], axis=1).astype(np.float32)
 
-    def _limited(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[Any]]:
+    def _limited(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[np.str_]]:
         """Return actions that keep the limits, and what limited them, shape (num_envs,)."""
         control, machine, observer = self._scenario.control, self._scenario.machine, self._observer
         observer.follow(reading, self.place)
         observer.expect(self._settings.target)
-        asked_speed, asked = commands(actions, reading, self._scenario)
+        asked_speed, asked = commanded(actions, reading.commanded_cutting_speed, reading.commanded_feed, self._scenario)
         speed, hopeless = observer.speed(asked_speed, asked, control.action != "override")
         self._hopeless = np.where(hopeless, self._hopeless + 1, 0)
-        stuck = self._hopeless * control.interval >= HOPELESS
-        change_edge = None
+        stuck, change_edge = self._hopeless * control.interval >= HOPELESS, None
         if control.edge_changes == "commanded":  # a fresh edge helps before the operator must
             change_edge = (actions[:, -1] > 0.0) | stuck
             stuck &= self._hopeless * control.interval >= 2.0 * HOPELESS
@@ -165,55 +164,33 @@ class Shield(Policy):
         same = asked * asked_speed / speed  # the asked removal rate, not more
         feed = np.clip(np.minimum(same, np.minimum(bound, rise)), machine.feed_min, machine.feed_max)
         changed = (feed < asked * (1 - 1e-6)) | (np.abs(speed / asked_speed - 1.0) > 1e-6)
-        by = np.where(rise < bound, "rise", np.where(by_power < by_force, "power", "force"))
         limited = towards(reading, self._scenario, speed, feed, change_edge)
         if change_edge is not None:
             changed |= change_edge & (actions[:, -1] <= 0.0)
-        return np.where(changed[:, None], limited, actions), np.where(changed, by, "").astype(object)
+        by = np.where(rise < bound, "rise", np.where(by_power < by_force, "power", "force"))
+        return np.where(changed[:, None], limited, actions), np.where(changed, by, "")
 
-    def _limited_parts(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[Any]]:
+    def _limited_parts(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[np.str_]]:
         """Return actions for parts with feeds that keep the limits in every pass, and what limited them."""
         scenario, machine, work = self._scenario, self._scenario.machine, self._scenario.workpiece
         unsure = work.depth_along_spread if scenario.sensors.probe else np.hypot(work.depth_along_spread, work.depth_bar_spread)
         expected = np.where(np.isfinite(reading.probed_depth), reading.probed_depth, work.depth_of_cut)
         blank = expected + PART_MARGIN * unsure
         harder = PART_MARGIN * np.hypot(work.hardness_bar_spread, work.hardness_along_spread)
-        force, power = (np.exp(harder * law.hardness) for law in (scenario.material.thrust_force, scenario.material.power))
-        passes = np.minimum(
-            1 + (0.5 * (actions[:, 0] + 1.0) * scenario.control.passes_max).astype(int), scenario.control.passes_max
-        )
+        loads = np.exp([harder * law.hardness for law in (scenario.material.power, scenario.material.thrust_force)])
+        most_passes = scenario.control.passes_max
+        passes = np.minimum(1 + (0.5 * (actions[:, 0] + 1.0) * most_passes).astype(int), most_passes)
         depth = work.depth_of_cut * (1.0 + actions[:, 1]) / passes
         wear = np.full(len(depth), scenario.tool.wear_criterion)
         actions, limited = actions.copy(), np.zeros(len(depth), np.bool_)
-        for number in range(scenario.control.passes_max):
+        for number in range(most_passes):
             floor = (passes - 1 - number) * depth
             thick = np.maximum(np.minimum(blank, np.inf if number == 0 else floor + depth) - floor, 0.01)
-            speed = set_point(actions[:, 2 + 2 * number], machine.cutting_speed_min, machine.cutting_speed_max)
-            bound = np.minimum(*feeds_of(scenario, speed, thick, wear, force, power, self._settings.target))
+            share = 0.5 * (actions[:, 2 + 2 * number].astype(np.float64) + 1.0)
+            speed = machine.cutting_speed_min + share * (machine.cutting_speed_max - machine.cutting_speed_min)
+            bound = feeds_of(scenario, speed, thick, wear, loads, self._settings.target).min(axis=0)
             most = set_point_action(np.clip(bound, machine.feed_min, machine.feed_max), machine.feed_min, machine.feed_max)
-            limited |= (number < passes) & (actions[:, 3 + 2 * number] > most)
-            actions[:, 3 + 2 * number] = np.minimum(actions[:, 3 + 2 * number], most)
-        return actions, np.where(limited, "load", "").astype(object)
-
-
-def set_point(action: NDArray[Any], low: float, high: float) -> Values:
-    """Return the value that an action in -1..1 commands, linear between a range's ends."""
-    value: Values = low + 0.5 * (action.astype(np.float64) + 1.0) * (high - low)
-    return value
-
-
-def commands(actions: Actions, reading: Reading, scenario: Scenario) -> tuple[Values, Values]:
-    """Return the cutting speed [m/min] and feed [mm/rev] that actions command."""
-    control, machine = scenario.control, scenario.machine
-    first, last = actions[:, 0].astype(np.float64), actions[:, min(1, actions.shape[1] - 1)].astype(np.float64)
-    if control.action == "incremental":
-        speed = reading.commanded_cutting_speed * np.exp(control.cutting_speed_step * first)
-        feed = reading.commanded_feed * np.exp(control.feed_step * last)
-    elif control.action == "set_point":
-        speed = set_point(first, machine.cutting_speed_min, machine.cutting_speed_max)
-        feed = set_point(last, machine.feed_min, machine.feed_max)
-    else:
-        speed, feed = reading.commanded_cutting_speed, set_point(first, 0.0, control.override_max * control.initial_feed)
-    return np.clip(speed, machine.cutting_speed_min, scenario.cutting_speed_max), np.clip(
-        feed, machine.feed_min, machine.feed_max
-    )
+            feed = actions[:, 3 + 2 * number]
+            limited |= (number < passes) & (feed > most)
+            actions[:, 3 + 2 * number] = np.minimum(feed, most)
+        return actions, np.where(limited, "load", "")

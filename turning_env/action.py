@@ -1,10 +1,14 @@
-"""Actions for controllers that compute set points: they move the commands towards the set points."""
+"""Actions for controllers that compute set points: they move the commands towards the set points; and what actions command."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turning_env import Reading, Scenario
+from turning_env.numerics.compilation import compiled_entry
 from turning_env.numerics.functions import log
+from turning_env.physics.lathe import command
+from turning_env.physics.quantities import WIDTH
+from turning_env.physics.records import STATE, new_records, scratch_records
 from turning_env.scoring.policy import Actions
 
 
@@ -52,3 +56,26 @@ def towards(
         columns.append(np.full(len(feed), -1.0) if change_edge is None else np.where(change_edge, 1.0, -1.0))
     actions: Actions = np.clip(np.stack(columns, axis=1), -1.0, 1.0).astype(np.float32)
     return actions
+
+
+def commanded(
+    actions: Actions, cutting_speed: NDArray[np.float64], feed: NDArray[np.float64], scenario: Scenario
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the cutting speed [m/min] and feed [mm/rev] that actions command after a commanded speed and feed.
+
+    The transition itself decodes the actions, on the first section of a bar. All arrays have one row per environment.
+    """
+    count = len(actions)
+    states = new_records(STATE, -(-count // WIDTH))
+    for name, values in (("commanded_cutting_speed", cutting_speed), ("commanded_feed", feed)):
+        states[name].flat[:count] = values  # writes through to the records
+    command_all(states, scratch_records(scenario), np.asarray(actions, np.float64), count)
+    return states["commanded_cutting_speed"].ravel()[:count], states["commanded_feed"].ravel()[:count]
+
+
+@compiled_entry
+def command_all(states, scratches, actions, count):  # type: ignore[no-untyped-def]
+    """Set the commanded speed and feed of environments in blocks from their actions."""
+    for block in range(len(states)):
+        first = block * WIDTH
+        command(states[block], scratches[0].work, actions[first:], 0, min(count - first, WIDTH), scratches[0].parameters)

@@ -1,6 +1,5 @@
-"""HAL components with a fake HAL, and where it is installed LinuxCNC itself, with faults."""
+"""The HAL component with a fake HAL, the plant, and where it is installed LinuxCNC itself, with faults."""
 
-import importlib
 import json
 import os
 import shutil
@@ -10,71 +9,49 @@ import sys
 import time
 from itertools import groupby
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from turning_control import linuxcnc
+from turning_control.core import safe_feed
 from turning_control.linuxcnc import Fault
 from turning_control.plant import Plant
 from turning_env import Scenario
 from turning_env.scoring.policy import Actions, Observations
 
-SAFE = 0.25
-PLAN = {"in": {"load": "float"}, "out": {"adaptive-feed": "float"}, "period": 0.3, "safe": {"adaptive-feed": SAFE}}
-READY = "import sys, time, json; print('ready', flush=True); line = sys.stdin.readline(); "
-ANSWER = "print(json.dumps({'adaptive-feed': 0.9}), flush=True); "
+BRIDGE = Path(linuxcnc.__file__).parent / "lathe" / "hal_bridge.py"
+PLAN = {"in": {"load": "float"}, "out": {"adaptive-feed": "float"}, "period": 0.3, "safe": {"adaptive-feed": 0.25}}
+FAKE_HAL = """
+HAL_IN = HAL_OUT = HAL_FLOAT = HAL_BIT = HAL_S32 = HAL_U32 = 0
 
+class component(dict):
+    def __init__(self, name):
+        self.ready = self.exit = lambda: None
 
-class Enough(Exception):
-    """The test has seen what it wanted."""
+    def newpin(self, pin, kind, direction):
+        dict.__setitem__(self, pin, 0)
 
-
-class Component(dict[str, Any]):
-    """A component of a fake HAL: ends the loop after some late periods."""
-
-    def __init__(self, name: str) -> None:
-        self.feeds: list[float] = []
-
-    def newpin(self, pin: str, kind: int, direction: int) -> None:
-        super().__setitem__(pin, 0)
-
-    def ready(self) -> None:
-        return
-
-    def exit(self) -> None:
-        return
-
-    def __setitem__(self, pin: str, value: Any) -> None:
-        super().__setitem__(pin, value)
-        if pin == "adaptive-feed":
-            self.feeds.append(value)
+    def __setitem__(self, pin, value):
+        dict.__setitem__(self, pin, value)
+        print(pin, value)
         if pin == "late" and value == 3:
-            raise Enough
+            raise SystemExit
+"""
+POLICY = "import sys, time; print('ready', flush=True); sys.stdin.readline(); print('{{\"adaptive-feed\": 0.9}}', flush=True); {}"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("then", ["time.sleep(60)", "sys.exit()", "print('{', end='', flush=True); time.sleep(60)"])
-def test_a_process_that_stops_answering_leaves_the_safe_feed_after_one_period(
-    then: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made: list[Component] = []
-    fake = SimpleNamespace(
-        component=lambda name: made.append(Component(name)) or made[0], **dict.fromkeys(("HAL_IN", "HAL_OUT"), 0),
-        **{f"HAL_{kind}": 0 for kind in ("FLOAT", "BIT", "S32", "U32")},
-    )  # fmt: skip
-    monkeypatch.setitem(sys.modules, "hal", fake)
-    monkeypatch.delitem(sys.modules, "turning_control.lathe.hal_bridge", raising=False)
-    bridge = importlib.import_module("turning_control.lathe.hal_bridge")
-    path = tmp_path / "plan.json"
-    path.write_text(json.dumps({**PLAN, "command": [sys.executable, "-c", READY + ANSWER + then]}))
-    monkeypatch.setattr(bridge.signal, "signal", lambda *_: None)
-    with pytest.raises(Enough):
-        bridge.main("turning", str(path))
-    assert [feed for feed, _ in groupby(made[0].feeds)] == [SAFE, 0.9, SAFE]
-    assert not Path(f"/proc/{made[0]['pid']}").exists()
+def test_a_process_that_stops_answering_leaves_the_safe_feed_after_one_period(then: str, tmp_path: Path) -> None:
+    (tmp_path / "hal.py").write_text(FAKE_HAL)
+    plan = tmp_path / "plan.json"
+    plan.write_text(json.dumps({**PLAN, "command": [sys.executable, "-c", POLICY.format(then)]}))
+    command, paths = [sys.executable, str(BRIDGE), "turning", str(plan)], os.environ | {"PYTHONPATH": str(tmp_path)}
+    said = subprocess.run(command, env=paths, check=True, capture_output=True, text=True, timeout=60.0).stdout
+    pins = [line.split() for line in said.splitlines()]
+    assert [feed for feed, _ in groupby(value for pin, value in pins if pin == "adaptive-feed")] == ["0.25", "0.9", "0.25"]
+    assert not Path(f"/proc/{next(value for pin, value in pins if pin == 'pid')}").exists()
 
 
 @pytest.mark.slow
@@ -103,9 +80,22 @@ def test_the_program_holds_the_highest_feed() -> None:
 
 
 def test_without_linuxcnc_the_message_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setenv("PATH", "")
     with pytest.raises(linuxcnc.LinuxCncError, match=linuxcnc.PACKAGE):
         linuxcnc.run("programmed", "override", 1, 0)
+
+
+def test_a_run_and_its_simulation_give_the_same_figures(tmp_path: Path) -> None:
+    row = {"at_feed": 1.0, "bar": 0.0, "edge": 0.0, "power": 4.0, "delay": 0.006, "adaptive_feed": 0.5, "feed": 0.4, "along": 1.0}
+    rows = [row | {"seconds": 11.0, "engaged_time": 10.0, "severe_overload_time": 0.1}] * 2
+    assert linuxcnc.figures(rows, 0.25) == pytest.approx((22.0, 4.0, 0.01, 1.0, 0.0, 0.006))
+    scenario = Scenario.load("override")
+    simulated = linuxcnc.simulated("programmed", scenario, 1, 0)
+    assert simulated.time == pytest.approx(22.5, abs=0.1)  # docs/linuxcnc.md
+    assert simulated.mean_power == pytest.approx(3.65, abs=0.01)
+    assert "| programmed | simulation | 22.5" in linuxcnc.table({"programmed": (simulated, simulated)})
+    linuxcnc.picture({"programmed": rows}, scenario, tmp_path / "demo.png")
+    assert (tmp_path / "demo.png").stat().st_size > 0
 
 
 def running() -> list[str]:
@@ -140,8 +130,7 @@ def test_faults_end_in_the_safe_feed_or_a_stop_and_leave_nothing_running(name: s
     scenario = Scenario.load("override")
     policy = f"{__name__}:not_a_number" if name == "policy" else "programmed"
     rows = linuxcnc.run(policy, "override", 1, 0, Fault(name, after=5.0, lasts=2.0))
-    safe = 0.5 * scenario.control.initial_feed / scenario.machine.feed_max
-    held = sum(row["seconds"] for row in rows if abs(row["adaptive_feed"] - safe) < 1e-6)
+    held = sum(row["seconds"] for row in rows if abs(row["adaptive_feed"] - safe_feed(scenario)) < 1e-6)
     if name == "kill":
         assert max(row["along"] for row in rows) > scenario.workpiece.bar_length  # the program goes on at the safe feed
         assert held > 10.0

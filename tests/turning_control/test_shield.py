@@ -1,14 +1,16 @@
 """The shield in simulation: limits held, wrong answers refused, right ones left alone."""
 
+import json
+from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
 
 from turning_control.measure import UniformRandom, rows
-from turning_control.shield import PATIENCE, Settings, Shield, commands
+from turning_control.shield import PATIENCE, Settings, Shield
 from turning_env import Scenario, read
+from turning_env.action import commanded
 from turning_env.physics.quantities import action_size
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import Actions, Observations, Policy
@@ -88,9 +90,9 @@ def test_the_shield_never_asks_for_more_removal_than_the_policy() -> None:
         policy.answer = random.uniform(-0.5, 1.0, (8, 2)).astype(np.float32)
         reading = read(observations, scenario)
         actions = shield.act(observations)
-        asked, given = (np.prod(commands(each, reading, scenario), axis=0) for each in (policy.answer, actions))
-        lowest = scenario.machine.feed_min * commands(actions, reading, scenario)[0]
-        assert (given <= np.maximum(asked, lowest) * (1 + 1e-5)).all()
+        before = reading.commanded_cutting_speed, reading.commanded_feed
+        asked, (speed, feed) = (commanded(each, *before, scenario) for each in (policy.answer, actions))
+        assert (speed * feed <= np.maximum(np.prod(asked, axis=0), scenario.machine.feed_min * speed) * (1 + 1e-5)).all()
         changed += sum(reason != "passed" for reason in shield.reasons)
         observations, *_ = env.step(actions)
     assert changed > 20
@@ -121,25 +123,19 @@ def test_random_actions_break_no_edge() -> None:
 
 
 @pytest.mark.slow
-def test_the_measurement_plays_with_and_without_the_shield(tmp_path: Any) -> None:
+def test_the_measurement_plays_with_and_without_the_shield(tmp_path: Path) -> None:
     measured = list(rows(["RoughTurning-Surface-v1"], 1, tmp_path, Settings()))
     assert [row.shielded for row in measured] == [False, True]
-    assert gymnasium.spec(measured[0].env_id).kwargs["scenario"] == "surface"
 
 
-def test_an_interrupted_measurement_goes_on_where_it_was(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_figures_are_not_measured_again_and_those_of_other_code_are_refused(tmp_path: Path) -> None:
     kept, task = tmp_path / "kept.json", ["RoughTurning-Batch-v0"]
-    first_row = next(rows(task, 1, tmp_path, Settings(), kept))
-    monkeypatch.setattr("turning_control.measure.Shield", None)  # only the shielded row is left to play
+    row = next(rows(task, 1, tmp_path, Settings(), kept))
+    kept.write_text(json.dumps([row._asdict() | {"edges_broken": 77}]))
     again = rows(task, 1, tmp_path, Settings(), kept)
-    assert next(again) == first_row
-    with pytest.raises(TypeError):
-        next(again)
-
-
-def test_kept_figures_of_other_code_are_refused(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    kept, task = tmp_path / "kept.json", ["RoughTurning-Batch-v0"]
-    next(rows(task, 1, tmp_path, Settings(), kept))
-    monkeypatch.setattr("turning_control.measure.VERSION", "0.0")
+    assert next(again).edges_broken == 77
+    assert next(again).shielded
+    assert len(json.loads(kept.read_text())) == 2
+    kept.write_text(json.dumps([row._asdict() | {"version": "0.0"}]))
     with pytest.raises(ValueError, match="version"):
         next(rows(task, 1, tmp_path, Settings(), kept))
