@@ -1,10 +1,20 @@
-"""Tools for a process engineer: calibrate a scenario from measured cuts, predict cuts with its laws, and map them.
+"""Tools for a process engineer: calibrate a scenario from measured cuts, predict cuts with its laws, map them, and advise.
 
 ``command`` adds its commands to ``python -m turning_env``. Playing and scoring of policies belong in ``turning_env.scoring``.
 """
+
+from collections.abc import Iterator, Sequence
 
 from turning_env.console import Mistake
 
 
 class WorkshopError(Mistake):
     """Invalid input of a workshop tool. The message says what is wrong and what is allowed."""
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Yield rows of cells as lines with aligned columns: the first to the left, the others to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for first, *others in rows:
+        cells = [first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]
+        yield "  ".join(cells).rstrip()

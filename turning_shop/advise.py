@@ -3,15 +3,16 @@
 Recommendations are nominal: limits are kept with a worn edge, at nominal depth and hardness. ``advise_play.py`` plays them.
 """
 
+import itertools
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
 from turning_env.scenario import Scenario
-from turning_shop import WorkshopError
+from turning_shop import WorkshopError, aligned
 from turning_shop.prediction import LEVEL, Evidence, predict
 from turning_shop.whatif import Cuts, what_if
 
@@ -28,16 +29,18 @@ AIMS = ("most metal", "least cost", "longest run")
 
 
 class Prices(NamedTuple):
-    """Prices of machining."""
+    """Prices of machining.
+
+    Attributes:
+        unit: Currency; "min" of machine time if no hourly rate is known.
+        minute, edge: Price of a minute of machine and operator, and of an edge.
+        change_time: Time to change an edge [min].
+    """
 
     unit: str
-    """Currency; "min" of machine time if no hourly rate is known."""
     minute: float
-    """Price of a minute of machine and operator."""
     edge: float
-    """Price of an edge."""
     change_time: float
-    """Time to change an edge [min]."""
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Prices":
@@ -53,39 +56,44 @@ class Prices(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Speed and feed from one wear of the edge to another."""
+    """Speed and feed from one wear of the edge to another.
+
+    Attributes:
+        wear: Flank wear at the end [mm].
+        cutting_speed, feed: [m/min], [mm/rev].
+        minutes: Cutting time from the beginning of the step to its end [min].
+    """
 
     wear: float
-    """Flank wear at the end [mm]."""
     cutting_speed: float
-    """[m/min]"""
     feed: float
-    """[mm/rev]"""
     minutes: float
-    """Cutting time from the beginning of the step to its end [min]."""
 
 
 class Advice(NamedTuple):
-    """A recommendation: fixed parameters, or a schedule over the edge's life."""
+    """A recommendation: fixed parameters, or a schedule over the edge's life.
+
+    Attributes:
+        aim: One of ``AIMS``.
+        steps: One for fixed parameters.
+        life: Cutting time of an edge and its 95 % interval [min].
+        part_time: Cutting time of a part [min].
+        cycle_time: Time from part to part, without edge changes [min].
+        parts: Parts per edge and their 95 % interval.
+        removal_rate: Metal per minute, edge changes included [cm3/min].
+        cost: Cost of a part, edges included.
+        extrapolated: Whether the laws are used beyond what was measured.
+    """
 
     aim: str
-    """One of ``AIMS``."""
     steps: tuple[Step, ...]
-    """One for fixed parameters."""
     life: tuple[float, float, float]
-    """Cutting time of an edge and its 95 % interval [min]."""
     part_time: float
-    """Cutting time of a part [min]."""
     cycle_time: float
-    """Time from part to part, without edge changes [min]."""
     parts: tuple[float, float, float]
-    """Parts per edge and their 95 % interval."""
     removal_rate: float
-    """Metal per minute, edge changes included [cm3/min]."""
     cost: float
-    """Cost of a part, edges included."""
     extrapolated: bool
-    """Whether the laws are used beyond what was measured."""
 
     @property
     def change_after(self) -> int:
@@ -106,102 +114,86 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
     feeds = np.geomspace(machine.feed_min, machine.feed_max, GRID)
     if scenario.control.action == "override":
         speeds = np.array([scenario.control.initial_cutting_speed])
-    bounds = scenario.tool.wear_criterion * np.linspace(0.0, 1.0, SLICES + 1)
-    tables = [what_if(scenario, speeds, feeds[:, np.newaxis], wear=wear) for wear in bounds[1:]]
-    if not tables[-1].within_limits.any():
+    wears = scenario.tool.wear_criterion * np.arange(1, SLICES + 1) / SLICES
+    speeds, feeds = (values.ravel() for values in np.meshgrid(speeds, feeds))
+    cuts = what_if(scenario, speeds, feeds, wear=wears[:, np.newaxis])  # a row per section of the edge's life, at its end
+    possible = np.atleast_1d(cuts.within_limits.any(axis=1))
+    if not possible[-1]:
         raise WorkshopError(
             f"no speed and feed keep limits.thrust_force, {scenario.limits.thrust_force:g} N, and limits.power, "
-            f"{scenario.limits.power:g} kW, with an edge worn to {bounds[-1]:g} mm: reduce workpiece.depth_of_cut"
+            f"{scenario.limits.power:g} kW, with an edge worn to {wears[-1]:g} mm: reduce workpiece.depth_of_cut"
         )
     found = []
-    for aim in AIMS:
-        for scheduled in (False, True):
-            # An edge may be changed before it is worn out, because a fresher one cuts faster.
-            ends = [SLICES] if aim == "longest run" else [n for n in range(1, SLICES + 1) if tables[n - 1].within_limits.any()]
-            plans = [_best(scenario, evidence, aim, tables[:end] if scheduled else tables[end - 1 : end]) for end in ends]
-            found.append(min(plans, key=lambda each: each.cost if aim == "least cost" else -each.removal_rate))
+    for aim, scheduled in itertools.product(AIMS, (False, True)):
+        # An edge may be changed before it is worn out, because a fresher one cuts faster.
+        ends = [SLICES] if aim == "longest run" else np.flatnonzero(possible) + 1
+        plans = [_best(scenario, evidence, aim, _at(cuts, slice(0 if scheduled else end - 1, end))) for end in ends]
+        found.append(min(plans, key=lambda each: each.cost if aim == "least cost" else -each.removal_rate))
     return found
 
 
-def _best(scenario: Scenario, evidence: Evidence, aim: str, tables: list[Cuts]) -> Advice:
+def _at(cuts: Cuts, index: Any) -> Cuts:
+    return Cuts(*(values[index] for values in cuts))
+
+
+def _best(scenario: Scenario, evidence: Evidence, aim: str, cuts: Cuts) -> Advice:
     """Return the best settings for each section of the edge's life, at whose end its limits are kept.
 
     The aim is a ratio, cost over volume or time over volume. Its least value k makes the least of cost - k volume zero
     (Dinkelbach 1967), and at given k each section of the life is optimised by itself.
+
+    ``cuts`` have the shape (sections, settings).
     """
-    prices = Prices.of(scenario)
+    prices, sections = Prices.of(scenario), np.arange(len(cuts.time))
     minute, edge = (prices.minute, prices.edge) if aim == "least cost" else (1.0, 0.0)
-    stop = edge + minute * prices.change_time
-    start, times = np.zeros_like(tables[0].time), []
-    for table in tables:  # wear is the same function of a time at each setting, so sections are differences of such times
-        times.append(table.time - start)
-        start = table.time
-    part = _part_time(scenario, tables[0])
-    cost = [minute * time * (1.0 + _idle(scenario, tables[0]) / part) for time in times]
-    metal = [time * table.removal_rate for time, table in zip(times, tables, strict=True)]
-    allowed = [table.within_limits for table in tables]
+    # Wear is the same function of a time at each setting, so sections are differences of such times.
+    times = np.diff(cuts.time, axis=0, prepend=0.0)
     if aim == "longest run":
-        rates = [np.where(ok, table.removal_rate, 0.0).max() for ok, table in zip(allowed, tables, strict=True)]
-        choice = [
-            int(np.where(ok & (table.removal_rate >= UNATTENDED_SHARE * rate), time, -1.0).argmax())
-            for ok, table, rate, time in zip(allowed, tables, rates, times, strict=True)
-        ]
+        rates = np.where(cuts.within_limits, cuts.removal_rate, 0.0)
+        fast = cuts.within_limits & (rates >= UNATTENDED_SHARE * rates.max(axis=1, keepdims=True))
+        choice = np.where(fast, times, -1.0).argmax(axis=1)
     else:
+        cost = minute * times * (1.0 + _idle(scenario, cuts) / _part_time(scenario, cuts))
+        metal = times * cuts.removal_rate
         price = 0.0
         for _ in range(60):
-            choice = [int(np.where(ok, c - price * m, np.inf).argmin()) for ok, c, m in zip(allowed, cost, metal, strict=True)]
-            spent = stop + sum(float(c.flat[i]) for c, i in zip(cost, choice, strict=True))
-            price = spent / sum(float(m.flat[i]) for m, i in zip(metal, choice, strict=True))
-    return plan(scenario, evidence, prices, aim, tables, choice, times)
+            choice = np.where(cuts.within_limits, cost - price * metal, np.inf).argmin(axis=1)
+            spent = edge + minute * prices.change_time + cost[sections, choice].sum()
+            price = spent / metal[sections, choice].sum()
+    return plan(scenario, evidence, aim, _at(cuts, (sections, choice)), times[sections, choice])
 
 
-def plan(
-    scenario: Scenario, evidence: Evidence, prices: Prices, aim: str, tables: list[Cuts], choice: list[int], times: list[Values]
-) -> Advice:
-    """Return what follows from the chosen settings.
+def plan(scenario: Scenario, evidence: Evidence, aim: str, cuts: Cuts, minutes: Values) -> Advice:
+    """Return what follows from chosen settings.
 
     Args:
-        scenario: The machine, material and limits.
+        scenario: The machine, material, limits and prices.
         evidence: What is known of the laws.
-        prices: Prices of machining.
         aim: One of ``AIMS``.
-        tables: The cuts that are possible in each section of the edge's life, at the wear at its end.
-        choice: Index of the chosen cut in each table.
-        times: Cutting time of each cut in its section [min].
+        cuts: The cut in each section of the edge's life, at the wear at its end, shape (sections,).
+        minutes: Cutting time of each section [min], shape (sections,).
     """
-    part = _part_time(scenario, tables[0])
-    minutes = [float(time.flat[index]) for time, index in zip(times, choice, strict=True)]
-    life = sum(minutes)
-    parts = sum(time / float(part.flat[index]) for time, index in zip(minutes, choice, strict=True))
+    prices = Prices.of(scenario)
+    parts_of_section = minutes / _part_time(scenario, cuts)
+    life, parts = float(minutes.sum()), float(parts_of_section.sum())
     # Edges differ at least as much as the scenario says, even if no edges were named in the sheet.
-    half, extrapolated = life_spread(scenario), False
-    for table, index in zip(tables, choice, strict=True):
-        cut = Cuts(*(values.ravel()[index : index + 1] for values in table))
-        prediction = predict(scenario, evidence, cut, of_wear=True)
-        extrapolated = extrapolated or bool(prediction.extrapolated[0])
-        if "wear" in evidence.laws:
-            half = max(half, float(np.log(prediction.high["tool_life"][0] / cut.tool_life[0])))
-    low, high = np.exp(-half), np.exp(half)
-    idles = (
-        time / float(part.flat[index]) * float(_idle(scenario, tables[0]).flat[index])
-        for time, index in zip(minutes, choice, strict=True)
-    )
-    cycle = (life + sum(idles)) / parts
-    volume = part_volume(scenario)
-    steps = tuple(
-        Step(float(table.wear.flat[i]), float(table.cutting_speed.flat[i]), float(table.feed.flat[i]), time)
-        for table, i, time in zip(tables, choice, minutes, strict=True)
-    )
+    half, prediction = life_spread(scenario), predict(scenario, evidence, cuts, of_wear=True)
+    if "wear" in evidence.laws:
+        half = max(half, float(np.log(prediction.high["tool_life"] / cuts.tool_life).max()))
+    low, high = float(np.exp(-half)), float(np.exp(half))
+    cycle = (life + float(parts_of_section @ _idle(scenario, cuts))) / parts
+    with_change = cycle + prices.change_time / parts
+    columns = (cuts.wear, cuts.cutting_speed, cuts.feed, minutes)
     return Advice(
         aim=aim,
-        steps=steps,
+        steps=tuple(Step(*row) for row in np.column_stack(columns).tolist()),
         life=(life, life * low, life * high),
         part_time=life / parts,
         cycle_time=cycle,
         parts=(parts, parts * low, parts * high),
-        removal_rate=volume / (cycle + prices.change_time / parts),
-        cost=prices.minute * (cycle + prices.change_time / parts) + prices.edge / parts,
-        extrapolated=extrapolated,
+        removal_rate=part_volume(scenario) / with_change,
+        cost=prices.minute * with_change + prices.edge / parts,
+        extrapolated=bool(prediction.extrapolated.any()),
     )
 
 
@@ -228,39 +220,31 @@ def _idle(scenario: Scenario, cuts: Cuts) -> Values:
 
 def summary(scenario: Scenario, found: list[Advice]) -> Iterator[str]:
     """Yield lines of text."""
-    prices, work = Prices.of(scenario), scenario.workpiece
-    yield (
-        f"{scenario.name}: bars of {work.diameter:g} mm, {work.bar_length:g} mm long, {work.depth_of_cut:g} mm deep; "
-        f"edges worn out at {scenario.tool.wear_criterion:g} mm"
-    )
-    unit, change = prices.unit, f"a change takes {prices.change_time:g} min"
+    prices, work, unit = Prices.of(scenario), scenario.workpiece, Prices.of(scenario).unit
+    bars = f"bars of {work.diameter:g} mm, {work.bar_length:g} mm long, {work.depth_of_cut:g} mm deep"
+    yield f"{scenario.name}: {bars}; edges worn out at {scenario.tool.wear_criterion:g} mm"
+    change = f"a change takes {prices.change_time:g} min"
     yield f"a minute costs {prices.minute:.3g} {unit}, an edge {prices.edge:.3g} {unit}; {change}"
     yield ""
-    heads = ("", "speed", "feed", "tool life", "parts per edge", "change after", "at wear", "cycle", "MRR", "cost per part")
-    units = ("", "m/min", "mm/rev", "min", "", "parts", "mm", "min", "cm3/min", unit)
-    rows = [heads, units]
-    for each in found:
-        speeds, feeds = ([getattr(step, name) for step in each.steps] for name in ("cutting_speed", "feed"))
-        kind = "fixed" if len(each.steps) == 1 else "schedule"
-        rows.append(
+    yield from aligned([
+        ("", "speed", "feed", "tool life", "parts per edge", "change after", "at wear", "cycle", "MRR", "cost per part"),
+        ("", "m/min", "mm/rev", "min", "", "parts", "mm", "min", "cm3/min", unit),
+        *(
             (
-                f"{each.aim}, {kind}",
-                _span(speeds, ".0f"),
-                _span(feeds, ".3f"),
-                _interval(each.life, ".1f"),
-                _interval(each.parts, ".1f"),
+                f"{each.aim}, {'fixed' if len(each.steps) == 1 else 'schedule'}",
+                _span([step.cutting_speed for step in each.steps], ".0f"),
+                _span([step.feed for step in each.steps], ".3f"),
+                "{:.1f} ({:.1f}-{:.1f})".format(*each.life),
+                "{:.1f} ({:.1f}-{:.1f})".format(*each.parts),
                 str(each.change_after),
                 f"{each.steps[-1].wear:.2f}",
                 f"{each.cycle_time:.2f}",
                 f"{each.removal_rate:.1f}",
-                f"{each.cost:.3f}" + (" *" if each.extrapolated else ""),
+                f"{each.cost:.3f}" + " *" * each.extrapolated,
             )
-        )
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        yield "  ".join(
-            cell.ljust(width) if n == 0 else cell.rjust(width) for n, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
+            for each in found
+        ),
+    ])  # fmt: skip
     for each in found:
         if len(each.steps) > 1:
             yield ""
@@ -277,8 +261,3 @@ def summary(scenario: Scenario, found: list[Advice]) -> Iterator[str]:
 def _span(values: list[float], form: str) -> str:
     low, high = format(min(values), form), format(max(values), form)
     return low if low == high else f"{low}-{high}"
-
-
-def _interval(values: tuple[float, float, float], form: str) -> str:
-    value, low, high = values
-    return f"{value:{form}} ({low:{form}}-{high:{form}})"

@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from turning_env.scoring.play import Episodes, play, play_spec
 from turning_env.scoring.policy import Actions, Observations, PolicySpec
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate
-from turning_shop import WorkshopError
+from turning_shop import WorkshopError, aligned
 from turning_shop.advise import Advice, Prices, Step, part_volume
 
 CLOCKED = "fixed parameters", "schedule by time"
@@ -40,63 +40,63 @@ CLOCK_INTERVAL = 1.0
 
 @dataclass(frozen=True)
 class Year:
-    """One policy's year."""
+    """One policy's year.
+
+    Attributes:
+        name: The policy.
+        feed_factor: Factor of the recommended feed that keeps the limits in play [-]; 1 for a policy that chooses by itself.
+        removal_rate: Metal per minute, edge changes included [cm3/min].
+        overload: Share of cutting time in overload [-].
+        feasible: Whether this share is allowed.
+        cost: Cost of a year of the fixed parameters' metal.
+        saved: Cost of this year less than with fixed parameters.
+    """
 
     name: str
     feed_factor: float
-    """Factor of the recommended feed that keeps the limits in play [-]; 1 for a policy that chooses by itself."""
     removal_rate: float
-    """Metal per minute, edge changes included [cm3/min]."""
     overload: float
-    """Share of cutting time in overload [-]."""
     feasible: bool
-    """Whether this share is allowed."""
     cost: Estimate
-    """Cost of a year of the fixed parameters' metal."""
     saved: Estimate
-    """Cost of this year less than with fixed parameters."""
 
 
 @dataclass(frozen=True)
 class Played:
-    """Results of all policies, the fixed parameters first."""
+    """Results of all policies, the fixed parameters first.
+
+    Attributes:
+        unit: Currency, or "h" of machine time.
+        hours: Hours of a year, in which the fixed parameters' metal is cut.
+        edges: Number of edges played with each policy.
+        years: One per policy.
+        notes: What was not played, and why.
+    """
 
     unit: str
-    """Currency, or "h" of machine time."""
     hours: float
-    """Hours of a year, in which the fixed parameters' metal is cut."""
     edges: int
-    """Edges played with each policy."""
     years: list[Year]
     notes: list[str]
-    """What was not played, and why."""
 
     def summary(self) -> Iterator[str]:
         """Yield lines of text."""
-        first = self.years[0]
         yield f"played on {self.edges} simulated edges each; a year is the metal of {self.hours:g} h with fixed parameters"
         rows = [
             ("", "feed", "MRR", "overload", "cost of a year", "saved in a year"),
             ("", "%", "cm3/min", "%", self.unit, f"{self.unit} (95 %)"),
         ]
         for year in self.years:
-            saved = "" if year is first else f"{year.saved.value:.0f} ({year.saved.low:.0f} to {year.saved.high:.0f})"
-            rows.append(
-                (
-                    year.name,
-                    f"{100 * year.feed_factor:.0f}",
-                    f"{year.removal_rate:.1f}",
-                    f"{100 * year.overload:.1f}" + " !" * (not year.feasible),
-                    f"{year.cost.value:.0f} ({year.cost.low:.0f}-{year.cost.high:.0f})",
-                    saved,
-                )
-            )
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        for row in rows:
-            yield "  ".join(
-                cell.ljust(width) if n == 0 else cell.rjust(width)
-                for n, (cell, width) in enumerate(zip(row, widths, strict=True))
-            ).rstrip()
+            cost, saved = year.cost, year.saved
+            rows.append((
+                year.name,
+                f"{100 * year.feed_factor:.0f}",
+                f"{year.removal_rate:.1f}",
+                f"{100 * year.overload:.1f}" + " !" * (not year.feasible),
+                f"{cost.value:.0f} ({cost.low:.0f}-{cost.high:.0f})",
+                f"{saved.value:.0f} ({saved.low:.0f} to {saved.high:.0f})" if year is not self.years[0] else "",
+            ))  # fmt: skip
+        yield from aligned(rows)
         if not all(year.feasible for year in self.years):
             yield "! in overload longer than limits.overload_allowance: not to be used"
         yield from self.notes
@@ -135,25 +135,27 @@ def play_all(
     hours: float,
     edges: int,
     on_play: Callable[[str], object] = lambda name: None,
+    max_steps: int = MAX_STEPS,
 ) -> Played:
     """Play the fixed parameters and the schedule of least cost, agents, and a rule if this is a clone.
 
     Args:
-        scenario: The lathe, with the model mismatch that it states.
+        scenario: The machine, with the model mismatch that it states.
         advice: Returned by ``advise``.
         agents: ONNX files or ``module:object``; they must take the scenario's observations and actions. If there are none, and a
-            clone's agents were trained for this lathe, the best of these.
+            clone's agents were trained for this scenario, the best of these.
         rule: A rule of ``baselines``, played if that package can be imported; if None, the best: see ``best_rule``.
         hours: Hours of work in a year.
         edges: Number of edges, one per seed.
         on_play: Called with the name of each policy before it is played.
+        max_steps: Largest number of steps that a rule or an agent plays with an edge; of one that lasts longer, the used share
+            counts.
 
     Raises:
         WorkshopError: An agent or the rule cannot play this scenario.
     """
-    prices, seeds = Prices.of(scenario), held_out_seeds(edges)
-    control = scenario.control
-    own = _for_one_edge(scenario, control.action, min(LONGEST, MAX_STEPS * control.interval / 60.0))
+    seeds, control = held_out_seeds(edges), scenario.control
+    own = _for_one_edge(scenario, control.action, min(LONGEST, max_steps * control.interval / 60.0))
     played: list[tuple[str, float, Episodes]] = []
     notes = []
     for each in advice:
@@ -173,12 +175,14 @@ def play_all(
         played.append((f"rule {name}", 1.0, play_spec(spec, own, seeds)))
         agents = agents or _shipped_agents(Path(str(catalogue.__file__)).parents[1] / "agents", scenario)
     for agent in agents:
-        on_play(f"agent {Path(agent).stem}")
+        name = f"agent {Path(agent).stem}"
+        on_play(name)
         try:
-            played.append((f"agent {Path(agent).stem}", 1.0, play(as_factory(agent), own, seeds)))
+            played.append((name, 1.0, play(as_factory(agent), own, seeds)))
         except (TypeError, ValueError) as error:
             raise WorkshopError(f"--agent {agent}: {error}") from error
-    return _compared(scenario, prices, played, hours, notes)
+    unit = Prices.of(scenario).unit
+    return Played("h" if unit == "min" else unit, hours, edges, _years(scenario, played, hours), notes)
 
 
 def _nearest(scenario: Scenario) -> tuple[str, Scenario, list[Shipped]]:
@@ -196,8 +200,7 @@ def _nearest(scenario: Scenario) -> tuple[str, Scenario, list[Shipped]]:
 
 def best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, PolicySpec]:
     """Return name and rule, to play ``own``: the best of those that are tuned for the scenario or need no tuning."""
-    _, _, policies = _nearest(scenario)
-    for each in policies:
+    for each in _nearest(scenario)[2]:
         if each.kind == "rule":
             with suppress(ValueError):  # raised by a rule that cannot play the scenario, or is not tuned for it
                 return each.name, catalogue.spec(each.name, own, scenario)
@@ -205,11 +208,13 @@ def best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, P
 
 
 def _shipped_agents(folder: Path, scenario: Scenario) -> list[str]:
-    """Return the file of the best agent that ships for exactly this lathe, if there is any; prices do not matter."""
+    """Return the file of the best agent that ships for exactly this scenario, if there is any; prices do not matter."""
     env_id, preset, policies = _nearest(scenario)
     meaning, other = (each.model_dump(exclude={"name", "economics"}) for each in (scenario, preset))
+    if meaning != other or preset.control.edge_changes != "end":
+        return []
     files = [folder / env_id / preset.name / f"{each.name}-seed0.onnx" for each in policies if each.kind == "agent"]
-    return [str(file) for file in files if file.is_file() and meaning == other and preset.control.edge_changes == "end"][:1]
+    return [str(file) for file in files if file.is_file()][:1]
 
 
 def clocked(scenario: Scenario, advice: Advice) -> Scenario:
@@ -232,54 +237,46 @@ def _for_one_edge(scenario: Scenario, action: str, minutes: float = LONGEST) -> 
 
 def _with_margin(scenario: Scenario, steps: Sequence[Step], seeds: Sequence[int]) -> tuple[float, Episodes]:
     """Return the highest feed factor of ``MARGINS`` that keeps the limits often enough, else the lowest, and its episodes."""
-    plays: dict[float, Episodes] = {}
+
+    @cache
+    def played(factor: float) -> Episodes:
+        return play(partial(Clock, scenario, steps, factor), scenario, seeds, tell=True)
 
     def keeps_limits(factor: float) -> bool:
-        plays[factor] = play(partial(Clock, scenario, steps, factor), scenario, seeds, tell=True)
-        return _overload(plays[factor]) <= scenario.limits.overload_allowance
+        return _overload(played(factor)) <= scenario.limits.overload_allowance
 
-    index = bisect.bisect_left(MARGINS[:-1], True, key=keeps_limits)  # overload grows with the feed
-    factor = MARGINS[index]
-    if factor not in plays:
-        keeps_limits(factor)
-    return factor, plays[factor]
+    factor = MARGINS[bisect.bisect_left(MARGINS[:-1], True, key=keeps_limits)]  # overload grows with the feed
+    return factor, played(factor)
 
 
 def _overload(episodes: Episodes) -> float:
     return severe_share(episodes["severe_overload_time"], episodes["engaged_time"])
 
 
-def _compared(
-    scenario: Scenario, prices: Prices, played: list[tuple[str, float, Episodes]], hours: float, notes: list[str]
-) -> Played:
-    """Return each policy's costs of cutting the same metal."""
-    costs, minutes, volumes = {}, {}, {}
-    for name, _, episodes in played:
+def _years(scenario: Scenario, played: list[tuple[str, float, Episodes]], hours: float) -> list[Year]:
+    """Return each policy's costs of cutting the metal that the first cuts in so many hours."""
+    prices, allowed = Prices.of(scenario), scenario.limits.overload_allowance
+    scale = 1.0 / 60.0 if prices.unit == "min" else 1.0  # hours of machine time if there is no money
+    bootstrap = Bootstrap(len(played[0][2]["time"]))
+    years: list[Year] = []
+    for name, factor, episodes in played:
         # An episode ends when its edge is worn out, broken or changed by the clock, or before if the edge lasts too long to play.
         left_over = np.where(episodes["truncated"] > 0.0, 1.0 - episodes["used_life"], 0.0)
         edges = 1.0 - left_over * (name not in CLOCKED)
         downtime = scenario.economics.breakage_downtime * episodes["edges_broken"]
         returns = scenario.machine.return_time * episodes["removed"] / part_volume(scenario)
-        minutes[name] = episodes["time"] / 60.0 + returns + prices.change_time * edges + downtime
-        costs[name] = prices.minute * minutes[name] + prices.edge * edges
-        volumes[name] = episodes["removed"]
-    # Hours of machine time if there is no money.
-    scale = 1.0 / 60.0 if prices.unit == "min" else 1.0
-    bootstrap, first = Bootstrap(len(next(iter(costs.values())))), played[0][0]
-
-    def year(name: str, mean: Any) -> Any:
-        """Return the cost of a year's metal from means over seeds."""
-        metal = 60.0 * hours * mean(volumes[first]) / mean(minutes[first])
-        return scale * metal * mean(costs[name]) / mean(volumes[name])
-
-    def resampled(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return bootstrap.means(values[np.newaxis], "")
-
-    years = []
-    for name, factor, episodes in played:
-        cost = Estimate.of(year(name, np.mean), year(name, resampled))
-        saved = Estimate.of(year(first, np.mean) - year(name, np.mean), year(first, resampled) - year(name, resampled))
+        minutes = episodes["time"] / 60.0 + returns + prices.change_time * edges + downtime
+        # Means over seeds, the first of the seeds that were played, the others of resamples.
+        time, spent, metal = (
+            np.append(values.mean(), bootstrap.means(values[np.newaxis], ""))
+            for values in (minutes, prices.minute * minutes + prices.edge * edges, episodes["removed"])
+        )
+        if not years:
+            wanted = 60.0 * hours * metal / time
+        costs = scale * wanted * spent / metal
+        if not years:
+            first = costs
         overload = _overload(episodes)
-        rate = float(volumes[name].sum() / minutes[name].sum())
-        years.append(Year(name, factor, rate, overload, overload <= scenario.limits.overload_allowance, cost, saved))
-    return Played("h" if prices.unit == "min" else prices.unit, hours, len(volumes[first]), years, notes)
+        estimates = (Estimate.of(values[0], values[1:]) for values in (costs, first - costs))
+        years.append(Year(name, factor, float(metal[0] / time[0]), overload, overload <= allowed, *estimates))
+    return years

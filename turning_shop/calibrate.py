@@ -1,4 +1,4 @@
-"""Calibrate a material: fit its laws to measured cuts, report the uncertainty, and write a scenario with them.
+"""Calibrate a material: fit its laws to measured cuts and report the uncertainty.
 
 The command is ``python -m turning_env calibrate``; docs/your_own_machine.md is the tutorial.
 """
@@ -23,8 +23,6 @@ from turning_shop.prediction import BEYOND
 
 WIDE = 0.5
 """Half-width of an exponent's interval above which a warning calls the exponent hardly known [-]."""
-
-
 SLOWER = 30.0
 """Ratio of the fitted tool life to the base's above which a warning asks for the unit of time [-]."""
 
@@ -39,24 +37,29 @@ class Implausible(WorkshopError):
 
 @dataclass(frozen=True)
 class Calibration:
-    """A material with laws fitted to measurements."""
+    """A material with laws fitted to measurements.
+
+    Attributes:
+        fits: Fitted laws, by what they predict.
+        robust: The same laws, fitted so that a few wrong rows hardly count.
+        kept: Laws kept from the base, with the reason.
+        material: The fitted and the kept laws.
+        problems: What cannot be true, if the calibration was forced.
+        warnings: What to mind when the laws are used.
+        next_cuts: Cuts to measure next; None if all laws are known.
+        readings: How each column of the sheet was read.
+        confidence: Confidence level of all intervals [-].
+    """
 
     fits: dict[str, Fit]
-    """Fitted laws, by what they predict."""
     robust: dict[str, RobustFit]
-    """The same laws, fitted so that a few wrong rows hardly count."""
     kept: dict[str, str]
-    """Laws kept from the base, with the reason."""
     material: Material
     problems: tuple[str, ...]
-    """What cannot be true, if the calibration was forced."""
     warnings: tuple[str, ...]
     next_cuts: NextCuts | None
-    """Cuts to measure next; None if all laws are known."""
     readings: tuple[str, ...]
-    """How each column of the sheet was read."""
     confidence: float
-    """Confidence level of all intervals [-]."""
 
     @property
     def wear_factor_spread(self) -> float | None:
@@ -113,10 +116,9 @@ def calibrate(
     try:
         material = Material.model_validate(base.material.model_dump() | laws)
     except ValidationError as error:
-        raise WorkshopError(
-            f"the fitted laws are no material: {error.errors()[0]['msg'].removeprefix('Value error, ')}"
-        ) from error
-    warnings = (*unusual_edges(fits, robust), *_warnings(fits, measurements, base))
+        detail = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise WorkshopError(f"the fitted laws are no material: {detail}") from error
+    warnings = (*unusual_edges(fits, robust), *_warnings(fits, measurements, base), *_extrapolations(fits, base))
     advised = next_cuts(fits, base)
     return Calibration(fits, robust, kept, material, tuple(problems), warnings, advised, measurements.readings, confidence)
 
@@ -139,20 +141,21 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) 
                 f"{response}: rows at the same settings deviate together, so intervals are too narrow: "
                 "name edges in a column 'edge'; otherwise no power law fits"
             )
-        for name, estimate in fitted.estimates.items():
-            half = 0.5 * (estimate.high - estimate.low)
-            if name != "coefficient" and half > WIDE:
-                known = f"{estimate.value:.3g} +- {half:.2g}"
+        for name in fitted.exponents:
+            value, low, high = fitted.estimates[name]
+            if high - low > 2.0 * WIDE:
+                known = f"{value:.3g} +- {0.5 * (high - low):.2g}"
                 yield f"{response}: the exponent of {name} is hardly known, {known}: vary it more, or read more edges"
-    if (wear := fits.get("wear")) and wear.factors["time"].size:
-        rate = base.material.wear(**(wear.factors | {"time": 1.0}))
+    if wear := fits.get("wear"):
+        law, criterion, time = base.material.wear, base.tool.wear_criterion, wear.factors["time"]
+        lives = (
+            tool_life(wear.law.time, criterion, time, wear.predicted),
+            tool_life(law.time, criterion, time, law(**wear.factors)),
+        )
         with np.errstate(all="ignore"):
-            life = (base.tool.wear_criterion / rate) ** (1.0 / base.material.wear.time)
-            fitted_life = tool_life(wear.law.time, base.tool.wear_criterion, wear.factors["time"], wear.predicted)
-            ratio = float(np.median(fitted_life / life))
+            ratio = float(np.median(lives[0] / lives[1]))
         if ratio > SLOWER:
             yield f"wear: edges last {ratio:.3g} times as long as the base's: is time in seconds?"
-    yield from _extrapolations(fits, base)
 
 
 def _extrapolations(fits: dict[str, Fit], base: Scenario) -> Iterator[str]:
@@ -212,7 +215,7 @@ def summary(calibration: Calibration) -> Iterator[str]:
     yield f"columns: {', '.join(calibration.readings)}"
     for response, fitted in calibration.fits.items():
         line, residual = fitted.largest_residual()
-        yield f"{response}: {quality(fitted)}"
+        yield f"{response}: {fitted.quality}"
         yield f"  largest residual: line {line}, {100 * residual:+.2g} %"
         if fitted.edges:
             yield f"  {fitted.edges.count} edges, which differ by {100 * fitted.edges.spread:.2g} % (one standard deviation)"
@@ -226,9 +229,3 @@ def summary(calibration: Calibration) -> Iterator[str]:
         yield f"{response}: as in the base, {why}"
     if calibration.next_cuts:
         yield from calibration.next_cuts.summary()
-
-
-def quality(fitted: Fit) -> str:
-    """Return a fit's number of rows, explained variance and scatter, for people."""
-    explained = "" if fitted.r_squared is None else f"R2 {fitted.r_squared:.5f}, "
-    return f"{len(fitted.lines)} rows, {explained}scatter {100 * fitted.scatter:.2g} %"

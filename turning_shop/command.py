@@ -1,6 +1,7 @@
 """The commands of ``python -m turning_env`` for a process engineer: calibrate, current, whatif, map, advise and family."""
 
 import argparse
+import csv
 import json
 import math
 import sys
@@ -17,7 +18,8 @@ from turning_env.files import replace_file
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import Family
 from turning_shop import WorkshopError, whatif
-from turning_shop.measurements import COLUMNS, EDGE, read_measurements
+from turning_shop.headers import EDGE
+from turning_shop.measurements import COLUMNS, read_measurements
 
 if TYPE_CHECKING:
     from turning_shop.prediction import Evidence
@@ -67,9 +69,8 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     age.add_argument("--time", type=_numbers("time"), help="cutting time since the edge was fresh [min]", **several)
     age.add_argument("--wear", type=_numbers("wear"), help="flank wear of the edge [mm]", **several)
     form = table.add_mutually_exclusive_group()
-    form.add_argument("--json", dest="form", action="store_const", const=whatif.as_json, help="print JSON")
-    form.add_argument("--csv", dest="form", action="store_const", const=whatif.as_csv, help="print CSV")
-    table.set_defaults(form=whatif.as_text)
+    form.add_argument("--json", action="store_true", help="print JSON")
+    form.add_argument("--csv", action="store_true", help="print CSV")
 
     chart = command(_map, "draw the operating map of a worn edge")
     chart.add_argument("--wear", type=_number("wear"), required=True, metavar="X", help="flank wear of the edge [mm]")
@@ -224,12 +225,20 @@ def _whatif(options: argparse.Namespace) -> int:
     given = {"time": age} if options.time else {"wear": age}
     evidence = _warned(scenario)
     cuts = whatif.what_if(scenario, speed, feed, depth, hardness, **given)
+    prediction = None
     if evidence.laws:
         from turning_shop.prediction import predict
 
-        print(options.form(cuts, predict(scenario, evidence, cuts, of_wear=options.time is None)))
+        prediction = predict(scenario, evidence, cuts, of_wear=options.time is None)
+    if options.json:
+        print_json(whatif.records(cuts, prediction))
+    elif options.csv:
+        records = whatif.records(cuts, prediction)
+        writer = csv.DictWriter(sys.stdout, list(records[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(records)
     else:
-        print(options.form(cuts))
+        print(*whatif.table(cuts, prediction), sep="\n")
     return 0
 
 

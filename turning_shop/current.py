@@ -18,7 +18,8 @@ from scipy import signal, stats
 
 from turning_shop import WorkshopError
 from turning_shop.fit import Estimate
-from turning_shop.measurements import Column, Measurements
+from turning_shop.headers import Column
+from turning_shop.measurements import Measurements
 
 Values = NDArray[np.float64]
 

@@ -54,60 +54,93 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True)
 class EdgeEffect:
-    """The deviation that readings of one edge share."""
+    """The deviation that readings of one edge share.
+
+    Attributes:
+        count: Number of edges.
+        spread: Standard deviation of the logarithm that readings of one edge share [-].
+        degrees: Degrees of freedom of the coefficient and of each fitted exponent.
+        group: Number of each row's edge, from 0, shape (rows,).
+        removed: Share of its edge's mean to subtract from each row, which makes all rows independent [-], shape (rows,).
+    """
 
     count: int
-    """Number of edges."""
     spread: float
-    """Standard deviation of the logarithm that readings of one edge share [-]."""
     degrees: tuple[int, ...]
-    """Degrees of freedom of the coefficient and of each fitted exponent."""
     group: NDArray[np.int64]
-    """Number of each row's edge, from 0, shape (rows,)."""
     removed: Values
-    """Share of its edge's mean to subtract from each row, which makes all rows independent [-], shape (rows,)."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted law."""
+    """A fitted law.
+
+    Attributes:
+        response: What the law predicts: a key of ``FACTORS``.
+        law: The fitted law.
+        estimates: The coefficient and the fitted exponents, by their names in ``PowerLaw``.
+        assumed: Factors whose exponents are the base law's, with the reason.
+        covariance: Covariance of the coefficient's logarithm and the fitted exponents, in the order of ``estimates``.
+        reading_scatter: Standard deviation of the logarithm of one reading of an edge that was not measured [-].
+        factors: Values of all factors in the units of ``COLUMNS``, each of shape (rows,).
+        measured: Measured response in its unit, shape (rows,).
+        predicted: The law's response in its unit, shape (rows,).
+        lines: Line of each row in the file, shape (rows,).
+        edges: The deviations of edges; None if they are unknown.
+    """
 
     response: str
-    """What the law predicts: a key of ``FACTORS``."""
     law: PowerLaw
     estimates: dict[str, Estimate]
-    """The coefficient and the fitted exponents, by their names in ``PowerLaw``."""
     assumed: dict[str, str]
-    """Factors whose exponents are the base law's, with the reason."""
-    r_squared: float | None
-    """Share of the variance of the response's logarithm that the law explains [-]; None if the response never varies."""
     covariance: Values
-    """Covariance of the coefficient's logarithm and the fitted exponents, in the order of ``estimates``."""
-    scatter: float
-    """Standard deviation of the residuals' logarithms, adjusted for the degrees of freedom [-]."""
     reading_scatter: float
-    """Standard deviation of the logarithm of one reading of an edge that was not measured [-]."""
-    degrees: int
-    """Degrees of freedom of the residuals: number of rows - number of fitted parameters."""
     factors: dict[str, Values]
-    """Values of all factors in the units of ``COLUMNS``, each of shape (rows,)."""
     measured: Values
-    """Measured response in its unit, shape (rows,)."""
     predicted: Values
-    """The law's response in its unit, shape (rows,)."""
     lines: NDArray[np.int64]
-    """Line of each row in the file, shape (rows,)."""
     edges: EdgeEffect | None
-    """The deviations of edges; None if they are unknown."""
+
+    @property
+    def exponents(self) -> list[str]:
+        """Factors whose exponents were fitted."""
+        return list(self.estimates)[1:]
+
+    @property
+    def degrees(self) -> int:
+        """Degrees of freedom of the residuals: number of rows - number of fitted parameters."""
+        return len(self.lines) - len(self.estimates)
 
     @property
     def residuals(self) -> Values:
         """Residuals, measured / predicted - 1 [-], shape (rows,)."""
         return np.asarray(self.measured / self.predicted - 1.0)
 
+    @property
+    def log_residuals(self) -> Values:
+        """Logarithms of measured over predicted responses [-], shape (rows,)."""
+        return np.asarray(np.log(self.measured / self.predicted))
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation of the residuals' logarithms, adjusted for the degrees of freedom [-]."""
+        return float(np.linalg.norm(self.log_residuals) / np.sqrt(self.degrees))
+
+    @property
+    def r_squared(self) -> float | None:
+        """Share of the variance of the response's logarithm that the law explains [-]; None if the response never varies."""
+        logs = np.log(self.measured)
+        return 1.0 - float(np.mean(self.log_residuals**2) / np.var(logs)) if np.ptp(logs) >= MIN_VARIATION else None
+
+    @property
+    def quality(self) -> str:
+        """Number of rows, explained variance and scatter, for people."""
+        explained = "" if self.r_squared is None else f"R2 {self.r_squared:.5f}, "
+        return f"{len(self.lines)} rows, {explained}scatter {100 * self.scatter:.2g} %"
+
     def largest_residual(self) -> tuple[int, float]:
         """Return the line number and the residual [-] of the row that is farthest from the law."""
-        index = int(np.abs(np.log(self.measured / self.predicted)).argmax())
+        index = int(np.abs(self.log_residuals).argmax())
         return int(self.lines[index]), float(self.residuals[index])
 
 
@@ -126,12 +159,10 @@ def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: f
         WorkshopError: There are too few rows, or a fitted number lies outside the range of ``PowerLaw``.
     """
     present = complete_rows(response, measurements)
-    count = int(present.sum())
-    columns = measurements.columns
+    count, columns = int(present.sum()), measurements.columns
     factors = {
         name: np.nan_to_num(columns[name][present], nan=1.0) if name in columns else np.ones(count) for name in FACTORS[response]
     }
-    measured = columns[response][present]
     logs = {name: np.log(values) for name, values in factors.items()}
     fitted, assumed = _identifiable(factors, logs)
     if "hardness" not in columns:
@@ -144,39 +175,29 @@ def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: f
             f"for {numbers}, and one more to estimate the scatter"
         )
 
+    measured = columns[response][present]
     known = PowerLaw.model_validate(base.model_dump() | {"coefficient": 1.0} | dict.fromkeys(fitted, 0.0))
     target = np.log(measured) - np.log(known(**factors))
     references = {"depth_of_cut": np.log(base.reference_depth_of_cut)}
-    design = np.array([logs[name] - references.get(name, 0.0) for name in fitted]).reshape(len(fitted), count).T
-    edges = None if measurements.edges is None else _edge_effect(target, design, measurements.edges[present])
-    intercept, slopes, covariance, within = _least_squares(target, design, edges)
-    errors = np.sqrt(np.diag(covariance))
-    law = _validated(response, base, {"coefficient": float(np.exp(intercept))} | dict(zip(fitted, slopes.tolist(), strict=True)))
-
-    degrees = count - 1 - len(fitted)
-    freedom = edges.degrees if edges else (degrees,) * (1 + len(fitted))
-    margin, *margins = errors * stats.t.ppf(0.5 + 0.5 * confidence, freedom)
-    low, high = np.exp(np.clip((intercept - margin, intercept + margin), -MAX_LOG, MAX_LOG)).tolist()
-    estimates = {"coefficient": Estimate(law.coefficient, low, high)}
-    for name, slope, half in zip(fitted, slopes.tolist(), margins, strict=True):
-        estimates[name] = Estimate(slope, slope - float(half), slope + float(half))
-
-    predicted = np.asarray(law(**factors))
-    residuals, log_measured = np.log(measured / predicted), np.log(measured)
-    variation = float(((log_measured - log_measured.mean()) ** 2).sum())
+    design = np.column_stack([np.ones(count), *(logs[name] - references.get(name, 0.0) for name in fitted)])
+    edges = None if measurements.edges is None else _edge_effect(target, design[:, 1:], measurements.edges[present])
+    solution, covariance, within = _least_squares(target, design, edges)
+    names = ("coefficient", *fitted)
+    law = _validated(response, base, dict(zip(names, [np.exp(solution[0]), *solution[1:]], strict=True)))
+    degrees = edges.degrees if edges else (count - len(names),) * len(names)
+    margins = np.sqrt(np.diag(covariance)) * stats.t.ppf(0.5 + 0.5 * confidence, degrees)
+    ends = np.column_stack([solution - margins, solution + margins])
+    ends[0] = np.exp(np.clip(ends[0], -MAX_LOG, MAX_LOG))
     return Fit(
         response=response,
         law=law,
-        estimates=estimates,
+        estimates={name: Estimate(getattr(law, name), *row) for name, row in zip(names, ends.tolist(), strict=True)},
         assumed=assumed,
-        r_squared=1.0 - float(residuals @ residuals) / variation if np.ptp(log_measured) >= MIN_VARIATION else None,
         covariance=covariance,
-        scatter=float(np.sqrt(residuals @ residuals / degrees)),
         reading_scatter=float(np.hypot(within, edges.spread if edges else 0.0)),
-        degrees=degrees,
         factors=factors,
         measured=measured,
-        predicted=predicted,
+        predicted=np.asarray(law(**factors)),
         lines=measurements.lines[present],
         edges=edges,
     )
@@ -195,7 +216,7 @@ def rows_correlate(fitted: Fit) -> bool:
     Usually they are readings of one edge, and edges differ; otherwise no power law fits. An F test compares the variance of the
     residuals between settings with the variance within them.
     """
-    residuals = np.log(fitted.measured / fitted.predicted)
+    residuals = fitted.log_residuals
     settings = np.stack([fitted.factors[name] for name in SETTINGS], axis=1)
     _, group, members = np.unique(settings, axis=0, return_inverse=True, return_counts=True)
     means = np.bincount(group, residuals) / members
@@ -269,26 +290,15 @@ def _group_means(values: Values, group: NDArray[np.int64]) -> Values:
     return np.asarray((sums.T / np.bincount(group)).T[group])
 
 
-def _least_squares(target: Values, design: Values, edges: EdgeEffect | None) -> tuple[float, Values, Values, float]:
-    """Return intercept, slopes, the covariance of both, shape (1 + factors, 1 + factors), and the rows' own scatter."""
-    centre = design.mean(axis=0)  # subtracted, so that the numbers do not depend on how far from 1 the factors lie
-    columns = np.column_stack([target, np.ones(len(target)), design - centre])
+def _least_squares(target: Values, design: Values, edges: EdgeEffect | None) -> tuple[Values, Values, float]:
+    """Return the parameters, their covariance, and the standard deviation of a row's own scatter."""
     if edges is not None:
-        columns = np.asarray(columns - edges.removed[:, np.newaxis] * _group_means(columns, edges.group))
-    target, columns = columns[:, 0], columns[:, 1:]
-    inverse = np.linalg.pinv(columns)
+        target = target - edges.removed * _group_means(target, edges.group)
+        design = design - edges.removed[:, np.newaxis] * _group_means(design, edges.group)
+    inverse = np.linalg.pinv(design)
     solution = inverse @ target
-    residuals = target - columns @ solution
-    variance = float(residuals @ residuals) / (len(target) - columns.shape[1])
-    back = np.eye(columns.shape[1])
-    back[0, 1:] = -centre
-    solution = back @ solution
-    return (
-        float(solution[0]),
-        solution[1:],
-        np.asarray(back @ (inverse @ inverse.T * variance) @ back.T),
-        float(np.sqrt(variance)),
-    )
+    scatter = float(np.linalg.norm(target - design @ solution) / np.sqrt(len(target) - len(solution)))
+    return solution, inverse @ inverse.T * scatter**2, scatter
 
 
 def _validated(response: str, base: PowerLaw, values: dict[str, float]) -> PowerLaw:

@@ -3,7 +3,7 @@
 import json
 import os
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from turning_env.files import replace_file
 from turning_env.scenario import Scenario, presets
 from turning_env.scenario.scenario import name_of_file
 from turning_shop import WorkshopError
-from turning_shop.calibrate import Calibration, quality
+from turning_shop.calibrate import Calibration
 from turning_shop.prediction import Evidence, evidence_of, read_evidence
 
 
@@ -51,18 +51,16 @@ def write_scenario(calibration: Calibration, base: str, source: str, out: Path) 
     if tool:
         stated["tool"] = stated.get("tool", {}) | tool
     stated.pop("calibration", None)
-    evidence = _evidence(calibration, read_evidence(Scenario.load(base)), source)
+    before = read_evidence(Scenario.load(base))
+    kept = {name: law for name, law in before.laws.items() if name not in calibration.fits}
+    evidence = Evidence(
+        source=source,
+        warnings=tuple(dict.fromkeys((*calibration.problems, *calibration.warnings, *(before.warnings if kept else ())))),
+        laws=kept | {name: evidence_of(fitted) for name, fitted in calibration.fits.items()},
+    )
     text = "\n".join(_toml_lines(calibration, stated, evidence, source))
     replace_file(out, lambda partial: partial.write_text(text, "utf-8"))
     return scenario
-
-
-def _evidence(calibration: Calibration, before: Evidence, source: str) -> Evidence:
-    """Return what is known of the laws: those fitted now, and those of the base that are kept."""
-    kept = {name: law for name, law in before.laws.items() if name not in calibration.fits}
-    warnings = tuple(dict.fromkeys((*calibration.problems, *calibration.warnings, *(before.warnings if kept else ()))))
-    laws = kept | {name: evidence_of(fitted) for name, fitted in calibration.fits.items()}
-    return Evidence(source=source, warnings=warnings, laws=laws)
 
 
 def _toml_lines(calibration: Calibration, stated: dict[str, Any], evidence: Evidence, source: str) -> Iterator[str]:
@@ -76,7 +74,7 @@ def _toml_lines(calibration: Calibration, stated: dict[str, Any], evidence: Evid
     yield tomli_w.dumps(stated)
     for response, fitted in calibration.fits.items():
         yield f"[material.{response}]"
-        yield f"# {quality(fitted)}."
+        yield f"# {fitted.quality}."
         for name, value in fitted.law.model_dump().items():
             comment = ""
             if name in fitted.estimates:
@@ -90,14 +88,12 @@ def _toml_lines(calibration: Calibration, stated: dict[str, Any], evidence: Evid
     yield from _keys({"source": evidence.source, "warnings": evidence.warnings})
     for name, law in evidence.laws.items():
         values = law.model_dump()
-        yield from ("", f"[calibration.laws.{name}]")
-        yield from _keys({key: value for key, value in values.items() if key != "measured"})
-        yield f"[calibration.laws.{name}.measured]"
-        yield from _keys(values["measured"])
+        values |= {f"measured.{factor}": ends for factor, ends in values.pop("measured").items()}
+        yield from ("", f"[calibration.laws.{name}]", *_keys(values))
     yield ""
 
 
-def _keys(values: Mapping[str, Any]) -> Iterator[str]:
+def _keys(values: dict[str, Any]) -> Iterator[str]:
     """Yield keys and values in a line each; JSON's lists, texts and numbers are TOML's too."""
     for key, value in values.items():
         yield f"{key} = {json.dumps(value, ensure_ascii=False, allow_nan=False)}"

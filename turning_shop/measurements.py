@@ -5,26 +5,15 @@ import importlib
 import io
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turning_shop import WorkshopError
-from turning_shop.headers import NAMES, Heading, describe, read_heading
-
-
-class Column(NamedTuple):
-    """A quantity and its range of plausible values [unit], ends included; a value outside is probably in another unit."""
-
-    unit: str
-    low: float
-    high: float
-    meaning: str
-
+from turning_shop.headers import EDGE, NAMES, Column, Heading, read_heading
 
 COLUMNS = {
     "cutting_speed": Column("m/min", 0.1, 5000, "cutting speed"),
@@ -36,14 +25,9 @@ COLUMNS = {
     "power": Column("kW", 1e-4, 1e4, "spindle power"),
     "hardness": Column("-", 0.1, 10, "hardness of the bar over nominal hardness: 1 is nominal"),
 }
-"""Every column of numbers of a sheet of cuts."""
-
-EDGE = "edge"
-"""A further, optional column: the name of the cutting edge. A row with an empty cell has an edge of its own."""
-
+"""Columns of numbers of a sheet of cuts; a row with an empty cell in the column ``EDGE`` has an edge of its own."""
 REQUIRED = ("cutting_speed", "feed", "depth_of_cut")
 """Columns that every sheet of cuts must have."""
-
 MAX_COMPLAINTS = 5
 """Number of wrong cells that an error lists; it only counts the others."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -57,18 +41,21 @@ Row = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class Measurements:
-    """A sheet of measurements."""
+    """A sheet of measurements.
+
+    Attributes:
+        columns: Values of the columns that the file has, in the units of ``COLUMNS``, shape (rows,); NaN for an empty cell.
+        lines: Line of each row in the file, counted from 1, shape (rows,).
+        ignored: Unknown columns, which are ignored.
+        edges: Number of each row's edge, shape (rows,); None if the file has no column ``EDGE``.
+        readings: How each column of the file was read.
+    """
 
     columns: dict[str, NDArray[np.float64]]
-    """Values of the columns that the file has, in the units of ``COLUMNS``, shape (rows,); NaN for an empty cell."""
     lines: NDArray[np.int64]
-    """Line of each row in the file, counted from 1, shape (rows,)."""
     ignored: tuple[str, ...] = ()
-    """Unknown columns, which are ignored."""
     edges: NDArray[np.int64] | None = None
-    """Number of each row's edge, shape (rows,); None if the file has no column ``edge``."""
     readings: tuple[str, ...] = ()
-    """How each column of the file was read."""
 
 
 def read_measurements(
@@ -93,7 +80,7 @@ def read_measurements(
         if Path(path).suffix.lower() in (".xlsx", ".xlsm"):
             return _parse(_rows_of_workbook(data), str(path), columns, required, False)
         text = _decoded(data)
-        separator = max(_SEPARATORS, key=lambda mark: len(_understood(_first(_rows(text, mark)), columns)))
+        separator = max(_SEPARATORS, key=lambda mark: _understood(_rows(text, mark), columns))
         return _parse(_rows(text, separator), str(path), columns, required, separator != ",")
     except OSError as error:
         raise WorkshopError(f"{path} cannot be read: {error.strerror}") from error
@@ -101,10 +88,6 @@ def read_measurements(
         raise WorkshopError(f"{path} is not text: save the sheet as CSV, in UTF-8") from error
     except csv.Error as error:
         raise WorkshopError(f"{path} is not CSV: {error}") from error
-    except ValueError as error:
-        if isinstance(error, WorkshopError):
-            raise
-        raise WorkshopError(f"{str(path)!r} cannot be read: {error}") from error  # a zero byte in the path
 
 
 def _decoded(data: bytes) -> str:
@@ -138,87 +121,82 @@ def _rows_of_workbook(data: bytes) -> Iterator[Row]:
     return ((line, cells) for line, cells in enumerate(table, 1) if any(cell.strip() for cell in cells))
 
 
-def _first(rows: Iterable[Row]) -> list[str]:
+def _understood(rows: Iterator[Row], columns: Mapping[str, Column]) -> int:
+    """Return how many cells of the first row name a column, or would with another unit."""
+    count = 0
     try:
-        return next(iter(rows), (0, []))[1]
+        for text in next(rows, (0, []))[1]:
+            try:
+                count += read_heading(text, columns).column is not None
+            except WorkshopError:
+                count += 1
     except csv.Error:
-        return []
-
-
-def _understood(header: Sequence[str], columns: Mapping[str, Column]) -> list[Heading]:
-    """Return the headings that name a column, or would with another unit."""
-    found = []
-    for text in header:
-        try:
-            found.append(read_heading(text, {name: column.unit for name, column in columns.items()}))
-        except WorkshopError:
-            found.append(Heading(text, text))
-    return [heading for heading in found if heading.column]
+        pass
+    return count
 
 
 def _parse(
-    rows: Iterator[Row], source: str, columns: Mapping[str, Column], required: Sequence[str], commas: bool
+    rows: Iterator[Row], source: str, columns: Mapping[str, Column], required: Sequence[str], may_have_commas: bool
 ) -> Measurements:
-    header = next(rows, (0, []))[1]
-    if not header:
-        raise WorkshopError(f"{source} is empty: a header and rows of measurements are needed")
-    units = {name: column.unit for name, column in columns.items()}
-    try:
-        headings = [read_heading(cell, units) for cell in header]
-    except WorkshopError as error:
-        raise WorkshopError(f"{source}: {error}") from error
-    names = [heading.column for heading in headings]
-    _check_header(headings, source, columns, required)
-    known = [(index, heading.column, heading.factor) for index, heading in enumerate(headings) if heading.column in columns]
-    table: list[Row] = []
-    complaints: list[str] = []
-    for line, row in rows:
-        if len(row) != len(names):
-            complaints.append(f"line {line} has {len(row)} cells, but the header has {len(names)}")
-        table.append((line, row))
-    cells = [row[index].strip() for _, row in table for index, _, _ in known if len(row) == len(names)]
-    commas = commas and any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
-    values: dict[str, list[float]] = {name: [] for _, name, _ in known if name}
-    edges: list[str] = []
-    for line, row in table:
-        if len(row) != len(names):
-            continue
-        # A row without a name gets an edge of its own, under a name that no cell can hold.
-        edges.append((row[names.index(EDGE)].strip() if EDGE in names else "") or f"\n{line}")
-        for index, name, factor in known:
+    headings = _read_header(next(rows, (0, []))[1], source, columns, required)
+    table = list(rows)
+    complete = [(line, [cell.strip() for cell in row]) for line, row in table if len(row) == len(headings)]
+    complaints = [
+        f"line {line} has {len(row)} cells, but the header has {len(headings)}"
+        for line, row in table
+        if len(row) != len(headings)
+    ]
+    known = [
+        (index, heading, heading.column, columns[heading.column])
+        for index, heading in enumerate(headings)
+        if heading.column and heading.column != EDGE
+    ]
+    commas = may_have_commas and any(_DECIMAL_COMMA.fullmatch(row[index]) for _, row in complete for index, *_ in known)
+    values = {name: np.empty(len(complete)) for _, _, name, _ in known}
+    for number, (line, row) in enumerate(complete):
+        for index, heading, name, column in known:
             try:
-                values[str(name)].append(_number(row[index].strip(), columns[str(name)], factor, commas))
+                values[name][number] = _number(row[index], column, heading.factor, commas)
             except ValueError as error:
-                complaints.append(f"line {line}, column {headings[index].text}: {error}")
+                complaints.append(f"line {line}, column {heading.text}: {error}")
     if complaints:
         more = len(complaints) - MAX_COMPLAINTS
         shown = "; ".join(complaints[:MAX_COMPLAINTS]) + (f"; and {more} more like these" if more > 0 else "")
         raise WorkshopError(f"{source}: {shown}")
     if not table:
         raise WorkshopError(f"{source} has a header but no rows of measurements")
+    # A row without a name gets an edge of its own, under a name that no cell can hold.
+    edge = next((index for index, heading in enumerate(headings) if heading.column == EDGE), None)
     return Measurements(
-        {name: np.array(column) for name, column in values.items()},
-        np.array([line for line, _ in table]),
+        values,
+        np.array([line for line, _ in complete]),
         tuple(heading.text for heading in headings if heading.column is None and heading.text),
-        np.unique(edges, return_inverse=True)[1] if EDGE in names else None,
-        tuple(describe(headings, units)),
+        None if edge is None else np.unique([row[edge] or f"\n{line}" for line, row in complete], return_inverse=True)[1],
+        tuple(heading.describe(columns) for heading in headings if heading.text),
     )
 
 
-def _check_header(headings: Sequence[Heading], source: str, columns: Mapping[str, Column], required: Sequence[str]) -> None:
+def _read_header(header: list[str], source: str, columns: Mapping[str, Column], required: Sequence[str]) -> list[Heading]:
+    """Return how each column is read; raise an error if one is missing or occurs twice."""
+    if not header:
+        raise WorkshopError(f"{source} is empty: a header and rows of measurements are needed")
+    try:
+        headings = [read_heading(cell, columns) for cell in header]
+    except WorkshopError as error:
+        raise WorkshopError(f"{source}: {error}") from error
     names = [heading.column for heading in headings]
     if missing := [name for name in required if name not in names]:
         present = ", ".join(repr(heading.text[:40]) for heading in headings[:20]) + (", ..." if len(names) > 20 else "")
-        symbols = {name: f" or {NAMES[name][1]}" if len(NAMES.get(name, ())) > 1 else "" for name in columns}
-        understood = ", ".join(f"{name}{symbols[name]} [{column.unit}]" for name, column in columns.items())
+        understood = [" or ".join([name, *NAMES[name][1:2]]) + f" [{column.unit}]" for name, column in columns.items()]
+        understood += [EDGE] * (columns is COLUMNS)
         raise WorkshopError(
-            f"{source}: no column {', '.join(missing)}; it has {present}, and the columns understood are {understood}"
-            + (f", {EDGE}" if columns is COLUMNS else "")
+            f"{source}: no column {', '.join(missing)}; it has {present}, and the columns understood are {', '.join(understood)}"
         )
     for name in (*columns, EDGE):
         if names.count(name) > 1:
             twice = " and ".join(repr(heading.text) for heading in headings if heading.column == name)
             raise WorkshopError(f"{source}: there is more than one column {name}: {twice}")
+    return headings
 
 
 def _number(cell: str, column: Column, factor: float, commas: bool) -> float:
@@ -232,19 +210,18 @@ def _number(cell: str, column: Column, factor: float, commas: bool) -> float:
     """
     if not cell:
         return float("nan")
+    shown = repr(cell[:40])
     if commas and "." in cell:
-        raise ValueError(
-            f"{cell[:40]!r} has a point, but other cells have decimal commas: write decimals in one way, and no thousands"
-        )
+        raise ValueError(f"{shown} has a point, but other cells have decimal commas: write decimals in one way, and no thousands")
     if commas and _DECIMAL_COMMA.fullmatch(cell):
         cell = cell.replace(",", ".")
     if _WITH_COMMA.fullmatch(cell):
-        raise ValueError(f"{cell[:40]!r} has a comma: write decimals with a point, and thousands without a separator")
+        raise ValueError(f"{shown} has a comma: write decimals with a point, and thousands without a separator")
     allowed = f"{column.low:g} to {column.high:g} {column.unit} ({column.meaning})"
     if not _NUMBER.fullmatch(cell):
-        raise ValueError(f"{cell[:40]!r} is not a number; allowed is {allowed}, or nothing")
+        raise ValueError(f"{shown} is not a number; allowed is {allowed}, or nothing")
     value = float(cell) * factor
     if not column.low <= value <= column.high:
-        shown = cell[:40] if factor == 1.0 else f"{cell[:40]}, which is {value:.4g} {column.unit},"
-        raise ValueError(f"{shown} is outside the allowed range {allowed}")
+        scaled = "" if factor == 1.0 else f", which is {value:.4g} {column.unit},"
+        raise ValueError(f"{cell[:40]}{scaled} is outside the allowed range {allowed}")
     return value

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from turning_env.scenario import Scenario
+from turning_shop import aligned
 from turning_shop.fit import Fit
 from turning_shop.measurements import COLUMNS
 from turning_shop.prediction import LEVEL
@@ -26,30 +27,31 @@ KNOWN = 0.01
 
 
 class NextCuts(NamedTuple):
-    """Cuts that narrow the widest interval."""
+    """Cuts that narrow the widest interval.
+
+    Attributes:
+        response: The law whose interval is widest on this machine.
+        at: Where it is widest, by factors.
+        before: The law's interval there: half-width of the logarithm [-].
+        after: The same when the cuts have been measured, if rows scatter as before.
+        cuts: Factors of each cut.
+    """
 
     response: str
-    """The law whose interval is widest on this machine."""
     at: dict[str, float]
-    """Where it is widest, by factors."""
     before: float
-    """The law's interval there: half-width of the logarithm [-]."""
     after: float
-    """The same when the cuts have been measured, if rows scatter as before."""
     cuts: list[dict[str, float]]
-    """Factors of each cut."""
 
     def summary(self) -> Iterator[str]:
         """Yield lines of text."""
         where = ", ".join(f"{name} {value:.3g}" for name, value in self.at.items())
-        yield (
-            f"least known is {self.response}, at {where}: within {_error(self.before)}, "
-            f"and within {_error(self.after)} when these cuts have been measured too:"
-        )
-        units = [f"{name} [{COLUMNS[name].unit}]" for name in self.cuts[0]]
-        yield "  " + "  ".join(units)
-        for cut in self.cuts:
-            yield "  " + "  ".join(f"{value:>{len(unit)}.3g}" for unit, value in zip(units, cut.values(), strict=True))
+        # Below KNOWN the law's form decides, not the scatter.
+        within = [f"a factor of {np.exp(half):.3g}" if np.expm1(half) > KNOWN else f"{100 * KNOWN:g} %" for half in self[2:4]]
+        promise = f"within {within[0]}, and within {within[1]} when these cuts have been measured too:"
+        yield f"least known is {self.response}, at {where}: {promise}"
+        heads = [f"{name} [{COLUMNS[name].unit}]" for name in self.at]
+        yield from aligned([["", *heads], *(["", *(f"{value:.3g}" for value in cut.values())] for cut in self.cuts)])
 
 
 def next_cuts(fits: Mapping[str, Fit], base: Scenario) -> NextCuts | None:
@@ -63,51 +65,34 @@ def next_cuts(fits: Mapping[str, Fit], base: Scenario) -> NextCuts | None:
         "depth_of_cut": (max(min(depths) - swing, 0.3 * min(depths)), max(depths) + swing),
         "wear": (0.2 * criterion, criterion),
     }
-    best: NextCuts | None = None
-    for response, fitted in fits.items():
-        wanted = dict(ranges)
-        if response == "wear":
-            wanted["time"] = (float(fitted.factors["time"].min()), float(fitted.factors["time"].max()))
-        names = [name for name in fitted.factors if name in wanted]
-        found = _choose(fitted, names, wanted)
-        if found and np.expm1(found.before) > KNOWN and (best is None or found.before > best.before):
-            best = found
-    return best
+    if wear := fits.get("wear"):
+        ranges["time"] = float(wear.factors["time"].min()), float(wear.factors["time"].max())
+    found = [_choose(fitted, ranges) for fitted in fits.values() if fitted.reading_scatter > 0.0]
+    widest = max(found, key=lambda each: each.before, default=None)
+    return widest if widest and np.expm1(widest.before) > KNOWN else None
 
 
-def _choose(fitted: Fit, names: list[str], ranges: Mapping[str, tuple[float, float]]) -> NextCuts | None:
+def _choose(fitted: Fit, ranges: Mapping[str, tuple[float, float]]) -> NextCuts:
+    names = [name for name in fitted.factors if name in ranges]
     # Values as they are printed, so that cuts that differ also differ on paper.
     levels = [np.unique([float(f"{value:.3g}") for value in np.geomspace(*ranges[name], LEVELS)]) for name in names]
     grid = np.array(list(itertools.product(*levels)))
-    logs = np.column_stack([np.log(fitted.measured)] + [np.log(fitted.factors[name]) for name in names])[:, 1:]
-    candidates = np.column_stack([np.ones(len(grid)), np.log(grid) - logs.mean(axis=0)])
-    rows = np.column_stack([np.ones(len(logs)), logs - logs.mean(axis=0)])
+    logs = np.log(np.column_stack([fitted.factors[name] for name in names]))
+    candidates, rows = (np.column_stack([np.ones(len(x)), x - logs.mean(axis=0)]) for x in (np.log(grid), logs))
     variance = fitted.reading_scatter**2
-    if variance == 0.0:
-        return None
-    prior = np.diag([0.0] + [variance / UNKNOWN**2] * len(names))
-    information = rows.T @ rows + prior
-    quantile = float(stats.t.ppf(0.5 + 0.5 * LEVEL, fitted.degrees))
-    before = _half_widths(information, candidates, variance, quantile)
+    information = rows.T @ rows + np.diag([0.0] + [variance / UNKNOWN**2] * len(names))
+    quantile = float(stats.t.ppf(0.5 + 0.5 * LEVEL, fitted.degrees)) * fitted.reading_scatter
+
+    def half_widths() -> Values:
+        """Return half-widths of the intervals of the law's logarithm at the candidates."""
+        return np.asarray(quantile * np.sqrt(((candidates @ np.linalg.pinv(information)) * candidates).sum(axis=1)))
+
+    before = half_widths()
     widest, chosen = int(before.argmax()), list[int]()
     for _ in range(min(COUNT, len(grid))):
-        # The determinant grows by the factor 1 + x' M^-1 x.
-        gain = _half_widths(information, candidates, 1.0, 1.0)
+        gain = half_widths()  # the information's determinant grows by the factor 1 + x' M^-1 x
         gain[chosen] = -1.0  # no cut twice
-        index = int(gain.argmax())
-        chosen.append(index)
-        information = information + np.outer(candidates[index], candidates[index])
-    after = _half_widths(information, candidates, variance, quantile)
+        chosen.append(int(gain.argmax()))
+        information = information + np.outer(candidates[chosen[-1]], candidates[chosen[-1]])
     at, *cuts = (dict(zip(names, grid[index].tolist(), strict=True)) for index in (widest, *chosen))
-    return NextCuts(fitted.response, at, float(before[widest]), float(after[widest]), cuts)
-
-
-def _half_widths(information: Values, at: Values, variance: float, quantile: float) -> Values:
-    """Return half-widths of the intervals of the law's logarithm."""
-    return np.asarray(quantile * np.sqrt(variance * np.einsum("ni,ij,nj->n", at, np.linalg.pinv(information), at)))
-
-
-def _error(half_width: float) -> str:
-    """Return the half-width of a logarithm's interval in words; below ``KNOWN`` the law's form decides, not the scatter."""
-    factor = np.exp(half_width)
-    return f"a factor of {factor:.3g}" if factor - 1.0 > KNOWN else f"{100.0 * KNOWN:g} %"
+    return NextCuts(fitted.response, at, float(before[widest]), float(half_widths()[widest]), cuts)

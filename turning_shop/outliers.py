@@ -1,7 +1,7 @@
 """Find rows of a sheet that lie far from the law of the others, and the cell that is probably wrong."""
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from scipy import optimize, stats
 
 from turning_shop.fit import SETTINGS, Fit
 from turning_shop.measurements import COLUMNS
+from turning_shop.plausibility import name_lines
 
 Values = NDArray[np.float64]
 
@@ -23,10 +24,8 @@ SPARE_ROWS = 4
 """Rows beyond the fitted numbers that are needed to tell outliers."""
 SUBSETS = 500
 """Random subsets of rows from which the robust fit starts."""
-MAX_NAMED = 8
-"""Number of lines that a message names."""
-SLIPS = (10.0, 100.0, 1000.0, 60.0, 25.4)
-"""Factors by which a single cell may be wrong, or one over them."""
+SLIPS = (10.0, 100.0, 1000.0, 60.0, 25.4, 1 / 10.0, 1 / 100.0, 1 / 1000.0, 1 / 60.0, 1 / 25.4)
+"""Factors by which a single cell may be wrong."""
 
 
 class RobustFit(NamedTuple):
@@ -48,10 +47,9 @@ def robust_fit(fitted: Fit) -> RobustFit:
     The start has a high breakdown point (least quantile of squares, Rousseeuw 1984), so that a wrong speed or feed cannot draw
     the law to its row.
     """
-    names = [name for name in fitted.estimates if name != "coefficient"]
-    residual = np.log(fitted.measured / fitted.predicted)
-    logs = np.log(np.array([fitted.factors[name] for name in names]).reshape(len(names), len(residual)).T)
-    design = np.column_stack([np.ones(len(residual)), logs - logs.mean(axis=0)])
+    residual = fitted.log_residuals
+    logs = [np.log(fitted.factors[name]) for name in fitted.exponents]
+    design = np.column_stack([np.ones(len(residual)), *(log - log.mean() for log in logs)])
     rows, count = design.shape
     change = np.zeros(count)
     if rows >= count + SPARE_ROWS:
@@ -59,18 +57,16 @@ def robust_fit(fitted: Fit) -> RobustFit:
         picks = [rng.choice(rows, count + 1, replace=False) for _ in range(SUBSETS)]
         starts = [change, *(np.linalg.lstsq(design[pick], residual[pick], rcond=None)[0] for pick in picks)]
         medians = [np.partition(np.abs(residual - design @ start), quantile - 1)[quantile - 1] for start in starts]
-        change = starts[int(np.argmin(medians))]
-        scale = max(1.4826 * float(min(medians)), 1e-9)
-        distance = residual - design @ change
+        start, scale = starts[int(np.argmin(medians))], max(1.4826 * float(min(medians)), 1e-9)
 
-        def loss(more: Values) -> Values:
-            return np.asarray((distance - design @ more) / scale)
+        def misfit(change: Values) -> Values:
+            return np.asarray(residual - design @ change)
 
-        change = change + optimize.least_squares(loss, np.zeros(count), loss="cauchy").x
+        change = optimize.least_squares(misfit, start, loss="cauchy", f_scale=scale).x
     distance = np.asarray(residual - design @ change)
     scale = 1.4826 * float(np.median(np.abs(distance))) * (1.0 + 5.0 / max(rows - count, 1))
     outlying = _outlying(residual, design, np.abs(distance) > SUSPECT * scale) & (np.abs(distance) > MIN_FAR)
-    exponents = {name: getattr(fitted.law, name) + float(slope) for name, slope in zip(names, change[1:], strict=True)}
+    exponents = {name: getattr(fitted.law, name) + float(slope) for name, slope in zip(fitted.exponents, change[1:], strict=True)}
     return RobustFit(exponents, distance, scale, np.asarray(outlying))
 
 
@@ -91,12 +87,12 @@ def _outlying(residual: Values, design: Values, suspect: NDArray[np.bool_]) -> N
 def outliers(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterator[str]:
     """Yield a message for each row that lies far from a law, with the cell that is probably wrong."""
     wrong = {name: robust[name].outlying & ~_of_unusual_edge(fits[name], robust[name]) for name in fits}
-    lines = sorted({int(line) for name in fits for line in fits[name].lines[wrong[name]]})
-    for line in lines:
+    for line in sorted({int(line) for name in fits for line in fits[name].lines[wrong[name]]}):
         rows = {name: int(np.flatnonzero(fitted.lines == line)[0]) for name, fitted in fits.items() if line in fitted.lines}
-        far = [name for name, row in rows.items() if wrong[name][row]]
         shown = " and ".join(
-            f"{name} is {_times(np.exp(robust[name].distance[rows[name]]))} the law of the other rows" for name in far
+            f"{name} is {_times(np.exp(robust[name].distance[row]))} the law of the other rows"
+            for name, row in rows.items()
+            if wrong[name][row]
         )
         yield f"line {line}: {shown}: {_slip(fits, robust, rows)}"
 
@@ -122,18 +118,19 @@ def unusual_edges(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> I
 def _slip(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit], rows: Mapping[str, int]) -> str:
     """Return which cell of a row is probably wrong, and by what factor; ``rows`` is the row's index in each law."""
     best, least = "check its numbers", np.inf
-    columns = {name: (fit.measured, rows[response]) for response, fit in fits.items() if response in rows for name in (response,)}
+    columns: dict[str, tuple[Values, int]] = {}
     for response, row in rows.items():
-        columns |= {name: (values, row) for name, values in fits[response].factors.items() if name not in columns}
-    for (name, (values, row)), slip in itertools.product(columns.items(), (*SLIPS, *(1 / slip for slip in SLIPS))):
+        for name, values in {response: fits[response].measured, **fits[response].factors}.items():
+            columns.setdefault(name, (values, row))
+    for (name, (values, row)), slip in itertools.product(columns.items(), SLIPS):
         others = np.delete(values, row)
         if not 0.5 * others.min() <= values[row] / slip <= 2.0 * others.max():
             continue
-        distances = []
+        worst = 0.0
         for response, at in rows.items():
             sensitivity = 1.0 if name == response else -robust[response].exponents.get(name, 0.0)
-            distances.append((robust[response].distance[at] - sensitivity * np.log(slip)) / max(robust[response].scale, 0.05))
-        worst = float(np.abs(distances).max())
+            distance = robust[response].distance[at] - sensitivity * np.log(slip)
+            worst = max(worst, abs(distance) / max(robust[response].scale, 0.05))
         if worst < min(least, SUSPECT):
             least, best = worst, f"is {name}, {values[row]:.4g} {COLUMNS[name].unit}, {_times(slip)} the true value?"
     return best
@@ -141,16 +138,3 @@ def _slip(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit], rows: Mappin
 
 def _times(ratio: float) -> str:
     return f"{ratio:.3g} times" if ratio >= 0.01 else f"1/{1 / ratio:.3g} of"
-
-
-def name_lines(lines: Iterable[int]) -> str:
-    """Return lines of a file for people, as ranges: "lines 2 to 9, 12"."""
-    numbers = sorted(int(line) for line in lines)
-    ranges: list[list[int]] = []
-    for number in numbers:
-        if ranges and number == ranges[-1][-1] + 1:
-            ranges[-1] = [ranges[-1][0], number]
-        else:
-            ranges.append([number, number])
-    shown = [f"{first} to {last}" if last > first else str(first) for first, last in ranges[:MAX_NAMED]]
-    return f"line{'s' * (len(numbers) > 1)} {', '.join(shown)}" + (", ..." if len(ranges) > MAX_NAMED else "")

@@ -12,12 +12,10 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from scipy import stats
-
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import POWER_LAW_RECORD
 from turning_shop.advise import Advice, life_spread
-from turning_shop.prediction import BEYOND, LEVEL, Evidence
+from turning_shop.prediction import BEYOND, Evidence
 
 _HERE = Path(__file__).parent
 
@@ -73,7 +71,7 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         "known": {
             name: known.model_dump(mode="json", include={"terms", "covariance", "scatter", "measured"})
             | {
-                "quantile": float(stats.t.ppf(0.5 + 0.5 * LEVEL, known.degrees)),
+                "quantile": known.quantile,
                 "reference_depth_of_cut": laws[name].reference_depth_of_cut,
             }
             for name, known in evidence.laws.items()

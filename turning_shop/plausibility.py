@@ -1,24 +1,19 @@
 """Find what cannot be true in a sheet of cuts and in the laws fitted to it, and name the rows and the likely cause."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turning_shop.fit import Fit, rows_correlate
 from turning_shop.measurements import Measurements
-from turning_shop.outliers import name_lines
 
 Values = NDArray[np.float64]
+Columns = Mapping[str, Values]
 
-CUTTING_ENERGY = 0.3, 12.0
-"""Plausible specific cutting energy P / (V f d) [GPa]: aluminium to hardened steel and superalloys at thin chips."""
-SPECIFIC_THRUST = 0.03, 20.0
-"""Plausible thrust force over the chip's cross-section F / (f d) [GPa]."""
 TAYLOR_EXPONENT = 0.1, 0.6
 """Plausible Taylor exponent n in V T^n = C [-]."""
-TOOL_LIFE = 0.5, 600.0
-"""Plausible tool life at measured settings [min]."""
 POSITIVE = {
     "wear": ("cutting_speed", "feed", "depth_of_cut", "time"),
     "thrust_force": ("feed", "depth_of_cut", "wear"),
@@ -27,6 +22,8 @@ POSITIVE = {
 """Factors with which each law must not fall."""
 FEW = 0.5
 """Share of rows below which implausible ones count as typing errors, not as a wrong unit [-]."""
+MAX_NAMED = 8
+"""Number of lines that a message names."""
 TYPICAL = {
     "cutting_speed": (130.0, 0.3),
     "feed": (0.25, 0.25),
@@ -55,11 +52,45 @@ WRONG_UNITS = (
 """Columns that may be in a wrong unit, their factor to the right one, and the message."""
 
 
+class Derived(NamedTuple):
+    """A quantity that follows from the columns of a row, and its plausible range."""
+
+    name: str
+    """A key of ``TYPICAL``."""
+    meaning: str
+    unit: str
+    low: float
+    high: float
+    of: Callable[[Columns], Values]
+    """Returns the quantity of each row; none if a column is missing."""
+
+    def plausible(self, columns: Columns) -> NDArray[np.bool_]:
+        """Return whether each row's quantity lies in its range or is unknown."""
+        values = self.of(columns)
+        return np.asarray(~((values < self.low) | (values > self.high)))
+
+
+def _over(columns: Columns, above: str, *below: str) -> Values:
+    """Return one column over the product of others; nothing if one is missing."""
+    if not {above, *below} <= columns.keys():
+        return np.empty(0)
+    return np.asarray(columns[above] / np.prod([columns[name] for name in below], axis=0))
+
+
+ENERGY = Derived(
+    *("energy", "specific cutting energy P/(V f d)", "GPa", 0.3, 12.0),  # aluminium to hardened steel and superalloys
+    lambda columns: 60.0 * _over(columns, "power", "cutting_speed", "feed", "depth_of_cut"),  # kW over cm3/min is 60 GPa
+)
+THRUST = Derived(
+    *("thrust", "thrust force over f d", "GPa", 0.03, 20.0),
+    lambda columns: 1e-3 * _over(columns, "thrust_force", "feed", "depth_of_cut"),  # N/mm2 is 0.001 GPa
+)
+
+
 def row_problems(measurements: Measurements) -> Iterator[str]:
     """Yield what cannot be true of rows, whatever the law."""
-    lines, columns = measurements.lines, measurements.columns
-    yield from _outside("specific cutting energy P/(V f d)", "energy", "GPa", _energy, CUTTING_ENERGY, lines, columns)
-    yield from _outside("thrust force over f d", "thrust", "GPa", _thrust, SPECIFIC_THRUST, lines, columns)
+    for quantity in (ENERGY, THRUST):
+        yield from _problem(quantity, measurements.lines, measurements.columns)
 
 
 def law_problems(fits: Mapping[str, Fit], wear_criterion: float) -> Iterator[str]:
@@ -78,14 +109,13 @@ def law_problems(fits: Mapping[str, Fit], wear_criterion: float) -> Iterator[str
         if wear.law.time <= 0:
             yield f"wear: does not grow with time: exponent {wear.law.time:.3g}"
             return
-        what = f"tool life to {wear_criterion:g} mm at measured settings"
-        columns = wear.factors | {"wear": wear.measured, "misfit": wear.predicted / wear.measured}
+        misfit = wear.predicted / wear.measured  # in another unit of wear, the fitted law changes with it
 
-        def life(columns: Mapping[str, Values]) -> Values:
-            """Return the tool life of each row [min]; in another unit of wear, the fitted law changes with it."""
+        def life(columns: Columns) -> Values:
             return tool_life(wear.law.time, wear_criterion, columns["time"], columns["wear"] * columns["misfit"])
 
-        yield from _outside(what, "life", "min", life, TOOL_LIFE, wear.lines, columns)
+        quantity = Derived("life", f"tool life to {wear_criterion:g} mm at measured settings", "min", 0.5, 600.0, life)
+        yield from _problem(quantity, wear.lines, wear.factors | {"wear": wear.measured, "misfit": misfit})
 
 
 def tool_life(exponent: float, wear_criterion: float, time: Values, wear: Values) -> Values:
@@ -94,64 +124,37 @@ def tool_life(exponent: float, wear_criterion: float, time: Values, wear: Values
         return np.asarray(time * (wear_criterion / wear) ** (1.0 / exponent))
 
 
-def _energy(columns: Mapping[str, Values]) -> Values:
-    """Return the specific cutting energy of each row [GPa]; kW over cm3/min is 60 GPa."""
-    return 60.0 * _over(columns, "power", "cutting_speed", "feed", "depth_of_cut")
-
-
-def _thrust(columns: Mapping[str, Values]) -> Values:
-    """Return the thrust force over the chip's cross-section of each row [GPa]; N/mm2 is 0.001 GPa."""
-    return 1e-3 * _over(columns, "thrust_force", "feed", "depth_of_cut")
-
-
-def _over(columns: Mapping[str, Values], above: str, *below: str) -> Values:
-    """Return one column over the product of others; nothing if one is missing."""
-    if not {above, *below} <= columns.keys():
-        return np.empty(0)
-    return np.asarray(columns[above] / np.prod([columns[name] for name in below], axis=0))
-
-
-def _outside(
-    what: str,
-    name: str,
-    unit: str,
-    of: Callable[[Mapping[str, Values]], Values],
-    limits: tuple[float, float],
-    lines: NDArray[np.int64],
-    columns: Mapping[str, Values],
-) -> Iterator[str]:
-    """Yield a message if a quantity of the rows, ``of(columns)``, lies outside its range; ``name`` is in ``TYPICAL``."""
-    values, (low, high) = of(columns), limits
-    wrong = (values < low) | (values > high)
+def _problem(quantity: Derived, lines: NDArray[np.int64], columns: Columns) -> Iterator[str]:
+    """Yield a message if a quantity of some rows lies outside its range."""
+    wrong = ~quantity.plausible(columns)
     if not wrong.any():
         return
-    found = values[wrong]
+    found = quantity.of(columns)[wrong]
     least, most = f"{found.min():.3g}", f"{found.max():.3g}"
     shown = least if least == most else f"{least} to {most}"
-    few = name != "life" and wrong.mean() < FEW
-    rows = {each: column[wrong] for each, column in columns.items()}
-    cause = "typing errors?" if few else _likely_unit(rows, name, of, limits)
-    yield f"{what} is {shown} {unit} in {name_lines(lines[wrong])}, where {low:g} to {high:g} is plausible: {cause}"
+    few = quantity.name != "life" and wrong.mean() < FEW
+    cause = "typing errors?" if few else _likely_unit(quantity, {name: column[wrong] for name, column in columns.items()})
+    yield (
+        f"{quantity.meaning} is {shown} {quantity.unit} in {name_lines(lines[wrong])}, "
+        f"where {quantity.low:g} to {quantity.high:g} is plausible: {cause}"
+    )
 
 
-def _likely_unit(
-    columns: Mapping[str, Values], name: str, of: Callable[[Mapping[str, Values]], Values], limits: tuple[float, float]
-) -> str:
+def _likely_unit(quantity: Derived, columns: Columns) -> str:
     """Return the wrong unit that explains implausible rows best."""
-    best, least = "check their numbers and units", _strangeness({**columns, name: of(columns)})
+    best, least = "check their numbers and units", _strangeness(quantity, columns)
     for names, factor, message in WRONG_UNITS:
         if set(names) <= columns.keys():
-            changed = {**columns, **{each: factor * columns[each] for each in names}}
-            values = of(changed)
-            strangeness = _strangeness({**changed, name: values})
-            if np.mean((values >= limits[0]) & (values <= limits[1])) >= 0.8 and strangeness < least:
+            changed = {**columns, **{name: factor * columns[name] for name in names}}
+            strangeness = _strangeness(quantity, changed)
+            if quantity.plausible(changed).mean() >= 0.8 and strangeness < least:
                 best, least = message, strangeness
     return best
 
 
-def _strangeness(columns: Mapping[str, Values]) -> float:
+def _strangeness(quantity: Derived, columns: Columns) -> float:
     """Return how far rows lie from what is usual in rough turning, summed over quantities [-]."""
-    values = {"energy": _energy(columns), "thrust": _thrust(columns), **columns}
+    values = {**columns, **{each.name: each.of(columns) for each in (ENERGY, THRUST, quantity)}}
     total = 0.0
     for name, (typical, decades) in TYPICAL.items():
         known = values.get(name, np.empty(0))
@@ -159,3 +162,11 @@ def _strangeness(columns: Mapping[str, Values]) -> float:
         if known.size:
             total += float(((np.log10(known / typical) / decades) ** 2).mean())
     return total
+
+
+def name_lines(lines: Iterable[int]) -> str:
+    """Return lines of a file for people, as ranges: "lines 2 to 9, 12"."""
+    numbers = np.unique(np.fromiter(lines, int))
+    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    ranges = [f"{run[0]} to {run[-1]}" if len(run) > 1 else str(run[0]) for run in runs]
+    return f"line{'s' * (len(numbers) > 1)} {', '.join(ranges[:MAX_NAMED])}" + (", ..." if len(ranges) > MAX_NAMED else "")

@@ -133,11 +133,9 @@ def draw_map_on(
 
 def _beyond_measured(scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
     """Return where speed, feed, depth or hardness lies outside the range in which a law was measured."""
-    beyond = np.zeros(cuts.wear.shape, bool)
-    for law in read_evidence(scenario).laws.values():
-        settings = {name: law.measured[name] for name in SETTINGS if name in law.measured}
-        beyond |= law.model_copy(update={"measured": settings}).extrapolates(cuts._asdict())
-    return beyond
+    settings = {name: getattr(cuts, name) for name in SETTINGS}
+    laws = read_evidence(scenario).laws.values()
+    return np.asarray(sum((law.extrapolates(settings) for law in laws), np.zeros(cuts.wear.shape, bool)))
 
 
 def draw_jobs(jobs: Sequence[Job]) -> Figure:

@@ -14,7 +14,7 @@ from scipy import stats
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import PowerLaw
 from turning_shop import WorkshopError
-from turning_shop.fit import Fit
+from turning_shop.fit import SETTINGS, Fit
 from turning_shop.whatif import Cuts
 
 Values = NDArray[np.float64]
@@ -28,60 +28,70 @@ PREDICTED = ("time", "wear", "thrust_force", "power", "tool_life")
 
 
 class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
-    """What is known of one fitted law."""
+    """What is known of one fitted law.
+
+    Attributes:
+        coefficient: The law's coefficient, by which the law is recognised.
+        terms: Fitted exponents; the covariance's first row and column is the coefficient's logarithm.
+        covariance: Covariance of the coefficient's logarithm and the fitted exponents.
+        degrees: Degrees of freedom.
+        scatter: Standard deviation of the logarithm of one reading, of an edge that was not measured [-].
+        measured: Lowest and highest measured value of each factor.
+    """
 
     coefficient: float
-    """The law's coefficient, by which the law is recognised."""
     terms: tuple[str, ...]
-    """Fitted exponents; the covariance's first row and column is the coefficient's logarithm."""
     covariance: tuple[tuple[float, ...], ...]
     degrees: int
     scatter: float
-    """Standard deviation of the logarithm of one reading, of an edge that was not measured [-]."""
     measured: dict[str, tuple[float, float]]
-    """Lowest and highest measured value of each factor."""
+
+    @property
+    def quantile(self) -> float:
+        """Half the width of an interval over the standard deviation [-]."""
+        return float(stats.t.ppf(0.5 + 0.5 * LEVEL, self.degrees))
 
     def log_deviation(self, law: PowerLaw, factors: Mapping[str, Values]) -> Values:
-        """Return the standard error of the law's logarithm at values of its factors [-]."""
-        columns = [np.ones(np.broadcast_shapes(*(np.shape(values) for values in factors.values())))]
-        for name in self.terms:
-            reference = law.reference_depth_of_cut if name == "depth_of_cut" else 1.0
-            columns.append(np.log(factors[name] / reference) + 0.0 * columns[0])
-        at = np.stack(columns, axis=-1)
-        return np.asarray(np.sqrt(np.maximum(np.einsum("...i,ij,...j", at, np.array(self.covariance), at), 0.0)))
+        """Return the standard deviation of the logarithm of one reading at values of the law's factors [-]."""
+        references = {"depth_of_cut": law.reference_depth_of_cut}
+        logs = [np.log(factors[name] / references.get(name, 1.0)) for name in self.terms]
+        at = np.stack(np.broadcast_arrays(np.ones_like(factors["feed"]), *logs), axis=-1)
+        variance = np.einsum("...i,ij,...j", at, np.array(self.covariance), at)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.scatter**2))
 
     def extrapolates(self, factors: Mapping[str, Values]) -> NDArray[np.bool_]:
-        """Return where a factor lies outside its measured range."""
-        outside = np.zeros(np.broadcast_shapes(*(np.shape(values) for values in factors.values())), bool)
-        for name, (low, high) in self.measured.items():
-            outside = outside | (factors[name] < low * (1 - BEYOND)) | (factors[name] > high * (1 + BEYOND))
-        return np.asarray(outside)
+        """Return where one of the factors lies outside its measured range."""
+        ranges = [(factors[name], *ends) for name, ends in self.measured.items() if name in factors]
+        outside = [(values < low * (1 - BEYOND)) | (values > high * (1 + BEYOND)) for values, low, high in ranges]
+        return np.asarray(np.logical_or.reduce(outside))
 
 
 class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
-    """What is known of a scenario's fitted laws."""
+    """What is known of a scenario's fitted laws, and the name of the file of measurements."""
 
     source: str = ""
-    """Name of the file of measurements."""
     warnings: tuple[str, ...] = ()
     laws: dict[str, LawEvidence] = Field(default_factory=dict)
 
 
 class Prediction(NamedTuple):
-    """Intervals of cuts."""
+    """Intervals of cuts.
+
+    Attributes:
+        low, high: Ends, by names of ``PREDICTED``; NaN if the law was not fitted.
+        extrapolated: Where a fitted law is used beyond what was measured.
+    """
 
     low: dict[str, Values]
-    """Lower ends, by names of ``PREDICTED``; NaN if the law was not fitted."""
     high: dict[str, Values]
     extrapolated: NDArray[np.bool_]
-    """Where a fitted law is used beyond what was measured."""
 
 
 def evidence_of(fitted: Fit) -> LawEvidence:
     """Return what a fit leaves known of its law."""
     return LawEvidence(
         coefficient=fitted.law.coefficient,
-        terms=tuple(name for name in fitted.estimates if name != "coefficient"),
+        terms=tuple(fitted.exponents),
         covariance=tuple(tuple(row) for row in fitted.covariance.tolist()),
         degrees=min(fitted.edges.degrees) if fitted.edges else fitted.degrees,
         scatter=fitted.reading_scatter,
@@ -101,15 +111,13 @@ def read_evidence(scenario: Scenario) -> Evidence:
         evidence = Evidence.model_validate(scenario.calibration)
     except ValueError as error:
         raise WorkshopError(f"{scenario.file}: the table calibration is damaged: calibrate again, or delete it") from error
-    same = {
-        name: law
-        for name, law in evidence.laws.items()
-        if name in ("wear", "thrust_force", "power") and getattr(scenario.material, name).coefficient == law.coefficient
-    }
-    changed = [
-        f"{name}: the law was changed since it was fitted, so no interval is known" for name in evidence.laws if name not in same
-    ]
-    return Evidence(source=evidence.source, warnings=(*evidence.warnings, *changed), laws=same)
+    laws, warnings = {}, list(evidence.warnings)
+    for name, law in evidence.laws.items():
+        if name in ("wear", "thrust_force", "power") and getattr(scenario.material, name).coefficient == law.coefficient:
+            laws[name] = law
+        else:
+            warnings.append(f"{name}: the law was changed since it was fitted, so no interval is known")
+    return Evidence(source=evidence.source, warnings=tuple(warnings), laws=laws)
 
 
 def predict(scenario: Scenario, evidence: Evidence, cuts: Cuts, of_wear: bool) -> Prediction:
@@ -121,33 +129,23 @@ def predict(scenario: Scenario, evidence: Evidence, cuts: Cuts, of_wear: bool) -
         cuts: Returned by ``what_if``.
         of_wear: Whether the cuts' wear is given, and exact, rather than predicted from their time.
     """
-    material = scenario.material
-    factors = {
-        "cutting_speed": cuts.cutting_speed,
-        "feed": cuts.feed,
-        "depth_of_cut": cuts.depth_of_cut,
-        "hardness": cuts.hardness,
-    }
-    half = {name: np.full(cuts.wear.shape, np.nan) for name in PREDICTED}
-    extrapolated = np.zeros(cuts.wear.shape, bool)
-    of_reading = np.zeros(cuts.wear.shape)
+    material, settings = scenario.material, {name: getattr(cuts, name) for name in SETTINGS}
+    half = dict.fromkeys(PREDICTED, np.full(cuts.wear.shape, np.nan))
+    extrapolated, through_wear = np.zeros(cuts.wear.shape, bool), np.zeros(cuts.wear.shape)
     if wear := evidence.laws.get("wear"):
-        quantile = stats.t.ppf(0.5 + 0.5 * LEVEL, wear.degrees)
-        for name, time in (("time" if of_wear else "wear", cuts.time), ("tool_life", cuts.tool_life)):
-            at = factors | {"time": np.clip(time, 1e-300, 1e300)}
-            deviation = np.hypot(wear.log_deviation(material.wear, at), wear.scatter)
-            half[name] = deviation * quantile / (1.0 if name == "wear" else material.wear.time)
-            if name != "tool_life":
-                of_reading = deviation
-                extrapolated |= wear.extrapolates(at)
+        now, at_the_end = (settings | {"time": np.clip(time, 1e-300, 1e300)} for time in (cuts.time, cuts.tool_life))
+        deviation = wear.log_deviation(material.wear, now)
+        half["tool_life"] = wear.quantile * wear.log_deviation(material.wear, at_the_end) / material.wear.time
+        if of_wear:
+            half["time"] = wear.quantile * deviation / material.wear.time
+        else:
+            half["wear"], through_wear = wear.quantile * deviation, deviation
+        extrapolated |= wear.extrapolates(now)
     for name in ("thrust_force", "power"):
-        if law := evidence.laws.get(name):
-            at = factors | {"wear": cuts.wear}
-            through_wear = 0.0 if of_wear else getattr(material, name).wear * of_reading
-            deviation = np.sqrt(law.log_deviation(getattr(material, name), at) ** 2 + law.scatter**2 + through_wear**2)
-            half[name] = deviation * stats.t.ppf(0.5 + 0.5 * LEVEL, law.degrees)
-            extrapolated |= law.extrapolates(at)
+        if known := evidence.laws.get(name):
+            law, at = getattr(material, name), settings | {"wear": cuts.wear}
+            half[name] = known.quantile * np.hypot(known.log_deviation(law, at), law.wear * through_wear)
+            extrapolated |= known.extrapolates(at)
     with np.errstate(over="ignore"):
-        low = {name: getattr(cuts, name) * np.exp(-half[name]) for name in PREDICTED}
-        high = {name: getattr(cuts, name) * np.exp(half[name]) for name in PREDICTED}
+        low, high = ({name: getattr(cuts, name) * np.exp(sign * half[name]) for name in PREDICTED} for sign in (-1.0, 1.0))
     return Prediction(low, high, extrapolated)

@@ -3,9 +3,7 @@
 Values are nominal: they ignore model mismatch. Laws that were fitted to measurements give intervals too (``prediction.py``).
 """
 
-import csv
-import io
-import json
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
+from turning_shop import aligned
 
 if TYPE_CHECKING:
     from turning_shop.prediction import Prediction
@@ -114,35 +113,15 @@ def what_if(
     )
 
 
-def _columns(cuts: Cuts, prediction: "Prediction | None") -> dict[str, NDArray[Any]]:
-    """Return all columns of a table for programs; intervals are there if laws were fitted."""
+def records(cuts: Cuts, prediction: "Prediction | None" = None) -> list[dict[str, Any]]:
+    """Return one record per cut, in the units of ``Cuts``; names of intervals end in _low and _high; None is not finite."""
     columns: dict[str, NDArray[Any]] = cuts._asdict() | {"within_limits": cuts.within_limits}
     if prediction:
         for name in prediction.low:
             columns |= {f"{name}_low": prediction.low[name], f"{name}_high": prediction.high[name]}
         columns["extrapolated"] = prediction.extrapolated
-    return columns
-
-
-def _records(cuts: Cuts, prediction: "Prediction | None") -> list[dict[str, Any]]:
-    """Return one record per cut; a value that is not finite is None."""
-    columns = _columns(cuts, prediction)
     rows = [[value if np.isfinite(value) else None for value in values.ravel().tolist()] for values in columns.values()]
     return [dict(zip(columns, row, strict=True)) for row in zip(*rows, strict=True)]
-
-
-def as_json(cuts: Cuts, prediction: "Prediction | None" = None) -> str:
-    """Return a JSON list with one record per cut, in the units of ``Cuts``; names of intervals end in _low and _high."""
-    return json.dumps(_records(cuts, prediction), indent=1, allow_nan=False)
-
-
-def as_csv(cuts: Cuts, prediction: "Prediction | None" = None) -> str:
-    """Return CSV with a header and one line per cut, in the units of ``Cuts``; names of intervals end in _low and _high."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(_columns(cuts, prediction)), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(_records(cuts, prediction))
-    return text.getvalue().removesuffix("\n")
 
 
 _TABLE = {
@@ -164,8 +143,8 @@ _TABLE = {
 """Heading, unit, format and factor of each column of the text table."""
 
 
-def as_text(cuts: Cuts, prediction: "Prediction | None" = None) -> str:
-    """Return an aligned table with units, intervals if laws were fitted, and in the last column the limits that are exceeded.
+def table(cuts: Cuts, prediction: "Prediction | None" = None) -> Iterator[str]:
+    """Yield an aligned table with units, intervals if laws were fitted, and in the last column the limits that are exceeded.
 
     A star marks cuts that extrapolate.
     """
@@ -175,15 +154,11 @@ def as_text(cuts: Cuts, prediction: "Prediction | None" = None) -> str:
         if prediction and np.isfinite(prediction.low.get(name, np.nan)).any():
             ends = zip(prediction.low[name].ravel(), prediction.high[name].ravel(), strict=True)
             columns.append(["95 %", unit, *(f"{low:{shape}}-{high:{shape}}" for low, high in ends)])
-    widths = [max(map(len, cells)) for cells in columns]
-    columns = [[cell.rjust(width) for cell in cells] for cells, width in zip(columns, widths, strict=True)]
     if prediction:
-        columns.append(["", "", *("*" if beyond else " " for beyond in prediction.extrapolated.ravel())])
+        columns.append(["", "", *("*" * int(beyond) for beyond in prediction.extrapolated.ravel())])
     shares = {"wear": cuts.wear_share, "force": cuts.thrust_force_share, "power": cuts.power_share}
-    rows = np.stack([share.ravel() for share in shares.values()], axis=1) > 1
-    exceeded = [", ".join(name for name, over in zip(shares, row, strict=True) if over) for row in rows]
-    columns.append(["  exceeded", "", *(f"  {names}" for names in exceeded)])
-    lines = [" ".join(cells).rstrip() for cells in zip(*columns, strict=True)]
+    over = np.stack([share.ravel() for share in shares.values()], axis=1) > 1
+    columns.append(["exceeded", "", *(", ".join(np.array(list(shares))[row]) for row in over)])
+    yield from aligned(list(zip(*columns, strict=True)))
     if prediction and prediction.extrapolated.any():
-        lines.append("* extrapolated: a setting lies outside what was measured")
-    return "\n".join(lines)
+        yield "* extrapolated: a setting lies outside what was measured"

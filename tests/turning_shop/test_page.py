@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page, expect
 from tests.walking import MAX, ROOT
 from turning_env import Scenario
 from turning_env.__main__ import main
-from turning_shop.advise import Prices, advise, plan
+from turning_shop.advise import advise, plan
 from turning_shop.page import render
 from turning_shop.prediction import Evidence, predict, read_evidence
 from turning_shop.whatif import what_if
@@ -84,7 +84,7 @@ def of_python(scenario: Scenario, at: dict[str, float]) -> tuple[dict[str, float
     one = {name: np.array([at[name]]) for name in ("cutting_speed", "feed", "hardness", "wear")}
     cuts = what_if(scenario, **one)
     known = predict(scenario, evidence, cuts, of_wear=True)
-    found = plan(scenario, evidence, Prices.of(scenario), "least cost", [cuts], [0], [cuts.time])
+    found = plan(scenario, evidence, "least cost", cuts, cuts.time)
     names = ("thrust_force", "thrust_force_share", "power", "power_share", "time", "tool_life", "removal_rate", "spindle_speed")
     numbers = {name: float(getattr(cuts, name)[0]) for name in names}
     numbers |= {"parts": found.parts[0], "cycle_time": found.cycle_time}
