@@ -27,7 +27,7 @@ from leaderboard.standings import CAUSAL, CLAIRVOYANT
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories, Trajectory, record
 from train.agents import onnx_policy
 from train.agents.agent_file import ONNX_SUFFIX, check_fits
-from train.agents.sandbox import LIMITS, TooSlow
+from train.agents.onnx_policy import LIMITS, TooSlow
 from train.learning_curves import FILE, Training, Trainings
 from train.run import Run
 from turning_env import Scenario
@@ -111,7 +111,7 @@ def agents(
         scenario: what they play.
         name: the name of those that do not come with the project; None: what their files say.
         keep: whether they may have the name of an agent that comes with the project; else ``my_`` is put before it.
-        seconds: processor time that the agent of a file may use for all episodes [s]; None: ``train.agents.sandbox.LIMITS``.
+        seconds: processor time that the agent of a file may use for all episodes [s]; None: ``train.agents.onnx_policy.LIMITS``.
         too_slow: files that give no actions in time, which are left out; those that are found are added. None: raise.
 
     Raises:

@@ -35,7 +35,7 @@ from leaderboard.shipped import agent_files
 from leaderboard.standings import CLAIRVOYANT
 from train.agents import onnx_policy
 from train.agents.agent_file import ONNX_SUFFIX, check_fits
-from train.agents.sandbox import LIMITS
+from train.agents.onnx_policy import LIMITS
 from turning_env import FAMILY_ID, MODEL_VERSION, Scenario, presets
 from turning_env.scoring.play import Episodes, play_together
 from turning_env.scoring.policy import PolicySpec, ScenarioId

@@ -38,9 +38,9 @@ from tqdm import tqdm
 from train.actor import Actor, ActorPolicy
 from train.agents import agent_file, foreign
 from train.agents.agent_file import FORMAT, NAME, ONNX_SUFFIX, Metadata, Space
+from train.agents.network import tried
 from train.agents.run_folder import load_actor
 from train.agents.to_onnx import adopted, to_onnx
-from train.agents.trial import tried
 from train.run import HYPERPARAMETERS, Run
 from turning_env import FAMILY_ID, IDS, FamilyVectorEnv, RoughTurningVectorEnv, Scenario
 from turning_env.batch.driver import action_space, observation_space

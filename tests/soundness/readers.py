@@ -23,8 +23,7 @@ from pydantic import TypeAdapter
 from leaderboard.result import Result, ResultError, read_part, read_result, write_part
 from leaderboard.trajectories import Trajectories
 from tests.turning_nc.test_read_and_write import TEXT
-from train.agents import agent_file
-from train.agents import graph as plain_graph
+from train.agents import agent_file, network
 from turning_env import Scenario, ScenarioError
 from turning_nc.program import NcError, Program
 from turning_nc.read import read, read_file
@@ -129,9 +128,9 @@ def _part(part: Result | Trajectories, folder: Path) -> None:
 
 def _agent(file: agent_file.AgentFile, folder: Path) -> None:
     """Its outline can be sent to another process."""
-    _, outline = plain_graph.read((folder / "tried.onnx").read_bytes())
+    _, outline = network.read((folder / "tried.onnx").read_bytes())
     sent = json.dumps(outline._asdict()).encode()
-    assert TypeAdapter(plain_graph.Outline).validate_json(sent, strict=True) == outline
+    assert TypeAdapter(network.Outline).validate_json(sent, strict=True) == outline
 
 
 def _program(found: Program, folder: Path) -> None:

@@ -18,7 +18,7 @@ from train import export
 from train.actor import Actor, ActorPolicy
 from train.agents import agent_file, onnx_policy
 from train.agents import run_folder as agent
-from train.agents.trial import tried
+from train.agents.network import tried
 from train.training import Algorithm, new_model
 from turning_env import Scenario
 from turning_env.scoring.onnx_session import OnnxPolicy, session_of

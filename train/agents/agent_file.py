@@ -1,4 +1,4 @@
-"""An agent as one file for any machine: a network in ONNX, and in it what the agent is and how it came about.
+"""An agent as one file for any machine: a network in ONNX, with metadata that state what the agent is and how it was trained.
 
 The network takes ``observation`` (float32, num_envs x entries) and, where the agent has a memory, ``memory`` (float32,
 num_envs x memory_size); it gives ``action`` (num_envs x actions, -1..1) and then also ``next_memory``. Before an episode's first
@@ -19,8 +19,8 @@ from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 
-from train.agents import graph as plain_graph
-from train.agents.graph import MAX_BYTES, MAX_MEMORY, Outline
+from train.agents import network
+from train.agents.network import MAX_BYTES, MAX_MEMORY, Outline
 from train.run import Run
 from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.batch.driver import action_space, observation_space
@@ -30,12 +30,14 @@ from turning_env.scoring.policy import PolicyFactory, PolicySpec, ScenarioId
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"
 """What an agent may be called: the name also names files."""
 FORMAT: Literal["rough-turning/agent/2"] = "rough-turning/agent/2"
+ONNX_SUFFIX = ".onnx"
+_STRICT = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Space(BaseModel):
     """The bounds of a box, one value per entry."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = _STRICT
 
     low: list[float]
     high: list[float]
@@ -49,26 +51,26 @@ class Space(BaseModel):
 class Metadata(BaseModel):
     """The metadata of an agent's file: one ONNX property per field, text as it is, all else as JSON."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = _STRICT
 
     format: Literal["rough-turning/agent/2"]
     algorithm: str = Field(pattern="^[a-z][a-z0-9_]{0,63}$")
     name: str = Field(pattern=NAME)
-    """On leaderboards; a file without it has its algorithm's."""
+    """Name on leaderboards; a file without it has its algorithm's."""
     seed: int = Field(ge=0)
-    """Of the training."""
+    """Training seed."""
     env_id: str
     scenario: PortableScenario
-    """On which it was trained: its name and what differs from the defaults."""
+    """Scenario of the training: its name and what differs from the defaults."""
     observation_space: Space
     action_space: Space
     parameters: dict[str, JsonValue]
     """The algorithm's hyperparameters."""
     trained_steps: int = Field(ge=0)
     command: str
-    """What trained it."""
+    """Command line of the training."""
     versions: dict[str, str]
-    """Of what made the file."""
+    """Versions of the packages that made the file."""
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
@@ -139,9 +141,6 @@ def _from_json(text: str) -> Any:
 _JSON_FIELDS = (int, Scenario, Space, dict[str, JsonValue], dict[str, str])
 
 
-ONNX_SUFFIX = ".onnx"
-
-
 def trained_policy(about: Metadata | Run, trained_steps: int, sha256: str, make: PolicyFactory) -> PolicySpec:
     """Return the policy of a finished training, from its file's metadata or its run."""
     return PolicySpec(
@@ -192,6 +191,10 @@ class AgentFile:
         """Return the SHA-256 of the file."""
         return hashlib.sha256(self.content).hexdigest()
 
+    def policy(self, make: PolicyFactory) -> PolicySpec:
+        """Return the agent as a policy that ``make`` makes."""
+        return trained_policy(self.metadata, self.metadata.trained_steps, self.digest, make)
+
     @property
     def label(self) -> str:
         """Return the agent's name and training seed: its file's name without the suffix."""
@@ -241,29 +244,16 @@ def read_content(path: Path) -> bytes:
 
 
 def checked(content: bytes) -> AgentFile:
-    """Check a file's content.
-
-    Raises:
-        ValueError: see ``read``.
-    """
-    model, outline = plain_graph.read(content)
+    """Check a file's content; raises ValueError as ``read``."""
+    model, outline = network.read(content)
     file = of_outline(content, outline)
-    plain_graph.check_sizes(model)
+    network.check_sizes(model)
     return file
 
 
 def of_outline(content: bytes, outline: Outline) -> AgentFile:
-    """Check the metadata and shapes of a file whose graph is plain.
-
-    Raises:
-        ValueError: see ``read``.
-    """
+    """Check the metadata and shapes of a file whose graph is plain; raises ValueError as ``read``."""
     metadata = Metadata.of(outline.properties)
-    return AgentFile(content, metadata, _memory_size(outline, metadata))
-
-
-def _memory_size(outline: Outline, metadata: Metadata) -> int:
-    """Return the size of the memory, 0 for none; inputs and outputs must be as they should be."""
     entries, actions = len(metadata.observation_space.low), len(metadata.action_space.low)
     inputs, outputs = outline.inputs, outline.outputs
     memory = inputs.get("memory", 0)
@@ -274,4 +264,4 @@ def _memory_size(outline: Outline, metadata: Metadata) -> int:
             raise ValueError(f"has {what} {found}, but must have {expected} entries per environment for its scenario")
     if "memory" in inputs and not 1 <= memory <= MAX_MEMORY:
         raise ValueError(f"has a memory of {memory} entries, but may have 1 to {MAX_MEMORY}")
-    return memory
+    return AgentFile(content, metadata, memory)

@@ -24,8 +24,8 @@ from onnx import helper, numpy_helper
 from baselines.models.edge_value import worth
 from train.agents import agent_file
 from train.agents.agent_file import ONNX_SUFFIX, AgentFile, Metadata, Space
+from train.agents.network import tried
 from train.agents.to_onnx import with_properties
-from train.agents.trial import tried
 from train.job_optimum import SET_POINT
 from turning_env import FAMILY_ID, IDS, OBS, Scenario
 from turning_env.batch.driver import action_space, observation_space

@@ -1,8 +1,8 @@
 """The process in which a stranger's network is checked and run. It holds that file, observations and actions, and nothing else.
 
 It starts with an empty environment and, before it sees the file, limits itself: its memory and processor time, no writing, and no
-opening of files or connections. It imports nothing of the project's environment, which it must not know. ``sandbox.py`` is the
-parent, which starts ``main``; ``Connection`` is how the two talk.
+opening of files or connections. It imports nothing of the project's environment, which it must not know. ``onnx_policy.py`` is
+the parent, which starts ``main``; ``Connection`` is how the two talk.
 """
 
 import contextlib
@@ -10,15 +10,12 @@ import json
 import socket
 import struct
 import time
-from typing import Any
 
 import numpy as np
 
-CHECK, PLAY = "check", "play"
-"""What a child is for: to check a file before it acts, or only to act."""
 ANSWER, ERROR = b"K", b"E"
 """Kinds of messages of the child: an answer, or why there is none."""
-CONTENT, GO_ON, SIZES, RESET, ACT = b"C", b"G", b"L", b"R", b"A"
+CONTENT, SIZES, RESET, ACT = b"C", b"L", b"R", b"A"
 """Kinds of messages of the parent; ``RESET`` is not answered."""
 
 _HEAD = struct.Struct("<cQ")  # kind and length
@@ -37,6 +34,7 @@ class Connection:
 
     def __init__(self, connection: socket.socket, send_timeout: float | None = None) -> None:
         self._connection, self._send_timeout = connection, send_timeout
+        self.close = connection.close
 
     def send(self, kind: bytes, content: bytes = b"") -> None:
         """Send a message.
@@ -62,10 +60,6 @@ class Connection:
             raise OSError(f"a message of {length} bytes, where at most {max_bytes} are allowed")
         return kind, self._receive(length, deadline)
 
-    def close(self) -> None:
-        """Close the connection."""
-        self._connection.close()
-
     def _receive(self, count: int, deadline: float | None) -> bytes:
         content = bytearray(count)
         view, received = memoryview(content), 0
@@ -78,25 +72,23 @@ class Connection:
         return bytes(content)
 
 
-def main(purpose: str, memory: int, computing: int) -> None:
+def main(memory: int, computing: int) -> None:
     """Serve the parent process, over the socket on standard input, until that is closed.
 
     Args:
-        purpose: ``CHECK`` or ``PLAY``.
         memory: allowed memory [MiB].
         computing: allowed processor time [s].
     """
     parent = Connection(socket.socket(fileno=0))
     try:
-        from train.agents import trial  # noqa: F401 - all that is needed, while files can still be opened
+        # Import all that is needed while files can still be opened.
+        from train.agents import network  # noqa: F401
         from turning_env.scoring import onnx_session
 
         onnx_session.runtime()
-        if purpose == CHECK:
-            from train.agents import graph  # noqa: F401
         limit(memory, computing)
         try:
-            _play(parent, _checked(parent) if purpose == CHECK else onnx_session.session_of(parent.receive(_MAX_REQUEST)[1]))
+            _serve(parent)
         except ValueError as error:
             parent.send(ERROR, onnx_session.first_line(error).encode())
     except EOFError:
@@ -126,40 +118,34 @@ def limit(memory: int, computing: int) -> None:
             resource.setrlimit(kind, values)
 
 
-def _checked(parent: Connection) -> Any:
-    """Send the outline of a file; if the parent accepts it, check that the network can be run. Returns its session."""
-    from train.agents import graph, trial
+def _serve(parent: Connection) -> None:
+    """Send the outline of a file, check and try its network, then answer observations with actions.
 
-    _, content = parent.receive(graph.MAX_BYTES + 1)
-    model, outline = graph.read(content)
-    parent.send(ANSWER, json.dumps(outline._asdict()).encode())
-    parent.receive(0)
-    graph.check_sizes(model)
-    del model
-    inputs = outline.inputs
-    network = trial.tried(content, inputs["observation"], outline.outputs["action"], inputs.get("memory", 0))
-    parent.send(ANSWER)
-    return network
-
-
-def _play(parent: Connection, network: Any) -> None:
-    """Answer observations with actions. ``SIZES`` makes a new policy of the same network."""
-    from train.agents.trial import act_checked
+    ``SIZES`` makes a new policy of the same network.
+    """
+    from train.agents import network
     from turning_env.scoring.onnx_session import OnnxPolicy
 
+    _, content = parent.receive(network.MAX_BYTES + 1)
+    model, outline = network.read(content)
+    parent.send(ANSWER, json.dumps(outline._asdict()).encode())
+    network.check_sizes(model)
+    del model
+    inputs = outline.inputs
+    session = network.tried(content, inputs["observation"], outline.outputs["action"], inputs.get("memory", 0))
+    parent.send(ANSWER)
     generator, calls = np.random.default_rng(), 0
     while True:
         kind, content = parent.receive(_MAX_REQUEST)
         if kind == SIZES:
             num_envs, entries, memory_size = (int(number) for number in np.frombuffer(content, np.int64))
-            policy, calls = OnnxPolicy(network, memory_size, num_envs), 0
+            policy, calls = OnnxPolicy(session, memory_size, num_envs), 0
             parent.send(ANSWER)
-            continue
-        if kind == RESET:
+        elif kind == RESET:
             policy.reset(np.frombuffer(content, np.bool_))
-            continue
-        observations = np.frombuffer(content, np.float32).reshape(num_envs, entries)
-        calls += 1
-        checked = calls <= _FIRST_CHECKS or generator.integers(_CHECK_EVERY) == 0
-        actions = act_checked(policy, observations, generator) if checked else policy.act(observations)
-        parent.send(ANSWER, np.ascontiguousarray(actions, np.float32).tobytes())
+        else:
+            observations = np.frombuffer(content, np.float32).reshape(num_envs, entries)
+            calls += 1
+            checked = calls <= _FIRST_CHECKS or generator.integers(_CHECK_EVERY) == 0
+            actions = network.act_checked(policy, observations, generator) if checked else policy.act(observations)
+            parent.send(ANSWER, np.ascontiguousarray(actions, np.float32).tobytes())

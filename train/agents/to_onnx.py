@@ -13,7 +13,7 @@ from onnx import compose, helper, inliner
 from train.actor import Actor
 from train.agents import agent_file
 from train.agents.agent_file import Metadata
-from train.agents.trial import tried
+from train.agents.network import tried
 from turning_env.scoring.onnx_session import first_line
 
 OPSET = 20

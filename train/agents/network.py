@@ -1,19 +1,22 @@
-"""Check that an agent's network is nothing but arithmetic of moderate size on its inputs and on weights inside the file.
+"""Check that an agent's network is plain arithmetic of moderate size, and try it.
 
-Imports ONNX and nothing of the project, because strangers' files are checked in a process of their own: ``sandbox_child.py``.
+Strangers' files are checked by a process that imports this file without the rest of the package: ``sandbox.py``.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 import onnx
+
+from turning_env.scoring.onnx_session import Floats, OnnxPolicy, first_line, session_of
 
 MAX_BYTES = 20_000_000
 MAX_NODES = 4_000
 MAX_ENTRIES = 1_000_000
-"""Of any intermediate value, per environment."""
+"""Largest size of any intermediate value, per environment."""
 MAX_MEMORY = 65_536
-"""Entries of the memory, per environment."""
+"""Largest size of the memory, per environment."""
 MAX_METADATA = 1_000_000
 """Characters."""
 OPSETS = range(13, 27)
@@ -26,6 +29,9 @@ Sign Slice Softmax Softplus Softsign Split Sqrt Squeeze Sub Sum Swish Tanh Trans
 """
 OPERATORS = frozenset(_OPERATORS.split())
 """Allowed operators: arithmetic whose output size shape inference knows beforehand."""
+TOLERANCE = 1e-4
+"""Largest difference of an environment's action when other environments are in the batch: sums may be taken in another order."""
+_NUM_ENVS = 8  # with which a network is tried
 
 
 class Outline(NamedTuple):
@@ -41,7 +47,7 @@ def read(content: bytes) -> tuple[onnx.ModelProto, Outline]:
     """Return the network of a file's content, and its outline; ``check_sizes`` is still to be called.
 
     Raises:
-        ValueError: it is no network, or not plain arithmetic; says why.
+        ValueError: it is no network, or not plain arithmetic on weights that it holds itself; says why.
     """
     if len(content) > MAX_BYTES:
         raise ValueError(f"is larger than {MAX_BYTES} bytes")
@@ -62,7 +68,6 @@ def read(content: bytes) -> tuple[onnx.ModelProto, Outline]:
 
 
 def _check_plain(model: onnx.ModelProto) -> None:
-    """Check that the model is nothing but arithmetic on weights that it holds itself."""
     graph = model.graph
     opsets = [(opset.domain, opset.version) for opset in model.opset_import]
     if len(opsets) != 1 or opsets[0][0] not in ("", "ai.onnx") or opsets[0][1] not in OPSETS:
@@ -111,11 +116,57 @@ def check_sizes(model: onnx.ModelProto) -> None:
         onnx.checker.check_model(single)
         graph = onnx.shape_inference.infer_shapes(single, check_type=True, strict_mode=True, data_prop=True).graph
     except Exception as error:  # of several unrelated types
-        raise ValueError(f"is not valid ONNX: {str(error).strip().splitlines()[0]}") from error
-    sizes = {value.name: value.type.tensor_type.shape for value in [*graph.value_info, *graph.output]}
+        raise ValueError(f"is not valid ONNX: {first_line(error)}") from error
+    sizes = {value.name: value.type.tensor_type.shape.dim for value in [*graph.value_info, *graph.output]}
     for name in (name for node in graph.node for name in node.output if name):
-        dimensions = sizes[name].dim if name in sizes else None
-        if dimensions is None or not all(size.HasField("dim_value") for size in dimensions):
+        if name not in sizes or not all(size.HasField("dim_value") for size in sizes[name]):
             raise ValueError(f"value {name!r} is of a size that depends on more than the number of environments")
-        if math.prod(size.dim_value for size in dimensions) > MAX_ENTRIES:
+        if math.prod(size.dim_value for size in sizes[name]) > MAX_ENTRIES:
             raise ValueError(f"value {name!r} has more than {MAX_ENTRIES} entries per environment")
+
+
+def tried(content: bytes, entries: int, actions: int, memory_size: int) -> Any:
+    """Return the session of a file's content after a trial on zeros and on observations of order one.
+
+    Raises:
+        ValueError: ONNX Runtime cannot run it, its outputs are not actions, or they are not reproducible.
+    """
+    session, generator = session_of(content), np.random.default_rng(0)
+    sampled = generator.uniform(-1.0, 1.0, (2, _NUM_ENVS, entries)).astype(np.float32)
+    for given in (np.zeros((2, 2, entries), np.float32), sampled):
+        policy = OnnxPolicy(session, memory_size, given.shape[1])
+        for observations in given:  # the second time with a memory
+            check_actions(act_checked(policy, observations, generator), (len(observations), actions))
+    return session
+
+
+def act_checked(policy: OnnxPolicy, observations: Floats, generator: np.random.Generator) -> Floats:
+    """Act, and check that actions are reproducible and independent of the other environments in the batch.
+
+    Raises:
+        ValueError: they are not, or the observations have another shape or type.
+    """
+    before = policy.memory
+    actions = policy.act(observations)
+    again, _ = policy.run(observations, before)
+    if again.tobytes() != actions.tobytes():
+        raise ValueError("gives other actions for the same observations")
+    if len(observations) > 1:
+        for part in np.array_split(generator.permutation(len(observations)), 2):
+            alone = policy.run(observations[part], before[part])
+            for mine, its in zip((actions, policy.memory), alone, strict=True):
+                if not np.allclose(mine[part], its, rtol=TOLERANCE, atol=TOLERANCE, equal_nan=True):
+                    raise ValueError("an environment's actions or memory depend on the other environments in the batch")
+    return actions
+
+
+def check_actions(actions: Floats, shape: tuple[int, int]) -> None:
+    """Check that actions have the shape and lie in -1 to 1.
+
+    Raises:
+        ValueError: they are not.
+    """
+    if actions.shape != shape or actions.dtype != np.float32 or not (np.abs(actions) <= 1.0).all():
+        wrong = actions[~(np.abs(actions) <= 1.0).all(axis=1)] if actions.shape == shape else actions
+        many = f"{shape[0]} actions" if shape[0] != 2 else "two actions"
+        raise ValueError(f"acts {wrong[:1].tolist()}, which are not {many} of {shape[1]} numbers in -1 to 1")
