@@ -1,90 +1,243 @@
-"""Measure steps per second beside Gymnasium's own Pendulum.
+"""Measure environment steps per second, beside other environments or another checkout.
 
     python -m studies.throughput
-    python -m studies.throughput --repeats 5 --json
+    python -m studies.throughput --plot docs/peers.png
+    python -m studies.throughput --against ../before
 
-It measures processor time in one process on one thread. All cases take turns, so other load on the machine affects them equally.
-Ratios are taken within a turn. Actions are random and drawn beforehand. Resets count.
+It prints a Markdown table of this project and of every peer that is installed (``pip install -e '.[peers]'``). All cases take
+turns, so other load on the machine affects them equally, and ratios are taken within a turn. Steps per CPU second show which case
+used more than one core or waited for one. Actions are random and drawn beforehand. Resets count.
 
-The exit status is 1 if the ratio to Pendulum is below two thirds of the recorded ratio, for 1024 environments or for the
-unwrapped single one.
+``--against`` times one environment of RoughTurning-v0 and a batch, in turns in a process of this checkout and in one of another,
+and prints the ratios of their steps per CPU second.
 """
 
 import argparse
+import importlib
+import os
+import platform
 import statistics
+import subprocess
 import sys
-from collections.abc import Sequence
+import tracemalloc
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
 
 import gymnasium
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
+from tqdm import tqdm
 
-from studies.timing import BATCHES, Case, judge, many, measure, one
-from turning_env import FAMILY_ID, IDS, FamilyVectorEnv, RoughTurningVectorEnv
-from turning_env.console import described, exits
+from studies import timing
+from studies.timing import MAIN, NUM_ENVS, Case, Timing, many, measure, one, single, vector
+from turning_env import FAMILY_ID, IDS
+from turning_env.console import Mistake, described, exits, picture_path
+from turning_shop import plot_style as style
 
-PEER = "Pendulum-v1"
-MAIN = "RoughTurning-v0"
-RECORDED = {"single": 2.05, "batch": 32.4}
-"""Recorded ratios to Pendulum's rate in the same run, on the machine of docs/peers.md."""
-MIN_SHARE = 2.0 / 3.0
-"""Smallest share of the recorded ratios; noise alone does not go below it."""
-
-
-def single(env_id: str) -> Case:
-    """Return the case of one environment without wrappers."""
-    return one(f"{env_id}, single", gymnasium.make(env_id).unwrapped)
-
-
-def vector(env_id: str, num_envs: int, batches: int = BATCHES, threads: int = 1) -> Case:
-    """Return the case of many environments in one batch."""
-    if env_id == FAMILY_ID:
-        env: RoughTurningVectorEnv = FamilyVectorEnv(num_envs, threads=threads)
-    else:
-        env = RoughTurningVectorEnv(num_envs, IDS[env_id], threads=threads)
-    env.reset(seed=0)
-    return many(f"{env_id}, {num_envs} environments", env, num_envs, env.single_action_space, batches)
+SIZES = (1, 16, 256, 4096, 65536)
+"""Numbers of environments side by side."""
+REFERENCE = "Gymnasium Pendulum, unwrapped"
+"""The case that ratios refer to."""
+_TURNS = "import runpy, sys; runpy.run_path(sys.argv.pop(1))['main']()"
+_SCAN = 64  # steps in one call of a compiled loop
 
 
-@exits(checks=True)
+def our_cases() -> Iterator[Case]:
+    """Yield cases of this project."""
+    yield single(MAIN)
+    yield one(MAIN, gymnasium.make(MAIN))
+    yield from (vector(MAIN, num_envs) for num_envs in SIZES)
+    yield from (vector(env_id) for env_id in (*IDS, FAMILY_ID) if env_id != MAIN)
+
+
+def gymnasium_cases() -> Iterator[Case]:
+    """Yield cases of Gymnasium's own environments; the first is the reference."""
+    yield single("Pendulum-v1")._replace(name=REFERENCE)
+    yield one("Gymnasium Pendulum", gymnasium.make("Pendulum-v1"))
+    for num_envs in SIZES:
+        yield vector("CartPole-v1", num_envs)._replace(name="Gymnasium CartPole, vector")
+
+
+def envpool_cases() -> Iterator[Case]:
+    """Yield cases of EnvPool on one thread."""
+    envpool = importlib.import_module("envpool")
+    for num_envs in SIZES[1:-1]:
+        env = envpool.make_gymnasium("Pendulum-v1", num_envs=num_envs, num_threads=1)
+        env.reset()
+        yield many("EnvPool Pendulum, 1 thread", env, num_envs, env.action_space)
+
+
+def gymnax_cases() -> Iterator[Case]:
+    """Yield cases of gymnax: a compiled loop over steps and random actions."""
+    jax, gymnax = importlib.import_module("jax"), importlib.import_module("gymnax")
+    env, parameters = gymnax.make("Pendulum-v1")
+
+    def step(state: Any, key: Any) -> tuple[Any, Any]:
+        act, move = jax.random.split(key)
+        _, state, reward, *_ = env.step(move, state, env.action_space(parameters).sample(act), parameters)
+        return state, reward
+
+    def scan(states: Any, key: Any) -> Any:
+        def all_envs(states: Any, key: Any) -> Any:
+            return jax.vmap(step)(states, jax.random.split(key, jax.tree_util.tree_leaves(states)[0].shape[0]))
+
+        return jax.lax.scan(all_envs, states, jax.random.split(key, _SCAN))
+
+    compiled_scan = jax.jit(scan)
+    for num_envs in SIZES[2:]:
+        key = jax.random.PRNGKey(0)
+        _, states = jax.vmap(env.reset, in_axes=(0, None))(jax.random.split(key, num_envs), parameters)
+
+        def run(states: Any = states, key: Any = key) -> None:
+            jax.block_until_ready(compiled_scan(states, key))
+
+        yield Case("gymnax Pendulum, scan", num_envs, num_envs * _SCAN, run)
+
+
+def motor_cases() -> Iterator[Case]:
+    """Yield a case of gym-electric-motor, the nearest field."""
+    motor = importlib.import_module("gym_electric_motor")
+    yield one("gym-electric-motor Cont-CC-PMSM", motor.make("Cont-CC-PMSM-v0"))
+
+
+PEERS: dict[str, Callable[[], Iterator[Case]]] = {
+    "gymnasium": gymnasium_cases,
+    "envpool": envpool_cases,
+    "gymnax": gymnax_cases,
+    "gym_electric_motor": motor_cases,
+    "rough-turning": our_cases,
+}
+"""Cases by module, the reference first."""
+
+
+def runnable_cases(peers: dict[str, Callable[[], Iterator[Case]]]) -> tuple[list[Case], list[str]]:
+    """Return the cases of the peers that run here, and a line for each peer: its version, or why it is left out."""
+    cases: list[Case] = []
+    remarks = []
+    for module, peer in peers.items():
+        try:
+            found = list(peer())
+            for case in found:
+                case.step()  # some fail only here
+        except Exception as error:  # a failing peer must not stop the others
+            remarks.append(f"left out: {module}: {type(error).__name__}: {error}")
+            continue
+        cases += found
+        try:
+            remarks.append(f"{module} {version(module)}")
+        except PackageNotFoundError:
+            remarks.append(module)
+    return cases, remarks
+
+
+def bytes_per_env(num_envs: int) -> float:
+    """Return what Python and NumPy have allocated for a vector environment of ``MAIN`` after a step [bytes per environment]."""
+    tracemalloc.start()
+    try:
+        case = vector(MAIN, num_envs, 1)
+        case.step()
+        return tracemalloc.get_traced_memory()[0] / num_envs
+    finally:
+        tracemalloc.stop()
+
+
+def table(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[str]:
+    """Return the lines of a Markdown table of medians over the turns; ratios are to the first case in the same turn."""
+    lines = ["| Case | Environments | Steps per second | Per CPU second | Ratio |", "|---|---:|---:|---:|---:|"]
+    rounded = EngFormatter(places=1, sep=" ")
+    for case, turns in zip(cases, timings, strict=True):
+        rate, cpu_rate = (rounded(statistics.median(rates)) for rates in zip(*turns, strict=True))
+        ratio = text(turn.rate / base.rate for turn, base in zip(turns, timings[0], strict=True))
+        lines.append(f"| {case.name} | {case.num_envs} | {rate} | {cpu_rate} | {ratio} |")
+    return lines
+
+
+def text(ratios: Iterable[float]) -> str:
+    """Return the median and the range of ratios."""
+    found = sorted(ratios)
+    return f"{statistics.median(found):.3g} ({found[0]:.3g} to {found[-1]:.3g})"
+
+
+def draw(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> Figure:
+    """Return a figure of steps per second of cases with several numbers of environments; call it within ``style.for_print``."""
+    figure = Figure(figsize=(style.DOUBLE, 4.0), layout="constrained")
+    axes = figure.subplots()
+    rates: dict[str, dict[int, float]] = {}
+    for case, turns in zip(cases, timings, strict=True):
+        rates.setdefault(case.name, {})[case.num_envs] = statistics.median(turn.rate for turn in turns)
+    lines = {name: found for name, found in rates.items() if len(found) > 1}
+    for (name, found), (colour, dashes) in zip(lines.items(), style.policy_looks(lines), strict=True):
+        axes.loglog(list(found), list(found.values()), marker="o", color=colour, linestyle=dashes, markersize=3, label=name)
+    axes.set(xlabel="environments side by side", ylabel="environment steps per second")
+    axes.yaxis.set_major_formatter(EngFormatter(sep=" "))
+    axes.grid(alpha=0.4)
+    figure.legend(loc="outside right upper")
+    return figure
+
+
+def machine() -> str:
+    """Return processor, cores, system and Python."""
+    information = Path("/proc/cpuinfo")
+    lines = information.read_text("utf-8").splitlines() if information.exists() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    model = models[0] if models else platform.processor() or platform.machine()
+    return f"{model}, {os.cpu_count()} logical cores, {platform.system()}, Python {platform.python_version()}"
+
+
+def against(other: Path, repeats: int, seconds: float) -> list[str]:
+    """Return a line per case: this checkout's steps per CPU second over another's, median and range over the turns.
+
+    Raises:
+        Mistake: the folder holds no environment, or it cannot be timed.
+    """
+    if not (other / "turning_env").is_dir():
+        raise Mistake(f"--against {other}: there is no folder turning_env")
+    with ExitStack() as stack:
+        checkouts: list[Any] = []
+        for folder in (Path(__file__).parents[1], other.resolve()):
+            command = [sys.executable, "-P", "-c", _TURNS, timing.__file__, str(seconds)]
+            variables = os.environ | {"PYTHONPATH": str(folder)}
+            pipe = subprocess.PIPE
+            process = subprocess.Popen(command, cwd=folder, env=variables, stdin=pipe, stdout=pipe, text=True, bufsize=1)
+            checkouts.append(stack.enter_context(process))
+        turns = []
+        for _ in tqdm(range(repeats), unit="turn", dynamic_ncols=True, disable=None):
+            rates = []
+            for process in checkouts:
+                process.stdin.write("\n")
+                rates.append([float(rate) for rate in process.stdout.readline().split()])
+            if not all(rates):
+                raise Mistake(f"--against {other}: {MAIN} cannot be timed in both checkouts")
+            turns.append([ours / theirs for ours, theirs in zip(*rates, strict=True)])
+    names = (f"one {MAIN}", f"{NUM_ENVS} environments")
+    return [f"{name}: {text(ratios)} times {other}" for name, ratios in zip(names, zip(*turns, strict=True), strict=True)]
+
+
+@exits()
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure and print; return the exit status."""
+    """Measure, print and draw; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m studies.throughput", **described(__doc__))
     parser.add_argument("--repeats", type=int, default=9, help="turns that every case gets (default: %(default)s)")
-    parser.add_argument("--num-envs", type=int, default=1024, help="size of the vector environments (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=0.25, help="length of one turn in s (default: %(default)s)")
-    parser.add_argument("--json", action="store_true", help="print the medians as JSON")
+    parser.add_argument("--against", type=Path, metavar="DIR", help="another checkout to compare with")
+    parser.add_argument("--plot", type=picture_path, help="file to draw to: PNG, SVG or PDF, by its suffix")
     options = parser.parse_args(arguments)
-    if options.repeats < 1 or options.num_envs < 1 or not options.seconds > 0:
-        parser.error("--repeats and --num-envs must be at least 1, and --seconds above 0")
-
-    cases = [single(PEER), single(MAIN), *(vector(env_id, options.num_envs) for env_id in (*IDS, FAMILY_ID))]
-    measured = [[turn.cpu_rate for turn in turns] for turns in measure(cases, options.repeats, options.seconds)]
-    ratios = [[rate / peer for rate, peer in zip(row, measured[0], strict=True)] for row in measured]
-
-    if not options.json:
-        _print(cases, measured, ratios, options.repeats)
-
-    found = {"single": statistics.median(ratios[1]), "batch": statistics.median(ratios[2 + list(IDS).index(MAIN)])}
-    names = {"single": f"one {MAIN}", "batch": f"{options.num_envs} environments of {MAIN}"}
-    verdicts = [
-        (
-            f"{names[key]}: {found[key]:.2f} times {PEER}'s steps per second, at least {MIN_SHARE * recorded:.2f}",
-            found[key] >= MIN_SHARE * recorded,
-        )
-        for key, recorded in RECORDED.items()
-    ]
-    rows = [
-        {"case": case.name, "steps_per_cpu_second": statistics.median(row), "ratio": statistics.median(ratio)}
-        for case, row, ratio in zip(cases, measured, ratios, strict=True)
-    ]
-    return judge(verdicts, {"cases": rows} if options.json else None)
-
-
-def _print(cases: Sequence[Case], rates: list[list[float]], ratios: list[list[float]], repeats: int) -> None:
-    width = max(len(case.name) for case in cases)
-    print(f"{'medians of ' + str(repeats) + ' turns (range)':<{width}}  {'steps per second':>33}  {'x ' + PEER:>25}")
-    for case, row, ratio in zip(cases, rates, ratios, strict=True):
-        speed = f"{statistics.median(row):,.0f} ({min(row):,.0f} to {max(row):,.0f})"
-        print(f"{case.name:<{width}}  {speed:>33}  {statistics.median(ratio):>9.2f} ({min(ratio):.2f} to {max(ratio):.2f})")
+    if options.repeats < 1 or not options.seconds > 0:
+        parser.error("--repeats must be at least 1, and --seconds above 0")
+    if options.against is not None:
+        print(*against(options.against, options.repeats, options.seconds), sep="\n")
+        return 0
+    cases, remarks = runnable_cases(PEERS)
+    timings = measure(cases, options.repeats, options.seconds)
+    print(f"Machine: {machine()}. Versions: {', '.join(remarks)}.", "", *table(cases, timings), sep="\n")
+    print("", f"{bytes_per_env(SIZES[-1]):.0f} bytes per environment of {SIZES[-1]}.", sep="\n")
+    if options.plot is not None:
+        with style.for_print():
+            style.save(draw(cases, timings), options.plot)
+    return 0
 
 
 if __name__ == "__main__":

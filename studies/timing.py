@@ -1,5 +1,6 @@
-"""Shared parts of the speed benchmarks: cases that are timed in turns, and verdicts."""
+"""Things to time in turns."""
 
+import sys
 import time
 from collections.abc import Callable, Sequence
 from itertools import cycle
@@ -9,10 +10,10 @@ import gymnasium
 import numpy as np
 from tqdm import tqdm
 
-from turning_env.console import DONE, FAILED, print_json
-
-BATCHES = 16
-"""Number of batches of random actions, drawn beforehand and used in turn."""
+MAIN = "RoughTurning-v0"
+NUM_ENVS = 1024
+"""Number of environments of a batch, unless stated."""
+_ACTIONS = 16  # batches of random actions, drawn beforehand and used in turn
 
 
 class Case(NamedTuple):
@@ -25,18 +26,16 @@ class Case(NamedTuple):
 
 
 class Timing(NamedTuple):
-    """Rates of one turn of a case."""
+    """Environment steps of one turn per second of wall time, and per second of CPU time of all threads."""
 
     rate: float
-    """Environment steps per second of wall time."""
     cpu_rate: float
-    """The same per second of CPU time, of all threads."""
 
 
 def one(name: str, env: gymnasium.Env[Any, Any]) -> Case:
     """Return the case of a single environment, reset whenever its episode ends."""
     env.reset(seed=0)
-    action = actions_of(env.action_space)
+    action = _actions_of(env.action_space)
 
     def step() -> None:
         _, _, terminated, truncated, _ = env.step(action())
@@ -46,37 +45,47 @@ def one(name: str, env: gymnasium.Env[Any, Any]) -> Case:
     return Case(name, 1, 1, step)
 
 
-def many(name: str, env: Any, num_envs: int, space: gymnasium.Space[Any], batches: int = BATCHES) -> Case:
+def many(name: str, env: Any, num_envs: int, space: gymnasium.Space[Any], actions: int = _ACTIONS) -> Case:
     """Return the case of a vector environment, which starts its next episodes itself."""
-    action = actions_of(space, num_envs, batches=batches)
+    action = _actions_of(space, num_envs, count=actions)
     return Case(name, num_envs, num_envs, lambda: env.step(action()))
 
 
-def actions_of(space: gymnasium.Space[Any], *num_envs: int, batches: int = BATCHES) -> Callable[[], Any]:
+def single(env_id: str) -> Case:
+    """Return the case of one environment without wrappers."""
+    return one(f"{env_id}, unwrapped", gymnasium.make(env_id).unwrapped)
+
+
+def vector(env_id: str, num_envs: int = NUM_ENVS, actions: int = _ACTIONS) -> Case:
+    """Return the case of a batch of one of the project's ids, on one thread."""
+    env = gymnasium.make_vec(env_id, num_envs, vectorization_mode="vector_entry_point")
+    env.reset(seed=0)
+    return many(f"{env_id}, vector", env, num_envs, env.single_action_space, actions)
+
+
+def _actions_of(space: gymnasium.Space[Any], *num_envs: int, count: int = _ACTIONS) -> Callable[[], Any]:
     r"""Return a function that returns random actions of a space, shape (\*num_envs, \*space.shape)."""
     rng = np.random.default_rng(0)
     if isinstance(space, gymnasium.spaces.Discrete):
-        drawn: Any = rng.integers(0, space.n, (batches, *num_envs))
+        drawn: Any = rng.integers(0, space.n, (count, *num_envs))
     else:
         assert isinstance(space, gymnasium.spaces.Box)
-        drawn = rng.uniform(space.low, space.high, (batches, *num_envs, *space.shape)).astype(space.dtype)
+        drawn = rng.uniform(space.low, space.high, (count, *num_envs, *space.shape)).astype(space.dtype)
     return cycle(drawn).__next__
 
 
 def measure(cases: Sequence[Case], repeats: int, seconds: float) -> list[list[Timing]]:
     """Time every case (first index) in every turn (second), each for about ``seconds`` of wall time."""
-    counts = [_calls_within(case, seconds) for case in cases]
-    timings: list[list[Timing]] = [[] for _ in cases]
-    with tqdm(total=repeats * len(cases), unit="case", dynamic_ncols=True, disable=None) as bar:
-        for _ in range(repeats):
-            for case, count, turns in zip(cases, counts, timings, strict=True):
-                bar.set_description(f"{case.name}, {case.num_envs}")
-                turns.append(timed(case, count))
-                bar.update()
-    return timings
+    counts = [calls_within(case, seconds) for case in cases]
+    turns = [
+        [timed(case, count) for case, count in zip(cases, counts, strict=True)]
+        for _ in tqdm(range(repeats), unit="turn", dynamic_ncols=True, disable=None)
+    ]
+    return [list(timings) for timings in zip(*turns, strict=True)]
 
 
-def _calls_within(case: Case, seconds: float) -> int:
+def calls_within(case: Case, seconds: float) -> int:
+    """Return the number of calls of a case that take about so many seconds."""
     case.step()  # compiles, or loads what was compiled
     count = 1
     # The quickest of three: a single pause would look like slow calls, and turns of a few calls would time cold caches.
@@ -87,20 +96,21 @@ def _calls_within(case: Case, seconds: float) -> int:
 
 def timed(case: Case, count: int) -> Timing:
     """Time ``count`` calls of a case."""
-    step = case.step
     wall, cpu = time.perf_counter(), time.process_time()
     for _ in range(count):
-        step()
+        case.step()
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    steps = count * case.steps
-    return Timing(steps / wall, steps / max(cpu, 1e-9))
+    return Timing(count * case.steps / wall, count * case.steps / max(cpu, 1e-9))
 
 
-def judge(verdicts: Sequence[tuple[str, bool]], json: dict[str, Any] | None) -> int:
-    """Print which criteria are met, as JSON together with ``json`` if it is given; return the exit status."""
-    if json is not None:
-        print_json(json | {"verdicts": [{"text": text, "met": met} for text, met in verdicts]})
-    else:
-        for text, met in verdicts:
-            print(f"{'met   ' if met else 'FAILED'}  {text}")
-    return DONE if all(met for _, met in verdicts) else FAILED
+def main() -> None:
+    """For each line of input, print the steps per CPU second of a turn of one environment, and of one of a batch.
+
+    ``studies.throughput`` runs this in each of two checkouts; the argument is the length of a turn [s].
+    """
+    import turning_env  # noqa: F401 - registers the ids
+
+    cases = (single(MAIN), vector(MAIN))
+    counts = [calls_within(case, float(sys.argv[1])) for case in cases]
+    for _ in sys.stdin:
+        print(*(timed(case, count).cpu_rate for case, count in zip(cases, counts, strict=True)), flush=True)

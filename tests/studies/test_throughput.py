@@ -1,30 +1,53 @@
-"""The throughput benchmark runs, and its exit status tells whether the criteria are met."""
+"""Speed is measured in turns, beside peers that run here and beside another checkout."""
 
-import json
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from studies import throughput
-from turning_env import IDS
-
-TINY = ["--repeats", "2", "--num-envs", "3", "--seconds", "0.002"]
+from studies.timing import Case, Timing, measure, vector
 
 
-def test_it_prints_every_case_and_meets_criteria_that_are_easy(capsys, monkeypatch):
-    monkeypatch.setattr(throughput, "MIN_SHARE", 0.0)
-    assert throughput.main(TINY) == 0
-    printed = capsys.readouterr().out
-    for name in ("Pendulum-v1, single", "RoughTurning-v0, single", *(f"{env_id}, 3 environments" for env_id in IDS)):
-        assert name in printed
-    assert (printed.count("met   "), printed.count("FAILED")) == (2, 0)
-    assert throughput.main([*TINY, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert len(told["cases"]) == 3 + len(IDS)  # Pendulum, one environment, and a batch of every id
-    assert [verdict["met"] for verdict in told["verdicts"]] == [True, True]
+def test_ratios_are_taken_within_a_turn() -> None:
+    cases = [Case(name, 1, 1, lambda: None) for name in ("reference", "other")]
+    # The machine was half as fast in the second turn, and the other case waited for a core in the third.
+    timings = [
+        [Timing(100.0, 100.0), Timing(50.0, 100.0), Timing(100.0, 100.0)],
+        [Timing(300.0, 300.0), Timing(150.0, 300.0), Timing(200.0, 300.0)],
+    ]
+    *_, other = throughput.table(cases, timings)
+    assert other == "| other | 1 | 200.0 | 300.0 | 3 (2 to 3) |"
 
 
-@pytest.mark.parametrize("criterion", throughput.RECORDED)
-def test_a_missed_criterion_is_an_exit_status(capsys, monkeypatch, criterion):
-    monkeypatch.setattr(throughput, "RECORDED", {"single": 0.0, "batch": 0.0} | {criterion: 1e9})
-    assert throughput.main(TINY) == 1
-    assert capsys.readouterr().out.count("FAILED") == 1
+def test_peers_that_do_not_run_are_left_out_and_said() -> None:
+    def absent() -> Iterator[Case]:
+        raise ModuleNotFoundError("No module named 'absent'")
+
+    def changed() -> Iterator[Case]:
+        yield Case("changed", 1, 1, lambda: 1 / 0)
+
+    def own() -> Iterator[Case]:
+        yield vector("RoughTurning-v0", 4)
+
+    cases, remarks = throughput.runnable_cases({"absent": absent, "changed": changed, "numpy": own})
+    assert [case.name for case in cases] == ["RoughTurning-v0, vector"]
+    assert remarks[0].startswith("left out: absent: ModuleNotFoundError")
+    assert remarks[1].startswith("left out: changed: ZeroDivisionError")
+    assert remarks[2].startswith("numpy ")
+    ((timing,),) = measure(cases, 1, 0.001)
+    assert timing.rate > 0.0
+
+
+@pytest.mark.slow
+def test_two_checkouts_take_turns(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    root = Path(throughput.__file__).parents[1]
+    assert throughput.main(["--against", str(root), "--repeats", "2", "--seconds", "0.01"]) == 0
+    single, batch = capsys.readouterr().out.splitlines()
+    assert single.startswith("one RoughTurning-v0: ")
+    assert batch.startswith("1024 environments: ")
+    assert throughput.main(["--against", str(tmp_path)]) == 2
+
+
+def test_one_of_many_environments_takes_about_a_kilobyte() -> None:
+    assert throughput.bytes_per_env(4096) < 1100

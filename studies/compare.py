@@ -1,0 +1,365 @@
+"""Run a study: variants of a training, of a controller or of an agent, scored on one task and compared seed by seed.
+
+    python -m studies ablation
+    python -m studies equal_terms --variants ppo ppo-position --trainings 3 --jobs 2
+    python -m studies my_study.toml --steps 300000
+
+A study is a TOML file of this folder, or one of your own. It prints a Markdown table with 95 % bootstrap intervals over seeds and
+training seeds. Differences are paired by seed. Costs are all that the reward charges, per volume of metal.
+
+``RUNS/NAME`` keeps trainings and episodes: the same command continues where it stopped, and one with more trainings adds to them.
+"""
+
+import argparse
+import json
+import shlex
+import sys
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from hashlib import sha256
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Self
+
+import numpy as np
+import onnx
+from onnx import numpy_helper
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from tqdm import tqdm
+
+from baselines import catalogue
+from leaderboard.family_play import Retold
+from train.actor import ActorPolicy
+from train.agents import agent_file
+from train.run import Run
+from train.training import SEEDS, train
+from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
+from turning_env.console import Mistake, described, exits
+from turning_env.files import digest_of, replace_file
+from turning_env.scoring.family import play_family, truthful
+from turning_env.scoring.onnx_session import OnnxPolicy, session_of
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play
+from turning_env.scoring.policy import PolicyFactory, PolicySpec
+from turning_env.scoring.seeds import held_out_seeds, tuning_seeds
+from turning_env.scoring.statistics import Bootstrap, Estimate
+from turning_env.scoring.workers import spread, workers
+
+FOLDER = Path(__file__).parent
+STUDIES = sorted(path.stem for path in FOLDER.glob("*.toml"))
+CORRECTIONS = ("speed", "feed", "change")
+"""Outputs of the family agent's network: corrections of speed, feed and the score of an edge change."""
+
+
+class Variant(BaseModel):
+    """One row of a study: it trains an algorithm, plays a controller, or plays the family agent's file."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    like: str = ""
+    """Variant whose fields hold where this one has none, and with which it is compared instead of the first."""
+    algorithm: str = ""
+    policy: str = ""
+    agent: Path | None = None
+    settings: dict[str, Any] = {}
+    """Hyperparameters of the algorithm, or parameters of the controller."""
+    scenario: dict[str, dict[str, Any]] = {}
+    """Values of the scenario that differ in training and in play, by section."""
+    trainings: int = Field(0, ge=0)
+    """Number of training seeds; 0: that of the study."""
+    without: tuple[Literal["speed", "feed", "change"], ...] = ()
+    """Corrections of the agent's network that are left out."""
+    told: str | None = None
+    """How the names of the fields begin whose true values the agent is told; None: of no field."""
+
+    @model_validator(mode="after")
+    def _plays_one_thing(self) -> Self:
+        if not self.like and (bool(self.algorithm) + bool(self.policy) + bool(self.agent)) != 1:
+            raise ValueError("needs one of algorithm, policy, agent and like")
+        return self
+
+
+class Study(BaseModel):
+    """Variants, and the seeds on which they are compared."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    question: str
+    task: str
+    seeds: Literal["tuning", "held_out", "training_jobs"] = "tuning"
+    episodes: int = Field(ge=1, le=100_000)
+    trainings: int = Field(1, ge=1, lt=SEEDS)
+    settings: dict[str, Any] = {}
+    """Hyperparameters of all trainings."""
+    splits: bool = False
+    """Whether the variants also play the splits."""
+    overload_prices: tuple[float, ...] = ()
+    """Prices of overload at which the same episodes are charged again."""
+    variants: dict[str, Variant] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _has_what_it_names(self) -> Self:
+        if self.task not in (*IDS, FAMILY_ID):
+            raise ValueError(f"task is {self.task!r}, but must be one of {', '.join((*IDS, FAMILY_ID))}")
+        if unknown := [each.like for each in self.variants.values() if each.like and each.like not in self.variants]:
+            raise ValueError(f"like is {unknown[0]!r}, but must be one of {', '.join(self.variants)}")
+        return self
+
+    @classmethod
+    def read(cls, name: str) -> Self:
+        """Return the study of a name or of a TOML file.
+
+        Raises:
+            Mistake: there is no such study, or it cannot be read.
+        """
+        path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
+        if not path.is_file():
+            raise Mistake(f"NAME is {name!r}, but must be one of {', '.join(STUDIES)}, or a TOML file")
+        try:
+            return cls.model_validate(tomllib.loads(path.read_text("utf-8")))
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise Mistake(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+        except ValueError as error:
+            raise Mistake(f"{path}: {error}") from error
+
+    def variant(self, name: str) -> Variant:
+        """Return a variant with the fields of the one that it is like."""
+        own = self.variants[name]
+        if not own.like:
+            return own
+        whole, fields = self.variant(own.like).model_dump(), own.model_dump(exclude_unset=True)
+        return Variant.model_validate(whole | fields | {"settings": whole["settings"] | own.settings})
+
+    def count(self, name: str) -> int:
+        """Return the number of trainings of a variant."""
+        variant = self.variant(name)
+        return (variant.trainings or self.trainings) if variant.algorithm else 1
+
+    def with_options(self, trainings: int | None, steps: int | None, episodes: int | None) -> "Study":
+        """Return the study with numbers in place of its own, where they are given."""
+        values = self.model_dump(exclude_unset=True)
+        values |= {name: value for name, value in (("trainings", trainings), ("episodes", episodes)) if value is not None}
+        for variant in values["variants"].values():
+            if trainings is not None:
+                variant.pop("trainings", None)
+            if steps is not None:
+                variant.get("settings", {}).pop("steps", None)
+        if steps is not None:
+            values["settings"] = self.settings | {"steps": steps}
+        return Study.model_validate(values)
+
+
+class Played(NamedTuple):
+    """Episodes of a variant by scenario, the task's own first, and the duration of its training."""
+
+    episodes: dict[str, Episodes]
+    seconds: float | None
+    """Wall time [s]; None without a training."""
+
+
+def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Played:
+    """Train a variant with a training seed and play it, unless that is done.
+
+    Args:
+        piece: the variant's name and the training seed.
+        study: the study.
+        runs: folder of trainings and episodes.
+        command: what a training notes as its command.
+
+    Raises:
+        ValueError: a training's folder holds a training with other settings, or there is no such policy or file.
+    """
+    name, seed = piece
+    variant, seconds = study.variant(name), None
+    kept = [study.task, study.seeds, study.episodes, MODEL_VERSION, seed, variant.model_dump(mode="json")]
+    if variant.agent:
+        file = agent_file.read(variant.agent)
+        work = partial(_play_agent, file, variant, study.episodes)
+        return Played({study.task: _cached(runs, [*kept, sha256(file.content).hexdigest()], work)}, None)
+    home = _with_changes(Scenario.load(IDS[study.task]), variant.scenario)
+    if variant.algorithm:
+        algorithm = import_module(f"train.{variant.algorithm}").ALGORITHM
+        run = Run.plan(variant.algorithm, study.task, home, seed, runs / name, command, study.settings | variant.settings)
+        make: PolicyFactory = partial(ActorPolicy, algorithm.actor(train(run, algorithm)))
+        seconds = max((row["wall_time"] for row in run.read_learning_curve()), default=0.0)
+        kept.append(run.parameters)
+    episodes = {}
+    for scenario in (home, *(map(Scenario.load, SPLITS) if study.splits else ())):
+        if variant.policy:
+            spec = _controller(variant, scenario)
+            make = spec.make
+            kept.append(spec.identity)
+        seeds = (tuning_seeds if study.seeds == "tuning" else held_out_seeds)(study.episodes)
+        episodes[scenario.name] = _cached(runs, [*kept, scenario.digest()], partial(play, make, scenario, seeds))
+    return Played(episodes, seconds)
+
+
+def _with_changes(scenario: Scenario, changes: dict[str, dict[str, Any]]) -> Scenario:
+    values = scenario.model_dump()
+    for section, fields in changes.items():
+        values[section] |= fields
+    return Scenario.model_validate(values)
+
+
+def _controller(variant: Variant, scenario: Scenario) -> PolicySpec:
+    """Return the variant's controller for a scenario, tuned unless its settings say otherwise."""
+    nominal, tuned = scenario.nominal(), catalogue.spec(variant.policy, scenario)
+    rule, parameters = catalogue.playable(variant.policy, nominal), tuned.parameters | variant.settings
+    values: Any = parameters
+    return tuned.model_copy(update={"parameters": parameters, "make": lambda num_envs: rule.build(nominal, num_envs, values)})
+
+
+def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Episodes:
+    """Return what was played under an identity, or do the work and keep it."""
+    path = runs / "episodes" / f"{digest_of(identity)}.json"
+    if not path.exists():
+        content = json.dumps({field: values.tolist() for field, values in work().items()})
+        replace_file(path, lambda partial_path: partial_path.write_text(content, "utf-8"))
+    return {field: np.array(values) for field, values in json.loads(path.read_text("utf-8")).items()}
+
+
+def _play_agent(file: agent_file.AgentFile, variant: Variant, jobs: int) -> Episodes:
+    """Play the family's first training jobs with an agent's file, without some corrections or told some of the truth."""
+    family = Family.load("shop")
+    if variant.told is not None:
+        family = truthful(family, variant.told)
+    session = session_of(without_corrections(file.content, variant.without))
+    context = file.metadata.parameters.get("context")
+
+    def make(num_envs: int) -> Retold:
+        return Retold(OnnxPolicy(session, file.memory_size, num_envs), family, context)
+
+    found = play_family(family, [family.job(number) for number in range(jobs)], make, 1)
+    return {field: values[:, 0] for field, values in found.items()}
+
+
+def without_corrections(content: bytes, names: Sequence[str]) -> bytes:
+    """Return the file of an agent whose network leaves out some of its ``CORRECTIONS``.
+
+    Raises:
+        ValueError: the network has no layer ``head`` with three outputs.
+    """
+    model = onnx.load_model_from_string(content)
+    heads = [tensor for tensor in model.graph.initializer if tensor.name in ("head.weight", "head.bias")]
+    if [tensor.dims[0] for tensor in heads] != [len(CORRECTIONS)] * 2:
+        raise ValueError("its network has no layer 'head' with three outputs: it is no agent of train.family_gradient")
+    for tensor in heads:
+        values = numpy_helper.to_array(tensor).copy()
+        values[[CORRECTIONS.index(name) for name in names]] = 0.0
+        tensor.CopyFrom(numpy_helper.from_array(values, tensor.name))
+    return bytes(model.SerializeToString(deterministic=True))
+
+
+class Row:
+    """A variant in the table.
+
+    Args:
+        name: its name.
+        trained: what each of its training seeds has played.
+        bootstrap: the resamples of all variants.
+    """
+
+    def __init__(self, name: str, trained: Sequence[Played], bootstrap: Bootstrap) -> None:
+        self.name, self._bootstrap = name, bootstrap
+        self._scenarios = {
+            scenario: {field: np.stack([each.episodes[scenario][field] for each in trained]) for field in EPISODE_FIELDS}
+            for scenario in trained[0].episodes
+        }
+        self._own = next(iter(self._scenarios.values()))
+        self._seconds = [each.seconds for each in trained if each.seconds is not None]
+
+    def cells(self, other: "Row | None", prices: Sequence[float] = ()) -> dict[str, str]:
+        """Return the texts by heading, with differences from another row and returns at other prices of overload."""
+        own, returns, bootstrap = self._own, self._own["return"], self._bootstrap
+        total = {field: float(values.sum()) for field, values in own.items()}
+        means = bootstrap.means(returns, self.name)
+        cells = {"Variant": f"`{self.name}`", "Return [s]": _text(Estimate.of(returns.mean(), means))}
+        if other is not None:
+            others = other._own["return"]
+            leads = returns.mean(axis=0) - others.mean(axis=0)
+            cells["Compared with"] = f"`{other.name}`"
+            cells["Difference [s]"] = _text(Estimate.of(leads.mean(), means - bootstrap.means(others, other.name)))
+            cells["Median [s]"] = f"{np.median(leads):.1f}"
+            cells["Better [% of seeds]"] = f"{100.0 * (leads > 0.0).mean():.0f}"
+        if len(returns) > 1:
+            low, *_, high = np.sort(returns.mean(axis=1))
+            cells["Worst to best training [s]"] = f"{low:.0f} to {high:.0f}"
+        for price in prices:
+            charged = returns - own["reward_overload"] - price * own["excess"]
+            cells[f"At price {price:g} [s]"] = f"{charged.mean():.0f}"
+        cut, volume = max(total["engaged_time"], 1e-9), total["removed"] / 1000.0
+        if volume > 0.0:
+            cost = total["reward_metal"] - total["return"]
+            cells["Full cost [min/dm3]"] = f"{cost / 60.0 / volume:.2f}"
+            cells["Cost without overload [min/dm3]"] = f"{(cost + total['reward_overload']) / 60.0 / volume:.2f}"
+        cells["Over a limit [% of cutting time]"] = f"{100.0 * total['overload_time'] / cut:.1f}"
+        home, *splits = self._scenarios
+        cells["By > 5 % [%]"] = f"{100.0 * total['severe_overload_time'] / cut:.2f}{self._verdict(home)}"
+        cells["Edges broken per 100"] = f"{100.0 * total['edges_broken'] / max(total['edges_used'], 1e-9):.1f}"
+        for split in splits:
+            cells[f"`{split}` [s]"] = f"{self._scenarios[split]['return'].mean():.0f}{self._verdict(split)}"
+        if self._seconds:
+            cells["Training [s]"] = f"{np.mean(self._seconds):.0f}"
+        return cells
+
+    def _verdict(self, scenario: str) -> str:
+        """Return a remark if the variant is not feasible on a scenario; jobs of the family have limits of their own."""
+        if scenario == FAMILY_ID:
+            return ""
+        episodes = self._scenarios[scenario]
+        limit = self._bootstrap.severe_limit(episodes["severe_overload_time"], episodes["engaged_time"], self.name)
+        return "" if limit <= Scenario.load(scenario).limits.overload_allowance else ", infeasible"
+
+
+def _text(estimate: Estimate) -> str:
+    return f"{estimate.value:.1f} ({estimate.low:.1f} to {estimate.high:.1f})"
+
+
+def table(study: Study, variants: Mapping[str, Sequence[Played]]) -> list[str]:
+    """Return the lines of a Markdown table of variants, each with what its training seeds have played."""
+    bootstrap = Bootstrap(study.episodes)
+    rows = {name: Row(name, trained, bootstrap) for name, trained in variants.items()}
+    first, *_ = rows.values()
+    found = [row.cells(None if (other := rows.get(study.variants[name].like, first)) is row else other, study.overload_prices)
+             for name, row in rows.items()]  # fmt: skip
+    headings = list(dict.fromkeys(heading for cells in sorted(found, key=lambda cells: -len(cells)) for heading in cells))
+    lines = [headings, ["---"] * len(headings), *([cells.get(heading, "") for heading in headings] for cells in found)]
+    return [f"| {' | '.join(line)} |" for line in lines]
+
+
+@exits(ValueError, interrupted="interrupted: run the same command again to go on")
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train what is missing, play all and print the table; return the exit status."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    parser = argparse.ArgumentParser(prog="python -m studies", **described(__doc__))
+    parser.add_argument("study", metavar="NAME", help=f"{', '.join(STUDIES)}, or a TOML file")
+    parser.add_argument("--variants", nargs="+", metavar="NAME", help="variants to compare (default: all)")
+    parser.add_argument("--trainings", type=int, metavar="N", help="trainings of each variant (default: as the study says)")
+    parser.add_argument("--steps", type=int, metavar="N", help="environment steps of a training (default: as the study says)")
+    parser.add_argument("--episodes", type=int, metavar="N", help="seeds that each variant plays (default: as the study says)")
+    who = parser.add_mutually_exclusive_group()
+    who.add_argument("--jobs", type=int, default=1, metavar="N", help="variants at the same time (default: %(default)s)")
+    who.add_argument("--scheduler", metavar="URL", help="work on a Dask cluster, such as tcp://host:8786")
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
+    parsed = parser.parse_args(arguments)
+    for option in ("trainings", "steps", "episodes", "jobs"):
+        if (value := getattr(parsed, option)) is not None and value < 1:
+            parser.error(f"--{option} is {value}, but must be at least 1")
+    study = Study.read(parsed.study)
+    if unknown := [name for name in parsed.variants or () if name not in study.variants]:
+        parser.error(f"--variants has {unknown[0]!r}, but must be of {', '.join(study.variants)}")
+    study = study.with_options(parsed.trainings, parsed.steps, parsed.episodes)
+    names = [name for name in study.variants if not parsed.variants or name in parsed.variants]
+    # One training seed after the other, so that an interrupted command leaves whole rows.
+    pieces = sorted(((name, seed) for name in names for seed in range(study.count(name))), key=lambda piece: piece[1])
+    command = f"python -m studies {shlex.join(arguments)}"
+    work = partial(played, study=study, runs=parsed.runs / Path(parsed.study).stem, command=command)
+    done: dict[tuple[str, int], Played] = {}
+    with workers(parsed.jobs, parsed.scheduler) as over, tqdm(total=len(pieces), unit="play", disable=None) as bar:
+        for piece, outcome in spread(over, work, zip(pieces, pieces, strict=True)):
+            done[piece] = outcome
+            bar.set_postfix_str(f"{piece[0]}, seed {piece[1]}")
+            bar.update()
+    print("\n".join(table(study, {name: [done[name, seed] for seed in range(study.count(name))] for name in names})))
+    return 0

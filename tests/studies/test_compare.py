@@ -1,0 +1,130 @@
+"""Studies train and play what they say, once, and compare variants seed by seed."""
+
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+
+from studies.compare import STUDIES, Played, Study, main, table, without_corrections
+from tests.train import onnx_agents
+from tests.train.small import PARAMETERS
+from train.run import hyperparameters
+from turning_env import Family
+from turning_env.scoring.play import EPISODE_FIELDS
+from turning_env.scoring.statistics import Floats
+
+SMALL = PARAMETERS["ppo"] | {"steps": 600, "rollout": 32, "batch_size": 64}
+TRAINED = f"""
+question = "Does it train?"
+task = "RoughTurning-v0"
+episodes = 2
+trainings = 2
+settings = {{ {", ".join(f"{key} = {value}" for key, value in SMALL.items())} }}
+
+[variants.whole]
+algorithm = "ppo"
+[variants.set_point]
+like = "whole"
+trainings = 1
+settings = {{ discount = 0.5 }}
+scenario.control.action = "set_point"
+[variants.rule]
+policy = "fixed_tuned"
+"""
+
+
+def cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip("|").split(" | ")]
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_study_asks_for_what_there_is(name: str) -> None:
+    study = Study.read(name)
+    for each in study.variants:
+        variant = study.variant(each)
+        if variant.algorithm:
+            assert (study.settings | variant.settings).keys() <= hyperparameters(variant.algorithm, study.task).keys()
+        assert variant.agent is None or variant.agent.is_file()
+
+
+def test_a_variant_has_the_fields_of_the_one_that_it_is_like() -> None:
+    study = Study.read("equal_terms")
+    whole, less = study.variant("ppo"), study.variant("ppo-position")
+    assert less.settings == whole.settings | {"position": False}
+    assert (less.algorithm, study.count("ppo"), study.count("ppo-position")) == ("ppo", 10, 3)
+
+
+@pytest.mark.slow
+def test_what_was_trained_and_played_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine.toml").write_text(TRAINED)
+    arguments = [str(tmp_path / "mine.toml"), "--runs", str(tmp_path / "runs")]
+    assert main(arguments) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [cells(line)[0] for line in lines[2:]] == ["`whole`", "`set_point`", "`rule`"]
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.name in ("policy.zip", "episodes")}
+    assert len(kept) == 3 + 1
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.splitlines() == lines
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    assert main([*arguments, "--variants", "rule", "--episodes", "3"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 3
+
+
+def test_leads_are_over_another_variant_seed_by_seed() -> None:
+    """Seeds differ by far more than the variants do."""
+    study = Study.read("overload_price").model_copy(update={"episodes": 40})
+    returns = np.linspace(-500.0, 500.0, 40)
+    variants = {name: [_played(returns + more)] for name, more in (("margin_1", 0.0), ("margin_0.9", 30.0))}
+    headings, _, first, second = (cells(line) for line in table(study, variants))
+    column = headings.index("Difference [s]")
+    assert (first[column], second[column]) == ("", "30.0 (30.0 to 30.0)")
+    assert (second[headings.index("Median [s]")], second[headings.index("Better [% of seeds]")]) == ("30.0", "100")
+    assert second[headings.index("At price 10 [s]")] == "19"
+    assert second[headings.index("By > 5 % [%]")] == "100.00, infeasible"
+
+
+def _played(returns: Floats) -> Played:
+    episodes = dict.fromkeys(EPISODE_FIELDS, np.ones(len(returns))) | {"return": returns}
+    return Played({"rough_turning": episodes}, None)
+
+
+@pytest.mark.slow
+def test_corrections_are_left_out_of_an_agent_and_no_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = onnx_agents.write_of_family(tmp_path, Family.load("shop"))
+    before, after = (
+        _head(content) for content in (path.read_bytes(), without_corrections(path.read_bytes(), ["speed", "change"]))
+    )
+    assert not after[[0, 2]].any()
+    np.testing.assert_array_equal(after[1], before[1])
+    with pytest.raises(ValueError, match="no agent of"):
+        without_corrections(onnx_agents.content(), [])
+    text = Path("studies/family_ablation.toml").read_text().replace("agents/RoughTurning-Family-v0/shop", str(tmp_path))
+    (tmp_path / "mine.toml").write_text(text)
+    arguments = ["--variants", "as_it_is", "told_truth", "--episodes", "1", "--runs", str(tmp_path / "runs")]
+    assert main([str(tmp_path / "mine.toml"), *arguments]) == 0
+    _, _, told, true = (cells(line)[1] for line in capsys.readouterr().out.splitlines())
+    assert told != true
+
+
+def _head(content: bytes) -> Floats:
+    found = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in onnx.load_model_from_string(content).graph.initializer}
+    return np.column_stack([found["head.weight"], found["head.bias"]])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("episodes = 2", "episodes = 0"), "episodes"),
+        (('like = "whole"', 'like = "none"'), "like is 'none'"),
+        (('policy = "fixed_tuned"', ""), "needs one of algorithm, policy, agent and like"),
+        (("RoughTurning-v0", "RoughTurning-v9"), "task is 'RoughTurning-v9'"),
+        (("[variants.rule]", "[variants.rule"), "Expected ']'"),
+    ],
+)
+def test_a_wrong_study_is_refused(change: tuple[str, str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine.toml").write_text(TRAINED.replace(*change))
+    assert main([str(tmp_path / "mine.toml")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: ")
+    assert said in line
