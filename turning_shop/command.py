@@ -17,7 +17,7 @@ from turning_env.console import FAILED, number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import Family
-from turning_shop import WorkshopError, whatif
+from turning_shop import WorkshopError, aligned, whatif
 from turning_shop.headers import EDGE
 from turning_shop.measurements import COLUMNS, read_measurements
 
@@ -33,27 +33,29 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     columns = [f"  {name:<14}{column.meaning} [{column.unit}]" for name, column in COLUMNS.items()]
     columns.append(f"  {EDGE:<14}name of the cutting edge, so that its readings do not count as independent (optional)")
     _calibrate.__doc__ = (_calibrate.__doc__ or "").replace("COLUMNS", "\n    ".join(columns))
-    calibrate = command(_calibrate, "fit the laws to cuts measured on a machine", scenario=False)
-    calibrate.add_argument("measurements", metavar="SHEET", help="CSV or XLSX, one cut per row")
-    calibrate.add_argument("--out", type=Path, required=True, metavar="TOML", help="scenario file to write")
-    calibrate.add_argument("--base", default="rough_turning", metavar="SCENARIO",
-                           help="preset or TOML file for everything that is not fitted (default: %(default)s)")  # fmt: skip
-    calibrate.add_argument("--confidence", type=number_within(0.5, 0.9999, ""), default=0.95, metavar="P",
-                           help="confidence level of the intervals (default: %(default)s)")  # fmt: skip
-    calibrate.add_argument("--strict", action="store_true", help="fail if the exponent of a column cannot be estimated")
-    calibrate.add_argument("--force", action="store_true", help="go on with rows and laws that cannot be true")
-    calibrate.add_argument("--overwrite", action="store_true", help="replace an existing TOML file")
-    calibrate.add_argument("--plot", type=picture_path, metavar="FILE", help="file for a plot of the residuals: PNG, SVG or PDF")
-    calibrate.add_argument("--report", type=Path, metavar="JSON", help="file for all results")
-    calibrate.add_argument("--json", action="store_true", help="print all results as JSON")
+    confidence: dict[str, Any] = {"type": number_within(0.5, 0.9999, ""), "default": 0.95, "metavar": "P",
+                                  "help": "confidence level of the intervals (default: %(default)s)"}  # fmt: skip
+    json_option: dict[str, Any] = {"action": "store_true", "help": "print all results as JSON"}
 
-    motor = command(_current, "relate a feed motor's current to its load", scenario=False)
-    motor.add_argument("measurements", metavar="CSV", help="one sample per row")
-    motor.add_argument("--cutoff", type=number_within(1e-6, 1e6, "Hz"), metavar="F",
-                       help="cut-off frequency of the low-pass [Hz] (default: twice that of the peak)")  # fmt: skip
-    motor.add_argument("--confidence", type=number_within(0.5, 0.9999, ""), default=0.95, metavar="P",
-                       help="confidence level of the intervals (default: %(default)s)")  # fmt: skip
-    motor.add_argument("--json", action="store_true", help="print all results as JSON")
+    add = command(_calibrate, "fit the laws to cuts measured on a machine", scenario=False).add_argument
+    add("measurements", metavar="SHEET", help="CSV or XLSX, one cut per row")
+    add("--out", type=Path, required=True, metavar="TOML", help="scenario file to write")
+    base = "preset or TOML file for everything that is not fitted (default: %(default)s)"
+    add("--base", default="rough_turning", metavar="SCENARIO", help=base)
+    add("--confidence", **confidence)
+    add("--strict", action="store_true", help="fail if the exponent of a column cannot be estimated")
+    add("--force", action="store_true", help="go on with rows and laws that cannot be true")
+    add("--overwrite", action="store_true", help="replace an existing TOML file")
+    add("--plot", type=picture_path, metavar="FILE", help="file for a plot of the residuals: PNG, SVG or PDF")
+    add("--report", type=Path, metavar="JSON", help="file for all results")
+    add("--json", **json_option)
+
+    add = command(_current, "relate a feed motor's current to its load", scenario=False).add_argument
+    add("measurements", metavar="CSV", help="one sample per row")
+    cutoff = "cut-off frequency of the low-pass [Hz] (default: twice that of the peak)"
+    add("--cutoff", type=number_within(1e-6, 1e6, "Hz"), metavar="F", help=cutoff)
+    add("--confidence", **confidence)
+    add("--json", **json_option)
 
     table = command(_whatif, "predict force, power, wear and tool life")
     several: dict[str, Any] = {"nargs": "+", "metavar": "X"}
@@ -72,34 +74,28 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     form.add_argument("--json", action="store_true", help="print JSON")
     form.add_argument("--csv", action="store_true", help="print CSV")
 
-    chart = command(_map, "draw the operating map of a worn edge")
-    chart.add_argument("--wear", type=_number("wear"), required=True, metavar="X", help="flank wear of the edge [mm]")
-    chart.add_argument("--depth", type=_number("depth_of_cut"), metavar="X", help="depth of cut [mm] (default: the scenario's)")
-    chart.add_argument(
-        "--hardness", type=_number("hardness"), default=1.0, metavar="X", help="hardness over nominal [-] (default: 1)"
-    )
-    chart.add_argument(
-        "--out", type=picture_path, required=True, metavar="FILE", help="picture to write: PNG, SVG or PDF, by its suffix"
-    )
+    add = command(_map, "draw the operating map of a worn edge").add_argument
+    add("--wear", type=_number("wear"), required=True, metavar="X", help="flank wear of the edge [mm]")
+    add("--depth", type=_number("depth_of_cut"), metavar="X", help="depth of cut [mm] (default: the scenario's)")
+    add("--hardness", type=_number("hardness"), default=1.0, metavar="X", help="hardness over nominal [-] (default: 1)")
+    add("--out", type=picture_path, required=True, metavar="FILE", help="picture to write: PNG, SVG or PDF, by its suffix")
 
-    advice = command(_advise, "advise speed, feed and edge changes, in parts and money")
-    advice.add_argument("--agent", action="append", default=[], metavar="POLICY",
-                        help="ONNX file or module:object to compare with fixed parameters; may be repeated")  # fmt: skip
-    advice.add_argument("--rule", metavar="NAME", help="rule of a clone to compare (default: the best that ships)")
-    advice.add_argument("--hours", type=number_within(1, 8760, "h"), default=2000.0, metavar="H",
-                        help="hours of work in a year (default: %(default)s)")  # fmt: skip
-    advice.add_argument(
-        "--seeds", type=_count, default=16, metavar="N", help="edges to play with each policy; 0: none (default: 16)"
-    )
-    advice.add_argument("--sheet", type=picture_path, metavar="FILE", help="page to pin to the machine: PDF, PNG or SVG")
-    advice.add_argument("--page", type=Path, metavar="HTML", help="offline page with sliders for settings and prices")
-    advice.add_argument("--json", action="store_true", help="print all results as JSON")
+    add = command(_advise, "advise speed, feed and edge changes, in parts and money").add_argument
+    agent = "ONNX file or module:object to compare with fixed parameters; may be repeated"
+    add("--agent", action="append", default=[], metavar="POLICY", help=agent)
+    add("--rule", metavar="NAME", help="rule of a clone to compare (default: the best that ships)")
+    hours = "hours of work in a year (default: %(default)s)"
+    add("--hours", type=number_within(1, 8760, "h"), default=2000.0, metavar="H", help=hours)
+    add("--seeds", type=_count, default=16, metavar="N", help="edges to play with each policy; 0: none (default: 16)")
+    add("--sheet", type=picture_path, metavar="FILE", help="page to pin to the machine: PDF, PNG or SVG")
+    add("--page", type=Path, metavar="HTML", help="offline page with sliders for settings and prices")
+    add("--json", **json_option)
 
-    drawn = command(_family, "print or draw jobs of a family", scenario=False)
-    drawn.add_argument("family", metavar="FAMILY", help="family (shop), or its TOML file")
-    drawn.add_argument("--split", default="train", help="split of its jobs (default: %(default)s)")
-    drawn.add_argument("--jobs", type=int, default=12, metavar="N", help="number of jobs (default: %(default)s)")
-    drawn.add_argument("--figure", type=picture_path, metavar="FILE", help="picture of their operating maps: PNG, SVG or PDF")
+    add = command(_family, "print or draw jobs of a family", scenario=False).add_argument
+    add("family", metavar="FAMILY", help="family (shop), or its TOML file")
+    add("--split", default="train", help="split of its jobs (default: %(default)s)")
+    add("--jobs", type=int, default=12, metavar="N", help="number of jobs (default: %(default)s)")
+    add("--figure", type=picture_path, metavar="FILE", help="picture of their operating maps: PNG, SVG or PDF")
 
 
 def _number(column: str) -> Callable[[str], float]:
@@ -204,32 +200,26 @@ def _whatif(options: argparse.Namespace) -> int:
 
     python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2:0.4:0.1 --wear 0.2
     """
+    from turning_shop.prediction import predict
+
     scenario = Scenario.load(options.scenario)
-    lists = (
-        options.depth or [[scenario.workpiece.depth_of_cut]],
-        options.hardness or [[1.0]],
-        options.time or options.wear,
-        options.cutting_speed,
-        options.feed,
-    )
+    machine, ages = scenario.machine, options.time or options.wear
+    depths, hardnesses = options.depth or [[scenario.workpiece.depth_of_cut]], options.hardness or [[1.0]]
+    lists = (depths, hardnesses, ages, options.cutting_speed, options.feed)
     axes = [[value for values in each for value in values] for each in lists]
-    rows = math.prod(len(axis) for axis in axes)
-    if rows > MAX_CUTS:
+    if (rows := math.prod(len(axis) for axis in axes)) > MAX_CUTS:
         raise WorkshopError(f"these are {rows} cuts, but a table may have {MAX_CUTS}: take larger steps")
-    for name, unit, values in (("cutting_speed", "m/min", axes[3]), ("feed", "mm/rev", axes[4])):
-        low, high = (getattr(scenario.machine, f"{name}_{end}") for end in ("min", "max"))
-        if beyond := [value for value in (min(values), max(values)) if not low <= value <= high]:
-            option = f"--{name.replace('_', '-')} {beyond[-1]:g}"
-            print(f"warning: {option} is outside the machine's {low:g} to {high:g} {unit}", file=sys.stderr)
+    for option, unit, values, low, high in (
+        ("--cutting-speed", "m/min", axes[3], machine.cutting_speed_min, machine.cutting_speed_max),
+        ("--feed", "mm/rev", axes[4], machine.feed_min, machine.feed_max),
+    ):
+        if beyond := [value for value in values if not low <= value <= high]:
+            print(f"warning: {option} {beyond[-1]:g} is outside the machine's {low:g} to {high:g} {unit}", file=sys.stderr)
     depth, hardness, age, speed, feed = np.meshgrid(*axes, indexing="ij")
     given = {"time": age} if options.time else {"wear": age}
     evidence = _warned(scenario)
     cuts = whatif.what_if(scenario, speed, feed, depth, hardness, **given)
-    prediction = None
-    if evidence.laws:
-        from turning_shop.prediction import predict
-
-        prediction = predict(scenario, evidence, cuts, of_wear=options.time is None)
+    prediction = predict(scenario, evidence, cuts, of_wear=options.time is None) if evidence.laws else None
     if options.json:
         print_json(whatif.records(cuts, prediction))
     elif options.csv:
@@ -244,9 +234,9 @@ def _whatif(options: argparse.Namespace) -> int:
 
 def _warned(scenario: Scenario) -> "Evidence":
     """Print the warnings that travel with a scenario's fitted laws; return what is known of these."""
-    from turning_shop.prediction import Evidence, read_evidence
+    from turning_shop.prediction import read_evidence
 
-    evidence = read_evidence(scenario) if scenario.calibration is not None else Evidence()
+    evidence = read_evidence(scenario)
     for warning in evidence.warnings:
         print(f"warning: {evidence.source}: {warning}", file=sys.stderr)
     return evidence
@@ -303,7 +293,8 @@ def _advise(options: argparse.Namespace) -> int:
     print(*summary(scenario, found), sep="\n")
     if played:
         print("", *played.summary(), sep="\n")
-    print(*(path for path in (options.sheet, options.page) if path), sep="\n", end="\n" * bool(options.sheet or options.page))
+    for path in filter(None, (options.sheet, options.page)):
+        print(path)
     return 0
 
 
@@ -322,8 +313,10 @@ def _family(options: argparse.Namespace) -> int:
         jobs = [family.job(number, options.split) for number in range(options.jobs)]
     except ValueError as error:
         raise WorkshopError(str(error)) from error
-    print(f"{'job':<14} diameter  depth  power  force   speed      feed    removal     truth over nominal model")
-    print(f"{'':<14}     [mm]   [mm]   [kW]    [N] [m/min]  [mm/rev]  [cm3/min]  power  force  wear rate")
+    rows = [
+        ("job", "diameter", "depth", "power", "force", "speed", "feed", "removal", "power", "force", "wear rate"),
+        ("", "[mm]", "[mm]", "[kW]", "[N]", "[m/min]", "[mm/rev]", "[cm3/min]", *["true/nominal"] * 3),
+    ]
     for job in jobs:
         true, nominal, limits = job.scenario, job.scenario.nominal(), job.scenario.limits
         cut = job.cutting_speed, job.feed, true.workpiece.depth_of_cut
@@ -335,11 +328,10 @@ def _family(options: argparse.Namespace) -> int:
         rates = [
             (each.material.wear(*cut) / each.tool.wear_criterion) ** (1.0 / each.material.wear.time) for each in (true, nominal)
         ]
-        print(
-            f"{job.title:<14} {true.workpiece.diameter:8.0f}  {cut[2]:5.2f}  {limits.power:5.1f}  {limits.thrust_force:5.0f}"
-            f"  {cut[0]:6.0f}  {cut[1]:8.3f}  {true.economics.reference_removal_rate:9.0f}"
-            f"  {power:5.2f}  {force:5.2f}  {rates[0] / rates[1]:9.2f}"
-        )
+        settings = f"{true.workpiece.diameter:.0f}", f"{cut[2]:.2f}", f"{limits.power:.1f}", f"{limits.thrust_force:.0f}"
+        gain = f"{cut[0]:.0f}", f"{cut[1]:.3f}", f"{true.economics.reference_removal_rate:.0f}"
+        rows.append((job.title, *settings, *gain, f"{power:.2f}", f"{force:.2f}", f"{rates[0] / rates[1]:.2f}"))
+    print(*aligned(rows), sep="\n")
     if options.figure:
         from turning_shop import plot_style, plots
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
-from turning_shop import WorkshopError
+from turning_shop import WorkshopError, aligned
 from turning_shop.fit import Estimate
 from turning_shop.headers import Column
 from turning_shop.measurements import Measurements
@@ -42,53 +42,56 @@ ORDER = 10
 
 @dataclass(frozen=True)
 class Line:
-    """Load as a straight line over one characteristic quantity of the current: ``intercept + slope * quantity``."""
+    """Load as a straight line over one characteristic quantity of the current: ``intercept + slope * quantity``.
+
+    Attributes:
+        intercept: In the unit of the load.
+        slope: Load per ampere.
+        r_squared: Share of the load's variance that the line explains [-].
+        hysteresis: Largest difference of the quantity between unloading and loading at the same load, over the quantity's range
+            [-]; None if the load is not raised from hold to hold and then lowered.
+    """
 
     intercept: Estimate
-    """In the unit of the load."""
     slope: Estimate
-    """Load per ampere."""
     r_squared: float
     hysteresis: float | None
-    """Largest difference of the quantity between unloading and loading at the same load, over the quantity's range [-]; None if
-    the load is not raised from hold to hold and then lowered."""
 
 
 @dataclass(frozen=True)
 class CurrentReport:
-    """Characteristic quantities of every hold of a record, and the load's line over each."""
+    """Characteristic quantities of every hold of a record, and the load's line over each.
+
+    Attributes:
+        load_name: A key of ``LOADS``.
+        load: Load of each hold, in the order of the record, in its unit.
+        quantities: Each of ``QUANTITIES`` of every hold [A].
+        frequency: Frequency of the spectral line that grows most with the load [Hz]; 0 if the current does not alternate.
+        cutoff: Cut-off frequency of the low-pass [Hz].
+        lines: By quantity.
+    """
 
     load_name: str
-    """A key of ``LOADS``."""
     load: list[float]
-    """Load of each hold, in the order of the record, in its unit."""
     quantities: dict[str, list[float]]
-    """Each of ``QUANTITIES`` of every hold [A]."""
     frequency: float
-    """Frequency of the spectral line that grows most with the load [Hz]; 0 if the current does not alternate."""
     cutoff: float
-    """Cut-off frequency of the low-pass [Hz]."""
     lines: dict[str, Line]
-    """By quantity."""
 
     def summary(self) -> Iterator[str]:
         """Yield a table of the holds, and the lines."""
         unit = LOADS[self.load_name].unit
-        yield f"{f'{self.load_name} [{unit}]':>18}" + "".join(f"{f'{name} [A]':>14}" for name in QUANTITIES)
-        for row in zip(self.load, *self.quantities.values(), strict=True):
-            yield f"{row[0]:>18g}" + "".join(f"{value:>14.4f}" for value in row[1:])
+        columns = {f"{self.load_name} [{unit}]": [f"{load:g}" for load in self.load]}
+        columns |= {f"{name} [A]": [f"{value:.4f}" for value in values] for name, values in self.quantities.items()}
+        yield from aligned([list(columns), *zip(*columns.values(), strict=True)])
         yield f"peak of the spectrum at {self.frequency:.3g} Hz, low-pass at {self.cutoff:.3g} Hz"
         for name, line in self.lines.items():
-            slope, intercept = line.slope, line.intercept
-            yield f"{self.load_name} = {intercept.value:.4g} + {slope.value:.4g} {name}, R2 {line.r_squared:.4f}"
-            yield f"  intercept {intercept.low:.4g} to {intercept.high:.4g} {unit}"
-            yield f"  slope     {slope.low:.4g} to {slope.high:.4g} {unit}/A"
-            known = (
-                "not measured: raise the load in steps, then lower it"
-                if line.hysteresis is None
-                else f"{100 * line.hysteresis:.1f} %"
-            )
-            yield f"  hysteresis {known}"
+            (start, *starts), (slope, *slopes) = line.intercept, line.slope
+            yield f"{self.load_name} = {start:.4g} + {slope:.4g} {name}, R2 {line.r_squared:.4f}"
+            yield "  intercept {:.4g} to {:.4g} {}".format(*starts, unit)
+            yield "  slope     {:.4g} to {:.4g} {}/A".format(*slopes, unit)
+            unknown = "not measured: raise the load in steps, then lower it"
+            yield f"  hysteresis {unknown if line.hysteresis is None else f'{100 * line.hysteresis:.1f} %'}"
 
 
 def analyse_sheet(sheet: Measurements, cutoff: float | None = None, confidence: float = 0.95) -> CurrentReport:
