@@ -88,8 +88,8 @@ class CurrentReport:
         for name, line in self.lines.items():
             (start, *starts), (slope, *slopes) = line.intercept, line.slope
             yield f"{self.load_name} = {start:.4g} + {slope:.4g} {name}, R2 {line.r_squared:.4f}"
-            yield "  intercept {:.4g} to {:.4g} {}".format(*starts, unit)
-            yield "  slope     {:.4g} to {:.4g} {}/A".format(*slopes, unit)
+            yield f"  intercept {starts[0]:.4g} to {starts[1]:.4g} {unit}"
+            yield f"  slope     {slopes[0]:.4g} to {slopes[1]:.4g} {unit}/A"
             unknown = "not measured: raise the load in steps, then lower it"
             yield f"  hysteresis {unknown if line.hysteresis is None else f'{100 * line.hysteresis:.1f} %'}"
 

@@ -93,10 +93,11 @@ def draw_map_on(
         Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"),
         Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"),
     ]
-    for share, limit, colour, dashes in (
+    of_limits: tuple[tuple[Any, str, str, Any], ...] = (
         (cuts.thrust_force_share, f"thrust force at its limit, {limits.thrust_force:g} N", ORANGE, "-"),
         (cuts.power_share, f"power at its limit, {limits.power:g} kW", BLUE, (0, (6, 1.5))),
-    ):
+    )
+    for share, limit, colour, dashes in of_limits:
         if share.min() < 1.0 < share.max():
             axes.contour(speeds, feeds, share, levels=(1.0,), colors=colour, linewidths=2.2, linestyles=[dashes])
         handles.append(Line2D([], [], color=colour, linewidth=2.2, linestyle=dashes, label=limit))

@@ -92,7 +92,7 @@ def test_a_clock_needs_no_shorter_interval_than_a_second() -> None:
 
 
 @pytest.mark.slow
-def test_a_year_is_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_year_is_compared() -> None:
     scenario = Scenario.load({"economics": MONEY})
     played = play_all(scenario, advise(scenario, Evidence()), [], "fixed_handbook", 1000.0, 2)
     names = [year.name for year in played.years]
@@ -117,7 +117,7 @@ def test_of_an_edge_that_lasts_too_long_to_play_its_used_share_counts() -> None:
 
 
 @pytest.mark.slow
-def test_the_best_rule_and_an_agent_save(tmp_path: Path) -> None:
+def test_the_best_rule_and_an_agent_save() -> None:
     weaker = Scenario.load({"limits": {"power": 6.5}})
     assert not [year for year in play_all(weaker, advise(weaker, Evidence()), [], None, 1000.0, 2).years if "agent" in year.name]
     agent = ROOT / "agents" / "RoughTurning-v0" / "rough_turning" / "ppo-seed0.onnx"
@@ -139,10 +139,3 @@ def test_the_command_prints_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["advise", "rough_turning", "--seeds", "0", "--json"]) == 0
     assert len(json.loads(capsys.readouterr().out)["advice"]) == 2 * len(AIMS)
     assert main(["advise", "batch_casting", "--seeds", "0"]) == 2
-
-
-@pytest.mark.slow
-def test_the_sheet_is_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["advise", "rough_turning", "--seeds", "0", "--sheet", str(tmp_path / "sheet.pdf")]) == 0
-    assert (tmp_path / "sheet.pdf").read_bytes().count(b"/Type /Page ") == 1
-    assert str(tmp_path / "sheet.pdf") in capsys.readouterr().out

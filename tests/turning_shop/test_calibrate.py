@@ -88,13 +88,13 @@ def test_mistakes_end_with_2_and_one_line(arguments: list[str], message: str, ca
 
 @pytest.mark.slow
 def test_residuals_are_drawn() -> None:
-    pictures = [Path("residuals.svg"), Path("again.svg"), Path("residuals.pdf")]
+    pictures = [Path("residuals.svg"), Path("again.svg")]
     for picture in pictures:
         assert calibrate("--plot", str(picture), "--overwrite") == 0
     assert pictures[0].read_bytes() == pictures[1].read_bytes()  # the same figure gives the same bytes
-    assert pictures[2].read_bytes().startswith(b"%PDF-")
     Path("one.csv").write_text("cutting_speed,feed,depth_of_cut,wear,power\n" + "100,0.3,2.5,0.2,4.5\n" * 3)
-    assert calibrate("--plot", "residuals.png", "--overwrite", measurements="one.csv") == 0  # a coefficient alone
+    assert calibrate("--plot", "residuals.pdf", "--overwrite", measurements="one.csv") == 0  # a coefficient alone
+    assert Path("residuals.pdf").read_bytes().startswith(b"%PDF-")
 
 
 def test_spread_of_edges_is_written() -> None:
