@@ -214,9 +214,9 @@ def agent_spec(path: Path, seconds: int | None = None) -> PolicySpec:
     """
     if path.suffix == ONNX_SUFFIX or (any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()):
         return onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
-    from train.agents import run_folder  # imports torch, which takes seconds
+    from train.training import load_agent  # imports torch, which takes seconds
 
-    return run_folder.load(path)
+    return load_agent(path)
 
 
 Attempt = Episodes | ResultError

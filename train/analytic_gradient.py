@@ -14,9 +14,9 @@ arXiv 1912.12294; GRU: Cho et al. 2014, arXiv 1406.1078.)
 """
 
 import sys
-from dataclasses import dataclass
 from functools import partial
-from typing import Any, Self
+from types import SimpleNamespace
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -39,31 +39,7 @@ from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 Tensor = torch.Tensor
 
 
-@dataclass(frozen=True)
-class Settings:
-    """Hyperparameters of the algorithm, without the learning rate."""
-
-    cells: int
-    """Size of the memory, and of the layers around it."""
-    rollout: int
-    """Steps per environment between updates."""
-    batch_envs: int
-    """Number of environments in one step of gradient descent."""
-    epochs: int
-    """Number of passes over each rollout."""
-    exploration: float
-    """Standard deviation of the noise added to actions [-]; it shows the agent states beside its path."""
-    max_gradient_norm: float
-    saturation_price: float = 0.0
-    """Price of squared unbounded targets [s]; it keeps targets from sticking at the ends of their ranges."""
-    position: bool = True
-    """Whether the agent tracks its position along the bar."""
-    life_price: str = "marginal"
-    """Price of the edge's life: "marginal", p(D), or "flat"."""
-
-
-@dataclass
-class Rollout:
+class Rollout(NamedTuple):
     """Observations and hidden states of all steps; fields of shape (steps, num_envs, ...)."""
 
     memory: Tensor
@@ -105,7 +81,7 @@ class AnalyticGradient(BaseAlgorithm):
         env: HindsightVecEnv | None = None,
         learning_rate: Any = 1e-3,
         scenario: Scenario | None = None,
-        settings: Settings | None = None,
+        settings: SimpleNamespace | None = None,
         *,
         tensorboard_log: str | None = None,
         seed: int | None = None,
@@ -222,15 +198,15 @@ class AnalyticGradient(BaseAlgorithm):
 def new_model(run: Run, vec_env: VecEnv) -> AnalyticGradient:
     """Return an untrained model."""
     assert isinstance(vec_env, HindsightVecEnv)
-    p = run.parameters
-    if p.get("life_price", "flat") not in ("marginal", "flat"):
-        raise ValueError(f"life_price is {p['life_price']!r}, but must be marginal or flat")
+    settings = SimpleNamespace(**{"saturation_price": 0.0} | run.parameters)  # only some tasks have that price
+    if settings.life_price not in ("marginal", "flat"):
+        raise ValueError(f"life_price is {settings.life_price!r}, but must be marginal or flat")
     return AnalyticGradient(
-        GruActor if p.get("memory", True) else MemorylessActor,
+        GruActor if settings.memory else MemorylessActor,
         vec_env,
-        LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),
+        LinearSchedule(settings.learning_rate, settings.final_learning_rate, 1.0),
         run.scenario,
-        Settings(**{name: p[name] for name in Settings.__dataclass_fields__ if name in p}),
+        settings,
         tensorboard_log=str(run.folder / "tensorboard"),
         seed=run.seed,
     )

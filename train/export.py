@@ -22,7 +22,7 @@ import shlex
 import sys
 import timeit
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -36,12 +36,12 @@ from gymnasium.vector import AutoresetMode
 from tqdm import tqdm
 
 from train.actor import Actor, ActorPolicy
-from train.agents import agent_file, foreign
+from train.agents import agent_file
 from train.agents.agent_file import FORMAT, NAME, ONNX_SUFFIX, Metadata, Space
 from train.agents.network import tried
-from train.agents.run_folder import load_actor
-from train.agents.to_onnx import adopted, to_onnx
+from train.agents.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
 from train.run import HYPERPARAMETERS, Run
+from train.training import load_actor
 from turning_env import FAMILY_ID, IDS, FamilyVectorEnv, RoughTurningVectorEnv, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.console import described, exits
@@ -67,34 +67,35 @@ class _Agent:
     source: str
     about: Metadata
     actor: Actor | None
-    """The actor to compare the file with; None: the source is itself an ONNX file."""
-    content: Callable[[], bytes]
+    """The actor; None: the source is itself a network in ONNX."""
 
     def write(self, path: Path) -> dict[str, Any]:
         """Write the agent's file; see ``export``."""
         torch.set_num_threads(1)
         try:
             with torch.no_grad():
-                content = self.content()
+                content = adopted(Path(self.source), self.about) if self.actor is None else to_onnx(self.actor, self.about)
             file = agent_file.checked(content)
             entries, actions = (len(space.low) for space in (file.metadata.observation_space, file.metadata.action_space))
             session = tried(content, entries, actions, file.memory_size)
-            policies = [OnnxPolicy(session, file.memory_size, NUM_ENVS) for _ in range(2)]
-            original = policies[0] if self.actor is None else ActorPolicy(self.actor, NUM_ENVS)
-            sampled, difference = largest_differences(original, policies[1], _environments(file.metadata))
+            policy = OnnxPolicy(session, file.memory_size, NUM_ENVS)
+            sampled, difference = 0.0, 0.0
+            if self.actor:
+                env = _environments(file.metadata)
+                sampled, difference = largest_differences(ActorPolicy(self.actor, NUM_ENVS), policy, env)
             if not (difference <= MAX_DIFFERENCE and sampled <= MAX_SAMPLED_DIFFERENCE):
                 raise ValueError(f"its file acts otherwise, by up to {max(sampled, difference):g}")
         except ValueError as error:
             raise ValueError(f"{self.source} cannot be exported: {error}") from error
         replace_file(path, lambda partial: partial.write_bytes(content))
-        policy, observation = OnnxPolicy(session, file.memory_size, 1), np.zeros((1, entries), np.float32)
+        single, observation = OnnxPolicy(session, file.memory_size, 1), np.zeros((1, entries), np.float32)
         return {
             "path": str(path),
             "digest": file.digest,
             "size": len(content),
             "observations": 2 * NUM_ENVS * STEPS,
             "largest_difference": max(sampled, difference),
-            "latency": median(timeit.repeat(lambda: policy.act(observation), number=1, repeat=TIMED_CALLS)),
+            "latency": median(timeit.repeat(lambda: single.act(observation), number=1, repeat=TIMED_CALLS)),
         }
 
 
@@ -145,36 +146,28 @@ def export_torch(
         trained_steps: environment steps of the training.
 
     Returns:
-        The same as ``export``.
-
-    Raises:
-        ValueError: the module does not map observations to actions, or ``export`` raises it.
-        OSError: the file cannot be written.
+        The same as ``export``; raises the same errors.
     """
-    actor = module if isinstance(module, Actor) else foreign.ModuleActor(module)
+    actor = module if isinstance(module, Actor) else ModuleActor(module)
     trained_on = Scenario.load(IDS[env_id] if scenario is None else scenario)
     run = Run("torch", env_id, trained_on, 0, {"steps": trained_steps}, "train.export.export_torch", Path())
-    about = _foreign(run, Path(path), name, seed)
-    return _Agent(type(module).__name__, about, actor, lambda: to_onnx(actor, about)).write(Path(path))
+    return _Agent(type(module).__name__, _foreign(run, Path(path), name, seed), actor).write(Path(path))
 
 
 def _of_run(folder: Path, name: str | None) -> _Agent:
     run = Run.read(folder)
-    actor, about = load_actor(run), metadata(run, name)
-    return _Agent(f"the agent in {folder}", about, actor, lambda: to_onnx(actor, about))
+    return _Agent(f"the agent in {folder}", metadata(run, name), load_actor(run))
 
 
 def _of_file(path: Path, run: Run, name: str | None, seed: int | None, normalization: Path | None) -> _Agent:
     """Return the agent of a model of Stable-Baselines3 or a network in ONNX, trained on the environment of a run."""
     if path.suffix == ONNX_SUFFIX:
-        about = _foreign(run, path, name, seed)
-        return _Agent(str(path), about, None, lambda: adopted(path, about))
+        return _Agent(str(path), _foreign(run, path, name, seed), None)
     try:
-        algorithm, steps, actor = foreign.sb3_actor(path, run.scenario, normalization)
+        algorithm, steps, actor = sb3_actor(path, run.scenario, normalization)
     except ValueError as error:
         raise ValueError(f"{path} {error}") from error
-    about = _foreign(replace(run, algorithm=algorithm, parameters={"steps": steps}), path, name, seed)
-    return _Agent(str(path), about, actor, lambda: to_onnx(actor, about))
+    return _Agent(str(path), _foreign(replace(run, algorithm=algorithm, parameters={"steps": steps}), path, name, seed), actor)
 
 
 def _foreign(run: Run, path: Path, name: str | None, seed: int | None) -> Metadata:

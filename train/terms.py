@@ -10,6 +10,7 @@ The trained agent needs nothing else at run time: position and earlier observati
 """
 
 import inspect
+import math
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -17,15 +18,16 @@ import numpy as np
 import torch
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecFrameStack
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from baselines.models.edge_value import USED_LIVES, worth
 from train.actor import Actor
-from train.analytic_actor import DistanceTracker, TargetCommands
+from train.analytic_actor import DistanceTracker, NoTracker, TargetCommands
 from train.model_gain import edge_price
 from train.run import Run
 from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
+from turning_env.batch.driver import observation_space
 from turning_env.vector_env import info_at_end_of_step
 
 
@@ -81,91 +83,81 @@ class ChargedMarginally(RoughTurningVecEnv):
         return rewards + self.potential(np.where(ended, 1.0, used)) - self.potential(before)
 
 
-class _Resumable(VecEnvWrapper):
-    """A wrapper that a checkpoint can hold: the library's keeps its class's members, which cannot be pickled."""
+class View:
+    """A function from observations to what the agent sees: also its position, and earlier observations, latest last.
+
+    The memory, shape (num_envs, memory_size), holds the tracker's state, then earlier observations. It is 0 before an episode's
+    first observation.
+    """
+
+    def __init__(self, scenario: Scenario, entries: int, position: bool, frames: int) -> None:
+        """``entries``: number of entries of one observation."""
+        self._tracker = DistanceTracker(scenario, TargetCommands(scenario)) if position else NoTracker()
+        self._entries = entries + self._tracker.READINGS
+        self.entries = frames * self._entries
+        """Number of entries that the agent sees."""
+        self.memory_size = self._tracker.STATES + (frames - 1) * self._entries
+
+    def __call__(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return what the agent sees, shape (num_envs, entries), and the next memory."""
+        states = self._tracker.STATES
+        readings, state = self._tracker(observation, memory[:, :states])
+        seen = torch.cat([memory[:, states:], observation, readings], dim=1)
+        return seen, torch.cat([state, seen[:, self._entries :]], dim=1)
+
+
+class ViewVecEnv(VecEnvWrapper):
+    """Environments that return what the agent sees."""
+
+    def __init__(self, venv: VecEnv, view: View) -> None:
+        super().__init__(venv, Box(-np.inf, np.inf, (view.entries,), np.float32))
+        self._view, self._memory = view, torch.zeros(venv.num_envs, view.memory_size)
 
     def __getstate__(self) -> dict[str, Any]:
+        """Leave out the class's members, which the library's class keeps and which cannot be pickled."""
         return {name: value for name, value in vars(self).items() if name != "class_attributes"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
         self.class_attributes = dict(inspect.getmembers(type(self)))
 
-
-class Stacked(_Resumable, VecFrameStack):
-    """Environments that return their last observations together, latest last, 0 before an episode's first."""
-
-
-class Located(_Resumable):
-    """Environments whose observations end with the readings of a ``DistanceTracker``."""
-
-    def __init__(self, venv: VecEnv, scenario: Scenario) -> None:
-        self._tracker = DistanceTracker(scenario, TargetCommands(scenario))
-        space = venv.observation_space
-        assert isinstance(space, Box)
-        low, high = (np.append(end, np.full(self._tracker.READINGS, one)) for end, one in ((space.low, -1.0), (space.high, 1.0)))
-        super().__init__(venv, Box(low.astype(np.float32), high.astype(np.float32)))
-        self._state = torch.zeros(venv.num_envs, self._tracker.STATES)
-
     def reset(self) -> NDArray[np.float32]:
         """Return first observations, shape (num_envs, entries)."""
-        self._state[:] = 0.0
+        self._memory[:] = 0.0
         observations: Any = self.venv.reset()
-        return self._located(observations)
+        return self._seen(observations)
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         found: Any = self.venv.step_wait()
         observations, rewards, ended, infos = found
-        indices = np.flatnonzero(ended)
-        if len(indices):
-            last = observations.copy()
+        if ended.any():
+            last, memory = observations.copy(), self._memory
+            indices = np.flatnonzero(ended)
             last[indices] = [infos[index]["terminal_observation"] for index in indices]
-            before, located = self._state, self._located(last)
+            seen = self._seen(last)
             for index in indices:
-                infos[index]["terminal_observation"] = located[index]
-            self._state = before  # of the environments that go on; the others begin anew
-            self._state[torch.from_numpy(ended)] = 0.0
-        return self._located(observations), rewards, ended, infos
+                infos[index]["terminal_observation"] = seen[index]
+            self._memory = torch.where(torch.from_numpy(ended).unsqueeze(1), 0.0, memory)
+        return self._seen(observations), rewards, ended, infos
 
-    def _located(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        readings, self._state = self._tracker(torch.from_numpy(observations), self._state)
-        return np.concatenate([observations, readings.numpy()], axis=1)
+    def _seen(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        seen, self._memory = self._view(torch.from_numpy(observations), self._memory)
+        return seen.numpy()
 
 
-class LocatedActor(Actor):
-    """An actor that is also shown the readings of a ``DistanceTracker``; the memory holds the tracker's state, then its own."""
+class ViewActor(Actor):
+    """An actor that is shown a view; the memory holds the view's, then the actor's own."""
 
-    def __init__(self, actor: Actor, scenario: Scenario) -> None:
+    def __init__(self, actor: Actor, view: View) -> None:
         super().__init__()
-        self.actor = actor
-        self.commands = TargetCommands(scenario)
-        self.tracker = DistanceTracker(scenario, self.commands)
-        self.memory_size = self.tracker.STATES + actor.memory_size
+        self.actor, self._view = actor, view
+        self.memory_size = view.memory_size + actor.memory_size
 
     def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        state, own = memory[:, : self.tracker.STATES], memory[:, self.tracker.STATES :]
-        readings, state = self.tracker(observation, state)
-        action, own = self.actor(torch.cat([observation, readings], dim=1), own)
-        return action, torch.cat([state, own], dim=1)
-
-
-class StackedActor(Actor):
-    """An actor that is shown the last ``frames`` observations, latest last, 0 before an episode's first.
-
-    The memory holds all but the present one, then that of the actor.
-    """
-
-    def __init__(self, actor: Actor, frames: int, entries: int) -> None:
-        """``entries``: number of entries of one observation."""
-        super().__init__()
-        self.actor = actor
-        self.entries, self.earlier = entries, (frames - 1) * entries
-        self.memory_size = self.earlier + actor.memory_size
-
-    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        stacked = torch.cat([memory[:, : self.earlier], observation], dim=1)
-        action, own = self.actor(stacked, memory[:, self.earlier :])
-        return action, torch.cat([stacked[:, self.entries :], own], dim=1)
+        size = self._view.memory_size
+        seen, next_memory = self._view(observation, memory[:, :size])
+        action, own = self.actor(seen, memory[:, size:])
+        return action, torch.cat([next_memory, own], dim=1)
 
 
 LIFE_PRICES: dict[str, type[RoughTurningVecEnv]] = {
@@ -201,14 +193,17 @@ class Terms:
         names = ("position", "frames", "life_price")
         return cls(run.scenario, **{name: run.parameters[name] for name in names if name in run.parameters})
 
+    @property
+    def _view(self) -> View | None:
+        """The view of the agent; None: plain observations."""
+        if not self.position and self.frames == 1:
+            return None
+        return View(self.scenario, math.prod(observation_space(self.scenario).shape or ()), self.position, self.frames)
+
     def shown(self, vec_env: VecEnv) -> VecEnv:
         """Return environments that show what the agent sees."""
-        if self.position:
-            vec_env = Located(vec_env, self.scenario)
-        return Stacked(vec_env, self.frames) if self.frames > 1 else vec_env
+        return ViewVecEnv(vec_env, self._view) if self._view else vec_env
 
-    def actor(self, actor: Actor, entries: int) -> Actor:
-        """Return the actor on plain observations for one that sees what ``shown`` shows, ``entries`` entries."""
-        if self.frames > 1:
-            actor = StackedActor(actor, self.frames, entries // self.frames)
-        return LocatedActor(actor, self.scenario) if self.position else actor
+    def actor(self, actor: Actor) -> Actor:
+        """Return the actor on plain observations for one that sees what ``shown`` shows."""
+        return ViewActor(actor, self._view) if self._view else actor

@@ -7,6 +7,7 @@ they are pickles, which can run code.
 
 import argparse
 import csv
+import importlib
 import shlex
 import sys
 import time
@@ -23,13 +24,15 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 from tqdm import tqdm
 
-from train.actor import Actor
-from train.run import CURVE_COLUMNS, Run, overrides, warn_of_pickle
+from train.actor import Actor, ActorPolicy
+from train.agents.agent_file import trained_policy
+from train.run import CURVE_COLUMNS, HYPERPARAMETERS, Run, overrides, warn_of_pickle
 from train.terms import LIFE_PRICES, Terms
 from turning_env import IDS, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
-from turning_env.files import exclusive_lock, replace_file
+from turning_env.files import digest_of_files, exclusive_lock, replace_file
+from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START
 
 SEED_STRIDE = 1_000_000
@@ -77,7 +80,7 @@ class Algorithm:
         model: Any = self.model.load(path, device="cpu")
         actor = self.network(model.policy)
         if terms := getattr(model, "terms", None):  # a file of before has none
-            actor = terms.actor(actor, model.observation_space.shape[0])
+            actor = terms.actor(actor)
         return actor.eval()
 
 
@@ -223,6 +226,30 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
         replace_file(run.policy, model.save)
         run.checkpoint.unlink(missing_ok=True)
         return run.policy
+
+
+def load_actor(run: Run) -> Actor:
+    """Return the actor of one of your own finished trainings. It is a pickle, which can run code: never load a stranger's.
+
+    Raises:
+        ValueError: the training is not finished, or of no known algorithm.
+    """
+    if not (HYPERPARAMETERS / f"{run.algorithm}.toml").is_file():
+        known = ", ".join(sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
+        raise ValueError(f"{run.folder} holds a training of {run.algorithm!r}, but there are {known}")
+    if not run.policy.exists():
+        raise ValueError(f"the training in {run.folder} is not finished: run its command again: {run.command}")
+    warn_of_pickle(run.policy)
+    actor: Actor = importlib.import_module(f"train.{run.algorithm}").ALGORITHM.actor(run.policy)
+    return actor
+
+
+def load_agent(folder: Path) -> PolicySpec:
+    """Return the finished agent of one of your own run folders, as a policy; raises as ``load_actor``."""
+    run = Run.read(folder)
+    actor = load_actor(run)
+    digest = digest_of_files(folder, folder.rglob("*"))
+    return trained_policy(run, run.parameters["steps"], digest, lambda num_envs: ActorPolicy(actor, num_envs))
 
 
 _HELP = """Train an agent with {title} for one training seed.

@@ -16,8 +16,7 @@ from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Task, read_result, result_folder, write_result
 from tests.leaderboard.conftest import ENV_ID, MakeResult, play_all
 from tests.train import onnx_agents
-from train import export
-from train.agents import run_folder
+from train import export, training
 from train.export import export_torch
 from train.learning_curves import FILE, Training, Trainings
 from turning_env import FAMILY_ID, Family, Scenario
@@ -75,7 +74,7 @@ def test_an_own_agent_stands_beside_the_shipped_one(words: list[str], tmp_path: 
 def test_learning_curves_of_own_runs_stand_beside_those_of_shipped_agents(
     words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(run_folder, "load_actor", lambda run: onnx_agents.memoryless(run.seed))
+    monkeypatch.setattr(training, "load_actor", lambda run: onnx_agents.memoryless(run.seed))
     theirs, mine = result_folder(shipped.AGENTS, ENV_ID, SHORT.name), onnx_agents.run(tmp_path / "run", seed=1)
     trained = Training(first=1.0, last=5.0, mean_return=[-9.0, -1.0])
     curves = {"ppo-seed0": trained, "ppo-seed7": trained}

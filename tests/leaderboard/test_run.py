@@ -17,7 +17,7 @@ from leaderboard.run import PoliciesFailed
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories, record
 from tests.leaderboard.conftest import Steady, play_all, spec
 from tests.train import onnx_agents
-from train.agents import run_folder
+from train import training
 from turning_env import Scenario
 from turning_env.scoring import play as playing
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play, play_spec
@@ -176,7 +176,7 @@ def test_oracles_are_ranked_but_not_recorded(task: Task, folder: Path, monkeypat
 
 
 def test_agents_come_from_their_folders(tmp_path: Path, scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run_folder, "load_actor", lambda run: onnx_agents.memoryless(run.seed))
+    monkeypatch.setattr(training, "load_actor", lambda run: onnx_agents.memoryless(run.seed))
     folders = [tmp_path / f"run{seed}" for seed in (0, 1)]
     for seed, folder in enumerate(folders):
         onnx_agents.run(folder, seed).begin()
@@ -194,7 +194,7 @@ def test_agents_come_from_their_folders(tmp_path: Path, scenario: Scenario, monk
 def test_agents_come_from_files_and_act_as_those_of_the_folders(
     tmp_path: Path, task: Task, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run_folder, "load_actor", lambda run: onnx_agents.remembering(run.seed))
+    monkeypatch.setattr(training, "load_actor", lambda run: onnx_agents.remembering(run.seed))
     onnx_agents.run(tmp_path / "run", 2).begin()
     path = onnx_agents.write(tmp_path, 2, memory=True)
     from_file, from_folder = (run.agents([each], task.scenario)[0] for each in (path, tmp_path / "run"))

@@ -17,8 +17,9 @@ from stable_baselines3.common.vec_env import VecNormalize
 from tests.train import onnx_agents
 from train import export
 from train.actor import ActorPolicy
-from train.agents import agent_file, foreign, onnx_policy
+from train.agents import agent_file, onnx_policy
 from train.agents.agent_file import AgentFile
+from train.agents.to_onnx import sb3_actor
 from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.scoring.onnx_session import OnnxPolicy, session_of
@@ -107,7 +108,7 @@ def test_models_of_stable_baselines_act_as_they_predict(kind: Any, tmp_path: Pat
     env = RoughTurningVecEnv(SCENARIO, 2)
     model = kind("MlpLstmPolicy" if kind is RecurrentPPO else "MlpPolicy", env, seed=1, device="cpu")
     model.save(tmp_path / "mine.zip")
-    algorithm, steps, actor = foreign.sb3_actor(tmp_path / "mine.zip", SCENARIO)
+    algorithm, steps, actor = sb3_actor(tmp_path / "mine.zip", SCENARIO)
     assert (algorithm, steps) == (kind.__name__.lower(), 0)
     policy, state = ActorPolicy(actor, 5), None
     for observations in OBSERVATIONS:

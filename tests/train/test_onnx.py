@@ -17,9 +17,8 @@ from tests.train import onnx_agents, small
 from train import export
 from train.actor import Actor, ActorPolicy
 from train.agents import agent_file, onnx_policy
-from train.agents import run_folder as agent
 from train.agents.network import tried
-from train.training import Algorithm, new_model
+from train.training import Algorithm, load_agent, new_model
 from turning_env import Scenario
 from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 
@@ -73,7 +72,7 @@ def test_agents_of_every_network_can_be_exported(
     path = tmp_path / "out" / f"{algorithm.name}_short-seed3.onnx"
     assert (told["path"], told["size"], told["observations"]) == (str(path), path.stat().st_size, 1_000)
     assert told["largest_difference"] <= 1e-5
-    original, loaded = agent.load(run.folder), onnx_policy.load(path)
+    original, loaded = load_agent(run.folder), onnx_policy.load(path)
     assert (loaded.name, loaded.training_seed, loaded.trained_on) == (original.name, 3, run.scenario)
     assert (loaded.command, loaded.parameters, loaded.sha256) == (run.command, run.parameters, told["digest"])
     mine, its = original.make(5), loaded.make(5)

@@ -73,7 +73,7 @@ def test_an_actor_is_shown_in_play_what_its_training_showed(position: bool, fram
     shown = Shown()
     entries = 11 + 2 * position
     assert lathes.observation_space.shape == (frames * entries,)
-    policy = ActorPolicy(terms.actor(shown, frames * entries), NUM_ENVS)
+    policy = ActorPolicy(terms.actor(shown), NUM_ENVS)
     for each in (lathes, plain):
         each.seed(3)
     observations, single = np.array(lathes.reset()), plain.reset()

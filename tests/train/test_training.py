@@ -13,7 +13,6 @@ import torch
 from tests.train import onnx_agents
 from tests.train.small import ALGORITHMS, small_run
 from train import export, ppo, training
-from train.agents import run_folder
 from train.run import Run, hyperparameters
 from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
 from turning_env import IDS, Scenario
@@ -84,7 +83,7 @@ def _bytes(parameters: Any) -> bytes:
 
 def _assert_acts_as(run: Run, model: Any) -> None:
     """The policy in a run's folder acts as its model, with its memory and its resets."""
-    loaded = run_folder.load(run.folder)
+    loaded = training.load_agent(run.folder)
     assert (loaded.name, loaded.training_seed, loaded.command) == (f"{run.algorithm}_short", 3, "a command")
     policy = loaded.make(6)
     policy.reset(np.ones(6, np.bool_))
@@ -157,13 +156,13 @@ def test_pickles_are_loaded_with_a_warning_by_algorithms_and_to_resume_alone(
         for path in (ROOT / package).rglob("*.py")
     ]
     found = {str(path.relative_to(ROOT)) for path in paths if re.search(loaders, path.read_text("utf-8"))}
-    assert found == {"train/training.py", "train/family_gradient.py", "train/agents/foreign.py"}
+    assert found == {"train/training.py", "train/family_gradient.py", "train/agents/to_onnx.py"}
 
     run = onnx_agents.run(tmp_path / "run")
     run.begin()
     run.policy.touch()
     monkeypatch.setattr("train.training.Algorithm.actor", lambda algorithm, path: onnx_agents.memoryless())
-    run_folder.load(run.folder)
+    training.load_agent(run.folder)
     warning = f"warning: {run.policy} is a pickle, which can run code: load only what you have trained yourself\n"
     assert capsys.readouterr().err == warning
 
@@ -201,7 +200,7 @@ def test_the_command_trains_any_id_and_its_result_can_be_exported(
     assert ppo.main(arguments) == 0
     path = Path(capsys.readouterr().out.strip())
     assert path == tmp_path / "RoughTurning-Paper-v0" / "paper" / "ppo-seed0" / "policy.zip"
-    policy = run_folder.load(path.parent)
+    policy = training.load_agent(path.parent)
     assert policy.command == f"python -m train.ppo {shlex.join(arguments)}"
     changed = {"learning_rate": 3e-4, "activation": "tanh", "hidden_layers": [8], "discount": 0.0, "steps": 100}
     assert policy.parameters == hyperparameters("ppo", "RoughTurning-Paper-v0") | changed

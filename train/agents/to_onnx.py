@@ -1,19 +1,33 @@
-"""Networks as ONNX: write an actor's, and adopt one that was written elsewhere."""
+"""Networks as ONNX: write those of actors, PyTorch modules and Stable-Baselines3 models, and adopt ONNX files from elsewhere.
 
+Load models of your own only: they are pickles, which can run code.
+"""
+
+import copy
+import importlib
 import logging
 import warnings
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import onnx
 import torch
 from onnx import compose, helper, inliner
+from stable_baselines3.common.vec_env import VecNormalize
 
 from train.actor import Actor
 from train.agents import agent_file
 from train.agents.agent_file import Metadata
 from train.agents.network import tried
+from train.recurrent_ppo import RecurrentActor
+from train.run import warn_of_pickle
+from turning_env import Scenario
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
+from turning_env.batch.driver import action_space, observation_space
 from turning_env.scoring.onnx_session import first_line
 
 OPSET = 20
@@ -27,10 +41,8 @@ class _WithoutMemory(torch.nn.Module):
         self._actor = actor
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
-        """Return actions."""
-        action, _ = self._actor(observation, observation.new_zeros((observation.shape[0], 0)))
-        result: torch.Tensor = action
-        return result
+        action: torch.Tensor = self._actor(observation, observation.new_zeros((observation.shape[0], 0)))[0]
+        return action
 
 
 def to_onnx(actor: Actor, about: Metadata) -> bytes:
@@ -40,37 +52,32 @@ def to_onnx(actor: Actor, about: Metadata) -> bytes:
         ValueError: the actor does not turn observations into actions, or PyTorch cannot write it as ONNX.
     """
     # Two environments: a size of one would be taken for a constant.
-    arguments: tuple[torch.Tensor, ...] = (torch.zeros(2, len(about.observation_space.low)),)
-    expected = (2, len(about.action_space.low)), (2, actor.memory_size)
+    observations, memory = torch.zeros(2, len(about.observation_space.low)), torch.zeros(2, actor.memory_size)
+    expected = (2, len(about.action_space.low)), tuple(memory.shape)
     try:
-        found = tuple(tuple(each.shape) for each in actor.eval()(*arguments, torch.zeros(expected[1])))
+        found = tuple(tuple(each.shape) for each in actor.eval()(observations, memory))
     except Exception as error:  # modules raise many types
-        raise ValueError(f"it cannot act on observations of shape {tuple(arguments[0].shape)}: {first_line(error)}") from error
+        raise ValueError(f"it cannot act on observations of shape {tuple(observations.shape)}: {first_line(error)}") from error
     if found != expected:
         raise ValueError(f"it gives actions and memory of shapes {found}, but must give {expected}")
-    network: torch.nn.Module = _WithoutMemory(actor)
-    inputs, outputs = ["observation"], ["action"]
-    if actor.memory_size:
-        arguments += (torch.zeros(2, actor.memory_size),)
-        network, inputs, outputs = actor, [*inputs, "memory"], [*outputs, "next_memory"]
+    count = 2 if actor.memory_size else 1
     num_envs = torch.export.Dim("lanes", min=1)  # the name of the axis in the file
     try:
         with _quietly():
             program = torch.onnx.export(
-                network.eval(),
-                arguments,
+                (actor if actor.memory_size else _WithoutMemory(actor)).eval(),
+                (observations, memory)[:count],
                 dynamo=True,
-                input_names=inputs,
-                output_names=outputs,
-                dynamic_shapes=tuple({0: num_envs} for _ in arguments),
+                input_names=["observation", "memory"][:count],
+                output_names=["action", "next_memory"][:count],
+                dynamic_shapes=({0: num_envs},) * count,
                 opset_version=OPSET,
                 verbose=False,
             )
     except Exception as error:  # the exporter raises many types
         raise ValueError(f"PyTorch cannot write {type(actor).__name__} as ONNX: {first_line(error)}") from error
     assert program is not None
-    model = program.model_proto
-    return with_properties(model, about)
+    return with_properties(program.model_proto, about)
 
 
 @contextmanager
@@ -84,15 +91,6 @@ def _quietly() -> Iterator[None]:
             yield
     finally:
         logging.disable(disabled)
-
-
-def _strip(model: onnx.ModelProto) -> None:
-    """Remove stack traces and file names of the exporting machine, and what follows from the rest."""
-    graph = model.graph
-    for part in (model, graph, *graph.node, *graph.initializer, *graph.input, *graph.output):
-        part.ClearField("doc_string")
-        part.ClearField("metadata_props")
-    del graph.value_info[:]  # shapes in between, which follow from the rest
 
 
 def adopted(path: Path, about: Metadata) -> bytes:
@@ -162,8 +160,112 @@ def _size(value: onnx.ValueInfoProto, expected: int | None) -> int:
 
 
 def with_properties(model: onnx.ModelProto, about: Metadata) -> bytes:
-    """Return the content of a network's file, with its metadata in place of any other."""
-    del model.metadata_props[:]
-    _strip(model)
+    """Return the content of a network's file, with its metadata in place of any other.
+
+    Stack traces, file names of the exporting machine and shapes that follow from the rest are removed.
+    """
+    graph = model.graph
+    for part in (model, graph, *graph.node, *graph.initializer, *graph.input, *graph.output):
+        part.ClearField("doc_string")
+        part.ClearField("metadata_props")
+    del graph.value_info[:]
     helper.set_model_props(model, about.properties())
     return bytes(model.SerializeToString(deterministic=True))
+
+
+_MODELS = {
+    "sb3_contrib.common.recurrent.policies": ("sb3_contrib", "RecurrentPPO"),
+    "clip_range": ("stable_baselines3", "PPO"),
+    "gae_lambda": ("stable_baselines3", "A2C"),
+    "policy_delay": ("stable_baselines3", "TD3"),
+    "top_quantiles_to_drop_per_net": ("sb3_contrib", "TQC"),
+    "target_entropy": ("stable_baselines3", "SAC"),
+}
+"""Classes of models by a text that their files hold; the first that fits is right."""
+
+
+class ModuleActor(Actor):
+    """A module from observations to actions, which are clipped to -1..1.
+
+    A module with an attribute ``memory_size`` above 0 has the interface of ``Actor``: it also takes and returns a memory.
+    """
+
+    def __init__(self, module: torch.nn.Module) -> None:
+        super().__init__()
+        self.module = copy.deepcopy(module).cpu().float().eval()
+        self.memory_size = getattr(module, "memory_size", 0)
+
+    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        action, memory = self.module(observation, memory) if self.memory_size else (self.module(observation), memory)
+        return action.clamp(-1.0, 1.0), memory
+
+
+def _network(name: str, policy: Any) -> torch.nn.Module:
+    """Return the network from observations to the most likely actions of a policy of Stable-Baselines3."""
+    if name == "RecurrentPPO":
+        return RecurrentActor(policy)
+    if name in ("PPO", "A2C"):
+        end = [torch.nn.Tanh()] if policy.squash_output else []
+        return torch.nn.Sequential(policy.pi_features_extractor, policy.mlp_extractor.policy_net, policy.action_net, *end)
+    actor = policy.actor
+    layers = [actor.mu] if name == "TD3" else [actor.latent_pi, actor.mu, torch.nn.Tanh()]
+    return torch.nn.Sequential(actor.features_extractor, *layers)
+
+
+class Normalized(Actor):
+    """An actor behind the scaling of observations with which ``VecNormalize`` trained it."""
+
+    def __init__(self, actor: Actor, statistics: Any) -> None:
+        super().__init__()
+        self.actor, self.memory_size, self.limit = actor, actor.memory_size, float(statistics.clip_obs)
+        mean, variance = statistics.obs_rms.mean, statistics.obs_rms.var
+        self.register_buffer("mean", torch.tensor(mean, dtype=torch.float32))
+        self.register_buffer("scale", torch.tensor(1.0 / np.sqrt(variance + statistics.epsilon), dtype=torch.float32))
+
+    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        scaled = ((observation - self.mean) * self.scale).clamp(-self.limit, self.limit)  # type: ignore[operator]
+        action: tuple[torch.Tensor, torch.Tensor] = self.actor(scaled, memory)
+        return action
+
+
+def sb3_actor(path: Path, scenario: Scenario, normalization: Path | None = None) -> tuple[str, int, Actor]:
+    """Return the algorithm, the trained steps and the actor of a model that Stable-Baselines3 or sb3-contrib has saved.
+
+    Args:
+        path: PPO, A2C, SAC, TQC, TD3, or RecurrentPPO of one LSTM layer.
+        scenario: on which it was trained, with the observations and actions of ``RoughTurningEnv``.
+        normalization: a file of ``VecNormalize.save``, if observations were normalised.
+
+    Raises:
+        ValueError: the file holds no such model, or one for other observations or actions; says which.
+    """
+    warn_of_pickle(path)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            data = archive.read("data").decode()
+        package, name = next(model for mark, model in _MODELS.items() if f'"{mark}"' in data)
+    except (KeyError, ValueError, StopIteration, zipfile.BadZipFile) as error:
+        known = ", ".join(name for _, name in _MODELS.values())
+        raise ValueError(f"is no model of Stable-Baselines3; those that can be exported are {known}") from error
+    try:
+        model: Any = getattr(importlib.import_module(package), name).load(path, device="cpu")
+    except Exception as error:  # garbled bytes can raise anything
+        raise ValueError(f"cannot be loaded as {name} of {package}: {error}") from error
+    for what, mine, its in (
+        ("observation", model.observation_space, observation_space(scenario)),
+        ("action", model.action_space, action_space(scenario)),
+    ):
+        if mine != its:
+            raise ValueError(f"was trained on the {what} space {mine}, but that of scenario {scenario.name!r} is {its}")
+    network = _network(name, model.policy)
+    actor: Actor = network if isinstance(network, Actor) else ModuleActor(network)
+    if normalization is not None:
+        warn_of_pickle(normalization)
+        try:
+            statistics = VecNormalize.load(str(normalization), RoughTurningVecEnv(scenario, 1))
+        except OSError:
+            raise
+        except Exception as error:  # as above
+            raise ValueError(f"is normalised by {normalization}, which cannot be read: {error}") from error
+        actor = Normalized(actor, statistics) if statistics.norm_obs else actor
+    return name.lower(), int(model.num_timesteps), actor.eval()
