@@ -12,11 +12,11 @@ from pathlib import Path
 from turning_env import Scenario
 from turning_env.console import described, number_within
 from turning_nc.adapt import adapt, schedule
-from turning_nc.blocks import read_program_file
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.moves import run
 from turning_nc.report import summary
 from turning_nc.stock import read_stock, remove
+from turning_nc.words import read_program_file
 
 FOLDER = Path(__file__).parent / "programs"
 COLLECTION = tomllib.loads((FOLDER / "collection.toml").read_text("utf-8"))

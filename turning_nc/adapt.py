@@ -13,11 +13,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_nc.blocks import divide
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, loads, play, tool_life
 from turning_nc.moves import run
-from turning_nc.program import NcError
 from turning_nc.stock import Values
+from turning_nc.words import NcError, divide
 
 FEED_DECIMALS, FEED_DECIMALS_INCH = 3, 5
 _LIFE_MARGIN = 0.998

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from turning_env.console import number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario
-from turning_nc.program import NcError
+from turning_nc.dialects import DIALECTS
+from turning_nc.words import NcError, read_program_file
 
 if TYPE_CHECKING:
     from turning_nc.moves import Moves
@@ -32,7 +33,7 @@ def program(options: argparse.Namespace) -> int:
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --figure part.png
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --adapt words --out part.simulated.mpf
     """
-    from turning_nc import adapt, blocks, cutting, moves, report, stock
+    from turning_nc import adapt, cutting, moves, report, stock
 
     if options.figure:  # before anything is computed, as Matplotlib may be missing
         from turning_nc import picture
@@ -42,7 +43,7 @@ def program(options: argparse.Namespace) -> int:
     if wear > scenario.tool.wear_criterion:
         raise NcError(f"--wear is {wear:g} mm, but must be at most the wear criterion, {scenario.tool.wear_criterion:g} mm")
     _check_out(options)
-    text = blocks.read_program_file(options.program, options.dialect)
+    text = read_program_file(options.program, DIALECTS.get(options.dialect))
     run = _named(options.program, lambda: moves.run(text, options.go_on))
     notes = list(run.notes)
     if options.stock:
@@ -69,7 +70,12 @@ def program(options: argparse.Namespace) -> int:
     if options.out:
         data = adapted.text.encode("latin-1") if adapted else report.schedule_table(sections or []).encode()
         replace_file(options.out, lambda partial: partial.write_bytes(data))
-    results: dict[str, Any] = {"program": str(options.program), "dialect": text.dialect, "scenario": scenario.name, "wear": wear}
+    results: dict[str, Any] = {
+        "program": str(options.program),
+        "dialect": text.dialect.name,
+        "scenario": scenario.name,
+        "wear": wear,
+    }
     results |= {"totals": asdict(totals), "blocks": report.as_records(rows), "notes": notes}
     if options.adapt:
         changes = [asdict(change) for change in adapted.changes] if adapted else []
@@ -132,7 +138,7 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
                         "CSV file (default: a bar that the program fits in)")  # fmt: skip
     parser.add_argument("--tool", action="append", type=_tool, metavar="NAME=KIND",
                         help="kind of a tool: outside (default), inside, copying, groove:WIDTH; can be repeated")  # fmt: skip
-    parser.add_argument("--dialect", choices=("fanuc", "sinumerik"), help="default: by the program's own words")
+    parser.add_argument("--dialect", choices=tuple(DIALECTS), help="default: by the program's own words")
     parser.add_argument("--wear", type=number_within(0.0, 10.0, "mm"), metavar="X",
                         help="flank wear of the edges at the start [mm] (default: half the wear criterion)")  # fmt: skip
     for option, default, high, unit, text in (

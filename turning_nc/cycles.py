@@ -2,25 +2,38 @@
 
 import copy
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from turning_nc.blocks import Line, Problem, Word
-from turning_nc.modal import INCH, Setting
-from turning_nc.paths import Path, Point
-from turning_nc.roughing import Roughing, passes, repeated
-from turning_nc.thread import Thread, decreasing, thread_passes
+from turning_nc.dialects import INCH
+from turning_nc.modal import Setting
+from turning_nc.passes import Roughing, Thread, decreasing_depths, repeated_passes, roughing_passes, thread_passes
+from turning_nc.paths import Path, Point, shifted
+from turning_nc.words import Line, Problem, Span, Word
 
 if TYPE_CHECKING:
     from turning_nc.moves import Control, Kind
 
-RETRACTION_CYCLE95 = 1.0
-"""Lift-off distance of CYCLE95 without its last argument [mm]."""
-CLEARANCE_CYCLE97 = 1.0
-"""Retraction of CYCLE97 without its last argument [mm]."""
-FANUC_CYCLES = {70, 71, 72, 73, 76}
+RETRACTION_CYCLE95 = CLEARANCE_CYCLE97 = 1.0
+"""Distance by which the tool leaves the metal in these cycles without their last argument [mm]."""
 MAX_REPEATS = 1000
 
-Arguments = Sequence[tuple[str, tuple[int, int]]]
+Arguments = Sequence[tuple[str, Span]]
+
+
+@dataclass
+class CycleState:
+    """Values that the first blocks of Fanuc's cycles set for the second."""
+
+    depth: float = 0.0
+    """Depth of the passes of G71 and G72 [mm]."""
+    retraction: float = 0.5  # [mm]
+    pattern: Point = (0.0, 0.0)
+    """Distance along Z and X of the first pass of G73 [mm]."""
+    repeats: int = 0
+    """Number of passes of G73."""
+    thread: tuple[int, float, float, float] | None = None
+    """Finishing passes, angle [degrees], smallest depth and allowance [mm] of G76."""
 
 
 # Fanuc.
@@ -28,7 +41,7 @@ Arguments = Sequence[tuple[str, tuple[int, int]]]
 
 def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequence[Line], index: int) -> int:
     """Run a cycle; return the index of the line that follows."""
-    code = int(min(codes & FANUC_CYCLES))
+    code = int(min(codes & control.dialect.cycles))
     if code == 76:
         _fanuc_thread(control, line)
         return index + 1
@@ -39,48 +52,51 @@ def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequen
         _first_block(control, code, line)
         return index + 1
     begins, ends = _contour_blocks(line, lines, index, after=code != 70)
-    start = control.z, control.x
+    start, state = control.here, control.cycle
     if code == 70:
-        _finish(control, lines, begins, ends + 1, start)
+        kept = control.feed, control.motion
+        with control.deeper():
+            control.run_lines(lines, begins, ends + 1)
+        control.feed, control.motion = kept
+        control.go_rapidly(start)
         return max(index, ends) + 1
     if line.first("D", "I", "K"):  # the older format, in one block
         _first_block(control, code, line)
     contour = _contour(control, lines, begins, ends + 1)
-    u, w = line.number_of("U") or 0.0, line.number_of("W") or 0.0
-    allowance = w * control.length_scale, control.scaled_x(u, True)
+    allowance = (line.number_of("W") or 0.0) * control.length_scale, control.scaled_x(line.number_of("U") or 0.0, True)
     if code == 73:
-        if control.repeats == 0:
+        if state.repeats == 0:
             raise Problem("G73 needs a block before it that says how often it repeats its contour: R")
-        _add_passes(control, repeated(contour, start, allowance, control.pattern, control.repeats))
+        _add_passes(control, repeated_passes(contour, start, allowance, state.pattern, state.repeats))
         return ends + 1
-    if control.depth <= 0.0:
+    if state.depth <= 0.0:
         raise Problem(f"G{code} needs the depth of its passes: a block before it with {'W' if code == 72 else 'U'}")
-    _add_passes(control, passes(contour, start, Roughing(control.depth, control.retraction, allowance, facing=code == 72)))
+    _add_passes(control, roughing_passes(contour, start, Roughing(state.depth, state.retraction, allowance, code == 72)))
     return ends + 1
 
 
 def _first_block(control: "Control", code: int, line: Line) -> None:
-    """Keep what the first block of G71, G72 or G73 says, or the one block in the older format."""
+    """Keep the values of the first block of G71, G72 or G73, or of the one block in the older format."""
+    state, scale = control.cycle, control.length_scale
     whole = line.first("P") is not None
     if code == 73:
-        words = [line.number_of(address) or 0.0 for address in (("K", "I") if whole else ("W", "U"))]
-        control.pattern = words[0] * control.length_scale, words[1] * control.length_scale
+        z, x = ((line.number_of(address) or 0.0) * scale for address in ("KI" if whole else "WU"))
         count = line.number_of("D" if whole else "R") or 0.0
         if not (count == int(count) and 1 <= count <= MAX_REPEATS):
             raise Problem(f"G73 repeats its contour {count:g} times, but must do so 1 to {MAX_REPEATS} times")
-        control.repeats = int(count)
+        state.pattern, state.repeats = (z, x), int(count)
         return
     depth = line.first("D" if whole else "W" if code == 72 else "U")
     if depth is not None:
-        control.depth = _fine(control, depth) if whole else (depth.value or 0.0) * control.length_scale
+        state.depth = _fine(control, depth) if whole else (depth.value or 0.0) * scale
     if not whole and (retraction := line.number_of("R")) is not None:
-        control.retraction = retraction * control.length_scale
+        state.retraction = retraction * scale
 
 
-def _fine(control: "Control", word: Word) -> float:
+def _fine(control: "Control", word: Word | None) -> float:
     """Return the length of a word whose whole numbers count steps of 0.001 mm or 0.0001 inch [mm]."""
-    if "." in word.text or not word.value:
-        return (word.value or 0.0) * control.length_scale
+    if word is None or "." in word.text or not word.value:
+        return ((word and word.value) or 0.0) * control.length_scale
     length = word.value * (0.001 if control.length_scale != INCH else 0.0001 * INCH)
     control.note(f"{word.address}{word.text} without a decimal point is read as {length:g} mm")
     return length
@@ -96,17 +112,6 @@ def _contour_blocks(line: Line, lines: Sequence[Line], index: int, after: bool) 
     return begins, ends
 
 
-def _finish(control: "Control", lines: Sequence[Line], first: int, last: int, start: Point) -> None:
-    line = control.line
-    kept = control.feed, control.motion
-    control.go_deeper()
-    control.run_lines(lines, first, last)
-    control.calls -= 1
-    control.line = line
-    control.feed, control.motion = kept
-    control.add(Path((control.z, control.x), start, rapid=True), "rapid")
-
-
 def _fanuc_thread(control: "Control", line: Line) -> None:
     """Run G76: the first block holds finishing passes and angle, the second the thread."""
     p, q, r = line.first("P"), line.first("Q"), line.first("R")
@@ -114,27 +119,16 @@ def _fanuc_thread(control: "Control", line: Line) -> None:
         digits = p.text.zfill(6) if p else ""
         if not (digits.isdigit() and len(digits) == 6):
             raise Problem("G76 needs its first block, such as G76 P020060 Q50 R0.02: P holds finishing passes, pull-out, angle")
-        smallest, allowance = (_fine(control, word) if word else 0.0 for word in (q, r))
-        control.thread = int(digits[:2]), 0.5 * int(digits[4:]), smallest, allowance
+        control.cycle.thread = int(digits[:2]), 0.5 * int(digits[4:]), _fine(control, q), _fine(control, r)
         return
     lead = line.number_of("F")
-    if control.thread is None or not (p and q and lead):
+    if control.cycle.thread is None or not (p and q and lead):
         raise Problem("G76 is understood as two blocks: G76 P(finishing) Q R, then G76 X Z P(height) Q(first depth) F(lead)")
-    finishing, angle, smallest, allowance = control.thread
-    (end, root), height, taper = control.target(line), _fine(control, p), _fine(control, r) if r else 0.0
-    thread = Thread((control.z, control.x), end, (root + taper, root), height, angle)
-    _add_thread(control, thread, decreasing(height, _fine(control, q), smallest, allowance, finishing), lead)
-
-
-def _add_thread(control: "Control", thread: Thread, depths: list[float], lead: float) -> None:
-    """Add the passes of a thread with its lead in the program's units."""
-    control.note("a thread's load is not computed")
-    if abs(thread.end - thread.start[0]) < 1e-9 or abs(thread.start[1] - thread.roots[0]) < 1e-9:
-        raise Problem("the thread begins where it ends")
-    kept = control.feed, control.per_revolution
-    control.feed, control.per_revolution = Setting(lead * control.length_scale), True
-    _add_passes(control, thread_passes(thread, depths), "thread")
-    control.feed, control.per_revolution = kept
+    finishing, angle, smallest, allowance = control.cycle.thread
+    (end, root), height, taper = control.target(line), _fine(control, p), _fine(control, r)
+    depths = decreasing_depths(height, _fine(control, q), smallest, allowance, finishing)
+    with control.thread_feed(lead):
+        _add_passes(control, thread_passes(Thread(control.here, end, (root + taper, root), height, angle), depths), "thread")
 
 
 # Both.
@@ -143,12 +137,12 @@ def _add_thread(control: "Control", thread: Thread, depths: list[float], lead: f
 def _contour(control: "Control", lines: Sequence[Line], first: int, last: int) -> list[Path]:
     """Return the moves of contour blocks, without the one that leads to the contour."""
     inner = copy.copy(control)
-    inner.go_deeper()
     inner.moves, inner.cycle_pass, inner.corner = [], 0, None
     inner.feed = Setting(inner.feed.value or 1.0)
     inner.speed = Setting(inner.speed.value or 1.0)
-    inner.run_lines(lines, first, last)
-    inner.end_corner()
+    with inner.deeper():
+        inner.run_lines(lines, first, last)
+        inner.end_corner()
     paths = [move.path for move in inner.moves if move.kind in ("rapid", "feed")]
     if len(paths) < 2:
         raise Problem("the contour has no moves after the one that leads to it")
@@ -189,50 +183,40 @@ def cycle95(control: "Control", arguments: Arguments, lines: Sequence[Line]) -> 
     variant = int(number(8, 1.0))
     if not 1 <= variant <= 12:
         raise Problem(f"the kind of machining of CYCLE95 is {variant}, but must be 1 to 12")
-    facing, inside = variant % 2 == 0, (variant - 1) % 4 >= 2
-    found, first, last = _contour_lines(control, arguments[0][0].strip('"'), lines)
-    contour = _contour(control, found, first, last)
+    facing, side = variant % 2 == 0, -1.0 if (variant - 1) % 4 >= 2 else 1.0  # of the contour: outside, or inside
+    contour = _contour(control, *_contour_lines(control, arguments[0][0].strip('"'), lines))
     away = number(11, RETRACTION_CYCLE95) * control.length_scale
-    side = -1.0 if inside else 1.0
     both = number(4)
     allowance = (number(2) + both) * control.length_scale, side * (number(3) + both) * control.length_scale
-    before = control.z, control.x
-    head = contour[0].start
+    head, end = contour[0].start, contour[-1].end
     farthest = max((path.end for path in contour), key=lambda point: point[0] if facing else side * point[1])
-    start = (head[0] + allowance[0] + away, farthest[1] + allowance[1] + side * away)
-    if facing:
-        start = (farthest[0] + allowance[0] + away, head[1] + allowance[1] + side * away)
+    start = shifted((farthest[0], head[1]) if facing else (head[0], farthest[1]), allowance)
+    start = start[0] + away, start[1] + side * away
     kept = control.feed
     if variant not in (5, 6, 7, 8):
         control.feed = feed(5)
-        control.add(Path(before, start, rapid=True), "rapid")
-        depth = number(1) * control.length_scale
-        _add_passes(control, passes(contour, start, Roughing(depth, away, allowance, facing, equal=True)))
+        control.go_rapidly(start)
+        cycle = Roughing(number(1) * control.length_scale, away, allowance, facing, equal=True)
+        _add_passes(control, roughing_passes(contour, start, cycle))
     if variant >= 5:
         control.feed = feed(7)
-        control.add(Path((control.z, control.x), start, rapid=True), "rapid")
-        lead = (start[0], head[1]) if not facing else (head[0], start[1])
-        control.add(Path(start, lead, rapid=True), "rapid")
-        control.add(Path(lead, head), "feed")
-        for path in contour:
+        control.go_rapidly(start, (head[0], start[1]) if facing else (start[0], head[1]))
+        for path in (Path(control.here, head), *contour):
             control.add(path, "feed")
-        end = contour[-1].end
-        clear = (end[0], start[1]) if not facing else (start[0], end[1])
-        for point in (clear, start):
-            control.add(Path((control.z, control.x), point, rapid=True), "rapid")
+        control.go_rapidly((start[0], end[1]) if facing else (end[0], start[1]), start)
     control.feed = kept
 
 
 def _contour_lines(control: "Control", name: str, lines: Sequence[Line]) -> tuple[Sequence[Line], int, int]:
     if ":" in name:
         labels = [label.strip() for label in name.upper().split(":")]
-        places = [next((k for k, line in enumerate(lines) if line.first(f"{label}:")), None) for label in labels]
-        if len(places) != 2 or places[0] is None or places[1] is None or places[1] <= places[0]:
+        places = [next((k for k, line in enumerate(lines) if line.first(f"{label}:")), -1) for label in labels]
+        if len(places) != 2 or not 0 <= places[0] < places[1]:
             raise Problem(f"the labels of the contour {name!r} are not in the program")
         return lines, places[0], places[1] + 1
     found = control.program.parts.get(name.upper())
     if found is None:
-        raise Problem(f"the contour {name!r} is not in this file; its sub-programs are {control.parts()}")
+        raise Problem(f"the contour {name!r} is not in this file; its sub-programs are {control.program.sub_programs}")
     return found, 0, len(found)
 
 
@@ -259,6 +243,7 @@ def cycle97(control: "Control", arguments: Arguments) -> None:
     power = 1.0 if variant in (1, 2) else 0.5
     depths = [scale * (height - allowance) * ((number + 1) / cuts) ** power for number in range(int(cuts))]
     depths += [scale * height] * (int(spare) + (allowance > 0.0))
-    control.add(Path((control.z, control.x), thread.start, rapid=True), "rapid")
-    for _ in range(max(int(starts), 1)):
-        _add_thread(control, thread, depths, lead)
+    control.go_rapidly(thread.start)
+    with control.thread_feed(lead):
+        for _ in range(max(int(starts), 1)):
+            _add_passes(control, thread_passes(thread, depths), "thread")

@@ -12,11 +12,10 @@ from turning_env.action import set_point_action
 from turning_env.env import RoughTurningEnv
 from turning_env.scenario import Scenario, Source
 from turning_env.scenario.sections import MAX_DEPTHS, Control, Economics, Workpiece
-from turning_nc.blocks import read_program_file
 from turning_nc.cutting import Machine, Situation, motion
 from turning_nc.moves import run
-from turning_nc.program import NcError
 from turning_nc.stock import MIN_DEPTH, guessed_stock, read_stock, remove
+from turning_nc.words import NcError, read_program_file
 
 Values = NDArray[np.float64]
 

@@ -3,12 +3,13 @@
 import math
 from dataclasses import dataclass, field
 
-from turning_nc.blocks import Line, PartProgram, Problem
+from turning_nc.dialects import FANUC, INCH
 from turning_nc.paths import Point
+from turning_nc.words import Line, PartProgram, Problem, Span
 
 HOME: Point = (200.0, 200.0)
 """Where the tool stands before the first move and at reference points [mm] (assumption)."""
-INCH, FOOT = 25.4, 0.3048
+FOOT = 0.3048
 _KNOWN_M = {*range(10), 17, 30, *range(40, 46), 98, 99}
 
 
@@ -18,7 +19,7 @@ class Setting:
 
     value: float = 0.0
     """[mm/rev], [mm/min], [m/min] or [rev/min]."""
-    span: tuple[int, int] | None = None
+    span: Span | None = None
     """Place of the number in the program's text."""
     scale: float = 1.0
     """Its value in these units over the number as written."""
@@ -26,14 +27,14 @@ class Setting:
 
 @dataclass
 class Modal:
-    """What words set until others replace it."""
+    """Modal state: values that apply until a later word replaces them."""
 
     program: PartProgram
     notes: dict[int, str] = field(default_factory=dict)
     z: float = HOME[0]
     x: float = HOME[1]
     absolute: bool = True
-    diameter: str = "on"
+    diameter: str = "DIAMON"
     length_scale: float = 1.0
     feed_scale: float = 1.0
     speed_scale: float = 1.0
@@ -43,33 +44,36 @@ class Modal:
     speed: Setting = Setting()
     max_spindle_speed: float = math.inf
     tool: str = "T0"
-    whole_noted: bool = False
+    noted_once: set[str] = field(default_factory=set)
     line: Line = field(default_factory=lambda: Line(0, "", (), 0))
 
-    @property
-    def fanuc(self) -> bool:
-        """Whether the program is Fanuc's."""
-        return self.program.dialect == "fanuc"
+    def __post_init__(self) -> None:
+        self.dialect = self.program.dialect
+        self.fanuc = self.dialect is FANUC
 
-    def note(self, text: str) -> None:
-        """Note something about the present line."""
+    @property
+    def here(self) -> Point:
+        """Where the tool stands."""
+        return self.z, self.x
+
+    def note(self, text: str, once: str = "") -> None:
+        """Note something about the present line; of the notes with the same ``once``, the first alone."""
         noted = self.notes.get(self.line.number, "")
-        if text not in noted:
+        if text not in noted and once not in self.noted_once:
             self.notes[self.line.number] = f"{noted}; {text}" if noted else text
+        self.noted_once |= {once} - {""}
 
     def set_units_and_modes(self, codes: set[float]) -> None:
         """Set units, modes of coordinates and the kind of feed."""
-        inch, metric = ({20}, {21}) if self.fanuc else ({70, 700}, {71, 710})
-        if codes & (inch | metric) and (self.fanuc or not self.line.first("CYCLE95")):
-            self.length_scale = INCH if codes & inch else 1.0
-            if self.fanuc or codes & {700, 710}:
+        for code in codes & self.dialect.units.keys():
+            self.length_scale, feeds_too = self.dialect.units[code]
+            if feeds_too:
                 self.feed_scale = self.length_scale
-                self.speed_scale = FOOT if codes & inch else 1.0
+                self.speed_scale = FOOT if self.length_scale == INCH else 1.0
         if self.fanuc and codes & {7, 8}:
-            self.diameter = "on" if 7 in codes else "off"
-        ambiguous = self.fanuc and not codes & {0, 1, 2, 3, 32, 33} and self.line.first("X", "Z", "U", "W")
-        for code in codes & {90, 91, 92, 94}:
-            if ambiguous:
+            self.diameter = "DIAMON" if 7 in codes else "DIAMOF"
+        if self.fanuc and not codes & {0, 1, 2, 3, 32, 33} and self.line.first("X", "Z", "U", "W"):
+            for code in codes & {90, 91, 92, 94}:
                 raise Problem(f"G{code:g} with coordinates but without G0 or G1 is a cycle on some controls")
         if codes & {90, 91}:
             self.absolute = 90 in codes
@@ -89,19 +93,18 @@ class Modal:
                 raise Problem(f"F{word.text} is negative")
             lead = self.fanuc and bool(codes & {32, 33, 76})  # of a thread: it stays in force, but must not change
             self.feed = Setting(word.value * self.feed_scale, None if lead else word.span, self.feed_scale)
-        limits = codes & ({50, 92} if self.fanuc else {25, 26})
         spindle = line.first("S", "S1")
-        lims = line.number_of("LIMS") or (line.number_of("D") if self.fanuc and 96 in codes else None)
-        if limits and spindle is not None and spindle.value is not None and not line.first("X", "Z", "U", "W"):
-            if 25 not in codes:
-                lims = spindle.value
+        limit = line.number_of("LIMS") or (line.number_of("D") if self.fanuc and 96 in codes else None)
+        for code in codes & self.dialect.spindle_limits:
+            if spindle is None or spindle.value is None or line.first("X", "Z", "U", "W"):
+                raise Problem(f"G{code:g} is understood as a limit of the spindle alone: G{code:g} S...")
+            limit = limit if code == 25 else spindle.value  # G25 is the lowest speed
+        if codes & self.dialect.spindle_limits:
             spindle = None
-        elif limits:
-            raise Problem(f"G{min(limits):g} is understood as a limit of the spindle alone: G{min(limits):g} S...")
-        if lims is not None:
-            if lims <= 0:
-                raise Problem(f"the limit of the spindle speed is {lims:g}, but must be above 0")
-            self.max_spindle_speed = lims
+        if limit is not None:
+            if limit <= 0:
+                raise Problem(f"the limit of the spindle speed is {limit:g}, but must be above 0")
+            self.max_spindle_speed = limit
         if codes & {96, 97}:
             constant = 96 in codes
             if constant != self.constant_cutting_speed:
@@ -127,32 +130,29 @@ class Modal:
     def set_tool(self, line: Line) -> None:
         """Set the tool, and note machine functions that are not understood."""
         word = line.first("T", "T1")
-        cancels = word is not None and self.fanuc and len(word.text) >= 3 and word.text.endswith("00")  # the offset, not the tool
-        if word is not None and not (cancels and self.tool.startswith(f"T{word.text[:-2]}")):
-            self.tool = word.text if word.value is None else f"T{word.text}"
+        if word is not None:
+            cancels = self.fanuc and len(word.text) >= 3 and word.text.endswith("00")  # the offset, not the tool
+            if not (cancels and self.tool.startswith(f"T{word.text[:-2]}")):
+                self.tool = word.text if word.value is None else f"T{word.text}"
         for word in line.words:
             if word.address in ("M", "M1") and word.value not in (*_KNOWN_M, None):
                 self.note(f"M{word.value:g} is not understood; it is taken as without effect on the path")
 
     def scaled_x(self, value: float, incremental: bool) -> float:
         """Return a value of X as a radius in mm."""
-        halved = self.diameter == "on" or (self.diameter == "90" and not incremental)
+        halved = self.diameter == "DIAMON" or (self.diameter == "DIAM90" and not incremental)
         return value * self.length_scale * (0.5 if halved else 1.0)
-
-    def _unit(self) -> str:
-        return "mm" if self.length_scale == 1.0 else "inch"
 
     def target(self, line: Line) -> Point:
         """Return where a block's coordinates lead."""
-        z, x = self.z, self.x
+        z, x = self.here
         for word in line.words:
             if word.value is None or word.address not in ("X", "Z", "U", "W"):
                 continue
-            if self.fanuc and "." not in word.text and word.value and not self.whole_noted:
-                self.whole_noted = True
-                self.note(
-                    f"{word.address}{word.text} has no decimal point: whole numbers are read as {self._unit()}, not as 0.001"
-                )
+            if self.fanuc and "." not in word.text and word.value:
+                unit = "mm" if self.length_scale == 1.0 else "inch"
+                number = f"{word.address}{word.text}"
+                self.note(f"{number} has no decimal point: whole numbers are read as {unit}, not as 0.001", once="whole numbers")
             incremental = word.address in ("U", "W") or (not self.absolute and word.mode != "AC") or word.mode == "IC"
             if word.address in ("X", "U"):
                 x = self.scaled_x(word.value, incremental) + (x if incremental else 0.0)

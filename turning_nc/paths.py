@@ -1,8 +1,11 @@
-"""Paths of a tool: straight moves and arcs, in Z and X."""
+"""Paths of a tool in Z and X: straight moves, arcs, and broken corners between straight moves."""
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+
+from turning_nc.dialects import CornerKind
+from turning_nc.words import Problem
 
 Point = tuple[float, float]
 """Z and X [mm]; X is a radius."""
@@ -29,6 +32,11 @@ class Path:
             return math.dist(self.start, self.end)
         return math.dist(self.start, self.centre) * abs(self._turn())
 
+    @property
+    def direction(self) -> Point:
+        """Unit vector of a straight move."""
+        return (self.end[0] - self.start[0]) / self.length, (self.end[1] - self.start[1]) / self.length
+
     def _turn(self) -> float:
         assert self.centre is not None
         first, last = (math.atan2(point[1] - self.centre[1], point[0] - self.centre[0]) for point in (self.start, self.end))
@@ -50,10 +58,24 @@ class Path:
 
     def moved(self, dz: float, dx: float) -> "Path":
         """Return the path shifted."""
-        start, end, centre = ((point[0] + dz, point[1] + dx) if point else None for point in (self.start, self.end, self.centre))
-        assert start is not None
-        assert end is not None
-        return replace(self, start=start, end=end, centre=centre)
+        centre = None if self.centre is None else shifted(self.centre, (dz, dx))
+        return replace(self, start=shifted(self.start, (dz, dx)), end=shifted(self.end, (dz, dx)), centre=centre)
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A chamfer or a radius that a block puts at the end of its move."""
+
+    kind: CornerKind
+    size: float  # [mm]
+    line: int
+    modal: bool = False
+    """Whether it holds for all corners between moves at feed (RNDM)."""
+
+
+def shifted(point: Point, direction: Point, length: float = 1.0) -> Point:
+    """Return the point at a distance along a direction."""
+    return point[0] + length * direction[0], point[1] + length * direction[1]
 
 
 def joined(start: Point, *ends: tuple[Point, bool]) -> Iterator[Path]:
@@ -62,3 +84,44 @@ def joined(start: Point, *ends: tuple[Point, bool]) -> Iterator[Path]:
         if math.dist(start, end) > 1e-9:
             yield Path(start, end, rapid=rapid)
             start = end
+
+
+def arc_of_radius(start: Point, end: Point, radius: float, clockwise: bool) -> Path:
+    """Return the arc of a radius [mm]: the shorter one, or the longer one if the radius is negative.
+
+    Raises:
+        Problem: no such arc joins the points.
+    """
+    chord = math.dist(start, end)
+    if chord < 1e-9 or abs(radius) < 0.5 * chord - 1e-3:
+        raise Problem(f"an arc of radius {abs(radius):g} mm cannot join points {chord:.3f} mm apart")
+    height = math.sqrt(max(radius**2 - 0.25 * chord**2, 0.0))
+    side = (1.0 if clockwise else -1.0) * math.copysign(1.0, radius)
+    dz, dx = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord
+    middle = 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])
+    return Path(start, end, (middle[0] + side * height * dx, middle[1] - side * height * dz), clockwise)
+
+
+def break_corner(before: Path, after: Path, corner: Corner) -> tuple[Path, Path | None, Path]:
+    """Return two moves that end where a corner is broken, and the chamfer or the arc between them.
+
+    Raises:
+        Problem: a move is an arc, or too short for the corner.
+    """
+    if before.centre or after.centre:
+        raise Problem("a chamfer or a radius beside an arc is not understood: write its points")
+    first, second = before.direction, after.direction
+    cross = first[0] * second[1] - first[1] * second[0]
+    turn = math.atan2(cross, first[0] * second[0] + first[1] * second[1])
+    if abs(turn) < 1e-6:
+        return before, None, after
+    half = 0.5 * abs(turn)
+    cut = corner.size * {"legs": 1.0, "chord": 0.5 / math.cos(half), "radius": math.tan(half)}[corner.kind]
+    if cut > min(before.length, after.length) + 1e-6:
+        raise Problem(f"the chamfer or radius of line {corner.line} takes {cut:.3f} mm of a move that is shorter")
+    start, end = shifted(before.end, first, -cut), shifted(after.start, second, cut)
+    centre = None
+    if corner.kind == "radius":
+        side = math.copysign(corner.size, turn)
+        centre = start[0] - side * first[1], start[1] + side * first[0]
+    return Path(before.start, start), Path(start, end, centre, turn < 0.0), Path(end, after.end)

@@ -112,6 +112,7 @@ def rows(situation: Situation, played: Play) -> list[BlockRow]:
     breaks = np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0) | (np.diff(fed) > 1)) + 1
     fastest = highest_feed(situation, played)
     made: list[BlockRow] = []
+    texts = moves.program.text.split("\n")
     time = played.time - situation.other_time
     for group in np.split(fed, breaks):
         on = group[situation.engaged[group]]
@@ -126,7 +127,7 @@ def rows(situation: Situation, played: Play) -> list[BlockRow]:
                 line=int(situation.line[group[0]]),
                 cycle_pass=int(passes[group[0]]),
                 tool=str(situation.tool[group[0]]),
-                text=moves.program.line_text(int(situation.line[group[0]]))[:MAX_TEXT],
+                text=texts[int(situation.line[group[0]]) - 1].strip()[:MAX_TEXT],
                 depth=float(slices.depth[cut].max()) if on.size else 0.0,
                 diameters=(2.0 * float(slices.radius[cut].min()), 2.0 * float(slices.radius[cut].max())),
                 cutting_speed=float(played.cutting_speed[cut].max()),

@@ -1,57 +1,158 @@
-"""Play a program on the bars of a seed: its set points change at the ends of its blocks."""
+"""Play policies and programs in the environment: a policy to make its schedule, and a program to compare it with its original."""
 
 import bisect
 import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from turning_env import RoughTurningEnv, Scenario
-from turning_env.action import set_point_action
-from turning_nc.program import NcError, Program
-from turning_nc.schedule import Totals, with_bars
+from turning_env import Reading, RoughTurningEnv, Scenario, read
+from turning_env.action import set_point_action, towards
+from turning_env.scoring.policy import Actions, Observations, PolicyFactory
+from turning_nc.law import LOAD, PATH_VELOCITY, SPINDLE_SPEED, STATE
+from turning_nc.program import Program
+from turning_nc.schedule import TOLERANCE, Segment, bars_of
+from turning_nc.words import NcError
 
 MIN_INTERVAL = 0.001
 """Shortest control interval that a scenario allows [s]."""
 
+Act = Callable[[Observations, dict[str, Any]], Actions]
+"""Returns the action, shape (1, actions), for the observation, shape (1, entries), and the ``info`` of the last step."""
 
-def simulate(program: Program, scenario: Scenario, seed: int) -> Totals:
-    """Play a program's blocks on the first bars of a seed until the program or the edge ends; return the totals.
 
-    In every sub-step of the integration, the control reads the tool's position and commands the speed and feed of the block
-    there. The drives follow as in any episode. No time passes between bars.
+@dataclass(frozen=True)
+class Totals:
+    """Totals of an episode."""
+
+    removed: float  # [cm3]
+    time: float
+    """Machine time [min]."""
+    wear: float
+    """Flank wear at the end [mm]."""
+
+    @classmethod
+    def of(cls, infos: Iterable[dict[str, Any]]) -> Self:
+        """Return the totals of an episode's steps."""
+        steps = list(infos)
+        return cls(sum(info["removed"] for info in steps), sum(info["time"] for info in steps) / 60.0, steps[-1]["wear"])
+
+    def difference(self, other: "Totals") -> float:
+        """Return the largest of the relative differences [-]."""
+        mine, its = ((totals.removed, totals.time, totals.wear) for totals in (self, other))
+        return max(abs(a - b) / max(abs(b), 1e-9) for a, b in zip(mine, its, strict=True))
+
+
+def with_bars(scenario: Scenario, bars: int) -> Scenario:
+    """Return a scenario that ends after its first ``bars`` bars.
 
     Raises:
-        NcError: the program has an override law, or is not one for this scenario.
+        NcError: no program can be written for the scenario; names the field.
     """
-    if program.law is not None:
-        raise NcError("the program has an override law: what it does depends on the measured load, not on its blocks alone")
+    control, workpiece = scenario.control, scenario.workpiece
+    if control.action == "part":
+        raise NcError('control.action is "part", but a schedule is written where speed and feed are set step by step')
+    if control.edge_changes != "end":
+        raise NcError(f'control.edge_changes is {control.edge_changes!r}, but a program is written for one edge: only "end"')
+    most = workpiece.bars or 1000
+    if not 1 <= bars <= most:
+        raise NcError(f"{bars} bars asked for, but there must be 1 to {most}")
+    return scenario.model_copy(update={"workpiece": workpiece.model_copy(update={"bars": bars})})
+
+
+def _steps(scenario: Scenario, seed: int, act: Act) -> Iterator[dict[str, Any]]:
+    """Play an episode; yield the ``info`` of every step."""
+    env = RoughTurningEnv(scenario)
+    observation, info = env.reset(seed=seed)
+    ended = False
+    while not ended:
+        observation, _, terminated, truncated, info = env.step(act(observation[None], info)[0])
+        yield info
+        ended = terminated or truncated
+
+
+def _acting(make_policy: PolicyFactory) -> Act:
+    policy = make_policy(1)
+    policy.reset(np.ones(1, np.bool_))
+    return lambda observations, info: policy.act(observations)
+
+
+def play_schedule(
+    make_policy: PolicyFactory,
+    scenario: Scenario,
+    seed: int,
+    bars: int,
+    tolerance: float = TOLERANCE,
+    on_path: Callable[[float], object] = lambda path: None,
+) -> tuple[Program, Totals]:
+    """Play a policy on the first bars of a seed; return the program of its commands, and the episode's totals.
+
+    If the episode ends before the last bar, the program ends there.
+
+    Args:
+        make_policy: makes the policy for one environment.
+        scenario: scenario to play.
+        seed: seed of the episode.
+        bars: number of bars.
+        tolerance: see ``schedule.bars_of``.
+        on_path: called after each step with the tool's position along the row [mm].
+
+    Raises:
+        NcError: see ``with_bars``.
+        ValueError: the policy's actions are not finite numbers.
+    """
+    infos: list[dict[str, Any]] = []
+    segments: list[Segment] = []
+    path = 0.0
+    for info in _steps(with_bars(scenario, bars), seed, _acting(make_policy)):
+        infos.append(info)
+        segments.append(Segment(info["path"] - path, info["time"], info["commanded_cutting_speed"], info["commanded_feed"]))
+        path = info["path"]
+        on_path(path)
+    beyond = path - bars * (scenario.workpiece.approach + scenario.workpiece.bar_length)
+    if beyond > 0.0:  # the last sub-step leads beyond the last bar
+        segments[-1] = replace(segments[-1], length=segments[-1].length - beyond)
+    return Program.of(scenario, bars_of(scenario, segments, tolerance)), Totals.of(infos)
+
+
+def simulate(program: Program, scenario: Scenario, seed: int) -> Totals:
+    """Play a program on the first bars of a seed until the program or the edge ends; return the totals.
+
+    In every sub-step of the integration, the control reads the tool's position and commands the speed and feed of the block
+    there. An override law sets the override instead, once per step. The drives follow as in any episode. No time passes between
+    bars.
+
+    Raises:
+        NcError: the program is not one for this scenario, or its law leaves the machine's range or divides by 0.
+    """
     program.check(scenario)
+    scenario = with_bars(scenario, len(program.bars))
+    if program.law.actions:
+        policy = LawPolicy(program, scenario)
+        return Totals.of(_steps(scenario, seed, lambda observations, info: policy.act(observations)))
     machine, workpiece = scenario.machine, scenario.workpiece
-    env = RoughTurningEnv(_stepwise(with_bars(scenario, len(program.bars))))
     pitch = workpiece.approach + workpiece.bar_length
     blocks = [block for bar in program.bars for block in bar]
     ends = [number * pitch + program.start - block.z for number, bar in enumerate(program.bars) for block in bar]
     max_speed = program.max_spindle_speed * math.pi * program.diameter / 1000.0
-    actions = [
-        np.array(
-            (
-                _action(min(block.cutting_speed, max_speed), machine.cutting_speed_min, machine.cutting_speed_max),
-                _action(block.feed, machine.feed_min, machine.feed_max),
-            ),
-            np.float32,
-        )
-        for block in blocks
-    ]
-    _, info = env.reset(seed=seed)
-    removed = time = 0.0
-    while info["path"] < ends[-1] - 1e-6:
+    low, high = machine.cutting_speed_min, machine.cutting_speed_max
+    speeds = [_action(min(block.cutting_speed, max_speed), low, high) for block in blocks]
+    feeds = [_action(block.feed, machine.feed_min, machine.feed_max) for block in blocks]
+    actions = np.array([speeds, feeds], np.float32).T
+
+    def act(observations: Observations, info: dict[str, Any]) -> Actions:
         index = min(bisect.bisect_right(ends, info["path"] + 1e-9), len(blocks) - 1)
-        _, _, terminated, truncated, info = env.step(actions[index])
-        removed += info["removed"]
-        time += info["time"]
-        if terminated or truncated:
+        return actions[index : index + 1]
+
+    infos = []
+    for info in _steps(_stepwise(scenario), seed, act):
+        infos.append(info)
+        if info["path"] >= ends[-1] - 1e-6:
             break
-    return Totals(removed, time / 60.0, info["wear"])
+    return Totals.of(infos)
 
 
 def _action(value: float, low: float, high: float) -> float:
@@ -66,3 +167,81 @@ def _stepwise(scenario: Scenario) -> Scenario:
     return scenario.model_copy(
         update={"control": control.model_copy(update={"action": "set_point", "edge_changes": "end", **finer})}
     )
+
+
+class LawPolicy:
+    """A program's law as the policy of one environment; it runs once per step."""
+
+    def __init__(self, program: Program, scenario: Scenario) -> None:
+        if not program.law.actions or program.blocks != 1 or scenario.control.action != "override":
+            raise NcError("a law is played in one block along one bar, of a scenario whose action is the override")
+        self._law, self._scenario, self._diameter = program.law, scenario, program.diameter
+        self._speed, self._feed = program.bars[0][0].cutting_speed, program.bars[0][0].feed
+        self._variables = self._law.variables()
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Restart the program."""
+        self._variables = self._law.variables()
+
+    def override(self, reading: Reading, present: float | None = None) -> float:
+        """Return the next override [%] for a reading; ``present`` [%] replaces the program's own present override.
+
+        Raises:
+            NcError: the feed would be outside the machine's range, or an expression divides by 0.
+        """
+        variables, machine = self._variables, self._scenario.machine
+        spindle_speed = 1000.0 * float(reading.cutting_speed[0]) / (math.pi * self._diameter)
+        variables[LOAD] = 100.0 * max(float(reading.load[0]), 0.0)
+        variables[SPINDLE_SPEED], variables[PATH_VELOCITY] = spindle_speed, spindle_speed * float(reading.feed[0])
+        if present is not None:
+            variables[STATE] = present
+        try:
+            override = self._law.cycle(variables)
+        except ZeroDivisionError as error:
+            raise NcError(f"the law divides by 0 at a load of {variables[LOAD]:.1f} %") from error
+        feed = 0.01 * override * self._feed
+        if not machine.feed_min - 1e-9 <= feed <= machine.feed_max + 1e-9:
+            allowed = f"the machine's range is {machine.feed_min} to {machine.feed_max}"
+            raise NcError(f"the law sets a feed of {feed:.6f} mm/rev at a load of {variables[LOAD]:.1f} %, but {allowed}")
+        return override
+
+    def act(self, observations: Observations) -> Actions:
+        """Return actions, shape (1, 1), for observations, shape (1, entries)."""
+        reading = read(observations, self._scenario)
+        feed = np.array([0.01 * self.override(reading) * self._feed])
+        return towards(reading, self._scenario, np.array([self._speed]), feed)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """An override law compared with its controller."""
+
+    steps: int
+    """Number of steps on which the next overrides of both were compared, from the same measurements and present override."""
+    mean_difference: float  # [percentage points]
+    largest_difference: float  # [percentage points]
+    original: Totals
+    """Totals of the controller's episode."""
+    simulated: Totals
+    """Totals of the law's own episode."""
+
+
+def compare(program: Program, make_policy: PolicyFactory, scenario: Scenario, seed: int) -> Comparison:
+    """Play a controller on the first bar of a seed, and compare the law's override in every step; then play the law alone.
+
+    Raises:
+        NcError: the program is not one for this scenario, or its law is missing or leaves the machine's range.
+    """
+    program.check(scenario)
+    law, acting, feed = LawPolicy(program, scenario), _acting(make_policy), program.bars[0][0].feed
+    overrides: list[float] = []
+
+    def act(observations: Observations, info: dict[str, Any]) -> Actions:
+        reading = read(observations, scenario)
+        overrides.append(law.override(reading, 100.0 * float(reading.commanded_feed[0]) / feed))
+        return acting(observations, info)
+
+    infos = list(_steps(with_bars(scenario, 1), seed, act))
+    differences = [abs(mine - 100.0 * info["commanded_feed"] / feed) for mine, info in zip(overrides, infos, strict=True)]
+    mean, largest = float(np.mean(differences)), max(differences)
+    return Comparison(len(differences), mean, largest, Totals.of(infos), simulate(program, scenario, seed))

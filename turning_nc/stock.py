@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from turning_env.extras import needed
 from turning_nc.moves import Moves
 from turning_nc.paths import Point
-from turning_nc.program import NcError
+from turning_nc.words import NcError
 
 with needed():
     import shapely

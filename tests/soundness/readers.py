@@ -22,12 +22,11 @@ from pydantic import TypeAdapter
 
 from leaderboard.result import Result, ResultError, read_part, read_result, write_part
 from leaderboard.trajectories import Trajectories
-from tests.turning_nc.test_read_and_write import TEXT
+from tests.turning_nc.test_program import TEXT
 from train.agents import agent_file, network
 from turning_env import Scenario, ScenarioError
-from turning_nc.program import NcError, Program
-from turning_nc.read import read, read_file
-from turning_nc.write import write
+from turning_nc.program import Program, read, read_file, write
+from turning_nc.words import NcError
 from turning_shop import WorkshopError
 from turning_shop.measurements import COLUMNS, Measurements, read_measurements
 

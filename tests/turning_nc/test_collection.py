@@ -26,7 +26,7 @@ QUICK = ("inch_bar", "grooves_in_sub_program", "feed_per_minute", "welle", "gewi
 def test_moves_and_times_are_those_of_linuxcnc(name: str, tmp_path: Path) -> None:
     situation = situation_of(name, Machine(max_spindle_speed=1e9, tool_change=0.0))
     moves = situation.moves
-    reference = canonical(translated(path_of(name).read_text(), moves.program.dialect), tmp_path)
+    reference = canonical(translated(path_of(name).read_text(), moves.program.dialect.name), tmp_path)
     expected: list[Canonical] = []
     here = reference[0].end  # the first moves to where our tool stands before the program
     for move in reference[1:]:

@@ -10,9 +10,9 @@ pytest.importorskip("shapely")
 import shapely
 
 from tests.turning_nc.linuxcnc import INSTALLED, canonical
-from turning_nc.blocks import divide
 from turning_nc.moves import Moves, run
 from turning_nc.stock import read_stock, remove
+from turning_nc.words import divide
 
 FANUC = "G21 G99 T0101\nG96 S150 M3\nG0 X20. Z2.\nG1 Z0. F0.2\n"
 SINUMERIK = "G90 G95 G71 DIAMON T1 D1\nG96 S150 M4\nG0 X20 Z2\nG1 Z0 F0.2\n"

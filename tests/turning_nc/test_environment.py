@@ -14,7 +14,7 @@ pytest.importorskip("shapely")
 from examples.adapt_programs import COLLECTION, path_of
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, ScenarioError
 from turning_nc.environment import ToolPath
-from turning_nc.program import NcError
+from turning_nc.words import NcError
 
 EVEN: dict[str, Any] = {
     "machine": {"feed_time_constant": 0.0, "spindle_time_constant": 0.0},

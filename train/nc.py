@@ -1,4 +1,4 @@
-"""The command line: ``python -m train.export --nc``."""
+"""The command line ``python -m train.export --nc``: part programs of agents and controllers."""
 
 import argparse
 import json
@@ -12,19 +12,18 @@ from typing import Any
 from tqdm import tqdm
 
 from baselines import catalogue
+from train import nc_programs
 from train.agents import onnx_policy
 from train.agents.agent_file import check_fits
-from train.nc import interval_table, laws, simulate_law
 from turning_env import Scenario
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.scoring.policy import PolicyFactory
 from turning_env.scoring.seeds import tuning_seeds
 from turning_nc import schedule, simulate
-from turning_nc.program import NcError, Program
-from turning_nc.read import read, read_file
-from turning_nc.schedule import Totals
-from turning_nc.write import write
+from turning_nc.program import Program, read, read_file, write
+from turning_nc.simulate import Totals
+from turning_nc.words import NcError
 
 PROGRAM = "python -m train.export --nc"
 MAX_DIFFERENCE = 0.02
@@ -35,7 +34,6 @@ REVIEW = (
     "Tool, zero offset, clamping, retraction, coolant, limits and every value must be checked by whoever is responsible for the "
     "machine."
 )
-Command = Callable[[argparse.Namespace, str], dict[str, Any]]
 CAUTION = f"Simulation output: not for a machine without review. {REVIEW}"
 EXAMPLES = f"""\
 {PROGRAM} schedule --agent agents/RoughTurning-v0/rough_turning/analytic_gradient-seed0.onnx --tuning-seed 0 --out bar.mpf
@@ -48,9 +46,10 @@ EXAMPLES = f"""\
 @exits(KeyError, ValueError, interrupted="interrupted: nothing was written")
 def main(arguments: Sequence[str]) -> int:
     """Run the command line; return the exit status."""
-    parsed = _parser().parse_args(arguments)
-    done: dict[str, Any] = parsed.run(parsed, f"{PROGRAM} {shlex.join(arguments)}")
-    print(json.dumps(done) if parsed.json else _lines(done))
+    options = _parser().parse_args(arguments)
+    options.command = f"{PROGRAM} {shlex.join(arguments)}"
+    done: dict[str, Any] = options.run(options)
+    print(json.dumps(done) if options.json else _lines(done))
     return 0
 
 
@@ -58,26 +57,33 @@ def _parser() -> argparse.ArgumentParser:
     about = f"Write the commands of a policy as a part program for a SINUMERIK lathe, read it back and play it. {CAUTION}"
     parser = argparse.ArgumentParser(prog=PROGRAM, **described(f"{about}\n\n{EXAMPLES}"))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    written, seeded = argparse.ArgumentParser(add_help=False), argparse.ArgumentParser(add_help=False)
-    written.add_argument("--out", required=True, type=Path, metavar="FILE", help="program to write, such as bar.mpf")
-    seeds = seeded.add_mutually_exclusive_group()
-    tuning_help = "bars and edge of the tuning seed number N (default: 0)"
-    seeds.add_argument("--tuning-seed", type=int, default=0, metavar="N", help=tuning_help)
-    seeds.add_argument("--seed", type=int, metavar="S", help="bars and edge of any seed")
 
-    def command(run: Command, scenario: str | None, about: str, *parents: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    def command(
+        run: Callable[[argparse.Namespace], dict[str, Any]],
+        scenario: str | None,
+        about: str,
+        *,
+        seeded: bool = True,
+        out: bool = True,
+    ) -> argparse.ArgumentParser:
         name = run.__name__.removeprefix("_")
         examples = "\n".join(line for line in EXAMPLES.splitlines() if line.startswith(f"{PROGRAM} {name} "))
-        told = described(f"{about[0].upper()}{about[1:]}. {CAUTION}\n\n{examples}")
-        added = commands.add_parser(name, help=about, parents=parents, **told)
+        details = described(f"{about[0].upper()}{about[1:]}. {CAUTION}\n\n{examples}")
+        added = commands.add_parser(name, help=about, **details)
         added.set_defaults(run=run)
         default = scenario or "the agent's own, or rough_turning"
         added.add_argument("--scenario", default=scenario, help=f"preset or TOML file (default: {default})")
         added.add_argument("--json", action="store_true", help="print the summary as one line of JSON")
+        if seeded:
+            seeds = added.add_mutually_exclusive_group()
+            tuning_help = "bars and edge of the tuning seed number N (default: 0)"
+            seeds.add_argument("--tuning-seed", type=int, default=0, metavar="N", help=tuning_help)
+            seeds.add_argument("--seed", type=int, metavar="S", help="bars and edge of any seed")
+        if out:
+            added.add_argument("--out", required=True, type=Path, metavar="FILE", help="program to write, such as bar.mpf")
         return added
 
-    about = "write the speeds and feeds that a policy commands on given bars, as blocks along Z"
-    added = command(_schedule, None, about, seeded, written)
+    added = command(_schedule, None, "write the speeds and feeds that a policy commands on given bars, as blocks along Z")
     policy = added.add_mutually_exclusive_group(required=True)
     policy.add_argument("--agent", type=Path, metavar="FILE", help="an agent's ONNX file")
     policy.add_argument("--rule", metavar="NAME", help=f"a controller: {', '.join(catalogue.RULES)}")
@@ -86,89 +92,85 @@ def _parser() -> argparse.ArgumentParser:
     added.add_argument("--tolerance", type=float, default=schedule.TOLERANCE, metavar="SHARE", help=tolerance_help)
 
     about = "write the interval table of the grid search on nominal models, one section per interval"
-    added = command(_table, "rough_turning", about, written)
+    added = command(_table, "rough_turning", about, seeded=False)
     interval_help = "cutting time of an interval (default: the scenario's control interval)"
     added.add_argument("--interval", type=float, metavar="MIN", help=interval_help)
 
-    about = "write a controller from spindle load to feed override as synchronized actions"
-    added = command(_law, "override", about, seeded, written)
-    added.add_argument("--rule", required=True, metavar="NAME", help=f"one of {', '.join(laws.LAWS)}")
+    added = command(_law, "override", "write a controller from spindle load to feed override as synchronized actions")
+    added.add_argument("--rule", required=True, metavar="NAME", help=f"one of {', '.join(nc_programs.LAWS)}")
 
-    added = command(_check, "rough_turning", "read a program of this subset and play it on given bars", seeded)
+    added = command(_check, "rough_turning", "read a program of one cut along bars and play it on given bars", out=False)
     added.add_argument("file", type=Path, metavar="FILE", help="the program")
     return parser
 
 
-def _seed(parsed: argparse.Namespace) -> int:
-    if parsed.seed is not None:
-        return int(parsed.seed)
-    if parsed.tuning_seed < 0:
-        raise NcError(f"--tuning-seed is {parsed.tuning_seed}, but must be 0 or more")
-    return tuning_seeds(parsed.tuning_seed + 1)[-1]
+def _seed(options: argparse.Namespace) -> int:
+    if options.seed is not None:
+        return int(options.seed)
+    if options.tuning_seed < 0:
+        raise NcError(f"--tuning-seed is {options.tuning_seed}, but must be 0 or more")
+    return tuning_seeds(options.tuning_seed + 1)[-1]
 
 
-def _schedule(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
-    name, make, scenario = _policy(parsed)
-    if not 0.0 <= parsed.tolerance <= 1.0:
-        raise NcError(f"--tolerance is {parsed.tolerance}, but must be 0 to 1")
-    seed = _seed(parsed)
+def _schedule(options: argparse.Namespace) -> dict[str, Any]:
+    name, make, scenario = _policy(options)
+    if not 0.0 <= options.tolerance <= 1.0:
+        raise NcError(f"--tolerance is {options.tolerance}, but must be 0 to 1")
+    seed, bars, tolerance = _seed(options), options.bars, options.tolerance
     pitch = scenario.workpiece.approach + scenario.workpiece.bar_length
-    with tqdm(total=parsed.bars * pitch, unit="mm", unit_scale=True, disable=None, leave=False) as progress:
-        program, original = schedule.play_schedule(
-            make, scenario, seed, parsed.bars, parsed.tolerance, lambda path: progress.update(path - progress.n)
+    with tqdm(total=bars * pitch, unit="mm", unit_scale=True, disable=None, leave=False) as progress:
+        program, original = simulate.play_schedule(
+            make, scenario, seed, bars, tolerance, lambda path: progress.update(path - progress.n)
         )
-    comments = [
-        f"{name} on scenario {scenario.name}, seed {seed}; speeds and feeds within {100.0 * parsed.tolerance:g} % are one block"
-    ]
-    if program.bars[-1][-1].z > 1e-3 - scenario.workpiece.bar_length or len(program.bars) < parsed.bars:
+    comments = [f"{name} on scenario {scenario.name}, seed {seed}; speeds and feeds within {100.0 * tolerance:g} % are one block"]
+    if program.bars[-1][-1].z > 1e-3 - scenario.workpiece.bar_length or len(program.bars) < bars:
         comments.append(f"the edge or the time limit ended the episode in bar {len(program.bars)}: the program ends there")
-    text, program = _text_of(program, comments, command)
-    return _written(parsed.out, text, program, original, simulate.simulate(program, scenario, seed))
+    text, program = _read_back(program, comments, options)
+    return _written(options, text, program, original, simulate.simulate(program, scenario, seed))
 
 
-def _policy(parsed: argparse.Namespace) -> tuple[str, PolicyFactory, Scenario]:
-    if parsed.agent is None:
-        scenario = Scenario.load(parsed.scenario or "rough_turning")
-        return parsed.rule, catalogue.spec(parsed.rule, scenario).make, scenario
-    agent = onnx_policy.load(parsed.agent)
-    scenario = Scenario.load(parsed.scenario) if parsed.scenario or agent.trained_on is None else agent.trained_on
+def _policy(options: argparse.Namespace) -> tuple[str, PolicyFactory, Scenario]:
+    if options.agent is None:
+        scenario = Scenario.load(options.scenario or "rough_turning")
+        return options.rule, catalogue.spec(options.rule, scenario).make, scenario
+    agent = onnx_policy.load(options.agent)
+    scenario = Scenario.load(options.scenario) if options.scenario or agent.trained_on is None else agent.trained_on
     check_fits(agent, scenario)
     return f"{agent.name} (training seed {agent.training_seed})", agent.make, scenario
 
 
-def _table(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
-    scenario = Scenario.load(parsed.scenario)
-    rows = interval_table.interval_table(scenario, parsed.interval)
-    program, original = interval_table.program_of(scenario, rows)
+def _table(options: argparse.Namespace) -> dict[str, Any]:
+    scenario = Scenario.load(options.scenario)
+    rows = nc_programs.interval_table(scenario, options.interval)
+    program, original = nc_programs.table_program(scenario, rows)
     comments = [
         f"interval table of the grid search on the nominal models of scenario {scenario.name}: {len(rows)} sections, one edge",
         "sections go by the cutting time of the edge, which their lengths take at their speeds and feeds",
     ]
-    text, program = _text_of(program, comments, command)
-    simulated = simulate.simulate(program, interval_table.without_spreads(scenario), 0)
-    return _written(parsed.out, text, program, original, simulated, sections=len(rows))
+    text, program = _read_back(program, comments, options)
+    simulated = simulate.simulate(program, nc_programs.without_spreads(scenario), 0)
+    return _written(options, text, program, original, simulated, sections=len(rows))
 
 
-def _law(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
-    scenario = Scenario.load(parsed.scenario)
-    program = laws.law_program(parsed.rule, scenario)
+def _law(options: argparse.Namespace) -> dict[str, Any]:
+    scenario = Scenario.load(options.scenario)
+    program = nc_programs.law_program(options.rule, scenario)
     by_power = f"spindle power over {scenario.machine.rated_power:g} kW"
     load = by_power if scenario.spindle.reading == "power" else "spindle torque over the torque available at its speed"
     comments = [
-        f"feed override of {parsed.rule} on scenario {scenario.name}",
+        f"feed override of {options.rule} on scenario {scenario.name}",
         f"$AA_LOAD[S1] is taken for {load}, in per cent; the law is made for an interpolation "
         f"cycle of {1000.0 * scenario.control.interval:g} ms",
     ]
-    text, program = _text_of(program, comments, command)
-    compared = simulate_law.compare(program, catalogue.spec(parsed.rule, scenario).make, scenario, _seed(parsed))
+    text, program = _read_back(program, comments, options)
+    compared = simulate.compare(program, catalogue.spec(options.rule, scenario).make, scenario, _seed(options))
     if not compared.largest_difference <= MAX_OVERRIDE_DIFFERENCE:
         raise NcError(
-            f"the law read back differs from {parsed.rule} by {compared.largest_difference:.2f} percentage points of override; "
+            f"the law read back differs from {options.rule} by {compared.largest_difference:.2f} percentage points of override; "
             f"{MAX_OVERRIDE_DIFFERENCE} are allowed, and nothing was written"
         )
-    assert program.law is not None
     return _written(
-        *(parsed.out, text, program, compared.original, compared.simulated),
+        *(options, text, program, compared.original, compared.simulated),
         polynomials=len(program.law.polynomials),
         actions=len(program.law.actions),
         steps=compared.steps,
@@ -177,24 +179,24 @@ def _law(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
     )
 
 
-def _check(parsed: argparse.Namespace, command: str) -> dict[str, Any]:
-    scenario = Scenario.load(parsed.scenario)
-    program = read_file(parsed.file)
-    play = simulate.simulate if program.law is None else simulate_law.simulate_law
-    totals = play(program, scenario, _seed(parsed))
-    return {"path": str(parsed.file), "bars": len(program.bars), "blocks": program.blocks, "simulated": asdict(totals)}
+def _check(options: argparse.Namespace) -> dict[str, Any]:
+    program = read_file(options.file)
+    totals = simulate.simulate(program, Scenario.load(options.scenario), _seed(options))
+    return {"path": str(options.file), "bars": len(program.bars), "blocks": program.blocks, "simulated": asdict(totals)}
 
 
-def _text_of(program: Program, comments: list[str], command: str) -> tuple[str, Program]:
+def _read_back(program: Program, comments: list[str], options: argparse.Namespace) -> tuple[str, Program]:
     """Return a program's text, and the program that is read back from it."""
-    text = write(program, (REVIEW, f"made by rough-turning {version('rough-turning')}: {command}", *comments))
+    text = write(program, (REVIEW, f"made by rough-turning {version('rough-turning')}: {options.command}", *comments))
     read_back = read(text)
     if read_back != program:
         raise NcError("the program reads back as another: nothing was written")
     return text, read_back
 
 
-def _written(path: Path, text: str, program: Program, original: Totals, simulated: Totals, **summary: float) -> dict[str, Any]:
+def _written(
+    options: argparse.Namespace, text: str, program: Program, original: Totals, simulated: Totals, **summary: float
+) -> dict[str, Any]:
     """Write a program whose totals agree with those of its original; return the summary."""
     difference = simulated.difference(original)
     if not difference <= MAX_DIFFERENCE:
@@ -202,9 +204,9 @@ def _written(path: Path, text: str, program: Program, original: Totals, simulate
             f"the program read back comes to {simulated}, but what it was made from to {original}: {100.0 * difference:.1f} % "
             f"apart, where {100.0 * MAX_DIFFERENCE:g} % are allowed, and nothing was written; a smaller tolerance may help"
         )
-    replace_file(path, lambda partial: partial.write_text(text, "ascii"))
+    replace_file(options.out, lambda partial: partial.write_text(text, "ascii"))
     totals = {"original": asdict(original), "simulated": asdict(simulated), "largest_difference": difference}
-    return {"path": str(path), "bars": len(program.bars), "blocks": program.blocks} | summary | totals
+    return {"path": str(options.out), "bars": len(program.bars), "blocks": program.blocks} | summary | totals
 
 
 def _lines(done: dict[str, Any]) -> str:

@@ -1,0 +1,264 @@
+"""Programs of controllers and agents repeat their originals, and the command writes them or nothing."""
+
+import itertools
+import json
+import re
+import shlex
+from functools import cache
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baselines import catalogue
+from train import export, nc_programs
+from turning_env import Scenario
+from turning_nc.law import LOAD
+from turning_nc.program import WARNING, Block, Program, read, read_file, write
+from turning_nc.schedule import Segment, bars_of
+from turning_nc.simulate import compare, play_schedule, simulate
+from turning_nc.words import NcError
+
+ROOT = Path(__file__).parents[2]
+SCENARIO, OVERRIDES = Scenario.load("rough_turning"), Scenario.load("override")
+
+
+def written_and_read(program: Program) -> Program:
+    back = read(write(program))
+    assert back == program
+    return back
+
+
+# Schedules.
+
+
+@pytest.mark.parametrize(
+    ("preset", "rule", "bars", "tolerance"),
+    [
+        ("rough_turning", "rescaled_grid_search", 1, 0.0),
+        pytest.param("rough_turning", "fixed_handbook", 30, 0.01, marks=pytest.mark.slow),  # to the end of the edge
+        ("paper", "grid_search", 2, 0.01),
+        pytest.param("override", "omative", 1, 0.01, marks=pytest.mark.slow),
+    ],
+)
+def test_a_schedule_does_what_the_controller_did(preset: str, rule: str, bars: int, tolerance: float) -> None:
+    scenario = Scenario.load(preset)
+    program, original = play_schedule(catalogue.spec(rule, scenario).make, scenario, 11, bars, tolerance)
+    assert simulate(written_and_read(program), scenario, 11).difference(original) < 0.01
+    assert original.removed > 30.0
+    assert len(program.bars) <= bars
+
+
+def test_more_tolerance_means_fewer_blocks_that_end_at_the_same_place() -> None:
+    make = catalogue.spec("rescaled_grid_search", SCENARIO).make
+    programs = [play_schedule(make, SCENARIO, 11, 2, tolerance)[0] for tolerance in (0.0, 0.03, 1.0)]
+    assert programs[0].blocks > programs[1].blocks > programs[2].blocks >= 2
+    for program in programs:
+        assert [bar[-1].z for bar in program.bars] == [-300.0, -300.0]
+    assert {block.z for bar in programs[1].bars for block in bar} <= {block.z for bar in programs[0].bars for block in bar}
+
+
+@pytest.mark.slow
+@given(
+    st.lists(st.tuples(st.floats(0.0005, 200), st.floats(50, 200), st.floats(0.06, 0.6)), min_size=1, max_size=30),
+    st.floats(0, 0.2),
+)
+def test_blocks_cover_all_segments_within_the_machines_range(given: list[tuple[float, float, float]], tolerance: float) -> None:
+    segments = [Segment(length, length / (speed * feed), speed, feed) for length, speed, feed in given]
+    bars = bars_of(SCENARIO, segments, tolerance)
+    covered = sum(3.0 - bar[-1].z for bar in bars)
+    assert covered == pytest.approx(sum(segment.length for segment in segments), abs=0.003)
+    if bars:
+        Program.of(SCENARIO, bars)  # raises where anything is outside the range
+    speeds = [speed for _, speed, _ in given]
+    assert all(min(speeds) - 0.06 <= block.cutting_speed <= max(speeds) + 0.06 for bar in bars for block in bar)
+
+
+def test_a_program_of_another_machine_or_bar_is_refused() -> None:
+    block = Block(-300.0, 150.0, 0.3)
+    fitting = Program.of(SCENARIO, ((block,),))
+    for wrong, complaint in (
+        (Program.of(OVERRIDES, ((Block(-100.0, 120.0, 0.3),),)), "diameter is 60.0 mm"),
+        (Program(100.0, 2.0, 636.6, fitting.bars), "first position is 2.0 mm"),
+        (Program(100.0, 3.0, 700.0, fitting.bars), "LIMS is 700.0 rev/min, but the machine's highest is 636.6"),
+        (Program(100.0, 3.0, 636.6, ((Block(-300.0, 200.1, 0.3),),)), "cutting speed is 200.1, but the machine's range is 50"),
+        (Program(100.0, 3.0, 636.6, ((Block(-300.0, 150.0, 0.601),),)), "feed is 0.601"),
+        (Program(100.0, 3.0, 636.6, ((Block(-301.0, 150.0, 0.3),),)), "Z is -301.0"),
+        (Program(100.0, 3.0, 636.6, ((Block(-200.0, 150.0, 0.3),), (block,))), "bar 1 ends at Z-200.0"),
+        (Program(100.0, 3.0, 636.6, ()), "at least one bar"),
+    ):
+        with pytest.raises(NcError, match=complaint):
+            simulate(wrong, SCENARIO, 1)
+    assert simulate(fitting, SCENARIO, 1).removed > 100.0
+
+
+# The interval table.
+
+
+@pytest.mark.parametrize(
+    ("preset", "interval"),
+    [pytest.param("rough_turning", None, marks=pytest.mark.slow), ("rough_turning", 1.0), ("paper", 0.5)],
+)
+def test_the_interval_table_does_on_nominal_bars_what_the_models_say(preset: str, interval: float | None) -> None:
+    scenario = Scenario.load(preset)
+    rows = nc_programs.interval_table(scenario, interval)
+    assert rows[0].start == 0.0
+    for before, after in itertools.pairwise(rows):
+        assert before.end == after.start
+        assert before.wear < after.wear <= scenario.tool.wear_criterion
+        assert (before.cutting_speed, before.feed) != (after.cutting_speed, after.feed)
+    program, original = nc_programs.table_program(scenario, rows)
+    simulated = simulate(written_and_read(program), nc_programs.without_spreads(scenario), 0)
+    assert simulated.difference(original) < 0.005
+    notes = [block.note for bar in program.bars for block in bar if block.note]
+    assert len(notes) == len(rows)
+    assert notes[-1].startswith(f"section {len(rows)}: ")
+
+
+# Override laws.
+
+
+@cache
+def law_program(rule: str) -> Program:
+    return written_and_read(nc_programs.law_program(rule, OVERRIDES))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rule", nc_programs.LAWS)
+def test_a_law_does_what_the_controller_does(rule: str) -> None:
+    compared = compare(law_program(rule), catalogue.spec(rule, OVERRIDES).make, OVERRIDES, 11)
+    assert compared.largest_difference < 0.5
+    assert compared.mean_difference < 0.05
+    assert compared.steps > 1000
+    assert compared.simulated.difference(compared.original) < 0.005
+
+
+def test_the_one_line_law_is_the_manuals_example() -> None:
+    assert "FCTDEF(1,1.0,120.0,160.0,-2.0,0.0,0.0)" in law_program("one_line_law").law.lines
+
+
+@given(
+    st.sampled_from(tuple(nc_programs.LAWS)),
+    st.lists(st.tuples(st.floats(0, 1000), st.floats(0, 500)), min_size=1, max_size=20),
+)
+def test_no_law_leaves_the_machines_range(rule: str, measured: list[tuple[float, float]]) -> None:
+    law, machine = law_program(rule).law, OVERRIDES.machine
+    variables = law.variables() | {"$AA_S[1]": 710.0}
+    for load, velocity in measured:
+        variables |= {LOAD: load, "$AC_VACTB": velocity}
+        feed = 0.4 * 0.01 * law.cycle(variables)
+        assert machine.feed_min - 1e-12 <= feed <= machine.feed_max + 1e-12
+
+
+def test_a_law_that_leaves_the_range_or_divides_by_zero_is_refused_in_play() -> None:
+    text = write(law_program("one_line_law"))
+    for effect, complaint in (("$AC_OVR=0.5", "sets a feed of 0.002000"), ("$AC_OVR=1.0/$AC_PARAM[0]", "divides by 0")):
+        with pytest.raises(NcError, match=complaint):
+            simulate(read(text.replace("SYNFCT(1,$AC_OVR,$AA_LOAD[S1])", effect)), OVERRIDES, 11)
+
+
+# The command.
+
+
+def run(*arguments: str) -> int:
+    return export.main(["--nc", *arguments])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "scenario"),
+    [
+        (("schedule", "--rule", "omative", "--scenario", "override", "--seed", "5"), "override"),
+        (("table", "--interval", "2"), "rough_turning"),
+        (("law", "--rule", "iadapts"), "override"),
+    ],
+)
+def test_programs_are_written_with_a_summary(
+    arguments: tuple[str, ...], scenario: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "folder" / "program.mpf"
+    assert run(*arguments, "--out", str(path), "--json") == 0
+    captured = capsys.readouterr()
+    done = json.loads(captured.out)
+    assert captured.err == ""
+    program = read_file(path)
+    assert (done["path"], done["bars"], done["blocks"]) == (str(path), len(program.bars), program.blocks)
+    assert done["largest_difference"] < 0.01
+    assert done["simulated"].keys() == {"removed", "time", "wear"}
+    text = path.read_text("ascii")
+    assert text.startswith(f"; {WARNING}\n")
+    assert f"python -m train.export --nc {arguments[0]}" in text
+
+    assert run("check", str(path), "--scenario", scenario) == 0
+    assert "read back and played: " in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_an_agents_file_plays_its_own_scenario_or_another_that_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "bar.mpf"
+    agent = str(ROOT / "agents" / "RoughTurning-v0" / "rough_turning" / "ppo-seed0.onnx")
+    for arguments, scenario in (((), "rough_turning"), (("--scenario", "ck45"), "ck45")):
+        assert run("schedule", "--agent", agent, *arguments, "--out", str(path), "--json") == 0
+        assert json.loads(capsys.readouterr().out)["largest_difference"] < 0.01
+        header = path.read_text("ascii").replace("\n; ", " ")
+        assert f"ppo (training seed 0) on scenario {scenario}, " in header
+    assert run("schedule", "--agent", agent, "--scenario", "override", "--out", str(path)) == 2
+    assert "cannot play 'override'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("schedule", "--rule", "nobody"), "no controller is called 'nobody'"),
+        (("schedule", "--rule", "grid_search", "--scenario", "shift"), "control.edge_changes is 'commanded'"),
+        (("schedule", "--rule", "parts_pv", "--scenario", "batch_casting"), 'control.action is "part"'),
+        (("schedule", "--rule", "grid_search", "--tuning-seed", "-1"), "--tuning-seed is -1"),
+        (("schedule", "--rule", "grid_search", "--bars", "0"), "0 bars asked for, but there must be 1 to 1000"),
+        (("table", "--scenario", "override"), "the grid search cannot play scenario 'override'"),
+        (("table", "--interval", "0"), "must be above 0"),
+        (("law", "--rule", "tmac"), "tmac cannot be written as synchronized actions; those that can are one_line_law"),
+        (("schedule", "--rule", "fixed_handbook", "--tolerance", "2"), "must be 0 to 1"),
+    ],
+)
+def test_a_users_mistakes_are_named_and_nothing_is_written(
+    arguments: tuple[str, ...], complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*arguments, "--out", str(tmp_path / "program.mpf")) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("error: ")
+    assert complaint in captured.err
+    assert captured.out == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_is_no_program_is_refused_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "bar.mpf"
+    for content, complaint in ((b"N10 G83 X1", "not understood"), (b"\0", "not text")):
+        path.write_bytes(content)
+        assert run("check", str(path)) == 2
+        error = capsys.readouterr().err
+        assert error.startswith(f"error: {path}: ")
+        assert complaint in error
+    assert run("check", str(tmp_path / "none.mpf")) == 2
+    assert "No such file" in capsys.readouterr().err
+
+
+LONG = re.compile(r"(\d\.\d{5})\d+")
+"""The first digits of a fitted coefficient; its last ones depend on the processor's BLAS."""
+
+
+@pytest.mark.slow
+def test_excerpts_in_the_documentation_are_what_its_commands_write(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "to_the_control.md").read_text("utf-8")
+    commands = re.findall(r"^python -m train.export (--nc .*--out (\S+))$", text, re.MULTILINE)
+    written = []
+    for line, name in [*commands, ("--nc law --rule one_line_law --out one_line.mpf", "one_line.mpf")]:
+        arguments = shlex.split(line.replace(f"--out {name}", "").replace("agents/", f"{ROOT}/agents/"))
+        assert export.main([*arguments, "--out", str(tmp_path / name)]) == 0
+        written.append(LONG.sub(r"\1", (tmp_path / name).read_text("ascii")).splitlines())
+    excerpts = re.findall(r"```nc\n(.*?)```", text, re.DOTALL)
+    assert len(written) == len(excerpts) == 4
+    for excerpt in excerpts:
+        lines = {LONG.sub(r"\1", line) for line in excerpt.splitlines() if line != "..."}
+        assert any(lines <= set(program) for program in written), excerpt

@@ -1,0 +1,116 @@
+"""Dialects of part programs as data: Fanuc (ISO, G code system A, LinuxCNC) and SINUMERIK."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+INCH = 25.4
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
+_TERM = rf"(?:R\d+|{NUMBER}|\((?:[^()]|\([^()]*\))*\))"
+_CODES_OF_BOTH = {0, 1, 2, 3, 4, 33, 41, 42, 53, 90, 91, 94, 95, 96, 97}
+
+CornerKind = Literal["legs", "chord", "radius"]
+"""What the size of a broken corner measures: a chamfer's legs, the chamfer itself, or a radius."""
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How the programs of a control look, and which words it understands."""
+
+    name: Literal["fanuc", "sinumerik"]
+    word: re.Pattern[str]
+    """Matches a word; its groups are those of ``words.Word``."""
+    comment: re.Pattern[str]
+    sub_program: re.Pattern[str]
+    """Matches the line that begins a part of the file; a group holds its name."""
+    addresses: frozenset[str]
+    """Addresses that take a value."""
+    names: frozenset[str]
+    """Words and calls without a value."""
+    codes: frozenset[float]
+    """G functions that are understood, also those without effect on path and times."""
+    units: Mapping[float, tuple[float, bool]]
+    """G functions of units: length [mm], and whether feeds and speeds change too."""
+    spindle_limits: frozenset[float]
+    """G functions that make S a limit of the spindle."""
+    references: frozenset[float]
+    """G functions that move to a reference point."""
+    cycles: frozenset[float]
+    """G functions of cycles."""
+    corners: Mapping[str, CornerKind]
+    """Words that break the corner at the end of a move."""
+    arc_radius: str
+    thread_lead: tuple[str, ...]
+
+
+FANUC = Dialect(
+    name="fanuc",
+    word=re.compile(
+        rf"""(?P<name>\#\d+)\s*=\s*(?P<value>[^=]+) |
+        (?P<letter>[A-Z]|,\s*[A-Z])\s*(?P<number>{NUMBER}|[+-]?(?:\#\d+|\[(?:[^\[\]]|\[[^\[\]]*\])*\]))""",
+        re.VERBOSE,
+    ),
+    comment=re.compile(r"\([^()]*\)|;.*"),
+    sub_program=re.compile(r"[O:]\s*(\d{1,8})"),
+    addresses=frozenset({*"NGMTSFXZUWIKRPQDL", ",C", ",R"}),
+    names=frozenset(),
+    codes=frozenset(
+        _CODES_OF_BOTH
+        | {7, 8, 20, 21, 28, 30, 32, 50, 70, 71, 72, 73, 76, 92, 98, 99}
+        | {18, 22, 23, 25, 26, 40, 49, *range(54, 60), 61, 64, 67, 69, 80}
+    ),
+    units={20: (INCH, True), 21: (1.0, True)},
+    spindle_limits=frozenset({50, 92}),
+    references=frozenset({28, 30}),
+    cycles=frozenset({70, 71, 72, 73, 76}),
+    corners={",C": "legs", ",R": "radius"},
+    arc_radius="R",
+    thread_lead=("F", "K"),
+)
+SINUMERIK = Dialect(
+    name="sinumerik",
+    word=re.compile(
+        rf"""(?P<law>ID=.*) |
+        (?P<letter>[A-Z])(?P<number>{NUMBER})(?!\s*=|[_(\d.]) |
+        (?P<name>[A-Z_][A-Z_0-9]*|\$[A-Z_]+(?:\[\w+\])?)(?:
+            \s*=\s*(?:(?P<mode>AC|IC)\(\s*)?
+                (?:(?P<value>[+-]?\s*{_TERM}(?:\s*[-+*/]\s*{_TERM})*)|"(?P<string>[^"]*)")(?(mode)\s*\)) |
+            \s*\((?P<arguments>(?:[^()"]|"[^"]*")*)\) |
+            (?P<label>:(?!=)) |
+            (?![=(\w])
+        )""",
+        re.VERBOSE,
+    ),
+    comment=re.compile(r'("[^"]*")|;.*'),
+    sub_program=re.compile(r"%_N_(\w+?)_(?:MPF|SPF)|PROC\s+(\w+)(?:\s*\(\s*\))?(?:\s+(?:SAVE|DISPLOF|SBLOF))*"),
+    addresses=frozenset({*"NGMTSFXZIKDLP", "CR", "LIMS", "S1", "M1", "T1", "CHR", "CHF", "RND", "RNDM"}),
+    names=frozenset(
+        {"DIAMON", "DIAMOF", "DIAM90", "CYCLE95", "CYCLE97", "RET", "SUPA"}
+        | {"SOFT", "BRISK", "DRIVE", "FFWON", "FFWOF", "CFC", "CFTCP", "CFIN", "COMPOF", "STOPRE", "NORM", "KONT", "G"}
+        | {"MSG", "SETMS", "WORKPIECE"}
+    ),
+    codes=frozenset(
+        _CODES_OF_BOTH
+        | {25, 26, 70, 71, 74, 75, 700, 710}
+        | {9, 18, 40, 60, 64, 290, 450, 451, 500, *range(54, 58), *range(505, 600), *range(601, 604), *range(641, 646)}
+    ),
+    units={70: (INCH, False), 71: (1.0, False), 700: (INCH, True), 710: (1.0, True)},
+    spindle_limits=frozenset({25, 26}),
+    references=frozenset({74, 75}),
+    cycles=frozenset(),
+    corners={"CHR": "legs", "CHF": "chord", "RND": "radius"},
+    arc_radius="CR",
+    thread_lead=("K", "I"),
+)
+DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (FANUC, SINUMERIK)}
+_SIGNS_OF_SINUMERIK = re.compile(
+    r"""^\s*%_N_ | ^\s*;\$PATH | \b(?:CYCLE\d+|MSG)\s*\( | \b(?:LIMS|CR|CHF|CHR|RNDM?|R\d+)\s*= | \bT\s*=\s*" | \bT\d+[ ]+D\d+\b |
+    \b(?:DIAMON|DIAMOF|DIAM90|PROC|RET|M17|G500|G700|G710)\b""",
+    re.MULTILINE | re.VERBOSE,
+)
+
+
+def dialect_of(text: str) -> Dialect:
+    """Return the dialect that a program's own words show; Fanuc if none does."""
+    return SINUMERIK if _SIGNS_OF_SINUMERIK.search(text.upper()) else FANUC

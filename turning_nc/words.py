@@ -1,0 +1,216 @@
+"""Lines, words and sub-programs of a part program.
+
+Every word keeps its place in the text, so that a program can be written back with only some words changed.
+"""
+
+import re
+import string
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from turning_env.console import Mistake
+from turning_nc.dialects import NUMBER, Dialect, dialect_of
+from turning_nc.expression import parse
+
+MAX_BYTES, MAX_LINES = 10_000_000, 200_000
+_UPPER = {ord(letter): letter.upper() for letter in string.ascii_lowercase}
+"""Only letters of words: others may become two, which would shift places."""
+
+Span = tuple[int, int]
+"""A place in the program's text: its begin and its end."""
+
+
+class NcError(Mistake):
+    """A program that cannot be read, played or written. The message names the line or block, and the reason."""
+
+
+class Problem(ValueError):
+    """A block that is not understood."""
+
+
+@dataclass(frozen=True)
+class Word:
+    """A word of a block: an address with a value, a call with arguments, or a name."""
+
+    address: str
+    """Letter or name; a variable that the word assigns, such as ``R1`` or ``#100``; with a comma, ``,C`` or ``,R``."""
+    value: float | None = None
+    text: str = ""
+    """The value as it is written; the text of a string."""
+    span: Span | None = None
+    """Place of the number; None if it is computed."""
+    expression: str = ""
+    """The expression that gives the value while the program runs."""
+    mode: str = ""
+    """``AC`` or ``IC``: absolute or incremental, whatever G90 or G91 says."""
+    arguments: tuple[tuple[str, Span], ...] | None = None
+    """Texts and places of a call's arguments."""
+
+    @property
+    def is_variable(self) -> bool:
+        """Whether the word assigns a value to a variable."""
+        return re.fullmatch(r"(?:#|R)\d+", self.address) is not None
+
+    def with_value(self, variables: Mapping[str, float]) -> "Word":
+        """Return the word with the value of its expression.
+
+        Raises:
+            Problem: a variable has no value, or the expression is not understood.
+        """
+        if not self.expression:
+            return self
+        try:
+            value = parse(self.expression).value(variables)
+        except KeyError as error:
+            raise Problem(f"the variable {error.args[0]} has no value") from None
+        except (ValueError, ZeroDivisionError) as error:
+            raise Problem(f"{self.expression!r} is not understood: {error}") from None
+        return replace(self, value=value, text=f"{value:.6f}")
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a program that holds words."""
+
+    number: int
+    """Number in the file, from 1."""
+    text: str
+    """Its code, without comments."""
+    words: tuple[Word, ...]
+    end: int
+    """Place in the program's text after the last word."""
+    unknown: str = ""
+    """The rest that is no word."""
+
+    def first(self, *addresses: str) -> Word | None:
+        """Return the first word with one of the addresses."""
+        return next((word for word in self.words if word.address in addresses), None)
+
+    def number_of(self, *addresses: str) -> float | None:
+        """Return the value of the first word with one of the addresses."""
+        word = self.first(*addresses)
+        return None if word is None else word.value
+
+
+@dataclass(frozen=True)
+class PartProgram:
+    """The text of a part program, divided into lines; the first of its parts is the main program."""
+
+    text: str
+    dialect: Dialect
+    parts: dict[str, tuple[Line, ...]]
+    """Lines of the main program, and of the sub-programs by their names."""
+
+    @property
+    def main(self) -> str:
+        """Name of the main program."""
+        return next(iter(self.parts))
+
+    @property
+    def sub_programs(self) -> str:
+        """Names of the sub-programs, for messages."""
+        return ", ".join(list(self.parts)[1:]) or "none"
+
+
+def read_program_file(path: Path, dialect: Dialect | None = None) -> PartProgram:
+    """Return the program in a file; see ``divide``.
+
+    Raises:
+        NcError: see ``divide``; names the file.
+        OSError: the file cannot be read.
+    """
+    data = path.read_bytes()
+    try:
+        if len(data) > MAX_BYTES:
+            raise NcError(f"has {len(data)} bytes, but {MAX_BYTES} at most are read")
+        if b"\0" in data:
+            raise NcError("is not text: it holds zero bytes")
+        return divide(data.decode("latin-1"), dialect)  # every byte stands for a character, and comes back as it was
+    except NcError as error:
+        raise NcError(f"{path}: {error}") from error
+
+
+def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
+    """Return the lines, words and sub-programs of a text.
+
+    Args:
+        text: a program, with any ends of lines.
+        dialect: by default the one that the text's own words show, else Fanuc.
+
+    Raises:
+        NcError: the text holds no words, is too long, or defines a sub-program twice.
+    """
+    dialect = dialect or dialect_of(text)
+    raw = text.split("\n")
+    if len(raw) > MAX_LINES:
+        raise NcError(f"has {len(raw)} lines, but {MAX_LINES} at most are read")
+    parts: dict[str, list[Line]] = {"": []}
+    name, offset, defined_at = "", 0, {"": 0}
+    for number, whole in enumerate(raw, 1):
+        code = _without_comments(whole.translate(_UPPER), dialect)
+        stripped = re.sub(r"^/?\s*N\d+\s+(?=PROC\b)", "", code.strip())
+        header = dialect.sub_program.match(stripped)
+        if header and (dialect.name == "fanuc" or header.end() == len(stripped)):
+            found = next(group for group in header.groups() if group)
+            found = str(int(found)) if dialect.name == "fanuc" else found
+            if not (header.lastindex == 2 and found == name):  # PROC may repeat the name of its part
+                if found in parts:
+                    raise NcError(f"line {number}: {stripped!r} stands a second time, first in line {defined_at[found]}")
+                name, parts[found], defined_at[found] = found, [], number
+            code = code.replace(header[0], " " * len(header[0]), 1) if dialect.name == "fanuc" else ""
+        if code.strip() not in ("", "%"):
+            parts[name].append(_line(number, code, offset, dialect))
+        offset += len(whole) + 1
+    filled = {key: tuple(lines) for key, lines in parts.items() if lines}
+    if not filled:
+        raise NcError("holds no blocks: it is empty, or all of it is comment")
+    return PartProgram(text, dialect, filled)
+
+
+def _without_comments(line: str, dialect: Dialect) -> str:
+    """Replace a line's comments by blanks, so that places stay."""
+    line = dialect.comment.sub(lambda found: found[1] if found.re.groups and found[1] else " " * len(found[0]), line)
+    return line.replace("\r", " ").replace("\t", " ")
+
+
+def _line(number: int, code: str, offset: int, dialect: Dialect) -> Line:
+    words: list[Word] = []
+    end = len(code.rstrip())
+    place = len(code) - len(code.lstrip(" /"))
+    while place < end and (match := dialect.word.match(code, place)):
+        words.append(_word(match, offset))
+        place = match.end()
+        place += len(code) - place - len(code[place:].lstrip())
+    return Line(number, code.strip(), tuple(words), offset + end, code[place:].strip())
+
+
+def _word(match: re.Match[str], offset: int) -> Word:
+    groups = match.groupdict()
+
+    def span(group: str) -> Span:
+        return match.start(group) + offset, match.end(group) + offset
+
+    if groups.get("law"):
+        return Word("ID", text=groups["law"].strip())
+    for address, group in ((groups["letter"], "number"), (groups["name"], "value")):
+        if address and groups[group] is not None:
+            address, text, mode = re.sub(r"\s", "", address), groups[group].strip(), groups.get("mode") or ""
+            if re.fullmatch(NUMBER, text):
+                return Word(address, float(text), text, span(group), mode=mode)
+            return Word(address, expression=text, mode=mode)
+    name = groups["name"]
+    if groups["string"] is not None:
+        return Word(name, None, groups["string"], span("string"))
+    if groups["arguments"] is not None:
+        return Word(name, arguments=tuple(_arguments(groups["arguments"], span("arguments")[0])))
+    return Word(f"{name}:" if groups["label"] else name)
+
+
+def _arguments(text: str, place: int) -> list[tuple[str, Span]]:
+    """Return the texts and places of arguments, which commas outside of strings separate."""
+    arguments = []
+    for found in re.finditer(r'((?:"[^"]*"|[^,"])*),', text + ","):
+        begin = place + found.start() + len(found[1]) - len(found[1].lstrip())
+        arguments.append((found[1].strip(), (begin, begin + len(found[1].strip()))))
+    return arguments
