@@ -150,6 +150,8 @@ class Control(Modal):
 
     def _without_variables(self, line: Line) -> Line:
         """Return the line with computed values, and without the variables that it sets."""
+        if not any(word.expression or word.is_variable for word in line.words):
+            return line
         words = [word.with_value(self.variables) for word in line.words]
         self.variables |= {word.address: word.value for word in words if word.is_variable and word.value is not None}
         return replace(line, words=tuple(word for word in words if not word.is_variable))

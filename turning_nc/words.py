@@ -50,7 +50,7 @@ class Word:
     @property
     def is_variable(self) -> bool:
         """Whether the word assigns a value to a variable."""
-        return re.fullmatch(r"(?:#|R)\d+", self.address) is not None
+        return self.address[0] in "#R" and self.address[1:].isdigit()
 
     def with_value(self, variables: Mapping[str, float]) -> "Word":
         """Return the word with the value of its expression.
