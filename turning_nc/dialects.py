@@ -105,7 +105,8 @@ SINUMERIK = Dialect(
 )
 DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (FANUC, SINUMERIK)}
 _SIGNS_OF_SINUMERIK = re.compile(
-    r"""^[ \t]*(?:%_N_|;\$PATH) | \b(?:CYCLE\d+|MSG)\s*\( | \b(?:LIMS|CR|CHF|CHR|RNDM?|R\d+)\s*= | \bT\s*=\s*" | \bT\d+[ ]+D\d+\b |
+    r"""^[ \t]*(?:%_N_|;\$PATH) |
+    \b(?:CYCLE\d+|MSG)\s*\( | \b(?:LIMS|CR|CHF|CHR|RNDM?|R\d+)\s*= | \bT\s*=\s*" | \bT\d+[ ]+D\d+\b |
     \b(?:DIAMON|DIAMOF|DIAM90|PROC|RET|M17|G500|G700|G710)\b""",
     re.MULTILINE | re.VERBOSE,
 )
