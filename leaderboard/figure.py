@@ -12,7 +12,7 @@ from leaderboard.result import ResultError
 from leaderboard.standings import comparators
 from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
-from turning_shop import plot_style as style
+from turning_render import plot_style as style
 
 PLAIN_NAMES = {
     "causal": "oracle: told depth, hardness and wear",

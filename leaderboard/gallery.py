@@ -23,7 +23,7 @@ from leaderboard.behaviour import AFTER, BEFORE, Array, Episode, by_life_stage, 
 from leaderboard.result import ResultError
 from turning_env import Scenario
 from turning_env.scoring.policy import PolicySpec
-from turning_shop import plot_style as style
+from turning_render import plot_style as style
 
 Played = Mapping[str, Sequence[Episode]]
 """The episodes of each policy, by its label: of all policies with the same seeds."""

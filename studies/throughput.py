@@ -35,7 +35,7 @@ from studies import timing
 from studies.timing import MAIN, NUM_ENVS, Case, Timing, many, measure, one, single, vector
 from turning_env import FAMILY_ID, IDS
 from turning_env.console import Mistake, described, exits, picture_path
-from turning_shop import plot_style as style
+from turning_render import plot_style as style
 
 SIZES = (1, 16, 256, 4096, 65536)
 """Numbers of environments side by side."""

@@ -12,14 +12,14 @@ ROOT = Path(__file__).parents[1]
 LEANS_ON = {
     "turning_env": set(),
     "turning_render": {"turning_env"},
-    "turning_shop": {"turning_env"},
-    "turning_nc": {"turning_env", "turning_shop"},
-    "turning_control": {"turning_env", "turning_shop"},
+    "turning_shop": {"turning_env", "turning_render"},
+    "turning_nc": {"turning_env", "turning_render"},
+    "turning_control": {"turning_env", "turning_render"},
     "baselines": {"turning_env"},
-    "train": {"turning_env", "baselines", "turning_nc", "turning_shop"},
-    "papers": {"turning_env", "baselines", "train", "turning_nc", "turning_shop"},
-    "leaderboard": {"turning_env", "baselines", "train", "turning_render", "turning_shop", "turning_nc"},
-    "studies": {"turning_env", "baselines", "train", "leaderboard", "turning_render", "turning_shop", "turning_nc"},
+    "train": {"turning_env", "baselines", "turning_nc", "turning_render"},
+    "papers": {"turning_env", "baselines", "train", "turning_render", "turning_shop"},
+    "leaderboard": {"turning_env", "baselines", "train", "turning_render"},
+    "studies": {"turning_env", "baselines", "train", "leaderboard", "turning_render", "turning_nc"},
     "examples": {"turning_env", "baselines", "train", "turning_nc"},
 }
 """Packages that a package may import, wherever in its code."""

@@ -367,7 +367,7 @@ def picture(runs: Mapping[str, list[dict[str, float]]], scenario: Scenario, path
     """Draw override and load over the position in the first bar."""
     from matplotlib.figure import Figure
 
-    from turning_shop import plot_style as style
+    from turning_render import plot_style as style
 
     figure = Figure(figsize=(style.DOUBLE, 0.6 * style.DOUBLE), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)

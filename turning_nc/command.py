@@ -37,7 +37,7 @@ def program(options: argparse.Namespace) -> int:
 
     if options.figure:  # before anything is computed, as Matplotlib may be missing
         from turning_nc import picture
-        from turning_shop import plot_style
+        from turning_render import plot_style
     scenario = Scenario.load(options.scenario)
     wear = scenario.tool.wear_criterion / 2.0 if options.wear is None else options.wear
     if wear > scenario.tool.wear_criterion:

@@ -15,7 +15,7 @@ with needed():
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-from turning_shop.plot_style import BLUE, GREY, LIGHT, LIMIT, ORANGE, VERMILLION
+from turning_render.plot_style import BLUE, GREY, LIGHT, LIMIT, ORANGE, VERMILLION
 
 _LOADS = LinearSegmentedColormap.from_list("loads", ["#9ECAE1", BLUE, ORANGE, VERMILLION])
 _PART = "#B0B0B0"

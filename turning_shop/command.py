@@ -147,7 +147,8 @@ def _calibrate(options: argparse.Namespace) -> int:
     from turning_shop.fitted_file import write_scenario
 
     if options.plot:  # before anything is written, as Matplotlib may be missing
-        from turning_shop import plot_style, plots
+        from turning_render import plot_style
+        from turning_shop import plots
     if options.out.exists() and not options.overwrite:
         raise WorkshopError(f"{options.out} exists; --overwrite replaces it")
     base = Scenario.load(options.base)
@@ -251,7 +252,8 @@ def _map(options: argparse.Namespace) -> int:
     criterion = scenario.tool.wear_criterion
     if options.wear > criterion:
         raise WorkshopError(f"--wear is {options.wear:g}, but an edge is worn out at tool.wear_criterion, {criterion:g} mm")
-    from turning_shop import plot_style, plots
+    from turning_render import plot_style
+    from turning_shop import plots
 
     _warned(scenario)
     plot_style.save(plots.draw_map(scenario, options.wear, options.depth, options.hardness), options.out)
@@ -275,7 +277,8 @@ def _advise(options: argparse.Namespace) -> int:
     evidence = _warned(scenario)
     found = advise(scenario, evidence)
     if options.sheet:
-        from turning_shop import plot_style, sheet
+        from turning_render import plot_style
+        from turning_shop import sheet
 
         plot_style.save(sheet.draw_sheet(scenario, evidence, found), options.sheet)
     if options.page:
@@ -333,7 +336,8 @@ def _family(options: argparse.Namespace) -> int:
         rows.append((job.title, *settings, *gain, f"{power:.2f}", f"{force:.2f}", f"{rates[0] / rates[1]:.2f}"))
     print(*aligned(rows), sep="\n")
     if options.figure:
-        from turning_shop import plot_style, plots
+        from turning_render import plot_style
+        from turning_shop import plots
 
         plot_style.save(plots.draw_jobs(jobs), options.figure)
         print(options.figure)

@@ -13,10 +13,10 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import Job
+from turning_render.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILLION
 from turning_shop.calibrate import Calibration
 from turning_shop.fit import SETTINGS
 from turning_shop.measurements import COLUMNS
-from turning_shop.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILLION
 from turning_shop.prediction import read_evidence
 from turning_shop.whatif import Cuts, what_if
 

@@ -7,8 +7,8 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from turning_env.scenario import Scenario
+from turning_render.plot_style import VERMILLION
 from turning_shop.advise import Advice, summary
-from turning_shop.plot_style import VERMILLION
 from turning_shop.plots import draw_map_on
 from turning_shop.prediction import Evidence
 

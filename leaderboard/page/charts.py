@@ -12,7 +12,7 @@ from leaderboard.ranking import Leaderboard
 from leaderboard.standings import comparators
 from train import learning_curves
 from turning_env import Scenario
-from turning_shop.plot_style import policy_look
+from turning_render.plot_style import policy_look
 
 LEVELS = 4_094
 """A packed value is one of 0 to LEVELS, over the series' range: finer than a screen."""

@@ -17,7 +17,7 @@ from tqdm import tqdm
 from papers.figures import blanks, life, minutes, override, roughness, servo
 from turning_env.console import described, exits
 from turning_env.files import replace_file
-from turning_shop import plot_style as style
+from turning_render import plot_style as style
 
 _GRID_SEARCH = sorted((*minutes.FIGURES, *life.FIGURES), key=lambda figure: figure.name)
 FIGURES = {

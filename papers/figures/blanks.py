@@ -10,7 +10,7 @@ from papers.figures.paper_figure import PaperFigure, legend
 from papers.reproduce.part_programming import IMPROVED, NOT_NECESSARY, blanks, claim_checks, gain
 from papers.reproduce.part_programming_cases import CASES, case_checks
 from turning_env import Scenario
-from turning_shop import plot_style as style
+from turning_render import plot_style as style
 
 
 def columns() -> dict[str, tuple[str, ...]]:

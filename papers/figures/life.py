@@ -13,7 +13,7 @@ from papers.figures.responses import paper_run
 from papers.reproduce.alaskari_oraby import adaptive_control, life_checks, rival_checks, rivals, whole_life
 from papers.reproduce.checks import Check, claim
 from papers.verification import wear
-from turning_shop import plot_style as style
+from turning_render import plot_style as style
 
 _SPEEDS = {100.0: style.LINES[1], 145.0: style.LINES[2], 206.0: style.LINES[6]}
 _MEASURED: dict[str, Any] = style.PRINTED | {"marker": "s"}

@@ -12,7 +12,7 @@ from papers.figures.paper_figure import GRID_SEARCH, PaperFigure, legend, letter
 from papers.figures.responses import best_at_each_speed, paper_run, plane, responses, sides, wear_before
 from papers.reproduce.alaskari_oraby import rows, table_checks
 from papers.reproduce.checks import Check, claim
-from turning_shop import plot_style as style
+from turning_render import plot_style as style
 
 Look = dict[str, Any]
 Draw = Callable[[int], Figure]

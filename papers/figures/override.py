@@ -17,7 +17,7 @@ from papers.figures.paper_figure import PaperFigure
 from papers.reproduce.fuzzy_override import checks
 from papers.stepped_bar import Trajectory, play_bar, stepped_bar
 from turning_env import Scenario
-from turning_shop import plot_style as style
+from turning_render import plot_style as style
 
 DEPTHS = (1.0, 2.0, 3.0, 1.0, 3.0)
 """[mm], those of the preset `override`: steps up by 1 and by 2 mm, and down by 2."""

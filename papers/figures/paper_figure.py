@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from papers.reproduce.checks import Check
-from turning_shop import plot_style as style
+from turning_render import plot_style as style
 
 GRID_SEARCH = "Alaskari and Oraby (2018)"
 

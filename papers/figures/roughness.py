@@ -13,7 +13,7 @@ from baselines.models.part_program import PartProgram
 from papers.figures.paper_figure import PaperFigure, legend, lettered
 from papers.reproduce.constant_force import outcomes, record, simulation_checks, text_checks
 from turning_env import Scenario
-from turning_shop import plot_style as style
+from turning_render import plot_style as style
 
 PAPER = "Cus and Zuperl (2015)"
 _FREE: dict[str, Any] = {"color": style.ORANGE, "linewidth": 0.8, "linestyle": (0, (4, 1))}

@@ -18,7 +18,7 @@ from papers.reproduce.servo_current import (
     stepped,
 )
 from turning_env import Scenario
-from turning_shop import plot_style as style
+from turning_render import plot_style as style
 
 PAPER = "Wang, Ai, Ze and He, servo current"
 _TRUE: dict[str, Any] = {"color": style.BLACK, "linewidth": 1.0}

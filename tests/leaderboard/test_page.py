@@ -21,7 +21,7 @@ from leaderboard.standings import rank
 from tests.leaderboard.conftest import ENV_ID, MakeResult, play_all, spec
 from train.learning_curves import Training
 from turning_env import Scenario
-from turning_shop.plot_style import policy_look, policy_looks
+from turning_render.plot_style import policy_look, policy_looks
 
 HOSTILE = "<script>alert(1)"
 

@@ -16,7 +16,7 @@ from papers.reproduce.alaskari_oraby import rows
 from papers.reproduce.checks import Check, claim
 from papers.stepped_bar import stepped_bar
 from turning_env import Scenario
-from turning_shop import plot_style as style
+from turning_render import plot_style as style
 
 DOCS = Path(__file__).parents[2] / "docs" / "figures"
 UNITLESS = ("test at fixed speed and feed", "the two limits along which speed and feed are set", "")

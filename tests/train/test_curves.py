@@ -9,7 +9,7 @@ from tests.train.small import ALGORITHMS, small_run
 from train import curves, learning_curves
 from train.run import CURVE_COLUMNS, Run
 from turning_env import Scenario
-from turning_shop.plot_style import policy_looks
+from turning_render.plot_style import policy_looks
 
 
 def a_run(
