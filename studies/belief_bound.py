@@ -16,9 +16,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.models.kalman_steps import MAX_SPREAD, MIN_DEPTH
+from baselines.models.load_filter import READING_DOUBT
 from baselines.models.normal import excess
 from baselines.oracles.cells import between, start_episode_of, survey
-from studies.exact_filter import WEAR, NodeFilter
 from turning_env import Scenario
 from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.physics.records import STATE, new_records, scratch_records
@@ -33,6 +34,77 @@ _POINTS = np.array([0.25, 0.75])  # of a stretch, at which loads are expected
 _SPEEDS = np.array([-0.1, -0.05, 0.0, 0.05, 0.1])  # log steps from the speed at which force and power meet their limits
 _LADDER = 4  # speeds beside them
 _FEEDS = np.arange(-0.16, 0.09, 0.02)  # log steps from the feed at the limit
+
+
+class NodeFilter:
+    """An extended Kalman filter of depth and hardness in many bars with readings at the same places.
+
+    The simulator blends independent normal nodes, one correlation length apart. So each field is linear in four states, which the
+    filter keeps for depth (relative deviation) and for log hardness: the value at the tool, the node behind it, the bar's offset
+    and the node ahead, the last three in units of their spreads. Given the position, only the logarithm of depth is not linear.
+    """
+
+    def __init__(self, scenario: Scenario, bars: int) -> None:
+        work, sensors, material = scenario.workpiece, scenario.sensors, scenario.material
+        self._depth = work.depth_of_cut
+        along = work.depth_along_spread / work.depth_of_cut, work.hardness_along_spread
+        bar = work.depth_bar_spread / work.depth_of_cut, work.hardness_bar_spread
+        self._fields = tuple(zip(bar, along, (work.depth_correlation_length, work.hardness_correlation_length), strict=True))
+        self._exponents = np.array([[law.depth_of_cut, law.hardness] for law in (material.thrust_force, material.power)])
+        self._variance = np.array([sensors.force_noise, sensors.power_noise]) ** 2 + READING_DOUBT**2
+        self.mean = np.zeros((bars, 8))
+        self.covariance = np.zeros((bars, 8, 8)) + np.diag(
+            [each for b, a, _ in self._fields for each in (a * a + b * b, 1, 1, 1)]
+        )
+
+    def move(self, place: float, distance: float) -> tuple[Array, Array]:
+        """Return mean and covariance at a distance from a place [mm]."""
+        transition, growth = np.zeros((2, 8, 8))
+        for first, (bar, along, length) in zip((0, 4), self._fields, strict=True):
+            here, behind, offset, ahead = range(first, first + 4)
+            end = (place + distance) / length + 1e-12
+            share = end - np.floor(end)
+            weights = along * (1.0 - share**2) / (1.0 + share**2), along * 2.0 * share / (1.0 + share**2)
+            transition[offset, offset], transition[here, offset] = 1.0, bar
+            if np.floor(end) > np.floor(place / length + 1e-12):  # the node ahead is behind, and the next one is unknown
+                transition[behind, ahead], transition[here, ahead] = 1.0, weights[0]
+                growth[ahead, ahead], growth[here, here] = 1.0, weights[1] ** 2
+                growth[here, ahead] = growth[ahead, here] = weights[1]
+            else:
+                transition[behind, behind] = transition[ahead, ahead] = 1.0
+                transition[here, behind], transition[here, ahead] = weights
+        return self.mean @ transition.T, transition @ self.covariance @ transition.T + growth
+
+    def _loads(self, mean: Array) -> tuple[Array, Array]:
+        """Return the log ratios of force and power to nominal, shape (bars, 2), and their derivatives, shape (bars, 2, 8)."""
+        depth = np.maximum(1.0 + mean[:, 0], MIN_DEPTH)
+        derivatives = np.zeros((len(mean), 2, 8))
+        derivatives[:, :, 0], derivatives[:, :, 4] = self._exponents[:, 0] / depth[:, np.newaxis], self._exponents[:, 1]
+        return np.stack([np.log(depth), mean[:, 4]], axis=1) @ self._exponents.T, derivatives
+
+    def read(self, log_depth: Array, log_hardness: Array, noise: Array) -> None:
+        """Correct the estimate by readings of force and power at true log ratios of depth and hardness to nominal.
+
+        ``noise`` is standard normal, shape (bars, 2).
+        """
+        loads, derivatives = self._loads(self.mean)
+        surprise = np.stack([log_depth, log_hardness], axis=1) @ self._exponents.T + np.sqrt(self._variance) * noise - loads
+        spread = derivatives @ self.covariance @ derivatives.swapaxes(1, 2) + np.diag(self._variance)
+        gain = np.linalg.solve(spread, derivatives @ self.covariance).swapaxes(1, 2)
+        self.mean += np.einsum("nij,nj->ni", gain, surprise)
+        covariance = self.covariance - gain @ derivatives @ self.covariance
+        self.covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
+
+    def belief(self, place: float, distance: float) -> Array:
+        """Return what is believed at a distance from a place [mm], shape (6, bars).
+
+        Depth of cut [mm], log hardness, log ratios of force and power to nominal, and the standard deviations of these ratios.
+        """
+        mean, covariance = self.move(place, distance)
+        loads, derivatives = self._loads(mean)
+        variances = np.einsum("nai,nij,naj->na", derivatives, covariance, derivatives)
+        depth = self._depth * np.maximum(1.0 + mean[:, 0], MIN_DEPTH)
+        return np.stack([depth, mean[:, 4], *loads.T, *np.sqrt(np.clip(variances, 0.0, MAX_SPREAD**2)).T])
 
 
 def bound(scenario: Scenario, seed: int, stretch: float = 3.2, lives: int = LIVES) -> float:
@@ -56,43 +128,37 @@ def bound(scenario: Scenario, seed: int, stretch: float = 3.2, lives: int = LIVE
     bars = math.ceil(BARS * math.exp(-log_wear_factor / wear.time))
     fields = np.empty((3, bars * cells))
     survey(states, scratch, fields, cells)
-    lengths, beliefs = _beliefs(scenario, fields, bars, np.random.default_rng(seed))
-    life = wear.depth_of_cut * np.log(beliefs[0] / scenario.workpiece.depth_of_cut) + wear.hardness * beliefs[1]
-    beliefs[1] = np.exp((life + log_wear_factor) / wear.time)
-    return float(_best_return(states, scratch, lengths, beliefs, _SPEEDS, _LADDER, _FEEDS, lives))
+    lengths, believed = beliefs(scenario, fields[:2].reshape(2, bars, cells), np.random.default_rng(seed))
+    life = wear.depth_of_cut * np.log(believed[0] / scenario.workpiece.depth_of_cut) + wear.hardness * believed[1]
+    believed[1] = np.exp((life + log_wear_factor) / wear.time)
+    return float(_best_return(states, scratch, lengths, believed, _SPEEDS, _LADDER, _FEEDS, lives))
 
 
-def _beliefs(scenario: Scenario, fields: Array, bars: int, generator: np.random.Generator) -> tuple[Array, Array]:
-    """Return the stretches' lengths [mm], shape (bars, stretches), and what is believed at their points before they are cut.
+def beliefs(scenario: Scenario, truth: Array, generator: np.random.Generator) -> tuple[Array, Array]:
+    """Return the stretches' lengths [mm] and what is believed of their metal before they are cut.
 
-    The beliefs, shape (6, bars, stretches, points), are the fields of ``Outlook``.
+    Args:
+        scenario: task.
+        truth: logarithms of depth of cut [mm] and of hardness in the middle of cells, where loads are read;
+            shape (2, bars, cells).
+        generator: draws the readings' noise.
+
+    Returns:
+        Lengths, shape (bars, stretches), and beliefs as ``NodeFilter.belief`` returns them, shape (6, bars, stretches, points).
     """
-    work = scenario.workpiece
-    truth = fields[:2].reshape(2, bars, -1)
-    cells = truth.shape[2]
-    length = work.bar_length / cells
-    known = NodeFilter(scenario, bars)
-    known._prior[WEAR] = known._history = 0.0
-    known.reset(np.ones(bars, np.bool_))
-    lengths, beliefs = np.full((bars, cells + 1), length), np.empty((6, bars, cells + 1, len(_POINTS)))
-    lengths[:, [0, -1]] *= 0.5  # readings are in the middle of cells
-    place = 0.0
-    for i in range(cells + 1):
-        passed = lengths[0, i - 1] if i else 0.0
-        place += passed
-        known._path[:] = work.approach + place
-        transition, growth = known._transition(np.full(bars, passed))
-        known._mean = np.einsum("nij,nj->ni", transition, known._mean)
-        known._covariance = transition @ known._covariance @ transition.swapaxes(1, 2) + growth
+    _, bars, cells = truth.shape
+    lengths = np.full(cells + 1, scenario.workpiece.bar_length / cells)
+    lengths[[0, -1]] *= 0.5
+    believed = np.empty((6, bars, cells + 1, len(_POINTS)))
+    known, place = NodeFilter(scenario, bars), 0.0
+    for i, length in enumerate(lengths):
         if i:
-            log_depth, log_hardness = truth[0, :, i - 1] - np.log(work.depth_of_cut), truth[1, :, i - 1]
-            loads, derivatives = known._loads(known._mean)
-            factors = np.zeros((bars, 3))
-            factors[:, 0], factors[:, 1] = log_depth, log_hardness
-            noise = np.sqrt(known._noise) * generator.normal(size=loads.shape)
-            known._correct(derivatives, factors @ known._exponents.T + noise - loads, np.broadcast_to(known._noise, loads.shape))
-        beliefs[:, :, i] = known.ahead(np.outer(lengths[:, i], _POINTS))
-    return lengths, beliefs
+            known.mean, known.covariance = known.move(place, lengths[i - 1])
+            place += lengths[i - 1]
+            log_depth = truth[0, :, i - 1] - np.log(scenario.workpiece.depth_of_cut)
+            known.read(log_depth, truth[1, :, i - 1], generator.normal(size=(bars, 2)))
+        believed[:, :, i] = np.stack([known.belief(place, length * point) for point in _POINTS], axis=-1)
+    return np.broadcast_to(lengths, (bars, cells + 1)).copy(), believed
 
 
 @compiled
@@ -104,7 +170,7 @@ def expected_excess(log_mean, spread):
 
 @compiled_entry
 def _best_return(states, scratches, lengths, beliefs, speed_steps, ladder, feed_steps, lives):
-    """Return the bound on the return [s]; ``beliefs`` as from ``_beliefs``, with the factor on the rate of wear in place 1."""
+    """Return the bound on the return [s]; ``beliefs`` as from ``beliefs``, with the factor on the rate of wear in place 1."""
     state, p = states[0], scratches[0].parameters
     wear_law, force_law, power_law = p.wear_law, p.force_law, p.power_law
     low_speed, high_speed = np.log(p.cutting_speed_min), np.log(p.cutting_speed_max)

@@ -108,7 +108,7 @@ MISTAKES: dict[str, list[str]] = {
     "studies.clients": ["nothing", "--write"],
     "studies.exploits": ["--env nothing", "--seeds 0", "--search -1"],
     "studies.foresight": ["--jobs 0", "--split nothing"],
-    "studies.headroom": ["--seeds 0", "--rows nothing"],
+    "studies.headroom": ["--seeds 0", "--seeds 257"],
     "studies.measured_wear": ["nothing", "nothing --json"],
     "studies.mutants": ["--count x", "--out ."],
     "studies.audit": ["--constraints nothing"],

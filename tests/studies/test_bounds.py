@@ -1,12 +1,13 @@
-"""The exact filter is calibrated, the planner sees only what it is told, and the bound lies where it must."""
+"""Beliefs are as uncertain as they say, and bounds lie where they must."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from baselines.oracles import clairvoyant
 from baselines.oracles.cells import start_episode_of, survey
-from studies import belief_bound, headroom
-from studies.exact_filter import HIDDEN
+from studies import belief_bound, bound, headroom
 from turning_env import Scenario
 from turning_env.physics.records import STATE, new_records, scratch_records
 from turning_env.scoring.seeds import tuning_seeds
@@ -20,11 +21,10 @@ def test_beliefs_are_as_uncertain_as_they_say() -> None:
     scratch, states = scratch_records(SCENARIO), new_records(STATE, 1)
     states["seed"][0, 0] = tuning_seeds(1)[0]
     start_episode_of(states, scratch)
-    fields = np.empty((3, BARS * CELLS))
+    fields, between = np.empty((3, BARS * CELLS)), np.empty((3, BARS * 2 * CELLS))
     survey(states, scratch, fields, CELLS)
-    between = np.empty((3, BARS * 2 * CELLS))  # a quarter and three quarters along the stretches
-    survey(states, scratch, between, 2 * CELLS)
-    _, beliefs = belief_bound._beliefs(SCENARIO, fields, BARS, np.random.default_rng(0))
+    survey(states, scratch, between, 2 * CELLS)  # a quarter and three quarters along the stretches
+    _, beliefs = belief_bound.beliefs(SCENARIO, fields[:2].reshape(2, BARS, CELLS), np.random.default_rng(0))
     depth, hardness = between[:2].reshape(2, BARS, 2 * CELLS)[:, :, 1:-1].reshape(2, BARS, CELLS - 1, 2)
     depth -= np.log(SCENARIO.workpiece.depth_of_cut)
     for law, mean, spread in ((SCENARIO.material.thrust_force, 2, 4), (SCENARIO.material.power, 3, 5)):
@@ -44,17 +44,21 @@ def test_a_bound_on_beliefs_is_below_the_one_that_knows_the_bars() -> None:
     assert (believes > knows - 400.0).all()
 
 
-def test_the_planner_acts_on_what_it_is_told() -> None:
-    short = SCENARIO.model_copy(update={"control": SCENARIO.control.model_copy(update={"time_limit": 0.2})})
-    seeds = tuning_seeds(2)
-    played = {told: headroom.planned(short, seeds, *told) for told in ((), tuple(HIDDEN))}
-    assert (played[()] != played[tuple(HIDDEN)]).all()
-    assert headroom.without_lags(short).machine.feed_time_constant == 0.0
+@pytest.mark.slow
+def test_headroom_is_between_the_best_agent_and_the_bounds(capsys: pytest.CaptureFixture[str]) -> None:
+    assert headroom.main(["--seeds", "2"]) == 0
+    _, first, _, agent, rule = capsys.readouterr().out.splitlines()
+    assert first.startswith("clairvoyant bound")
+    assert agent.startswith("best agent")
+    assert agent.endswith("0.0 (0.0 to 0.0)")
+    assert rule.startswith("best rule")
 
 
 @pytest.mark.slow
-def test_shipped_rows_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert headroom.main(["--seeds", "2", "--rows", "clairvoyant", "agent"]) == 0
-    _, above, same = capsys.readouterr().out.splitlines()
-    assert above.startswith("clairvoyant bound")
-    assert same.split("  ")[-1] == "0.0 (0.0 to 0.0)"
+def test_every_step_of_the_grid_is_halved_in_turn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "short.toml").write_text('name = "short"\n[tool]\nwear_criterion = 0.13\n')
+    assert bound.main(["--seeds", "1", "--scenario", str(tmp_path / "short.toml")]) == 0
+    _, *rows, _ = capsys.readouterr().out.splitlines()
+    numbers = [[float(word) for word in row.split()[-4:]] for row in rows]
+    assert numbers[0][1:3] == [0.0, 0.0]
+    assert len({row[0] for row in numbers}) == len(numbers) == 5
