@@ -86,10 +86,9 @@ def tuning_of_an_agent(folder: Path) -> int:
 
 def leaderboard(folder: Path, more: Sequence[str] = ()) -> int:
     """Play a few rules."""
-    words = ["run", "--results", str(folder / "results"), "--env", "RoughTurning-Override-v0", "--seeds", "16"]
-    return leaderboard_command.main(
-        [*words, "--policies", "constant_force_limit", "programmed_feed", "fuzzy_override", "omative", "tmac", *more]
-    )
+    words = ["run", "--results", str(folder / "results"), "--env", "RoughTurning-Override-v0", "--seeds", "16", *more]
+    rules = ["constant_force_limit", "programmed_feed", "fuzzy_override", "omative", "tmac"]
+    return leaderboard_command.main([*words, "--policies", *rules])
 
 
 def _scenario(folder: Path) -> str:
@@ -109,56 +108,48 @@ PROGRAMS: dict[str, Program] = {
 
 @dataclass
 class Toll:
-    """Counts over the kills of a program: unreadable files, other results, surviving processes; undisturbed time [s]."""
+    """Counts over the kills of a program, and the duration of its undisturbed run [s]."""
 
     kills: int = 0
-    finished: int = 0  # although it had been killed before
-    torn: int = 0
-    differing: int = 0
-    orphans: int = 0
+    torn: int = 0  # files that cannot be read
+    differing: int = 0  # results
+    orphans: int = 0  # processes that survive
     seconds: float = 0.0
 
     @property
     def survived(self) -> bool:
-        """Whether no file was broken and no result lost."""
-        return self.torn == self.differing == self.orphans == 0 < self.finished
+        """Whether no file was broken, no result lost and no process left."""
+        return self.torn == self.differing == self.orphans == 0
 
 
 def kill(program: Program, kills: int, folder: Path, random: Random) -> Toll:
-    """Kill a program ``kills`` times, each at a random moment of its undisturbed duration, and start it again.
+    """Kill a program ``kills`` times, each in a new folder and at a random moment of its undisturbed duration.
 
-    Whenever it finishes, its results are compared with those of an undisturbed run, and it starts again in another folder.
+    Each time it is started again, and its results are compared with those of an undisturbed run.
 
     Raises:
         RuntimeError: the program fails although it was not killed.
     """
-    toll, begun = Toll(), 0
+    toll = Toll()
     _started(_nothing, folder / "warm").join()  # the server of processes imports all that is needed, once
     start = time.monotonic()
-    _finish(_started(program, folder / "undisturbed"), folder / "undisturbed")
+    _finish(program, folder / "undisturbed")
     toll.seconds = time.monotonic() - start
     expected = contents(folder / "undisturbed")
-    while toll.kills < kills or not toll.finished:
-        here, kills_before, begun = folder / f"killed{begun}", toll.kills, begun + 1
-        while True:
-            process = _started(program, here)
-            process.join(random.uniform(0.0, toll.seconds) if toll.kills < kills else MAX_SECONDS)
-            if not process.is_alive() or toll.kills == kills:
-                break
+    while toll.kills < kills:
+        here = folder / f"killed{toll.kills}"
+        process = _started(program, here)
+        process.join(random.uniform(0.0, toll.seconds))
+        if process.is_alive():
             toll.kills += 1
             toll.orphans += not _killed(process)
             toll.torn += len(unreadable(here))
-        _finish(process, here)
-        toll.finished += toll.kills > kills_before or toll.kills == kills
+        _finish(program, here)
         toll.differing += contents(here) != expected
     return toll
 
 
-def _nothing(folder: Path) -> int:
-    return 0
-
-
-def _started(program: Callable[..., object], folder: Path) -> BaseProcess:
+def _started(program: Program, folder: Path) -> BaseProcess:
     folder.mkdir(parents=True, exist_ok=True)
     # The server has no threads or other state that a fork would break.
     context = get_context("forkserver")
@@ -166,6 +157,10 @@ def _started(program: Callable[..., object], folder: Path) -> BaseProcess:
     process = context.Process(target=_run, args=(program, folder))
     process.start()
     return process
+
+
+def _nothing(folder: Path) -> int:
+    return 0
 
 
 def _run(program: Program, folder: Path) -> None:
@@ -193,7 +188,8 @@ def _killed(process: BaseProcess) -> bool:
     return False
 
 
-def _finish(process: BaseProcess, folder: Path) -> None:
+def _finish(program: Program, folder: Path) -> None:
+    process = _started(program, folder)
     process.join(MAX_SECONDS)
     if process.exitcode != 0:
         process.kill()
@@ -222,51 +218,48 @@ def unreadable(folder: Path) -> list[str]:
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Return digests of the files, ignoring times and journals, which also hold killed trials."""
-    kept = (path for path in files(folder) if path.suffix != ".log" and path.name != "run.json")
-    return {str(path.relative_to(folder)): sha256(_read(path, path.read_bytes())).hexdigest() for path in kept}
+    """Return digests of the files, without times and without journals, which also hold killed trials."""
+    found = {}
+    for path in files(folder):
+        if path.suffix != ".log" and path.name != "run.json":
+            content = path.read_bytes()
+            with suppress(Exception):  # what cannot be read differs
+                content = _read(path)
+            found[str(path.relative_to(folder))] = sha256(content).hexdigest()
+    return found
 
 
-def _read(path: Path, otherwise: bytes | None = None) -> bytes:
-    """Return the content that must be equal in all runs; if it cannot be read, return ``otherwise``, or raise if None."""
-    try:
-        content = path.read_bytes()
-        if not content:
-            raise ValueError("it is empty")
-        match path.suffix:
-            case ".xz":
-                json.loads(lzma.decompress(content, format=lzma.FORMAT_XZ))
-            case ".json":
-                json.loads(content)
-            case ".log":
-                for line in content.splitlines():
-                    json.loads(line)
-            case ".html":
-                if not content.rstrip().endswith(b"</html>"):
-                    raise ValueError("it has no end")
-            case ".csv":
-                rows = list(csv.DictReader(content.decode("utf-8").splitlines()))
-                return json.dumps([{key: float(row[key]) for key in row if key != "wall_time"} for row in rows]).encode()
-            case ".zip":  # a model of Stable-Baselines3: weights and optimisers' states; the rest names times and paths
-                with zipfile.ZipFile(path) as archive:
-                    if broken := archive.testzip():
-                        raise ValueError(f"{broken} is broken in it")
-                    return b"".join(archive.read(name) for name in sorted(archive.namelist()) if name.endswith((".pth", ".pt")))
-    except Exception:
-        if otherwise is None:
-            raise
-        return otherwise
+def _read(path: Path) -> bytes:
+    """Read a file to its end and return the content that must be equal in all runs."""
+    content = path.read_bytes()
+    if not content:
+        raise ValueError("it is empty")
+    match path.suffix:
+        case ".xz":
+            json.loads(lzma.decompress(content, format=lzma.FORMAT_XZ))
+        case ".json":
+            json.loads(content)
+        case ".log":
+            json.loads(b"[" + b",".join(content.splitlines()) + b"]")
+        case ".html" if not content.rstrip().endswith(b"</html>"):
+            raise ValueError("it has no end")
+        case ".csv":
+            rows = list(csv.DictReader(content.decode("utf-8").splitlines()))
+            return json.dumps([{key: float(row[key]) for key in row if key != "wall_time"} for row in rows]).encode()
+        case ".zip":  # a model of Stable-Baselines3: weights and optimisers' states; the rest names times and paths
+            with zipfile.ZipFile(path) as archive:
+                return b"".join(archive.read(name) for name in sorted(archive.namelist()) if name.endswith((".pth", ".pt")))
     return content
 
 
 class Endured(NamedTuple):
-    """Outcome of long use: memory growth [bytes] after the first tenth, and the number of environments that differ."""
+    """Outcome of long use."""
 
     steps: int
     episodes: int
-    growth: int
+    growth: int  # of memory after the first tenth [bytes]
     seconds: float
-    differing: int
+    differing: int  # environments that differ from single ones
 
 
 def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
@@ -304,22 +297,6 @@ def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
     return Endured(steps * num_envs, episodes, growth, seconds, len(apart))
 
 
-def reset_long(count: int) -> Endured:
-    """Reset one environment, every second time with a seed, and step it once each time; then compare it with a new one."""
-    env = RoughTurningEnv()
-    env.reset(seed=0)
-    seeds = iter(range(count))
-
-    def step() -> None:
-        seed = next(seeds)
-        env.reset(seed=seed if seed % 2 else None)
-        env.step(np.zeros(2, np.float32))
-
-    growth, seconds = repeat(step, count, "resets")
-    same = env.reset(seed=7)[0].tobytes() == RoughTurningEnv().reset(seed=7)[0].tobytes()
-    return Endured(count, count + 1, growth, seconds, 0 if same else 1)
-
-
 def repeat(step: Callable[[], None], count: int, what: str) -> tuple[int, float]:
     """Call ``step`` and return (growth of memory after the first tenth [bytes], duration [s])."""
     import psutil  # type: ignore[import-untyped]
@@ -340,32 +317,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", choices=("kills", "steps"), help="run this part alone")
     parser.add_argument("--kills", type=int, default=20, metavar="N", help="kills of each program (default: %(default)s)")
     parser.add_argument("--steps", type=int, default=100_000_000, metavar="N", help="steps of a batch (default: %(default)s)")
-    parser.add_argument(
-        "--resets", type=int, default=1_000_000, metavar="N", help="resets of one environment (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="seed of the moments of the kills (default: %(default)s)"
-    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the kills' moments (default: %(default)s)")
     parsed = parser.parse_args(arguments)
-    for name, least in (("kills", 1), ("steps", 10_000), ("resets", 100)):
-        if getattr(parsed, name) < least:
-            parser.error(f"--{name} is {getattr(parsed, name)}, but must be at least {least}")
+    for name, least in (("kills", 1), ("steps", 10_000)):
+        if (value := getattr(parsed, name)) < least:
+            parser.error(f"--{name} is {value}, but must be at least {least}")
     held = True
     if parsed.only != "steps":
         held &= _kill_all(parsed.kills, Random(parsed.seed))
     if parsed.only != "kills":
-        print("| use | steps or resets | episodes | per second | growth of memory [MB] | differing from single environments |")
-        print("|---|---|---|---|---|---|")
-        for name, came in (("1024 environments", step_long(parsed.steps)), ("resets", reset_long(parsed.resets))):
-            speed, growth = came.steps / came.seconds, came.growth / 1e6
-            print(f"| {name} | {came.steps} | {came.episodes} | {speed:.0f} | {growth:.1f} | {came.differing} |", flush=True)
-            held &= came.growth <= MAX_GROWTH and came.differing == 0
+        came = step_long(parsed.steps)
+        print("\n| steps | episodes | per second | growth of memory [MB] | differing from single environments |")
+        print("|---|---|---|---|---|")
+        print(
+            f"| {came.steps} | {came.episodes} | {came.steps / came.seconds:.0f} | {came.growth / 1e6:.1f} | {came.differing} |"
+        )
+        held &= came.growth <= MAX_GROWTH and came.differing == 0
     return 0 if held else 1
 
 
 def _kill_all(kills: int, random: Random) -> bool:
-    print("| program | kills | finished though killed | files torn | other results | processes left | undisturbed [s] |")
-    print("|---|---|---|---|---|---|---|")
+    print("| program | kills | files torn | other results | processes left | undisturbed [s] |")
+    print("|---|---|---|---|---|---|")
     held = True
     with ExitStack() as stack:
         programs = dict(PROGRAMS)
@@ -378,7 +351,7 @@ def _kill_all(kills: int, random: Random) -> bool:
         for name, program in programs.items():
             with TemporaryDirectory() as folder:
                 toll = kill(program, kills, Path(folder), random)
-            figures = (toll.kills, toll.finished, toll.torn, toll.differing, toll.orphans, f"{toll.seconds:.0f}")
+            figures = (toll.kills, toll.torn, toll.differing, toll.orphans, f"{toll.seconds:.0f}")
             print(f"| {name} | {' | '.join(map(str, figures))} |", flush=True)
             held &= toll.survived
     return held

@@ -61,4 +61,5 @@ def test_every_step_of_the_grid_is_halved_in_turn(tmp_path: Path, capsys: pytest
     _, *rows, _ = capsys.readouterr().out.splitlines()
     numbers = [[float(word) for word in row.split()[-4:]] for row in rows]
     assert numbers[0][1:3] == [0.0, 0.0]
-    assert len({row[0] for row in numbers}) == len(numbers) == 5
+    assert len({row[0] for row in numbers}) > 1
+    assert all(row[0] == pytest.approx(numbers[0][0] + row[1], abs=0.011) for row in numbers)

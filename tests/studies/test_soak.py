@@ -13,12 +13,6 @@ def test_many_steps_neither_grow_nor_drift() -> None:
     assert came.growth <= soak.MAX_GROWTH
 
 
-def test_many_resets_do_not_grow() -> None:
-    came = soak.reset_long(2000)
-    assert came.differing == 0
-    assert came.growth <= soak.MAX_GROWTH
-
-
 def test_growth_is_found_out() -> None:
     kept: list[mmap] = []  # never memory that was freed before
 
