@@ -1,6 +1,7 @@
 """Agents of any origin become agent files that act as they do, or are refused with the reason."""
 
-from dataclasses import replace
+import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +16,18 @@ from stable_baselines3 import A2C, PPO, SAC, TD3
 from stable_baselines3.common.vec_env import VecNormalize
 
 from tests.train import onnx_agents
+from tests.train.small import ALGORITHMS, small_run
 from train import export
-from train.actor import ActorPolicy
+from train.actor import Actor, ActorPolicy
 from train.agents import agent_file, onnx_policy
 from train.agents.agent_file import AgentFile
 from train.agents.to_onnx import sb3_actor
-from turning_env import Scenario
+from train.run import Run
+from train.training import Algorithm, load_agent, new_model
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 
-SCENARIO = onnx_agents.SCENARIO
+SCENARIO, ALGORITHM = onnx_agents.SCENARIO, ALGORITHMS["ppo"]
 OBSERVATIONS = np.random.default_rng(1).uniform(-1, 3, (10, 5, 11)).astype(np.float32)
 
 
@@ -229,23 +232,66 @@ def test_what_an_onnx_file_lacks_is_said(tmp_path: Path, capsys: pytest.CaptureF
     assert "is no ONNX file" in refusal(capsys, out, path)
 
 
-def test_agents_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(export, "load_actor", lambda run: onnx_agents.memoryless())
-    monkeypatch.setattr(export, "to_onnx", lambda actor, about: onnx_agents.retold(about.properties()))
-    runs = [onnx_agents.run(tmp_path / "runs" / f"{name}-seed1", 1, name) for name in ("ppo", "sac")]
-    for run in runs:
-        run.begin()
-        run.policy.touch()
-    assert runs[0].name == "ppo_short"  # the name without the scenario is that of the agent that ships
-    assert exported(tmp_path / "own", runs[0].policy, "--name", "mine").label == "mine-seed1"
-    assert export.main([str(tmp_path / "runs"), "--out", str(tmp_path / "all")]) == 0
-    assert sorted(path.name for path in (tmp_path / "all").iterdir()) == ["ppo_short-seed1.onnx", "sac_short-seed1.onnx"]
-    out = tmp_path / "out"
-    assert "would both be" in refusal(capsys, out, tmp_path / "runs", "--name", "mine")
-    assert "the name is '../x'" in refusal(capsys, out, runs[0].folder, "--name", "../x")
-    assert "--seed is for .zip and .onnx files" in refusal(capsys, out, runs[0].folder, "--seed", 1)
-    preset = Scenario.load("rough_turning")
-    assert replace(runs[0], scenario=preset.model_copy(update={"name": "copy"})).name == "ppo"
+def finished(algorithm: Algorithm, runs: Path) -> Run:
+    """A run that ends before it has begun: its agent is untrained."""
+    run = small_run(algorithm, runs, SCENARIO)
+    run.begin()
+    model = new_model(run, algorithm)
+    model.env = None
+    model.save(run.policy)
+    return run
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ppo", "sac", "recurrent_ppo", "analytic_gradient"])
+def test_runs_of_every_network_can_be_exported(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = finished(ALGORITHMS[name], tmp_path)
+    assert export.main([str(run.folder), "--out", str(tmp_path / "out"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    path = tmp_path / "out" / f"{name}_short-seed3.onnx"  # the name without the scenario is that of the agent that ships
+    assert (told["path"], told["size"], told["observations"]) == (str(path), path.stat().st_size, 500)
+    original, loaded = load_agent(run.folder), onnx_policy.load(path)
+    assert (loaded.name, loaded.training_seed, loaded.trained_on) == (original.name, 3, run.scenario)
+    assert (loaded.command, loaded.parameters, loaded.sha256) == (run.command, run.parameters, told["digest"])
+    mine, its = original.make(5), loaded.make(5)
+    for observation in OBSERVATIONS:
+        np.testing.assert_allclose(its.act(observation), mine.act(observation), rtol=0, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_the_same_agent_gives_the_same_bytes_which_say_nothing_of_where_they_were_made(tmp_path: Path) -> None:
+    for module in (layers(), Recurrent()):
+        contents = []
+        for name in ("first", "again"):
+            path = tmp_path / f"{name}.onnx"
+            export.export_torch(module, path, scenario=SCENARIO, name="me")
+            contents.append(path.read_bytes())
+        assert contents[0] == contents[1]
+        assert sys.prefix.encode() not in contents[0]
+        assert b".py" not in contents[0]
+
+
+@pytest.mark.slow
+def test_a_file_that_acts_otherwise_is_not_written(tmp_path: Path) -> None:
+    class Fickle(Actor):
+        def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+            action = (0.1 * observation[:, :2]).clamp(-1, 1)
+            return action if torch.compiler.is_compiling() else action + 2.5e-5, memory
+
+    with pytest.raises(ValueError, match="acts otherwise, by up to 2"):
+        export.export_torch(Fickle(), tmp_path / "out.onnx", scenario=SCENARIO)
+    assert not (tmp_path / "out.onnx").exists()
+
+
+def test_runs_that_cannot_be_exported_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, run = tmp_path / "out", onnx_agents.run(tmp_path / "runs" / "ppo-seed0")
+    assert "holds no agent" in refusal(capsys, out, run.folder)
+    run.begin()
+    assert "not finished" in refusal(capsys, out, run.folder)
+    assert "--seed is for .zip and .onnx files" in refusal(capsys, out, finished(ALGORITHM, tmp_path).folder, "--seed", 1)
+    runs = finished(ALGORITHM, tmp_path / "one").folder, finished(ALGORITHM, tmp_path / "other").folder / "policy.zip"
+    assert "would both be" in refusal(capsys, out, *runs)
+    assert "the name is '../x'" in refusal(capsys, out, runs[0], "--name", "../x")
 
 
 def test_a_folder_stands_for_its_only_file(tmp_path: Path) -> None:

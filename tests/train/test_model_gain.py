@@ -1,7 +1,6 @@
 """The differentiable gain against its formula, written out for single steps, and against what the environment charges."""
 
 import math
-from copy import copy
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from scipy.stats import norm
 from baselines.models.edge_value import USED_LIVES, worth
 from train.analytic_actor import ACTUAL, TargetCommands
 from train.analytic_gradient import HindsightVecEnv
-from train.model_gain import FIELDS, POINTS, WINDOW_EDGE, ModelGain, Truth
+from train.model_gain import FIELDS, POINTS, WINDOW_EDGE, ModelGain, Truth, flat_prices
 from turning_env import Scenario
 from turning_env.vector_env import info_at_end_of_step
 
@@ -20,7 +19,6 @@ BASE, SHIFT, OVERRIDE = (Scenario.load(preset) for preset in ("rough_turning", "
 JOB = BASE.model_copy(update={"workpiece": BASE.workpiece.model_copy(update={"bars": 1})})
 PATH, DEPTH, HARDNESS, USED_LIFE, FORCE = range(len(FIELDS))
 PITCH, APPROACH = BASE.workpiece.bar_length + BASE.workpiece.approach, BASE.workpiece.approach
-GAINS: dict[str, ModelGain] = {}  # prices take seconds to compute
 SHARE = (np.arange(POINTS) + 0.5) / POINTS
 
 
@@ -77,29 +75,36 @@ def test_a_changed_edge_cuts_nothing_and_keeps_the_used_life_of_the_old_one() ->
     assert (float(truth.changed), float(truth.failed)) == (1.0, 0.0)
 
 
-def expected_gain(
-    scenario: Scenario, gain: ModelGain, speed: float, feed: float, depth: float, hardness: float, used: float
-) -> Any:
+PRICES = {each.digest(): worth(each, each.economics.overload_price) for each in (BASE, SHIFT, OVERRIDE)}
+PRICES[JOB.digest()] = flat_prices(JOB)
+
+
+def gain_of(scenario: Scenario) -> ModelGain:
+    """The gain on a scenario's machine with drives that do not lag."""
+    machine = scenario.machine.model_copy(update={"spindle_time_constant": 0.0, "feed_time_constant": 0.0})
+    return ModelGain(scenario.model_copy(update={"machine": machine}), PRICES[scenario.digest()])
+
+
+def expected_gain(scenario: Scenario, speed: float, feed: float, depth: float, hardness: float, used: float) -> Any:
     """The gain in two parts, its derivatives by log speed and log feed, and what going on earned: the formula, without lags."""
     material, limits, tool, economics = scenario.material, scenario.limits, scenario.tool, scenario.economics
+    time_price, life_prices = PRICES[scenario.digest()]
+    life_price = float(np.interp(used, [0.0, *USED_LIVES], [life_prices[0], *life_prices]))
 
     def cost(v: float, f: float) -> tuple[float, float, float]:
-        """Cost per time, life used per time and expected cost of breakage."""
+        """Cost per time, expected cost of breakage, and earnings per time."""
         wear = tool.wear_criterion * used**material.wear.time
         force = material.thrust_force(v, f, depth, wear=wear, hardness=hardness) / limits.thrust_force
         power = material.power(v, f, depth, wear=wear, hardness=hardness) / limits.power
         per_minute = (material.wear(v, f, depth, hardness=hardness) / tool.wear_criterion) ** (1.0 / material.wear.time)
-        price = float(np.interp(used, np.linspace(0, 1, len(gain._prices)), gain._prices.numpy()))
         overload = economics.overload_price * (max(force - 1.0, 0.0) + max(power - 1.0, 0.0))
-        time_price = float(gain._time_price)
         strength = math.log(tool.edge_strength / limits.thrust_force)
         risk = norm.cdf((math.log(force) - strength) / tool.edge_strength_spread)
         edge = 60.0 * (economics.edge_cost + economics.edge_change_time)
         lost = 60.0 * economics.breakage_downtime + edge * (1.0 - used)
-        earned = price * per_minute / 60.0
-        if price <= 0.0:
-            earned = v * f * depth / economics.reference_removal_rate - overload - time_price
-        return time_price + overload + price * per_minute / 60.0, risk * lost, earned
+        life = life_price * per_minute / 60.0
+        metal = v * f * depth / economics.reference_removal_rate - overload - time_price
+        return time_price + overload + life, risk * lost, life if life_price > 0.0 else metal
 
     rate, breakage, earned = cost(speed, feed)
     interval, h = scenario.control.interval, 1e-4
@@ -113,15 +118,7 @@ def expected_gain(
         (travelling(speed * math.exp(a), feed * math.exp(b)) - travelling(speed * math.exp(-a), feed * math.exp(-b))) / (2 * h)
         for a, b in ((h, 0.0), (0.0, h))
     ]
-    return -interval * rate, -breakage, slopes[0], slopes[1], interval * earned
-
-
-def gain_of(scenario: Scenario) -> ModelGain:
-    """The gain on a scenario's machine with drives that do not lag."""
-    if scenario.digest() not in GAINS:
-        machine = scenario.machine.model_copy(update={"spindle_time_constant": 0.0, "feed_time_constant": 0.0})
-        GAINS[scenario.digest()] = ModelGain(scenario.model_copy(update={"machine": machine}))
-    return GAINS[scenario.digest()]
+    return -interval * rate, -breakage, *slopes, interval * earned
 
 
 @pytest.mark.parametrize(
@@ -147,7 +144,7 @@ def test_the_gain_is_its_formula(
     assert commands.grad is not None
     assert not going_on.requires_grad
     numbers = found.item(), *commands.grad.flatten().tolist(), going_on.item()
-    cost, breakage, *others = expected_gain(scenario, gain, speed, feed, depth, hardness, used)
+    cost, breakage, *others = expected_gain(scenario, speed, feed, depth, hardness, used)
     assert numbers == pytest.approx((cost + breakage, *others), rel=2e-3, abs=2e-3)
 
 
@@ -157,25 +154,23 @@ def test_a_step_costs_the_mean_of_its_points_and_the_worst_risk() -> None:
     now = torch.full((1, 1), 100.0), torch.full((1, 1), 0.1)
     entering = truth_of(state(APPROACH - 0.4, 0.0, 0.0, 0.8), state(APPROACH + 0.6, 4.0, 1.3, 0.8))
     found, going_on = (each.item() for each in gain(log_speed, log_feed, *now, entering))
-    cost, breakage, _, _, earned = expected_gain(BASE, gain, 190.0, 0.6, 4.0, 1.3, 0.8)
-    in_air = -BASE.control.interval * float(gain._time_price)
+    cost, breakage, _, _, earned = expected_gain(BASE, 190.0, 0.6, 4.0, 1.3, 0.8)
+    in_air = -BASE.control.interval * PRICES[BASE.digest()].time
     assert breakage < -0.1
     assert found == pytest.approx(0.4 * in_air + 0.6 * cost + breakage, rel=1e-3)
     assert going_on == pytest.approx(0.6 * earned, rel=1e-3)
 
 
-def test_prices_and_going_on_with_changed_edges() -> None:
-    economics = BASE.economics
-    flat = 60.0 * (economics.edge_cost + economics.edge_change_time)
-    assert gain_of(JOB).price(torch.tensor([0.0, 0.7, 1.0])).tolist() == pytest.approx([flat] * 3)
-    gain = gain_of(BASE)
-    nodes = gain._prices.numpy()
-    assert len(nodes) == len(USED_LIVES) + 1
-    assert nodes[1] > nodes[-1]  # an edge that ends with its episode is worth the less, the more it is used
-    assert float(gain.price(torch.tensor(2.25 / (len(nodes) - 1)))) == pytest.approx(0.75 * nodes[2] + 0.25 * nodes[3], rel=1e-5)
-    assert gain.price(torch.tensor([-1.0, 0.0])).tolist() == [nodes[0], nodes[0]]
-    assert gain.price(torch.tensor([1.0, 2.0])).tolist() == [nodes[-1], nodes[-1]]
+def test_prices_are_interpolated_between_used_lives() -> None:
+    gain, nodes = gain_of(BASE), PRICES[BASE.digest()].life
+    used = torch.tensor([-1.0, 2.25 / len(nodes), 1.0, 2.0])
+    assert gain.price(used).tolist() == pytest.approx(
+        [nodes[0], 0.75 * nodes[1] + 0.25 * nodes[2], nodes[-1], nodes[-1]], rel=1e-5
+    )
+    assert len(set(gain_of(JOB).price(used).tolist())) == 1  # a job ends before the edge
 
+
+def test_going_on_with_changed_edges() -> None:
     gain = gain_of(SHIFT)
     commands = torch.full((1, 1), math.log(160.0)), torch.full((1, 1), math.log(0.12))
     now = torch.full((1, 1), 160.0), torch.full((1, 1), 0.12)
@@ -185,7 +180,7 @@ def test_prices_and_going_on_with_changed_edges() -> None:
     _, stays = gain(*commands, *now, truth_of(nominal, nominal))
     assert float(had_it_stayed) == pytest.approx(float(stays)) != 0.0
     _, found_worn = gain(*commands, *now, truth_of(worn, fresh, changed=True, failed=True))
-    assert float(found_worn) == pytest.approx(-60.0 * SHIFT.economics.unplanned_stop * float(gain._time_price))
+    assert float(found_worn) == pytest.approx(-60.0 * SHIFT.economics.unplanned_stop * PRICES[SHIFT.digest()].time)
     assert float(gain(*commands, *now, truth_of(air, air))[1]) == 0.0
 
 
@@ -198,56 +193,6 @@ def test_an_edge_is_changed_where_going_on_loses_on_average() -> None:
         assert score.grad.item() == pytest.approx(-0.5 * sum(outcomes))
     value = gain.edge_change_gain(torch.tensor([1.0, 1.0]), torch.tensor([2.0, -2.0])).tolist()
     assert value == pytest.approx([-2.0 * math.log1p(math.e), -2.0 * math.log1p(math.exp(-1.0))])
-
-
-def test_drives_follow_their_commands_with_their_lags() -> None:
-    scenario = OVERRIDE  # its steps are short
-    gain, machine, interval = ModelGain(scenario), scenario.machine, scenario.control.interval
-    for drive, lag in enumerate((machine.spindle_time_constant, machine.feed_time_constant)):
-        commanded = torch.full((3, 1), 100.0, requires_grad=True)
-        followed = gain._follow(commanded, torch.full((3, 1), 80.0), drive)
-        assert followed[2, 0].tolist() == pytest.approx(list(100.0 - 20.0 * np.exp(-SHARE * interval / lag)), rel=1e-5)
-        (slope,) = torch.autograd.grad(followed[2].sum(), commanded)
-        left = np.exp(-SHARE * interval / lag).sum()
-        carried = math.exp(-interval / lag)
-        expected = [left * carried * (1 - carried), left * (1 - carried), POINTS - left]
-        assert slope[:, 0].tolist() == pytest.approx(expected, rel=1e-4)
-    commanded = torch.full((2, 1), 100.0, requires_grad=True)
-    (slope,) = torch.autograd.grad(gain_of(BASE)._follow(commanded, torch.full((2, 1), 80.0), 0)[1].sum(), commanded)
-    assert slope[:, 0].tolist() == [0.0, POINTS]
-
-
-@pytest.mark.parametrize("lagging", [0, 1])
-def test_each_drive_has_its_own_lag(lagging: int) -> None:
-    gain = copy(gain_of(BASE))
-    gain._left = [gain._left[0], gain._left[0]]
-    gain._left[lagging] = torch.full((POINTS,), 0.5), 0.5
-    ends = truth_of(state(100.0), state(110.0))
-    commands = torch.full((1, 1), math.log(120.0)), torch.full((1, 1), math.log(0.3))
-    cruising, slow_drive, slow_feed = (
-        gain(*commands, torch.full((1, 1), speed), torch.full((1, 1), feed), ends)[0].item()
-        for speed, feed in ((120.0, 0.3), (60.0, 0.3), (120.0, 0.15))
-    )
-    assert (slow_drive != cruising, slow_feed != cruising) == (lagging == 0, lagging == 1)
-
-
-def test_an_edge_of_known_strength_and_one_of_little_worth() -> None:
-    gain = copy(gain_of(BASE))
-    gain._strength_spread = torch.tensor(1e-3)
-    gain._prices = torch.full_like(gain._prices, 0.5)
-    commands, now = (torch.full((1, 1), math.log(120.0)), torch.full((1, 1), math.log(0.3))), (torch.ones(1, 1),) * 2
-    truth = truth_of(state(100.0), state(100.0))
-    wear = BASE.tool.wear_criterion * 0.5**BASE.material.wear.time
-    force = math.log(BASE.material.thrust_force(120.0, 0.3, 3.0, wear=wear, hardness=1.0) / BASE.limits.thrust_force)
-    gains = []
-    for strength in (force + 1e-3, force + 1.0):
-        gain._log_strength = strength
-        found, going_on = gain(*commands, *now, truth)
-        gains.append(found.item())
-    lost = gain._downtime + 0.5 * float(gain._edge_price)
-    assert gains[1] - gains[0] == pytest.approx(norm.cdf(-1.0) * lost, rel=5e-3)
-    per_minute = (BASE.material.wear(120.0, 0.3, 3.0, hardness=1.0) / BASE.tool.wear_criterion) ** (1.0 / BASE.material.wear.time)
-    assert going_on.item() == pytest.approx(BASE.control.interval * 0.5 * per_minute / 60.0, rel=1e-4)
 
 
 def test_an_edge_that_has_borne_a_force_does_not_break_at_it() -> None:
@@ -299,10 +244,10 @@ def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None
     truth = Truth(BASE, before, after, np.stack(changed), np.stack(failed))
     log_speed, log_feed = commands.commanded(target, seen)
     given = log_speed, log_feed, *commands.speed_and_feed(seen, ACTUAL), truth
-    gain = ModelGain(BASE)
-    free, dear = copy(gain), copy(gain)
-    free._scenario = BASE.model_copy(update={"economics": BASE.economics.model_copy(update={"overload_price": 0.0})})
-    dear._prices = dear._prices + 1000.0
+    prices = PRICES[BASE.digest()]
+    unpriced = BASE.model_copy(update={"economics": BASE.economics.model_copy(update={"overload_price": 0.0})})
+    gain, free = ModelGain(BASE, prices), ModelGain(unpriced, prices)
+    dear = ModelGain(BASE, prices._replace(life=prices.life + 1000.0))
     charged = (free(*given)[0] - gain(*given)[0]).numpy()
     assert reported.max() > 1.0
     inside = (before[:, DEPTH] > 0) & (after[:, DEPTH] > 0)  # entries and exits are known to a fifth of a step
@@ -318,7 +263,7 @@ def test_outside_the_chip_breakers_window_the_cost_grows_to_that_of_tangled_chip
     tangling = Scenario.load({"swarf": swarf})
     assert tangling.feed_range == (0.2, 0.4)
     assert BASE.feed_range == (0.06, 0.6)
-    prices = worth(BASE, BASE.economics.overload_price)
+    prices = PRICES[BASE.digest()]
     models = ModelGain(BASE, prices), ModelGain(tangling, prices)
     truth = truth_of(state(100.0), state(110.0))
 

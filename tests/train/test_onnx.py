@@ -1,6 +1,5 @@
 """An agent's file acts as the agent, says what it is, and no other file is loaded."""
 
-import json
 import subprocess
 import sys
 from collections.abc import Callable
@@ -9,23 +8,18 @@ from pathlib import Path
 import numpy as np
 import onnx
 import pytest
-import torch
 from numpy.typing import NDArray
 from onnx import helper, numpy_helper
 
-from tests.train import onnx_agents, small
-from train import export
-from train.actor import Actor, ActorPolicy
+from tests.train import onnx_agents
+from train.actor import ActorPolicy
 from train.agents import agent_file, onnx_policy
 from train.agents.network import tried
-from train.training import Algorithm, load_agent, new_model
 from turning_env import Scenario
 from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 
 ALL = np.ones(5, np.bool_)
 ACTORS = {False: onnx_agents.memoryless, True: onnx_agents.remembering}
-
-ONE_PER_NETWORK = list({algorithm.network: algorithm for algorithm in small.ALGORITHMS.values()}.values())
 
 
 def observations(steps: int, num_envs: int = 5) -> NDArray[np.float32]:
@@ -43,76 +37,6 @@ def test_a_file_acts_as_the_agent_and_forgets_each_environment_by_itself(memory:
         mine, its = original.act(observation), exported.act(observation)
         assert (its.shape, its.dtype) == ((5, 2), np.float32)
         np.testing.assert_allclose(its, mine, rtol=0, atol=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("memory", [False, True])
-def test_the_same_agent_gives_the_same_bytes_which_say_nothing_of_where_they_were_made(memory: bool) -> None:
-    with torch.no_grad():
-        first, again = (export.to_onnx(ACTORS[memory](), export.metadata(onnx_agents.run(Path()))) for _ in range(2))
-    assert first == again
-    assert sys.prefix.encode() not in first
-    assert b".py" not in first
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("algorithm", ONE_PER_NETWORK, ids=lambda algorithm: algorithm.name)
-def test_agents_of_every_network_can_be_exported(
-    algorithm: Algorithm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(export, "STEPS", 10)
-    monkeypatch.setattr(export, "TIMED_CALLS", 10)
-    run = small.small_run(algorithm, tmp_path)
-    run.begin()
-    model = new_model(run, algorithm)
-    model.env = None
-    model.save(run.policy)
-    assert export.main([str(run.folder), "--out", str(tmp_path / "out"), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    path = tmp_path / "out" / f"{algorithm.name}_short-seed3.onnx"
-    assert (told["path"], told["size"], told["observations"]) == (str(path), path.stat().st_size, 1_000)
-    assert told["largest_difference"] <= 1e-5
-    original, loaded = load_agent(run.folder), onnx_policy.load(path)
-    assert (loaded.name, loaded.training_seed, loaded.trained_on) == (original.name, 3, run.scenario)
-    assert (loaded.command, loaded.parameters, loaded.sha256) == (run.command, run.parameters, told["digest"])
-    mine, its = original.make(5), loaded.make(5)
-    for observation in observations(5):
-        np.testing.assert_allclose(its.act(observation), mine.act(observation), rtol=0, atol=1e-5)
-
-
-@pytest.mark.slow
-def test_a_file_that_acts_otherwise_is_not_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    class Fickle(Actor):
-        def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-            action = (0.1 * observation[:, :2]).clamp(-1, 1)
-            return action if torch.compiler.is_compiling() else action + 2.5e-5, memory
-
-    run = onnx_agents.run(tmp_path / "run")
-    run.begin()
-    monkeypatch.setattr(export, "load_actor", lambda run: Fickle())
-    assert export.main([str(run.folder), "--out", str(tmp_path / "out")]) == 2
-    assert "acts otherwise, by up to 2" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_what_cannot_be_exported_is_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    run = onnx_agents.run(tmp_path / "run")
-    arguments = [str(run.folder), "--out", str(tmp_path / "out")]
-    assert export.main(arguments) == 2
-    assert "holds no agent" in capsys.readouterr().err
-    run.begin()
-    assert export.main(arguments) == 2
-    assert "not finished" in capsys.readouterr().err
-    monkeypatch.setattr(export, "load_actor", lambda run: onnx_agents.memoryless())
-    wide = onnx_agents.of_nodes([helper.make_node("Identity", ["observation"], ["action"])], {}, actions=3)
-    monkeypatch.setattr(export, "to_onnx", lambda actor, about: wide)
-    assert export.main(arguments) == 2
-    assert "has outputs {'action': 3}, but must have {'action': 2}" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
 
 
 Change = Callable[[onnx.ModelProto], object]

@@ -1,12 +1,10 @@
 """Terms of training charge what they should, and actors are shown in play what their training showed."""
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from stable_baselines3.common.callbacks import BaseCallback
 
 from tests.train.small import SCENARIO, small_run
 from tests.turning_env.playing import changed
@@ -24,9 +22,9 @@ MIXED = changed(SCENARIO, tool={"edge_strength": 1500.0, "edge_strength_spread":
 NUM_ENVS = 8
 
 
-@pytest.mark.parametrize("lathes", [ChargedAtEnd, ChargedMarginally])
-def test_what_is_learned_from_adds_up_over_an_edge(lathes: type[RoughTurningVecEnv]) -> None:
-    ours, single = lathes(MIXED, NUM_ENVS, 0.5), RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep")
+@pytest.mark.parametrize("envs", [ChargedAtEnd, ChargedMarginally])
+def test_what_is_learned_from_adds_up_over_an_edge(envs: type[RoughTurningVecEnv]) -> None:
+    ours, single = envs(MIXED, NUM_ENVS, 0.5), RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep")
     ours.seed(5)
     ours.reset()
     single.reset(seed=5)
@@ -51,8 +49,8 @@ def test_what_is_learned_from_adds_up_over_an_edge(lathes: type[RoughTurningVecE
 
 
 def test_a_fresh_edge_is_dear_and_a_worn_one_cheap_at_the_marginal_price() -> None:
-    lathes = ChargedMarginally(Scenario(), 1)
-    fresh, worn = (lathes.potential(np.array([low, low + 0.1])) for low in (0.0, 0.9))
+    envs = ChargedMarginally(Scenario(), 1)
+    fresh, worn = (envs.potential(np.array([low, low + 0.1])) for low in (0.0, 0.9))
     assert fresh[1] < fresh[0]  # pays more than the flat price
     assert worn[1] > worn[0]
 
@@ -69,23 +67,21 @@ class Shown(Actor):
 def test_an_actor_is_shown_in_play_what_its_training_showed(position: bool, frames: int) -> None:
     terms = Terms(MIXED, position, frames)
     plain = RoughTurningVecEnv(MIXED, NUM_ENVS)
-    lathes = terms.shown(RoughTurningVecEnv(MIXED, NUM_ENVS))
+    envs = terms.shown(RoughTurningVecEnv(MIXED, NUM_ENVS))
     shown = Shown()
     entries = 11 + 2 * position
-    assert lathes.observation_space.shape == (frames * entries,)
+    assert envs.observation_space.shape == (frames * entries,)
     policy = ActorPolicy(terms.actor(shown), NUM_ENVS)
-    for each in (lathes, plain):
+    for each in (envs, plain):
         each.seed(3)
-    observations, single = np.array(lathes.reset()), plain.reset()
+    observations, single = np.array(envs.reset()), plain.reset()
     generator, ends = np.random.default_rng(1), 0
     for _ in range(200):
-        if frames == 1:  # the library mixes up the bounds of stacked observations, which no algorithm here uses
-            assert lathes.observation_space.contains(observations[0])
         policy.act(single)
         np.testing.assert_array_equal(shown.last.numpy(), observations)
         actions = generator.uniform(-0.5, 1.0, (NUM_ENVS, 2)).astype(np.float32)
         before = observations
-        found, _, dones, infos = lathes.step(actions)
+        found, _, dones, infos = envs.step(actions)
         observations = np.array(found)
         single, _, _, plain_infos = plain.step(actions)
         for index in np.flatnonzero(dones):
@@ -117,38 +113,18 @@ def test_a_trained_agent_acts_on_plain_observations_as_its_policy_on_what_it_was
     run = small_run(algorithm, tmp_path, **terms)
     path = train(run, algorithm)
     model, policy = algorithm.model.load(path), ActorPolicy(algorithm.actor(path), NUM_ENVS)
-    lathes, plain = Terms.of(run).shown(RoughTurningVecEnv(SCENARIO, NUM_ENVS)), RoughTurningVecEnv(SCENARIO, NUM_ENVS)
-    for each in (lathes, plain):
+    envs, plain = Terms.of(run).shown(RoughTurningVecEnv(SCENARIO, NUM_ENVS)), RoughTurningVecEnv(SCENARIO, NUM_ENVS)
+    for each in (envs, plain):
         each.seed(7)
-    observations, single, state, starts = lathes.reset(), plain.reset(), None, np.ones(NUM_ENVS, np.bool_)
+    observations, single, state, starts = envs.reset(), plain.reset(), None, np.ones(NUM_ENVS, np.bool_)
     for _ in range(30):
         assert not isinstance(observations, dict | tuple)
         expected, state = model.predict(observations, state, starts, deterministic=True)
         actions = policy.act(single)
         np.testing.assert_allclose(actions, expected, atol=1e-6)
-        observations, _, starts, _ = lathes.step(actions)
+        observations, _, starts, _ = envs.step(actions)
         single, *_ = plain.step(actions)
         policy.reset(starts)
-
-
-def test_an_interrupted_training_goes_on_with_what_its_environments_showed(tmp_path: Path) -> None:
-    """Checkpoints hold the environments with their positions and earlier observations."""
-    terms: dict[str, object] = {"position": True, "frames": 3, "life_price": "marginal", "steps": 2048}
-    whole, cut = (small_run(ppo.ALGORITHM, tmp_path / name, **terms) for name in ("whole", "cut"))
-    train(whole, ppo.ALGORITHM)
-
-    class Interruption(BaseCallback):
-        def _on_step(self) -> bool:
-            if self.num_timesteps > 1100:
-                raise KeyboardInterrupt
-            return True
-
-    with pytest.raises(KeyboardInterrupt):
-        train(cut, dataclasses.replace(ppo.ALGORITHM, callbacks=lambda run: [Interruption()]), checkpoint_every=512)
-    assert cut.checkpoint.exists()
-    train(cut, ppo.ALGORITHM)
-    weights = [ppo.ALGORITHM.actor(run.policy).state_dict() for run in (whole, cut)]
-    assert all(torch.equal(value, weights[1][name]) for name, value in weights[0].items())
 
 
 def test_an_analytic_gradient_agent_has_its_own_terms(tmp_path: Path) -> None:
@@ -166,16 +142,10 @@ def test_an_analytic_gradient_agent_has_its_own_terms(tmp_path: Path) -> None:
         single = actor.unroll(observations[-1:], torch.rand(3, actor.memory_size), torch.zeros(1, 3, 1))
     torch.testing.assert_close(torch.stack(along), torch.stack(alone))
     torch.testing.assert_close(targets[-1:], single)
-
-
-def test_an_agent_with_memory_acts_by_it() -> None:
-    """The counterpart of a ``MemorylessActor``: the same observation twice gives two actions."""
-    actor = GruActor(SCENARIO, 11, 8)
-    observation = torch.rand(3, 11)
+    with_memory, observation = GruActor(SCENARIO, 11, 8), observations[0]
     with torch.no_grad():
-        first, memory = actor(observation, torch.zeros(3, actor.memory_size))
-        second, _ = actor(observation, memory)
-    assert not torch.equal(first, second)
+        first, memory = with_memory(observation, torch.zeros(3, with_memory.memory_size))
+        assert not torch.equal(first, with_memory(observation, memory)[0])
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,4 @@
 import io
-import re
 import shlex
 from contextlib import suppress
 from dataclasses import replace
@@ -9,69 +8,63 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from stable_baselines3.common.callbacks import BaseCallback
 
-from tests.train import onnx_agents
-from tests.train.small import ALGORITHMS, small_run
-from train import export, ppo, training
+from tests.train.small import ALGORITHMS, SCENARIO, small_run
+from train import ppo, training
 from train.run import Run, hyperparameters
 from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
-from turning_env import IDS, Scenario
-from turning_env.batch.driver import Batch, action_space, observation_space
+from turning_env import IDS, RoughTurningVectorEnv, Scenario
+from turning_env.batch.driver import action_space, observation_space
 from turning_env.scoring.seeds import TUNING_START
 
-ROOT = Path(__file__).parents[2]
 PPO = ALGORITHMS["ppo"]
-every_algorithm = pytest.mark.parametrize("algorithm", ALGORITHMS.values(), ids=ALGORITHMS)
 
 
-class Killed(Exception):
-    pass
+class Interruption(BaseCallback):
+    """Interrupts a training after some steps."""
+
+    def _on_step(self) -> bool:
+        if self.num_timesteps > 1100:
+            raise KeyboardInterrupt
+        return True
 
 
-@every_algorithm
+TERMS = {"position": True, "frames": 3, "life_price": "marginal"}
+
+
 @pytest.mark.slow
-def test_a_training_killed_and_resumed_gives_the_same_agent_trained_on_its_own_seeds(
-    algorithm: Algorithm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    given: set[int] = set()
-    seed = Batch.seed
+@pytest.mark.parametrize(
+    ("algorithm", "terms"),
+    [(each, {}) for each in ALGORITHMS.values()] + [(PPO, TERMS)],
+    ids=[*ALGORITHMS, "ppo_with_terms"],
+)
+def test_an_interrupted_training_gives_the_same_agent(algorithm: Algorithm, terms: dict[str, Any], tmp_path: Path) -> None:
+    whole, cut = (small_run(algorithm, tmp_path / name, **terms) for name in ("whole", "cut"))
+    train(whole, algorithm, checkpoint_every=512)
+    own = algorithm.callbacks(cut)
+    with pytest.raises(KeyboardInterrupt):
+        train(cut, replace(algorithm, callbacks=lambda run: [*own, Interruption()]), checkpoint_every=512)
+    assert cut.checkpoint.exists()
+    assert not cut.policy.exists()
+    train(cut, algorithm, checkpoint_every=512)
 
-    def watched(self: Batch, env_indices: Any, seeds: Any) -> None:
-        given.update(int(number) for number in seeds)
-        seed(self, env_indices, seeds)
-
-    monkeypatch.setattr(Batch, "seed", watched)
-    undisturbed = small_run(algorithm, tmp_path / "undisturbed")
-    train(undisturbed, algorithm, checkpoint_every=512)
-    assert given
-    assert given <= set(range(undisturbed.seed * SEED_STRIDE, undisturbed.seed * SEED_STRIDE + 1000))
-    assert SEEDS * SEED_STRIDE <= TUNING_START
-
-    run = small_run(algorithm, tmp_path / "killed")
-    save, saved = training.save_checkpoint, []
-
-    def save_then_die(model: Any, run: Run, algorithm: Algorithm) -> None:
-        save(model, run, algorithm)
-        saved.append(model.num_timesteps)
-        if len(saved) == 2:
-            raise Killed
-
-    monkeypatch.setattr(training, "save_checkpoint", save_then_die)
-    with pytest.raises(Killed):
-        train(run, algorithm, checkpoint_every=512)
-    monkeypatch.setattr(training, "save_checkpoint", save)
-    assert saved == [512, 1024]
-    assert not run.policy.exists()
-    train(run, algorithm, checkpoint_every=512)
-
-    model, resumed = (algorithm.model.load(each.policy, device="cpu") for each in (undisturbed, run))
+    model, resumed = (algorithm.model.load(each.policy, device="cpu") for each in (whole, cut))
     assert _bytes(model.get_parameters()) == _bytes(resumed.get_parameters())
-    rows, resumed_rows = (each.read_learning_curve() for each in (undisturbed, run))
+    rows, resumed_rows = (each.read_learning_curve() for each in (whole, cut))
     assert rows[-1]["steps"] == 2048
     for row, resumed_row in zip(rows, resumed_rows, strict=True):
         assert row | {"wall_time": 0.0} == resumed_row | {"wall_time": 0.0}
     assert all(np.diff([row["wall_time"] for row in resumed_rows]) > 0.0)
-    _assert_acts_as(run, model)
+    if not terms:
+        _assert_acts_as(cut, model)
+
+
+def test_training_seeds_have_their_own_bars(tmp_path: Path) -> None:
+    observations = new_model(small_run(PPO, tmp_path), PPO).env.reset()
+    expected, _ = RoughTurningVectorEnv(len(observations), SCENARIO).reset(seed=3 * SEED_STRIDE)
+    np.testing.assert_array_equal(observations, expected)
+    assert SEEDS * SEED_STRIDE <= TUNING_START
 
 
 def _bytes(parameters: Any) -> bytes:
@@ -99,8 +92,8 @@ def _assert_acts_as(run: Run, model: Any) -> None:
         policy.reset(starts)
 
 
-@every_algorithm
 @pytest.mark.slow
+@pytest.mark.parametrize("algorithm", ALGORITHMS.values(), ids=ALGORITHMS)
 def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_path: Path) -> None:
     for preset in IDS.values():
         scenario = Scenario.load(preset)
@@ -130,11 +123,11 @@ def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_al
         train(small_run(PPO, tmp_path, **few, discount=0.9), PPO)
 
 
-def test_an_agent_is_small_and_holds_no_environments(tmp_path: Path) -> None:
-    algorithm = ALGORITHMS["sac"]
-    path = train(small_run(algorithm, tmp_path, memory=100_000, steps=64), algorithm)
-    assert path.stat().st_size < 1_000_000
-    assert not hasattr(algorithm.model.load(path, device="cpu"), "resume_state")
+def test_an_agent_is_small_and_its_file_loaded_with_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = small_run(ALGORITHMS["sac"], tmp_path, memory=100_000, steps=64)
+    assert train(run, ALGORITHMS["sac"]).stat().st_size < 1_000_000  # it holds no environments
+    training.load_agent(run.folder)
+    assert f"warning: {run.policy} is a pickle, which can run code" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("means", [[], [-0.8, 0.5]])
@@ -143,28 +136,6 @@ def test_first_actions_of_ppo_vary_about_initial_actions(means: list[float], tmp
     model = new_model(replace(run, parameters=run.parameters | {"initial_actions": means}), PPO)
     actions, _ = model.predict(model.env.reset(), deterministic=True)
     np.testing.assert_allclose(actions, np.broadcast_to(means or [0.0, 0.0], actions.shape), atol=0.05)
-
-
-def test_pickles_are_loaded_with_a_warning_by_algorithms_and_to_resume_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    models = r"(?:\w*PPO|SAC|TQC|AnalyticGradient|VecNormalize|model)"
-    loaders = rf"(pickle\.loads?|torch\.load|joblib\.load|\b{models}\.load)\(|allow_pickle=True"
-    paths = [
-        path
-        for package in ("turning_env", "turning_nc", "baselines", "train", "leaderboard")
-        for path in (ROOT / package).rglob("*.py")
-    ]
-    found = {str(path.relative_to(ROOT)) for path in paths if re.search(loaders, path.read_text("utf-8"))}
-    assert found == {"train/training.py", "train/family_gradient.py", "train/agents/to_onnx.py"}
-
-    run = onnx_agents.run(tmp_path / "run")
-    run.begin()
-    run.policy.touch()
-    monkeypatch.setattr("train.training.Algorithm.actor", lambda algorithm, path: onnx_agents.memoryless())
-    training.load_agent(run.folder)
-    warning = f"warning: {run.policy} is a pickle, which can run code: load only what you have trained yourself\n"
-    assert capsys.readouterr().err == warning
 
 
 @pytest.mark.parametrize(
@@ -191,9 +162,7 @@ def test_wrong_arguments_are_refused(
     assert not list(tmp_path.rglob("*.zip"))
 
 
-def test_the_command_trains_any_id_and_its_result_can_be_exported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_trains_with_the_given_hyperparameters(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     settings = ["learning_rate=3e-4", "activation=tanh", "hidden_layers=[8]", "initial_log_deviation=-1", "discount=0"]
     given = [word for setting in settings for word in ("--set", setting)]
     arguments = ["--env", "RoughTurning-Paper-v0", "--steps", "100", "--runs", str(tmp_path), *given]
@@ -204,7 +173,3 @@ def test_the_command_trains_any_id_and_its_result_can_be_exported(
     assert policy.command == f"python -m train.ppo {shlex.join(arguments)}"
     changed = {"learning_rate": 3e-4, "activation": "tanh", "hidden_layers": [8], "discount": 0.0, "steps": 100}
     assert policy.parameters == hyperparameters("ppo", "RoughTurning-Paper-v0") | changed
-    monkeypatch.setattr("train.export.to_onnx", lambda actor, about: about.name.encode())  # no agent's file, but of this agent
-    for each in (path, path.parent, path.parents[1], path.parent / "run.json"):
-        assert export.main([str(each), "--out", str(tmp_path / "out")]) == 2
-        assert f"the agent in {path.parent} cannot be exported: is no ONNX file" in capsys.readouterr().err
