@@ -1,14 +1,12 @@
 """Every installed package is pinned with hashes."""
 
 import re
-import subprocess
 import tomllib
 
 from studies.audit import pinned
 from tests.walking import ROOT
 
 TEXT = (ROOT / "constraints.txt").read_text("utf-8")
-MAKEFILE = (ROOT / "Makefile").read_text("utf-8")
 PINS = pinned(TEXT)
 
 
@@ -27,12 +25,3 @@ def test_all_that_the_set_up_asks_for_is_pinned() -> None:
     wanted = [*project["project"]["dependencies"], *(need for needs in groups.values() for need in needs)]
     names = {re.match(r"[\w-]+", need)[0].lower().replace("_", "-") for need in wanted}  # type: ignore[index]
     assert names | {"pip", "colorama", "triton"} <= PINS.keys()  # the last two are other platforms'
-
-
-def test_uv_is_found_in_the_constraints() -> None:
-    """By the line of the Makefile that looks for it."""
-    (words,) = re.findall(r"^\t(sed .* constraints\.txt) \|", MAKEFILE, re.MULTILINE)
-    found = subprocess.run(words.replace("$$", "$"), shell=True, cwd=ROOT, check=True, capture_output=True, text=True).stdout
-    assert found.startswith("uv==")
-    assert (found.count("=="), found.count("--hash=") > 1) == (1, True)
-    assert not found.rstrip("\n").endswith("\\")
