@@ -11,7 +11,9 @@ The trained agent needs nothing else at run time: position and earlier observati
 
 import inspect
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -31,56 +33,41 @@ from turning_env.batch.driver import observation_space
 from turning_env.vector_env import info_at_end_of_step
 
 
-def used_life_and_end(infos: dict[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return used life [-] at the step's end, and whether the edge is worn out or broken, each of shape (num_envs,)."""
-    used = np.minimum(info_at_end_of_step(infos, "used_life"), 1.0)
-    return used, (used >= 1.0) | info_at_end_of_step(infos, "broken").astype(np.bool_)
+class ShapedVecEnv(RoughTurningVecEnv):
+    """Environments whose training rewards charge edge life otherwise than at its flat price.
 
+    They add the difference of a potential of used life D to a step's reward, so the differences add up to the same over every
+    whole edge, whatever the agent does (Ng, Harada and Russell 1999, without a discount; a broken edge counts as used up):
 
-class ChargedAtEnd(RoughTurningVecEnv):
-    """Environments whose training rewards charge the whole price of an edge when it is worn out or broken."""
+        marginal: price D - integral of p from 0 to D; the reward charges D at its marginal price p(D)
+        end: price D, and 0 at the edge's end, where the reward charges the whole edge
 
-    def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
-        """Return rewards [s] that charge used life at the edge's end."""
-        used, ended = used_life_and_end(infos)
-        # The reward already charges a broken edge for the life that was left, so only the used life is charged here.
-        return (
-            rewards
-            - info_at_end_of_step(infos, "reward_edge")
-            - np.where(ended, edge_price(self.vector_env.scenario) * used, 0.0)
-        )
-
-
-class ChargedMarginally(RoughTurningVecEnv):
-    """Environments whose training rewards charge used life D at its marginal price p(D) instead of the flat price.
-
-    They add the difference of a potential of D to a step's reward:
-
-        price D - integral of p from 0 to D
-
-    The differences add up to the same over every whole edge, whatever the agent does (Ng, Harada and Russell 1999, without a
-    discount; a broken edge counts as used up). A flat price makes an agent with little foresight use up a fresh edge too fast.
-    With the discount in the potential's difference, this would not change.
+    A flat price makes an agent with little foresight use up a fresh edge too fast. With the discount in the potential's
+    difference, this would not change.
     """
 
-    def __init__(self, scenario: Scenario, num_envs: int, reward_scale: float = 1.0) -> None:
+    def __init__(self, life_price: str, scenario: Scenario, num_envs: int, reward_scale: float = 1.0) -> None:
         super().__init__(scenario, num_envs, reward_scale)
-        prices = worth(scenario, scenario.economics.overload_price).life
         self._price = edge_price(scenario)
         self._used_lives = np.concatenate([[0.0], USED_LIVES])
-        integral = np.concatenate([[0.0], np.cumsum(prices) / len(prices)])
-        self._potentials = self._price * self._used_lives - integral
+        self._potentials = self._price * self._used_lives
+        self._at_end = 0.0
+        if life_price == "marginal":
+            prices = worth(scenario, scenario.economics.overload_price).life
+            self._potentials -= np.concatenate([[0.0], np.cumsum(prices) / len(prices)])
+            self._at_end = float(self._potentials[-1])
 
     def potential(self, used: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the potential [s] of used life [-], of any shape."""
+        """Return the potential [s] of used life [-] of an edge in use, of any shape."""
         potential: NDArray[np.float64] = np.interp(used, self._used_lives, self._potentials)
         return potential
 
     def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
         """Return rewards [s] plus the potential's difference."""
-        used, ended = used_life_and_end(infos)
+        used = np.minimum(info_at_end_of_step(infos, "used_life"), 1.0)
+        ended = (used >= 1.0) | info_at_end_of_step(infos, "broken").astype(np.bool_)
         before = used + info_at_end_of_step(infos, "reward_edge") / self._price
-        return rewards + self.potential(np.where(ended, 1.0, used)) - self.potential(before)
+        return rewards + np.where(ended, self._at_end, self.potential(used)) - self.potential(before)
 
 
 class View:
@@ -160,12 +147,8 @@ class ViewActor(Actor):
         return action, torch.cat([next_memory, own], dim=1)
 
 
-LIFE_PRICES: dict[str, type[RoughTurningVecEnv]] = {
-    "flat": RoughTurningVecEnv,
-    "marginal": ChargedMarginally,
-    "end": ChargedAtEnd,
-}
-"""Training environments by the charge for the edge's life."""
+LIFE_PRICES = ("flat", "marginal", "end")
+"""Charges for the edge's life."""
 
 
 @dataclass(frozen=True)
@@ -192,6 +175,10 @@ class Terms:
         """Return the terms of a run."""
         names = ("position", "frames", "life_price")
         return cls(run.scenario, **{name: run.parameters[name] for name in names if name in run.parameters})
+
+    def charged(self, vec_env: Callable[..., RoughTurningVecEnv]) -> Callable[..., RoughTurningVecEnv]:
+        """Return the function that makes training environments, from that of the algorithm."""
+        return vec_env if self.life_price == "flat" else partial(ShapedVecEnv, self.life_price)
 
     @property
     def _view(self) -> View | None:

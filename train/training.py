@@ -27,7 +27,7 @@ from tqdm import tqdm
 from train.actor import Actor, ActorPolicy
 from train.agents.agent_file import trained_policy
 from train.run import CURVE_COLUMNS, HYPERPARAMETERS, Run, overrides, warn_of_pickle
-from train.terms import LIFE_PRICES, Terms
+from train.terms import Terms
 from turning_env import IDS, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
@@ -175,8 +175,7 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
     """
     try:
         terms = Terms(run.scenario) if algorithm.own_terms else Terms.of(run)
-        make = algorithm.vec_env if terms.life_price == "flat" else LIFE_PRICES[terms.life_price]
-        vec_env = make(run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"])
+        vec_env = terms.charged(algorithm.vec_env)(run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"])
         model: Any = algorithm.new_model(run, terms.shown(vec_env))
         model.terms = terms
     except Exception as error:  # libraries raise many types for hyperparameters that they cannot use

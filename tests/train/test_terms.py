@@ -12,7 +12,7 @@ from train import analytic_gradient, ppo, recurrent_ppo, sac
 from train.actor import Actor, ActorPolicy
 from train.analytic_actor import GruActor, MemorylessActor
 from train.model_gain import edge_price
-from train.terms import ChargedAtEnd, ChargedMarginally, Terms
+from train.terms import ShapedVecEnv, Terms
 from train.training import Algorithm, train
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
@@ -22,14 +22,15 @@ MIXED = changed(SCENARIO, tool={"edge_strength": 1500.0, "edge_strength_spread":
 NUM_ENVS = 8
 
 
-@pytest.mark.parametrize("envs", [ChargedAtEnd, ChargedMarginally])
-def test_what_is_learned_from_adds_up_over_an_edge(envs: type[RoughTurningVecEnv]) -> None:
-    ours, single = envs(MIXED, NUM_ENVS, 0.5), RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep")
+@pytest.mark.parametrize("life_price", ["end", "marginal"])
+def test_training_rewards_charge_whole_edges_alike(life_price: str) -> None:
+    ours, single = ShapedVecEnv(life_price, MIXED, NUM_ENVS, 0.5), RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep")
     ours.seed(5)
     ours.reset()
     single.reset(seed=5)
     generator = np.random.default_rng(1)
     learned, kinds = np.zeros(NUM_ENVS), set()
+    at_end = ours.potential(np.array(1.0)) if life_price == "marginal" else 0.0
     for _ in range(400):
         actions = generator.uniform(-0.5, 1.0, (NUM_ENVS, 2)).astype(np.float32)
         _, rewards, dones, infos = ours.step(actions)
@@ -38,21 +39,17 @@ def test_what_is_learned_from_adds_up_over_an_edge(envs: type[RoughTurningVecEnv
         for index in np.flatnonzero(dones):
             used, broken = (terms["final_info"][name][index] for name in ("used_life", "broken"))
             kinds.add("unfinished" if truncated[index] else "broken" if broken else "worn")
-            counted = 1.0 if terminated[index] else used
-            if isinstance(ours, ChargedMarginally):
-                more = ours.potential(counted)
-            else:  # what an edge has cost, if it is still in use, is still to be paid
-                more = edge_price(MIXED) * used if truncated[index] else 0.0
+            more = at_end if terminated[index] else ours.potential(used)
             assert learned[index] == pytest.approx(infos[index]["episode"]["r"] + more, rel=1e-4, abs=1e-2)
             learned[index] = 0.0
     assert kinds == {"unfinished", "broken", "worn"}
 
 
-def test_a_fresh_edge_is_dear_and_a_worn_one_cheap_at_the_marginal_price() -> None:
-    envs = ChargedMarginally(Scenario(), 1)
-    fresh, worn = (envs.potential(np.array([low, low + 0.1])) for low in (0.0, 0.9))
-    assert fresh[1] < fresh[0]  # pays more than the flat price
-    assert worn[1] > worn[0]
+def test_life_of_a_fresh_edge_costs_more_at_the_marginal_price_and_nothing_until_its_end() -> None:
+    used = np.array([0.0, 0.1, 0.9, 1.0])
+    fresh, _, worn = np.diff(ShapedVecEnv("marginal", Scenario(), 1).potential(used))
+    assert fresh < 0.0 < worn  # the difference from the flat price
+    assert np.diff(ShapedVecEnv("end", Scenario(), 1).potential(used)) == pytest.approx(edge_price(Scenario()) * np.diff(used))
 
 
 class Shown(Actor):
