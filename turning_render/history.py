@@ -27,15 +27,23 @@ def along(scenario: Scenario) -> Literal["place", "time", "part"]:
 
 
 class Sample(NamedTuple):
-    """One step along a bar; with parts, one part."""
+    """One step along a bar; with parts, one part.
 
-    place: float  # along the bar [mm], since the episode's start [min] or the part's number, see ``along``
-    force: float  # over its limit [-]
-    power: float  # over its limit [-]
-    roughness: float  # Ra [um], 0 with parts
-    reference: float  # of Ra [um], 0 with parts
-    feed: float  # [mm/rev]
-    cutting: bool  # whether metal is cut
+    Attributes:
+        place: Along the bar [mm], since the episode's start [min] or the part's number, see ``along``.
+        force, power: Over their limits [-].
+        feed: [mm/rev]
+        cutting: Whether metal is cut.
+        roughness, reference: Ra and its reference [um], 0 with parts.
+    """
+
+    place: float
+    force: float
+    power: float
+    feed: float
+    cutting: bool
+    roughness: float = 0.0
+    reference: float = 0.0
 
 
 class History:
@@ -72,47 +80,44 @@ class History:
         if self._watched:
             return
         self._watched = True
-        self.whole = self._step_count() == 0
-        self.key = self._key()
-        self.time = self.total = self.removed = self.edges = self.broken = 0.0
-        self.bar, self.along = 0, -self._scenario.workpiece.approach
-        self.depth, self.hardness = self._scenario.workpiece.depth_of_cut, 1.0
+        self.key, steps = self._moment()
+        self.whole = steps == 0
+        self.total = self.removed = self.edges = self.broken = 0.0
+        self.bar, self.depth, self.hardness = 0, self._scenario.workpiece.depth_of_cut, 1.0
         self.trail.clear()
         self.passes = []
         self._start_bar()
-        self._note()
+        self._note(steps)
 
     def goes_on(self) -> bool:
         """Record the last step, if there was one; return whether the recorded episode goes on."""
-        steps = self._step_count()
-        self._watched = steps >= self._steps and self._key() == self.key
+        key, steps = self._moment()
+        self._watched = steps >= self._steps and key == self.key
         if self._watched and steps > self._steps:
-            self.total += self._batch.reward(self._index)
-            self._note()
+            self._note(steps)
+            self.total += self.reward
             self.removed += self.now["removed"]
             self.edges += self.now["edges_used"]
             self.broken += self.now["edges_broken"]
         return self._watched
 
-    def _note(self) -> None:
+    def _note(self, steps: int) -> None:
+        self._steps = steps
         self.now: dict[str, float] = self._batch.info(self._index)
-        self._steps = self._step_count()
-        begins = self._steps == 0
-        self.reward = 0.0 if begins else self._batch.reward(self._index)
+        self.reward = self._batch.reward(self._index) if steps else 0.0
         self.time = 60.0 * float(self._state("clock"))
         self.edge = int(self._state("edge"))
         self.nominal_used_life = float(self._state("nominal_used_life"))
-        self._find_place()
-        if self._parts and not begins:
-            self.passes = self.fields.passes(self._batch.action(self._index))
         self.ended = self._end() if self._state("ended") else ""
-        self._extend(begins)
+        self._find_place()
+        if not self._parts:
+            self._note_step(cutting=steps > 0 and self.now["cutting"] > 0.0 and self.now["depth_of_cut"] > 0.0)
+        elif steps:
+            self._note_part()
 
-    def _key(self) -> tuple[int, int]:
-        return int(self._state("seed")), int(self._state("episode"))
-
-    def _step_count(self) -> int:
-        return int(self._state("step_count"))
+    def _moment(self) -> tuple[tuple[int, int], int]:
+        """Return (seed, episode), and the number of steps in it."""
+        return (self._state("seed"), self._state("episode")), self._state("step_count")
 
     def _state(self, field: str) -> Any:
         return self._batch.state(self._index, field)
@@ -134,23 +139,22 @@ class History:
         self.bar = bar
         self.along = min(now["path"] - bar * pitch - workpiece.approach, workpiece.bar_length)
 
-    def _extend(self, begins: bool) -> None:
+    def _note_part(self) -> None:
         now, limits = self.now, self._scenario.limits
-        if self._parts:
-            if not begins:
-                self.trail.extend(each[:2] for each in self.passes)
-                shares = (now["mean_thrust_force"] / limits.thrust_force, now["mean_power"] / limits.power)
-                self.along_bar.append(Sample(self.bar + 1.0, *shares, 0.0, 0.0, now["feed"], True))
-            return
-        cutting = not begins and now["cutting"] > 0.0 and now["depth_of_cut"] > 0.0
+        self.passes = self.fields.passes(self._batch.action(self._index))
+        self.trail.extend(each[:2] for each in self.passes)
+        shares = (now["mean_thrust_force"] / limits.thrust_force, now["mean_power"] / limits.power)
+        self.along_bar.append(Sample(self.bar + 1.0, *shares, now["feed"], True))
+
+    def _note_step(self, cutting: bool) -> None:
+        now, limits = self.now, self._scenario.limits
         if cutting:
             self.depth, self.hardness = now["depth_of_cut"], now["hardness"]
         self.trail.append((now["cutting_speed"], now["feed"]))
         allowed_power = limits.power * capacity_at(self._scenario, now["cutting_speed"])
         shares = (now["thrust_force"] / limits.thrust_force, now["power"] / allowed_power)
-        surface = (now["roughness"], now["roughness_reference"])
         place = self.time / 60.0 if self._along == "time" else self.along
-        self.along_bar.append(Sample(place, *shares, *surface, now["feed"], cutting))
+        self.along_bar.append(Sample(place, *shares, now["feed"], cutting, now["roughness"], now["roughness_reference"]))
 
     def _end(self) -> str:
         now = self.now
@@ -158,9 +162,7 @@ class History:
             return "edge broken"
         if now["finished"] > 0.0:
             return "job finished"
-        if now["wear"] >= self._scenario.tool.wear_criterion * (1.0 - 1e-9):
-            return "edge worn out"
-        return "time is up"
+        return "edge worn out" if now["wear"] >= self._scenario.tool.wear_criterion * (1.0 - 1e-9) else "time is up"
 
     @property
     def state(self) -> str:

@@ -7,7 +7,8 @@ feed is set, ``FeedMap`` shows the feed along the bar, and what limits leave of 
 """
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -20,7 +21,6 @@ from turning_render import theme as ui
 from turning_render.bar import fields_in_view, place_axis, stretch_in_view
 from turning_render.fields import Array
 from turning_render.history import TRAIL, History
-from turning_render.limits import Cut, HalfPlane, border, bound, highest_feed, region, wear_bound
 
 _LIMIT_COLOURS: tuple[ui.Colour, ...] = (ui.POWER, ui.FORCE, ui.PURPLE, ui.POWER)
 _MARGIN = 20.0
@@ -30,6 +30,72 @@ _RATES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
 """Metal removal rates of which contours are drawn [cm3/min]."""
 _PLACES = 150
 """Places along the bar at which limits of the feed are computed."""
+
+
+class HalfPlane(NamedTuple):
+    """The allowed side of a limit: cutting_speed log vc + feed log f <= room."""
+
+    cutting_speed: float
+    feed: float
+    room: float
+
+
+class Cut(NamedTuple):
+    """A cut: depth of cut [mm], relative hardness [-] and flank wear [mm]."""
+
+    depth: float
+    hardness: float
+    wear: float
+
+
+def bound(law: PowerLaw, most: float, cut: Cut) -> HalfPlane:
+    """Return where a response does not exceed ``most``, in its unit."""
+    rest = float(law(1.0, 1.0, cut.depth, 1.0, cut.wear, cut.hardness))
+    return HalfPlane(law.cutting_speed, law.feed, math.log(most / rest))
+
+
+def wear_bound(scenario: Scenario, cut: Cut, wear_factor: float, used_life: float, cutting_time: float) -> HalfPlane:
+    """Return where the edge outlasts the next step; see ``turning_env.physics.wear``.
+
+    ``cutting_time`` of the edge is in min.
+    """
+    law, criterion, minutes = scenario.material.wear, scenario.tool.wear_criterion, scenario.control.interval / 60.0
+    if scenario.tool.wear_rule == "equivalent_time":
+        left = max(1.0 - used_life, 1e-9)
+        most = criterion * (left / minutes) ** law.time
+    else:
+        left = max(criterion * (1.0 - used_life**law.time), 1e-9)
+        most = left / ((cutting_time + minutes) ** law.time - cutting_time**law.time)
+    return bound(law, most / wear_factor, Cut(cut.depth, cut.hardness, 1.0))
+
+
+def _clip(corners: Sequence[ui.Point], limit: HalfPlane) -> tuple[list[ui.Point], list[ui.Point]]:
+    """Return the corners of what a limit leaves of a convex polygon, and those of them that lie on its line."""
+    kept: list[ui.Point] = []
+    crossings: list[ui.Point] = []
+    for before, after in zip([*corners[-1:], *corners[:-1]], corners, strict=True):
+        ours, theirs = (limit.cutting_speed * x + limit.feed * y - limit.room for x, y in (before, after))  # negative within
+        if (ours <= 0.0) != (theirs <= 0.0):
+            share = ours / (ours - theirs)
+            crossings.append((before[0] + share * (after[0] - before[0]), before[1] + share * (after[1] - before[1])))
+            kept.append(crossings[-1])
+        if theirs <= 0.0:
+            kept.append(after)
+    return kept, crossings
+
+
+def region(corners: Sequence[ui.Point], limits: Sequence[HalfPlane]) -> list[ui.Point]:
+    """Return the corners of what limits leave of a convex polygon, none if nothing (Sutherland and Hodgman 1974)."""
+    left = list(corners)
+    for limit in limits:
+        left, _ = _clip(left, limit)
+    return left
+
+
+def border(corners: Sequence[ui.Point], limit: HalfPlane) -> tuple[ui.Point, ui.Point] | None:
+    """Return where the line of a limit enters and leaves a convex polygon, or None where it does not."""
+    _, crossings = _clip(corners, limit)
+    return (crossings[0], crossings[1]) if len(crossings) == 2 else None
 
 
 def _limit_keys(scenario: Scenario) -> list[tuple[str, ui.Colour, int]]:
@@ -229,8 +295,11 @@ class FeedMap:
         ui.put(frame, image.reduce(ui.SCALE), (self._box[0], self._box[1]))
 
     def _highest_feed(self, history: History, law: PowerLaw, most: float) -> Array:
-        """Return the feed [mm/rev] at which a response reaches ``most`` along the bar."""
-        return highest_feed(law, most, history.now["cutting_speed"], self._depth, self._hardness, history.wear)
+        """Return the feed [mm/rev] at which a response reaches ``most`` along the bar; infinite if none does."""
+        if law.feed <= 0.0:
+            return np.full(self._depth.shape, np.inf)
+        rest = law(history.now["cutting_speed"], 1.0, self._depth, 1.0, history.wear, self._hardness)
+        return np.asarray((most / rest) ** (1.0 / law.feed))
 
     def _pixels(self, feeds: Array) -> list[ui.Point]:
         return list(zip(self._xs, map(self._up, feeds.tolist()), strict=True))

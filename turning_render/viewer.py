@@ -1,10 +1,11 @@
 """The viewer that an environment renders with: what is looked at, its frames, and a window for ``render_mode="human"``."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from gymnasium.error import DependencyNotInstalled, ResetNeeded
+from gymnasium.error import ClosedEnvironmentError, DependencyNotInstalled, Error, ResetNeeded
 
 from turning_env.extras import missing
 from turning_render.fields import Fields
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from turning_env.vector_env import RoughTurningVectorEnv
     from turning_render.frame import Frame
     from turning_render.theme import Pixels
-    from turning_render.window import Window
 
 
 class Viewer:
@@ -92,10 +92,9 @@ class Viewer:
         if self._env.render_mode != "human":
             return frame
         if self._window is None:
-            with _named_if_missing():
-                from turning_render.window import Window
             self._window = Window(self._env.metadata["render_fps"])
-        self._window.show(frame, self.title)
+        with _named_if_missing():
+            self._window.show(frame, self.title)
         return None
 
     def close(self) -> None:
@@ -105,6 +104,60 @@ class Viewer:
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_frames": []}  # they hold nothing that cannot be drawn again
+
+
+class Window:
+    """A window that shows at most so many frames per second, opened with pygame when there is something to show."""
+
+    def __init__(self, frames_per_second: int) -> None:
+        self._pace = frames_per_second
+        self._screen: Any = None
+
+    def show(self, frame: "Pixels", title: str) -> None:
+        """Show a frame, and wait until the next is due.
+
+        Raises:
+            gymnasium.error.Error: There is no display to open a window on.
+            gymnasium.error.ClosedEnvironmentError: The window was closed by hand.
+        """
+        import pygame
+
+        if self._screen is None:
+            self._open(frame, title)
+        pygame.surfarray.blit_array(self._screen, frame.swapaxes(0, 1))
+        pygame.display.flip()
+        self._clock.tick(self._pace)
+        for event in pygame.event.get(pygame.QUIT):
+            self.close()
+            closed = f"the window of {title} was closed (event {event.type}): make the environment anew to go on"
+            raise ClosedEnvironmentError(closed)
+
+    def _open(self, frame: "Pixels", title: str) -> None:
+        import pygame
+
+        try:
+            pygame.display.init()
+            # Where it finds no display, SDL draws to where nobody sees it, unless it was told to.
+            if pygame.display.get_driver() == "offscreen" and not {"SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER"} & os.environ.keys():
+                pygame.display.quit()
+                raise pygame.error("there is no display")
+            self._screen = pygame.display.set_mode(frame.shape[1::-1])
+        except pygame.error as error:
+            instead = 'render with render_mode="rgb_array", or set SDL_VIDEODRIVER=dummy to go without a display'
+            raise Error(f"no window can be opened ({error}): {instead}") from error
+        pygame.display.set_caption(title)
+        self._clock: Any = pygame.time.Clock()
+
+    def close(self) -> None:
+        """Close it, if it is open."""
+        if self._screen is not None:
+            import pygame
+
+            self._screen = None
+            pygame.display.quit()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"_pace": self._pace, "_screen": None}
 
 
 @contextmanager
