@@ -38,7 +38,9 @@ def test_recommendations_keep_the_limits() -> None:
     assert metal[0].removal_rate == max(each.removal_rate for each in metal)
     assert cost[0].cost <= min(each.cost for each in metal)
     assert run[0].life[0] == max(each.life[0] for each in metal)
-    assert all(schedule.cost <= fixed.cost + 1e-9 for fixed, schedule in [(found[2], found[3])])
+    assert cost[1].cost <= cost[0].cost + 1e-9
+    with pytest.raises(WorkshopError, match=r"limits\.thrust_force, 10 N"):
+        advise(Scenario.load({"limits": {"thrust_force": 10.0}}), Evidence())
 
 
 def test_prices_are_money_only_with_a_rate() -> None:
@@ -52,11 +54,6 @@ def test_prices_are_money_only_with_a_rate() -> None:
     cheap = Scenario.load({"economics": MONEY})
     assert advise(dear, Evidence())[2].life[0] > advise(cheap, Evidence())[2].life[0]
     assert "CHF" in "\n".join(summary(cheap, advise(cheap, Evidence())))
-
-
-def test_impossible_limits_are_named() -> None:
-    with pytest.raises(WorkshopError, match=r"limits\.thrust_force, 10 N"):
-        advise(Scenario.load({"limits": {"thrust_force": 10.0}}), Evidence())
 
 
 @pytest.mark.slow
@@ -94,26 +91,24 @@ def test_a_clock_needs_no_shorter_interval_than_a_second() -> None:
 @pytest.mark.slow
 def test_a_year_is_compared() -> None:
     scenario = Scenario.load({"economics": MONEY})
-    played = play_all(scenario, advise(scenario, Evidence()), [], "fixed_handbook", 1000.0, 2)
-    names = [year.name for year in played.years]
-    assert names[:3] == ["fixed parameters", "schedule by time", "rule fixed_handbook"]
-    assert names[3:] == ["agent analytic_gradient-seed0"]  # trained for this lathe, whatever its prices
-    assert played.years[0].saved.value == 0
-    for year in played.years[1:]:
-        assert year.saved.value == pytest.approx(played.years[0].cost.value - year.cost.value)
-    assert played.years[0].cost.value > 1000 * 90  # the hours, and edges
+    found = advise(scenario, Evidence())
+    fixed, *others = play_all(scenario, found, [], "fixed_handbook", 1000.0, 2).years
+    # The agent was trained for this lathe, whatever its prices.
+    assert [year.name for year in others] == ["schedule by time", "rule fixed_handbook", "agent analytic_gradient-seed0"]
+    assert fixed.saved.value == 0
+    assert fixed.cost.value > 1000 * 90  # the hours, and edges
+    for year in others:
+        assert year.saved.value == pytest.approx(fixed.cost.value - year.cost.value)
     with pytest.raises(WorkshopError, match="--rule nothing"):
-        play_all(scenario, advise(scenario, Evidence()), [], "nothing", 1000.0, 2)
+        play_all(scenario, found, [], "nothing", 1000.0, 2)
 
 
 @pytest.mark.slow
 def test_of_an_edge_that_lasts_too_long_to_play_its_used_share_counts() -> None:
     scenario = Scenario.load(EVEN | {"economics": MONEY})
     found = advise(scenario, Evidence())[2:4]
-    whole, part = (
-        play_all(scenario, found, [], "fixed_handbook", 1000.0, 2, max_steps=steps).years[2].cost for steps in (50_000, 200)
-    )
-    assert part.value == pytest.approx(whole.value, rel=0.05)
+    whole, part = (play_all(scenario, found, [], "fixed_handbook", 1000.0, 2, max_steps=n).years[2] for n in (50_000, 200))
+    assert part.cost.value == pytest.approx(whole.cost.value, rel=0.05)
 
 
 @pytest.mark.slow
