@@ -219,18 +219,16 @@ def _shipped_agents(folder: Path, scenario: Scenario) -> list[str]:
 
 def clocked(scenario: Scenario, advice: Advice) -> Scenario:
     """Return the scenario with episodes as long as a recommendation uses an edge. Plain bars have no return between them."""
-    control = scenario.control
     minutes = advice.parts[0] * (advice.cycle_time - scenario.machine.return_time)
-    of_one_edge = _for_one_edge(scenario, "set_point", minutes)
-    longer = math.ceil(min(CLOCK_INTERVAL, 60.0 * minutes) / control.interval)
-    slower = {"interval": longer * control.interval, "sub_steps": longer * control.sub_steps}
-    return of_one_edge.model_copy(update={"control": of_one_edge.control.model_copy(update=slower)})
+    longer = math.ceil(min(CLOCK_INTERVAL, 60.0 * minutes) / scenario.control.interval)
+    return _for_one_edge(scenario, "set_point", minutes, longer)
 
 
-def _for_one_edge(scenario: Scenario, action: str, minutes: float = LONGEST) -> Scenario:
-    """Return the scenario with episodes of one edge each."""
-    values = scenario.model_dump()
+def _for_one_edge(scenario: Scenario, action: str, minutes: float, longer: int = 1) -> Scenario:
+    """Return the scenario with episodes of one edge each, and steps ``longer`` times as long, in sub-steps of the same length."""
+    values, control = scenario.model_dump(), scenario.control
     values["control"] |= {"action": action, "edge_changes": "end", "time_limit": minutes}
+    values["control"] |= {"interval": longer * control.interval, "sub_steps": longer * control.sub_steps}
     values["workpiece"] |= {"bars": 0}
     return Scenario.model_validate(values)
 

@@ -18,13 +18,11 @@ from turning_shop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
 from turning_shop.measurements import COLUMNS, Measurements
 from turning_shop.next_cuts import NextCuts, next_cuts
 from turning_shop.outliers import RobustFit, outliers, robust_fit, unusual_edges
-from turning_shop.plausibility import law_problems, row_problems, tool_life
+from turning_shop.plausibility import law_problems, row_problems
 from turning_shop.prediction import BEYOND
 
 WIDE = 0.5
 """Half-width of an exponent's interval above which a warning calls the exponent hardly known [-]."""
-SLOWER = 30.0
-"""Ratio of the fitted tool life to the base's above which a warning asks for the unit of time [-]."""
 
 
 class Implausible(WorkshopError):
@@ -146,16 +144,6 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) 
             if high - low > 2.0 * WIDE:
                 known = f"{value:.3g} +- {0.5 * (high - low):.2g}"
                 yield f"{response}: the exponent of {name} is hardly known, {known}: vary it more, or read more edges"
-    if wear := fits.get("wear"):
-        law, criterion, time = base.material.wear, base.tool.wear_criterion, wear.factors["time"]
-        lives = (
-            tool_life(wear.law.time, criterion, time, wear.predicted),
-            tool_life(law.time, criterion, time, law(**wear.factors)),
-        )
-        with np.errstate(all="ignore"):
-            ratio = float(np.median(lives[0] / lives[1]))
-        if ratio > SLOWER:
-            yield f"wear: edges last {ratio:.3g} times as long as the base's: is time in seconds?"
 
 
 def _extrapolations(fits: dict[str, Fit], base: Scenario) -> Iterator[str]:

@@ -169,12 +169,11 @@ def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: f
         assumed["hardness"] = "there is no column hardness: nominal in all rows"
     if count < len(fitted) + 2:
         varying = [name for name, log in logs.items() if _variation(log) >= MIN_VARIATION]
-        numbers = f"the coefficient and {len(varying)} exponents ({', '.join(varying)})" if varying else "the coefficient"
+        numbers = "the coefficient" + (f" and {len(varying)} exponents ({', '.join(varying)})" if varying else "")
         raise WorkshopError(
             f"{response}: {count} row{'s' * (count != 1)} with this and all its factors, but {len(varying) + 2} are needed: "
             f"for {numbers}, and one more to estimate the scatter"
         )
-
     measured = columns[response][present]
     known = PowerLaw.model_validate(base.model_dump() | {"coefficient": 1.0} | dict.fromkeys(fitted, 0.0))
     target = np.log(measured) - np.log(known(**factors))
@@ -188,19 +187,10 @@ def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: f
     margins = np.sqrt(np.diag(covariance)) * stats.t.ppf(0.5 + 0.5 * confidence, degrees)
     ends = np.column_stack([solution - margins, solution + margins])
     ends[0] = np.exp(np.clip(ends[0], -MAX_LOG, MAX_LOG))
-    return Fit(
-        response=response,
-        law=law,
-        estimates={name: Estimate(getattr(law, name), *row) for name, row in zip(names, ends.tolist(), strict=True)},
-        assumed=assumed,
-        covariance=covariance,
-        reading_scatter=float(np.hypot(within, edges.spread if edges else 0.0)),
-        factors=factors,
-        measured=measured,
-        predicted=np.asarray(law(**factors)),
-        lines=measurements.lines[present],
-        edges=edges,
-    )
+    estimates = {name: Estimate(getattr(law, name), *row) for name, row in zip(names, ends.tolist(), strict=True)}
+    reading_scatter = float(np.hypot(within, edges.spread if edges else 0.0))
+    predicted, lines = np.asarray(law(**factors)), measurements.lines[present]
+    return Fit(response, law, estimates, assumed, covariance, reading_scatter, factors, measured, predicted, lines, edges)
 
 
 def complete_rows(response: str, measurements: Measurements) -> NDArray[np.bool_]:
@@ -306,9 +296,6 @@ def _validated(response: str, base: PowerLaw, values: dict[str, float]) -> Power
         return PowerLaw.model_validate(base.model_dump() | values)
     except ValidationError as error:
         detail = error.errors()[0]
-        name = str(detail["loc"][-1])
-        number = name if name == "coefficient" else f"exponent of {name}"
-        raise WorkshopError(
-            f"{response}: {number}, as fitted: {detail['msg'].removeprefix('Value error, ')}; "
-            "factors vary too little, rows scatter too much, or a unit is wrong"
-        ) from error
+        number = f"exponent of {detail['loc'][-1]}".replace("exponent of coefficient", "coefficient")
+        why = "factors vary too little, rows scatter too much, or a unit is wrong"
+        raise WorkshopError(f"{response}: {number}, as fitted: {detail['msg'].removeprefix('Value error, ')}; {why}") from error

@@ -29,16 +29,19 @@ SLIPS = (10.0, 100.0, 1000.0, 60.0, 25.4, 1 / 10.0, 1 / 100.0, 1 / 1000.0, 1 / 6
 
 
 class RobustFit(NamedTuple):
-    """A law fitted so that a few wrong rows, wherever they lie, hardly count."""
+    """A law fitted so that a few wrong rows, wherever they lie, hardly count.
+
+    Attributes:
+        exponents: By their names in ``PowerLaw``, without the coefficient.
+        distance: Logarithm of each measured over predicted response [-], shape (rows,).
+        scale: Robust standard deviation of ``distance`` [-].
+        outlying: Which rows are outliers, shape (rows,).
+    """
 
     exponents: dict[str, float]
-    """By their names in ``PowerLaw``, without the coefficient."""
     distance: Values
-    """Logarithm of each measured over predicted response [-], shape (rows,)."""
     scale: float
-    """Robust standard deviation of ``distance`` [-]."""
     outlying: NDArray[np.bool_]
-    """Which rows are outliers, shape (rows,)."""
 
 
 def robust_fit(fitted: Fit) -> RobustFit:

@@ -50,21 +50,23 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
     laws = {name: getattr(material, name) for name in ("wear", "thrust_force", "power")}
     fixed = [each for each in advice if len(each.steps) == 1]
     best = next(each.steps[0] for each in fixed if each.aim == "least cost")
-    criterion = scenario.tool.wear_criterion
-    set_speed = scenario.control.initial_cutting_speed if scenario.control.action == "override" else None
-    depth, change = work.depth_of_cut, economics.edge_change_time
-    rates, price, edges = (economics.machine_rate, economics.operator_rate), economics.insert_price, economics.edges_per_insert
+    criterion, depth, edges = scenario.tool.wear_criterion, work.depth_of_cut, economics.edges_per_insert
+
+    def priced(name: str, label: str, unit: str, least: float) -> tuple[Any, ...]:
+        value = getattr(economics, name)
+        return name, label, unit, 0.0, max(least, 3.0 * value), value
+
     sliders = (
         ("cutting_speed", "cutting speed", "m/min", machine.cutting_speed_min, machine.cutting_speed_max, best.cutting_speed),
         ("feed", "feed", "mm/rev", machine.feed_min, machine.feed_max, best.feed),
         ("depth_of_cut", "depth of cut", "mm", 0.2 * depth, 2.0 * depth, depth),
         ("wear", "flank wear when the edge is changed", "mm", 0.05 * criterion, criterion, best.wear),
         ("hardness", "hardness over nominal", "", 0.7, 1.3, 1.0),
-        ("machine_rate", "machine", "money/h", 0.0, max(120.0, 3.0 * rates[0]), rates[0]),
-        ("operator_rate", "operator", "money/h", 0.0, max(120.0, 3.0 * rates[1]), rates[1]),
-        ("insert_price", "insert", "money", 0.0, max(30.0, 3.0 * price), price),
+        priced("machine_rate", "machine", "money/h", 120.0),
+        priced("operator_rate", "operator", "money/h", 120.0),
+        priced("insert_price", "insert", "money", 30.0),
         ("edges_per_insert", "edges per insert", "", 1.0, max(16.0, edges), edges),
-        ("edge_change_time", "change of edge", "min", 0.0, max(10.0, 3.0 * change), change),
+        priced("edge_change_time", "change of edge", "min", 10.0),
     )
     return {
         "laws": {name: {key: float(law.record()[key]) for key in POWER_LAW_RECORD.names or ()} for name, law in laws.items()},
@@ -88,7 +90,7 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         "return_time": machine.return_time,
         "edge_cost": economics.edge_cost,
         "currency": economics.currency,
-        "set_speed": set_speed,
+        "set_speed": scenario.control.initial_cutting_speed if scenario.control.action == "override" else None,
         "advice": [{"aim": each.aim} | each.steps[0]._asdict() for each in fixed],
         "sliders": [dict(zip(("name", "label", "unit", "low", "high", "value"), each, strict=True)) for each in sliders],
     }

@@ -112,16 +112,12 @@ def law_problems(fits: Mapping[str, Fit], wear_criterion: float) -> Iterator[str
         misfit = wear.predicted / wear.measured  # in another unit of wear, the fitted law changes with it
 
         def life(columns: Columns) -> Values:
-            return tool_life(wear.law.time, wear_criterion, columns["time"], columns["wear"] * columns["misfit"])
+            with np.errstate(over="ignore", under="ignore"):
+                share = wear_criterion / (columns["wear"] * columns["misfit"])
+                return np.asarray(columns["time"] * share ** (1.0 / wear.law.time))
 
         quantity = Derived("life", f"tool life to {wear_criterion:g} mm at measured settings", "min", 0.5, 600.0, life)
         yield from _problem(quantity, wear.lines, wear.factors | {"wear": wear.measured, "misfit": misfit})
-
-
-def tool_life(exponent: float, wear_criterion: float, time: Values, wear: Values) -> Values:
-    """Return the time to a wear criterion [mm] if ``time`` [min] leads to ``wear`` [mm], which grows with time ** exponent."""
-    with np.errstate(over="ignore", under="ignore"):
-        return np.asarray(time * (wear_criterion / wear) ** (1.0 / exponent))
 
 
 def _problem(quantity: Derived, lines: NDArray[np.int64], columns: Columns) -> Iterator[str]:

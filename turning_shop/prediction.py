@@ -14,7 +14,7 @@ from scipy import stats
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import PowerLaw
 from turning_shop import WorkshopError
-from turning_shop.fit import SETTINGS, Fit
+from turning_shop.fit import FACTORS, SETTINGS, Fit
 from turning_shop.whatif import Cuts
 
 Values = NDArray[np.float64]
@@ -113,7 +113,7 @@ def read_evidence(scenario: Scenario) -> Evidence:
         raise WorkshopError(f"{scenario.file}: the table calibration is damaged: calibrate again, or delete it") from error
     laws, warnings = {}, list(evidence.warnings)
     for name, law in evidence.laws.items():
-        if name in ("wear", "thrust_force", "power") and getattr(scenario.material, name).coefficient == law.coefficient:
+        if name in FACTORS and getattr(scenario.material, name).coefficient == law.coefficient:
             laws[name] = law
         else:
             warnings.append(f"{name}: the law was changed since it was fitted, so no interval is known")
