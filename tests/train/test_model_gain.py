@@ -57,15 +57,8 @@ def test_metal_begins_behind_the_approach_and_ends_with_the_bar(bar: int) -> Non
     assert np.exp(points(entering.log_depth)[:2]) == pytest.approx([BASE.workpiece.depth_of_cut] * 2)
     assert points(entering.log_hardness)[:2] == [0.0, 0.0]
     assert points(truth_of(state(face - 0.5, 0.0, 0.0), state(face + 0.5)).cutting) == [0, 0, 1, 1, 1]  # the middle is the face
-    early = truth_of(state(face - 0.05, 0.0, 0.0), state(face + 0.95, 3.5, 1.1))
-    assert points(early.cutting) == [1] * POINTS
-    assert np.exp(points(early.log_depth)) == pytest.approx([3.5] * POINTS)
     second = truth_of(state(PITCH - 0.45, 3.5), state(PITCH + 0.55, 0.0, 0.0))
     assert points(second.cutting) == [1, 1, 0, 0, 0]
-    across = truth_of(state(PITCH - 0.4 * APPROACH, 3.5), state(PITCH + 0.6 * APPROACH * 4, 2.0))
-    assert points(across.cutting)[0] == 1.0
-    assert np.exp(points(across.log_depth)[0]) == pytest.approx(3.5)
-    assert np.exp(points(across.log_depth)[-1]) == pytest.approx(2.0)  # of the next bar alone
 
 
 def test_a_changed_edge_cuts_nothing_and_keeps_the_used_life_of_the_old_one() -> None:

@@ -8,7 +8,7 @@ import torch
 
 from tests.train.small import SCENARIO, small_run
 from tests.turning_env.playing import changed
-from train import analytic_gradient, ppo, recurrent_ppo, sac
+from train import analytic_gradient, ppo
 from train.actor import Actor, ActorPolicy
 from train.analytic_actor import GruActor, MemorylessActor
 from train.model_gain import edge_price
@@ -92,36 +92,6 @@ def test_an_actor_is_shown_in_play_what_its_training_showed(position: bool, fram
             assert not observations[index, :-entries].any()
         policy.reset(dones)
     assert ends > 3
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("algorithm", "terms"),
-    [
-        (ppo.ALGORITHM, {"position": True, "frames": 4, "life_price": "marginal"}),
-        (recurrent_ppo.ALGORITHM, {"position": True}),
-        (sac.ALGORITHM, {"position": True, "frames": 2}),
-    ],
-    ids=["ppo", "recurrent_ppo", "sac"],
-)
-def test_a_trained_agent_acts_on_plain_observations_as_its_policy_on_what_it_was_shown(
-    algorithm: Algorithm, terms: dict[str, object], tmp_path: Path
-) -> None:
-    run = small_run(algorithm, tmp_path, **terms)
-    path = train(run, algorithm)
-    model, policy = algorithm.model.load(path), ActorPolicy(algorithm.actor(path), NUM_ENVS)
-    envs, plain = Terms.of(run).shown(RoughTurningVecEnv(SCENARIO, NUM_ENVS)), RoughTurningVecEnv(SCENARIO, NUM_ENVS)
-    for each in (envs, plain):
-        each.seed(7)
-    observations, single, state, starts = envs.reset(), plain.reset(), None, np.ones(NUM_ENVS, np.bool_)
-    for _ in range(30):
-        assert not isinstance(observations, dict | tuple)
-        expected, state = model.predict(observations, state, starts, deterministic=True)
-        actions = policy.act(single)
-        np.testing.assert_allclose(actions, expected, atol=1e-6)
-        observations, _, starts, _ = envs.step(actions)
-        single, *_ = plain.step(actions)
-        policy.reset(starts)
 
 
 def test_an_analytic_gradient_agent_has_its_own_terms(tmp_path: Path) -> None:

@@ -13,8 +13,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
 from train import ppo, training
 from train.run import Run, hyperparameters
+from train.terms import Terms
 from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
 from turning_env import IDS, RoughTurningVectorEnv, Scenario
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.scoring.seeds import TUNING_START
 
@@ -30,6 +32,7 @@ class Interruption(BaseCallback):
         return True
 
 
+NUM_ENVS = 6
 TERMS = {"position": True, "frames": 3, "life_price": "marginal"}
 
 
@@ -56,8 +59,7 @@ def test_an_interrupted_training_gives_the_same_agent(algorithm: Algorithm, term
     for row, resumed_row in zip(rows, resumed_rows, strict=True):
         assert row | {"wall_time": 0.0} == resumed_row | {"wall_time": 0.0}
     assert all(np.diff([row["wall_time"] for row in resumed_rows]) > 0.0)
-    if not terms:
-        _assert_acts_as(cut, model)
+    _assert_acts_as(cut, algorithm, model)
 
 
 def test_training_seeds_have_their_own_bars(tmp_path: Path) -> None:
@@ -74,22 +76,25 @@ def _bytes(parameters: Any) -> bytes:
     return stream.getvalue()
 
 
-def _assert_acts_as(run: Run, model: Any) -> None:
-    """The policy in a run's folder acts as its model, with its memory and its resets."""
+def _assert_acts_as(run: Run, algorithm: Algorithm, model: Any) -> None:
+    """The agent in a run's folder acts on plain observations as its model on what it was shown, with memory and resets."""
     loaded = training.load_agent(run.folder)
     assert (loaded.name, loaded.training_seed, loaded.command) == (f"{run.algorithm}_short", 3, "a command")
-    policy = loaded.make(6)
-    policy.reset(np.ones(6, np.bool_))
-    random, state, starts = np.random.default_rng(0), None, np.ones(6, np.bool_)
-    for step in range(5):
-        observations = random.normal(scale=3.0, size=(6, 11)).astype(np.float32)
-        expected, state = model.predict(observations, state, starts, deterministic=True)
-        found = policy.act(observations)
-        np.testing.assert_allclose(found, expected, atol=1e-6)
-        assert found.dtype == np.float32
-        assert np.abs(found).max() <= 1.0
-        starts = np.arange(6) == step
+    policy, plain = loaded.make(NUM_ENVS), RoughTurningVecEnv(SCENARIO, NUM_ENVS)
+    terms = Terms(SCENARIO) if algorithm.own_terms else Terms.of(run)
+    shown = terms.shown(RoughTurningVecEnv(SCENARIO, NUM_ENVS))
+    for each in (plain, shown):
+        each.seed(7)
+    observations, seen, state, starts = plain.reset(), shown.reset(), None, np.ones(NUM_ENVS, np.bool_)
+    for _ in range(30):
         policy.reset(starts)
+        actions = policy.act(observations)
+        assert not isinstance(seen, dict | tuple)
+        expected, state = model.predict(seen, state, starts, deterministic=True)
+        np.testing.assert_allclose(actions, expected, atol=1e-6)
+        assert actions.dtype == np.float32
+        observations, *_ = plain.step(actions)
+        seen, _, starts, _ = shown.step(actions)
 
 
 @pytest.mark.slow
