@@ -82,13 +82,10 @@ class AnalyticGradient(BaseAlgorithm):
         learning_rate: Any = 1e-3,
         scenario: Scenario | None = None,
         settings: SimpleNamespace | None = None,
-        *,
-        tensorboard_log: str | None = None,
-        seed: int | None = None,
-        device: str = "cpu",
         _init_setup_model: bool = True,
+        **options: Any,
     ) -> None:
-        options: dict[str, Any] = {"tensorboard_log": tensorboard_log, "seed": seed, "device": device}
+        """Take hyperparameters as ``settings``, and further ``options`` of the base class."""
         super().__init__(policy, env, learning_rate, support_multi_env=True, monitor_wrapper=False, **options)  # type: ignore[arg-type]
         self.scenario, self.settings = scenario, settings
         if _init_setup_model:

@@ -12,7 +12,7 @@ unknown strength.
 (Analytic gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat charge: potential-based
 shaping, Ng et al. 1999. The combination is this project's.)
 
-All environments may have one scenario, or each its own (``Columns``, arrays of shape (num_envs,)).
+All environments have one scenario, or each its own (``Columns``, arrays of shape (num_envs,)).
 """
 
 from collections.abc import Callable

@@ -8,6 +8,7 @@ they are pickles, which can run code.
 import argparse
 import csv
 import importlib
+import inspect
 import shlex
 import sys
 import time
@@ -212,10 +213,9 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
         torch.set_num_threads(1)
         resumed = run.checkpoint.exists()
         model = load_checkpoint(run, algorithm) if resumed else new_model(run, algorithm)
-        callbacks = [*algorithm.callbacks(run), Recorder(run, algorithm, checkpoint_every)]
         model.learn(
             run.parameters["steps"] - model.num_timesteps,
-            callback=callbacks,
+            callback=[*algorithm.callbacks(run), Recorder(run, algorithm, checkpoint_every)],
             log_interval=algorithm.log_interval,
             tb_log_name=algorithm.name,
             reset_num_timesteps=not resumed,
@@ -251,20 +251,11 @@ def load_agent(folder: Path) -> PolicySpec:
     return trained_policy(run, run.parameters["steps"], digest, lambda num_envs: ActorPolicy(actor, num_envs))
 
 
-_HELP = """Train an agent with {title} for one training seed.
-
-    {program} --seed 1
-    {program} --env RoughTurning-v0 --scenario forging --seed 1 --steps 8000000 --set learning_rate=3e-4
-
-The same command resumes an interrupted training, and does nothing if training is finished. It prints the agent's path.
-"""
-
-
 @exits(ValueError, interrupted="interrupted: run the same command again to resume from the last checkpoint")
 def command_line(algorithm: Algorithm, arguments: list[str] | None = None) -> int:
-    """Run an algorithm's command line: train one agent for one training seed; return the exit status."""
+    """Run an algorithm's command line: train one agent for one training seed; print its path and return the exit status."""
     program = f"python -m train.{algorithm.name}"
-    parser = argparse.ArgumentParser(prog=program, **described(_HELP.format(title=algorithm.title, program=program)))
+    parser = argparse.ArgumentParser(prog=program, **described(inspect.getdoc(inspect.getmodule(algorithm.new_model))))
     parser.add_argument("--env", default="RoughTurning-v0", choices=list(IDS), help="environment id (default: %(default)s)")
     parser.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
     parser.add_argument("--seed", type=int, default=0, help="training seed (default: %(default)s)")

@@ -232,9 +232,9 @@ def test_what_an_onnx_file_lacks_is_said(tmp_path: Path, capsys: pytest.CaptureF
     assert "is no ONNX file" in refusal(capsys, out, path)
 
 
-def finished(algorithm: Algorithm, runs: Path) -> Run:
+def finished(algorithm: Algorithm, runs: Path, **changes: object) -> Run:
     """A run that ends before it has begun: its agent is untrained."""
-    run = small_run(algorithm, runs, SCENARIO)
+    run = small_run(algorithm, runs, SCENARIO, **changes)
     run.begin()
     model = new_model(run, algorithm)
     model.env = None
@@ -243,9 +243,14 @@ def finished(algorithm: Algorithm, runs: Path) -> Run:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ppo", "sac", "recurrent_ppo", "analytic_gradient"])
-def test_runs_of_every_network_can_be_exported(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run = finished(ALGORITHMS[name], tmp_path)
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [("ppo", {}), ("ppo", {"position": True, "frames": 3}), ("sac", {}), ("recurrent_ppo", {}), ("analytic_gradient", {})],
+)
+def test_runs_of_every_network_can_be_exported(
+    name: str, changes: dict[str, object], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = finished(ALGORITHMS[name], tmp_path, **changes)
     assert export.main([str(run.folder), "--out", str(tmp_path / "out"), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     path = tmp_path / "out" / f"{name}_short-seed3.onnx"  # the name without the scenario is that of the agent that ships
