@@ -25,7 +25,7 @@ class _Dial(NamedTuple):
     colour: ui.Colour
     value: str
     measured: str
-    most: float
+    end: float
     limit: float | None
     reference: str = ""
 
@@ -53,25 +53,25 @@ def _face(dial: _Dial) -> Image.Image:
     draw = ImageDraw.Draw(face)
     draw.arc(_ARC, 180, 360, fill=ui.RULE, width=ui.SCALE * _BAND)
     if dial.limit is not None:
-        draw.arc(_ARC, 180 + 180 * dial.limit / dial.most, 360, fill=ui.mixed(ui.OVER, 0.28), width=ui.SCALE * _BAND)
-        draw.line(_ray(dial.limit / dial.most, _RADIUS - _BAND - 3, _RADIUS + 3), fill=ui.OVER, width=4)
+        draw.arc(_ARC, 180 + 180 * dial.limit / dial.end, 360, fill=ui.mixed(ui.OVER, 0.28), width=ui.SCALE * _BAND)
+        draw.line(_ray(dial.limit / dial.end, _RADIUS - _BAND - 3, _RADIUS + 3), fill=ui.OVER, width=4)
     return face
 
 
 def _with_needle(dial: _Dial, face: Image.Image, now: dict[str, float]) -> Image.Image:
     """Return the dial as it stands in a report."""
     value, mark = now[dial.value], dial.limit
-    share = min(max(value / dial.most, 0.0), 1.0)
+    share = min(max(value / dial.end, 0.0), 1.0)
     image = face.copy()
     draw = ImageDraw.Draw(image)
     if share > 0.002:
-        draw.arc(_ARC, 180, 180 + 180 * min(share, mark / dial.most if mark else 1.0), fill=dial.colour, width=ui.SCALE * _BAND)
+        draw.arc(_ARC, 180, 180 + 180 * min(share, mark / dial.end if mark else 1.0), fill=dial.colour, width=ui.SCALE * _BAND)
     if mark is not None and value > mark:
-        draw.arc(_ARC, 180 + 180 * mark / dial.most, 180 + 180 * share, fill=ui.OVER, width=ui.SCALE * _BAND)
+        draw.arc(_ARC, 180 + 180 * mark / dial.end, 180 + 180 * share, fill=ui.OVER, width=ui.SCALE * _BAND)
     if dial.reference:
-        draw.line(_ray(min(now[dial.reference] / dial.most, 1.0), _RADIUS - _BAND - 4, _RADIUS + 5), fill=ui.INK, width=6)
+        draw.line(_ray(min(now[dial.reference] / dial.end, 1.0), _RADIUS - _BAND - 4, _RADIUS + 5), fill=ui.INK, width=6)
     if dial.measured and now[dial.measured] > 0.0:
-        _draw_pointer(draw, min(now[dial.measured] / dial.most, 1.0))
+        _draw_pointer(draw, min(now[dial.measured] / dial.end, 1.0))
     draw.line(_ray(share, 45, _RADIUS - _BAND - 4), fill=ui.INK, width=5)
     image = image.reduce(ui.SCALE)
     middle, base = _WIDTH // 2, _RADIUS + 12
@@ -162,8 +162,8 @@ class Gauges:
         ui.write(image, (100, 2), f"{title}: true state, hidden", 13)
         ui.write(image, (100, 22), f"flank wear {now['wear']:.3f} mm, worn out at {criterion:g} mm (dashes)", 12)
         ui.write(image, (100, 43), f"life used {100 * now['used_life']:.0f} %", 12)
-        told = f"{'broke' if broken else 'breaks'} at {now['edge_strength']:.0f} N"
-        ui.write(image, (390, 2), told, 11, ui.OVER if broken else ui.QUIET, "right")
+        strength = f"{'broke' if broken else 'breaks'} at {now['edge_strength']:.0f} N"
+        ui.write(image, (390, 2), strength, 11, ui.OVER if broken else ui.QUIET, "right")
         ui.write(image, (390, 43), f"cutting for {now['cutting_time']:.2f} min", 12, ui.QUIET, "right")
         ui.put(frame, image, (self._left + 8, self._top + 146))
 
@@ -171,15 +171,15 @@ class Gauges:
         """Write the settings and what they give, in numbers."""
         image = Image.new("RGB", (400, 78), ui.CARD)
         ImageDraw.Draw(image).line((8, 0, 392, 0), fill=ui.RULE)
-        for number, (name, value, told) in enumerate(self._values(history)):
+        for number, (name, value, observed) in enumerate(self._values(history)):
             row, column = divmod(number, 2)
             left, y = 8 + 200 * column, 6 + 23 * row
             ui.write(image, (left, y + 1), name, 12, ui.QUIET)
-            ui.write(image, (left + 184, y), value, 13, ui.INK if told else ui.QUIET, "right")
+            ui.write(image, (left + 184, y), value, 13, ui.INK if observed else ui.QUIET, "right")
         ui.put(frame, image, (self._left + 8, self._top + 234))
 
     def _values(self, history: History) -> list[tuple[str, str, bool]]:
-        """Return the name and value of each reading, and whether the policy is told it."""
+        """Return the name and value of each reading, and whether the policy observes it."""
         now = history.now
         if self._scenario.control.action == "part":
             values = [

@@ -48,10 +48,10 @@ class Cut(NamedTuple):
     wear: float
 
 
-def bound(law: PowerLaw, most: float, cut: Cut) -> HalfPlane:
-    """Return where a response does not exceed ``most``, in its unit."""
+def bound(law: PowerLaw, limit: float, cut: Cut) -> HalfPlane:
+    """Return where a response does not exceed a limit, in its unit."""
     rest = float(law(1.0, 1.0, cut.depth, 1.0, cut.wear, cut.hardness))
-    return HalfPlane(law.cutting_speed, law.feed, math.log(most / rest))
+    return HalfPlane(law.cutting_speed, law.feed, math.log(limit / rest))
 
 
 def wear_bound(scenario: Scenario, cut: Cut, wear_factor: float, used_life: float, cutting_time: float) -> HalfPlane:
@@ -62,11 +62,11 @@ def wear_bound(scenario: Scenario, cut: Cut, wear_factor: float, used_life: floa
     law, criterion, minutes = scenario.material.wear, scenario.tool.wear_criterion, scenario.control.interval / 60.0
     if scenario.tool.wear_rule == "equivalent_time":
         left = max(1.0 - used_life, 1e-9)
-        most = criterion * (left / minutes) ** law.time
+        limit = criterion * (left / minutes) ** law.time
     else:
         left = max(criterion * (1.0 - used_life**law.time), 1e-9)
-        most = left / ((cutting_time + minutes) ** law.time - cutting_time**law.time)
-    return bound(law, most / wear_factor, Cut(cut.depth, cut.hardness, 1.0))
+        limit = left / ((cutting_time + minutes) ** law.time - cutting_time**law.time)
+    return bound(law, limit / wear_factor, Cut(cut.depth, cut.hardness, 1.0))
 
 
 def _clip(corners: Sequence[ui.Point], limit: HalfPlane) -> tuple[list[ui.Point], list[ui.Point]]:
@@ -183,8 +183,8 @@ class OperatingMap:
         for line, _ in self._contours:
             draw.line(self._pixels(list(line)), fill=_CONTOUR, width=2)
         nominal = Cut(self._depth, 1.0, history.nominal_wear)
-        told = self._limits(nominal, now["cutting_speed"], 1.0, history.nominal_used_life, now["cutting_time"])
-        believed = region(self._corners, told)
+        nominal_limits = self._limits(nominal, now["cutting_speed"], 1.0, history.nominal_used_life, now["cutting_time"])
+        believed = region(self._corners, nominal_limits)
         if len(believed) > 2:
             outline = self._pixels(believed)
             draw.line([*outline, outline[0]], fill=ui.mixed(ui.QUIET, 0.75), width=2)
@@ -280,7 +280,7 @@ class FeedMap:
         speed = history.now["cutting_speed"]
         power = limits.power * capacity_at(self._scenario, speed) - idle_power_at(self._scenario, speed)
         laws = ((ui.POWER, material.power, power), (ui.FORCE, material.thrust_force, limits.thrust_force))
-        curves = [(colour, self._highest_feed(history, law, most)) for colour, law, most in laws]
+        curves = [(colour, self._highest_feed(history, law, limit)) for colour, law, limit in laws]
         allowed = np.minimum.reduce([np.full(len(self._xs), self._up.end), *(feeds for _, feeds in curves)])
         outline = self._pixels(allowed)
         draw.polygon([(outline[0][0], height), *outline, (outline[-1][0], height)], fill=ui.mixed(ui.ALLOWED, 0.22))
@@ -294,12 +294,12 @@ class FeedMap:
         self._draw_trail(draw, history, across)
         ui.put(frame, image.reduce(ui.SCALE), (self._box[0], self._box[1]))
 
-    def _highest_feed(self, history: History, law: PowerLaw, most: float) -> Array:
-        """Return the feed [mm/rev] at which a response reaches ``most`` along the bar; infinite if none does."""
+    def _highest_feed(self, history: History, law: PowerLaw, limit: float) -> Array:
+        """Return the feed [mm/rev] at which a response reaches a limit along the bar; infinite if none does."""
         if law.feed <= 0.0:
             return np.full(self._depth.shape, np.inf)
         rest = law(history.now["cutting_speed"], 1.0, self._depth, 1.0, history.wear, self._hardness)
-        return np.asarray((most / rest) ** (1.0 / law.feed))
+        return np.asarray((limit / rest) ** (1.0 / law.feed))
 
     def _pixels(self, feeds: Array) -> list[ui.Point]:
         return list(zip(self._xs, map(self._up, feeds.tolist()), strict=True))
@@ -308,7 +308,7 @@ class FeedMap:
         for sample in history.along_bar[self._taken :]:
             point = across.within(sample.place), self._up.within(sample.feed)
             last = self._trail[-1] if self._trail else (-math.inf, 0.0)
-            # None from before the page, and only points far enough apart to be told apart.
+            # None from before the page, and only points far enough apart to be distinguished.
             if sample.place >= across.start and abs(point[0] - last[0]) + abs(point[1] - last[1]) >= 3.0:
                 self._trail.append(point)
         self._taken = len(history.along_bar)

@@ -14,7 +14,6 @@ from zlib import crc32
 from turning_env.files import replace_file
 
 if TYPE_CHECKING:  # imported where a figure is drawn: who needs only a colour need not wait for it
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SINGLE, DOUBLE = 89.0 / 25.4, 183.0 / 25.4
@@ -35,7 +34,6 @@ LINES: tuple[tuple[str, Any], ...] = (
     (BLACK, (0, (2, 2))),
 )
 """Colours and dashes of lines of equal rank."""
-BROWN, OLIVE, WINE = "#8B5A2B", "#999933", "#882255"
 POLICIES: dict[str, tuple[str, Any]] = {
     "analytic_gradient": LINES[0],
     "grid_search": (ORANGE, LINES[1][1]),
@@ -43,15 +41,15 @@ POLICIES: dict[str, tuple[str, Any]] = {
     "ppo": LINES[3],
     "predictive": LINES[6],
     "sac": LINES[5],
-    "rescaled_grid_search": (BROWN, LINES[4][1]),
-    "tqc": (OLIVE, LINES[4][1]),
-    "lagrangian_ppo": (WINE, LINES[1][1]),
+    "rescaled_grid_search": ("#8B5A2B", LINES[4][1]),
+    "tqc": ("#999933", LINES[4][1]),
+    "lagrangian_ppo": ("#882255", LINES[1][1]),
     "fixed_tuned": ("#999999", LINES[1][1]),
     "causal": (GREY, "-"),
 }
 """Colour and dashes of policies that several figures show: the same in each. Vermillion is left to limits."""
-_OTHER_COLOURS = ("#332288", "#44AA99", "#AA4466", "#117733", "#AA4499", "#6699CC", "#663333")
-OTHERS = tuple((colour, dashes) for colour, (_, dashes) in zip(_OTHER_COLOURS, LINES, strict=True))
+_COLOURS = ("#332288", "#44AA99", "#AA4466", "#117733", "#AA4499", "#6699CC", "#663333")
+OTHERS = tuple((colour, dashes) for colour, (_, dashes) in zip(_COLOURS, LINES, strict=True))
 """Colours and dashes of all other policies."""
 
 LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "linestyle": (0, (5, 1.5))}
@@ -66,8 +64,11 @@ CHOSEN = _POINTS | {"color": ORANGE, "marker": "D", "markeredgecolor": BLACK}
 
 FORMATS = ("png", "svg", "pdf")
 DPI = 250
-# No dates: the same figure gives the same bytes.
-_METADATA: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+_OPTIONS: dict[str, dict[str, Any]] = {
+    "png": {"dpi": DPI},
+    "svg": {"metadata": {"Date": None}},  # no dates: the same figure gives the same bytes
+    "pdf": {"metadata": {"CreationDate": None}},
+}
 _PRINT: dict[str, Any] = {
     "font.size": MIN_FONT,
     **dict.fromkeys(("axes.labelsize", "axes.titlesize", "xtick.labelsize", "ytick.labelsize"), MIN_FONT),
@@ -109,11 +110,6 @@ def policy_looks(names: Iterable[str]) -> list[tuple[str, Any]]:
     return looks
 
 
-def letter(axes: "Axes", name: str) -> None:
-    """Write the name of a panel above its left corner."""
-    axes.set_title(name, loc="left", fontweight="bold")
-
-
 def readable(figure: "Figure") -> "Figure":
     """Enlarge every text of a figure to at least ``MIN_FONT``, and return the figure."""
     from matplotlib.text import Text
@@ -136,19 +132,19 @@ def save(figure: "Figure", path: Path) -> None:
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
         raise ValueError(f"{path}: its suffix must be .{' or .'.join(FORMATS)}")
+    drawn = BytesIO()
     with rc_context({"svg.hashsalt": "rough-turning"}):
-        if kind == "png":
-            replace_file(path, lambda partial: _save_png(figure, partial))
-        else:
-            replace_file(path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind]))
+        figure.savefig(drawn, format=kind, **_OPTIONS[kind])
+    content = _with_palette(drawn) if kind == "png" else drawn.getvalue()
+    replace_file(path, lambda partial: partial.write_bytes(content))
 
 
-def _save_png(figure: "Figure", path: Path) -> None:
-    """Write PNG with a palette of 256 colours: a third of the bytes without a visible difference."""
+def _with_palette(drawn: BytesIO) -> bytes:
+    """Return a PNG with a palette of 256 colours: a third of the bytes without a visible difference."""
     from PIL import Image
 
-    drawn = BytesIO()
-    figure.savefig(drawn, format="png", dpi=DPI)
+    written = BytesIO()
     with Image.open(drawn) as image:
         few = image.convert("RGB").quantize(256, method=Image.Quantize.MAXCOVERAGE, kmeans=1, dither=Image.Dither.NONE)
-    few.save(path, format="png", optimize=True, dpi=(DPI, DPI))
+    few.save(written, format="png", optimize=True, dpi=(DPI, DPI))
+    return written.getvalue()

@@ -1,4 +1,4 @@
-"""Play recommendations and what adapts to bars and edges on the simulated lathe, and compare their costs by the year."""
+"""Play recommendations, rules and agents on the simulated machine, and compare their costs by the year."""
 
 import bisect
 import math

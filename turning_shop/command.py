@@ -288,8 +288,8 @@ def _advise(options: argparse.Namespace) -> int:
         replace_file(options.page, lambda partial: partial.write_text(text, "utf-8"))
     played = None
     if options.seeds:
-        told = partial(print, "playing", file=sys.stderr, flush=True)
-        played = play_all(scenario, found, options.agent, options.rule, options.hours, options.seeds, told)
+        on_play = partial(print, "playing", file=sys.stderr, flush=True)
+        played = play_all(scenario, found, options.agent, options.rule, options.hours, options.seeds, on_play)
     if options.json:
         print_json({"advice": [each._asdict() for each in found], "played": played})
         return 0

@@ -10,7 +10,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from papers.reproduce.checks import Check
-from turning_render import plot_style as style
 
 GRID_SEARCH = "Alaskari and Oraby (2018)"
 
@@ -49,7 +48,7 @@ def lettered(size: tuple[float, float], rows: int, columns: int, **options: Any)
     figure = Figure(figsize=size, layout="constrained")
     panels = list(figure.subplots(rows, columns, squeeze=False, **options).flat)
     for axes, letter in zip(panels, "abcd", strict=False):
-        style.letter(axes, letter)
+        axes.set_title(letter, loc="left", fontweight="bold")
     return figure, panels
 
 
