@@ -47,17 +47,17 @@ def _steps(low: float, high: float, step: float) -> NDArray[np.float64]:
 @compiled
 def predict(parameters, speed, feed, used_life, start, end):
     """Return the nominal (used life [-], thrust force [N], power [kW]) after cutting from ``start`` to ``end`` [min]."""
-    log_speed, log_feed, log_depth = np.log(speed), np.log(feed), parameters.log_depth_of_cut
-    log_coefficient = log_wear_coefficient(parameters, log_speed, log_feed, log_depth, 0.0)
-    used_life = advance_used_life(parameters, used_life, log_coefficient, start, end)
-    force, power = force_and_power(parameters, log_speed, log_feed, log_depth, log_wear(parameters, used_life), 0.0)
-    return used_life, force, power + idle_power(parameters, speed)
+    log_speed, log_feed, log_depth = np.log(speed), np.log(feed), parameters.log_depth_of_cut[0]
+    log_coefficient = log_wear_coefficient(parameters, 0, log_speed, log_feed, log_depth, 0.0)
+    used_life = advance_used_life(parameters, 0, used_life, log_coefficient, start, end)
+    force, power = force_and_power(parameters, 0, log_speed, log_feed, log_depth, log_wear(parameters, 0, used_life), 0.0)
+    return used_life, force, power + idle_power(parameters, 0, speed)
 
 
 @compiled
 def highest_feed(parameters, speed, feeds, used_life, start, end, force_limit, power_limit, used_life_limit):
     """Return the index of the highest feasible feed at a speed, or -1, by bisection: force, power and wear grow with feed."""
-    power_limit *= capacity(parameters, speed)
+    power_limit *= capacity(parameters, 0, speed)
     feasible, infeasible = -1, len(feeds)
     while infeasible - feasible > 1:
         index = (feasible + infeasible) // 2

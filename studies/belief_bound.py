@@ -22,7 +22,7 @@ from baselines.models.normal import excess
 from baselines.oracles.cells import between, start_episode_of, survey
 from turning_env import Scenario
 from turning_env.numerics.compilation import compiled, compiled_entry
-from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.physics.records import block_records
 
 Array = NDArray[np.float64]
 
@@ -116,22 +116,21 @@ def bound(scenario: Scenario, seed: int, stretch: float = 3.2, lives: int = LIVE
         stretch: length of metal [mm] cut with one setting; 3.2 mm are a second of the best policies.
         lives: steps of the root of the used share of life.
     """
-    scratch = scratch_records(scenario)
-    states = new_records(STATE, 1)
+    states, parameters, scratch = block_records(scenario)
     states["seed"][0, 0] = seed
-    start_episode_of(states, scratch)
+    start_episode_of(states, parameters, scratch)
     cells = round(scenario.workpiece.bar_length / stretch)
     wear = scenario.material.wear
     fields = np.empty((3, cells))
-    survey(states, scratch, fields, cells)
+    survey(states, parameters, scratch, fields, cells)
     log_wear_factor = fields[2, 0]
     bars = math.ceil(BARS * math.exp(-log_wear_factor / wear.time))
     fields = np.empty((3, bars * cells))
-    survey(states, scratch, fields, cells)
+    survey(states, parameters, scratch, fields, cells)
     lengths, believed = beliefs(scenario, fields[:2].reshape(2, bars, cells), np.random.default_rng(seed))
     life = wear.depth_of_cut * np.log(believed[0] / scenario.workpiece.depth_of_cut) + wear.hardness * believed[1]
     believed[1] = np.exp((life + log_wear_factor) / wear.time)
-    return float(_best_return(states, scratch, lengths, believed, _SPEEDS, _LADDER, _FEEDS, lives))
+    return float(_best_return(states, parameters, scratch, lengths, believed, _SPEEDS, _LADDER, _FEEDS, lives))
 
 
 def beliefs(scenario: Scenario, truth: Array, generator: np.random.Generator) -> tuple[Array, Array]:
@@ -169,21 +168,21 @@ def expected_excess(log_mean, spread):
 
 
 @compiled_entry
-def _best_return(states, scratches, lengths, beliefs, speed_steps, ladder, feed_steps, lives):
+def _best_return(states, parameters, scratches, lengths, beliefs, speed_steps, ladder, feed_steps, lives):
     """Return the bound on the return [s]; ``beliefs`` as from ``beliefs``, with the factor on the rate of wear in place 1."""
-    state, p = states[0], scratches[0].parameters
+    state, p = states[0], parameters[0]
     wear_law, force_law, power_law = p.wear_law, p.force_law, p.power_law
-    low_speed, high_speed = np.log(p.cutting_speed_min), np.log(p.cutting_speed_max)
-    low_feed, high_feed = np.log(p.feed_min), np.log(p.feed_max)
-    crossing = 60.0 / p.revolutions_per_metre  # time [s] of 1 mm at 1 m/min and 1 mm/rev
-    air = p.approach * crossing * np.exp(-high_speed - high_feed)
-    log_depth = np.log(p.depth_of_cut)
-    at_nominal = wear_law.log_coefficient + wear_law.depth_of_cut * log_depth - p.log_wear_criterion
-    nominal_life = at_nominal * p.life_exponent - np.log(60.0)
+    low_speed, high_speed = np.log(p.cutting_speed_min[0]), np.log(p.cutting_speed_max[0])
+    low_feed, high_feed = np.log(p.feed_min[0]), np.log(p.feed_max[0])
+    crossing = 60.0 / p.revolutions_per_metre[0]  # time [s] of 1 mm at 1 m/min and 1 mm/rev
+    air = p.approach[0] * crossing * np.exp(-high_speed - high_feed)
+    log_depth = np.log(p.depth_of_cut[0])
+    at_nominal = wear_law.log_coefficient[0] + wear_law.depth_of_cut[0] * log_depth - p.log_wear_criterion[0]
+    nominal_life = at_nominal * p.life_exponent[0] - np.log(60.0)
     speeds = np.empty(speed_steps.shape[0] + 2 + ladder)
     values, next_values = np.zeros(lives + 1), np.zeros(lives + 1)
     points = beliefs.shape[3]
-    meet = force_law.cutting_speed * power_law.feed - force_law.feed * power_law.cutting_speed
+    meet = force_law.cutting_speed[0] * power_law.feed[0] - force_law.feed[0] * power_law.cutting_speed[0]
     for bar in range(lengths.shape[0] - 1, -1, -1):
         for i in range(lengths.shape[1] - 1, -1, -1):
             length = lengths[bar, i]
@@ -193,22 +192,22 @@ def _best_return(states, scratches, lengths, beliefs, speed_steps, ladder, feed_
                 rate += beliefs[1, bar, i, q] / points
                 force_mean += beliefs[2, bar, i, q] / points
                 power_mean += beliefs[3, bar, i, q] / points
-            worth = length * 60.0 / p.revolutions_per_metre / p.reference_removal_rate * depth
+            worth = length * 60.0 / p.revolutions_per_metre[0] / p.reference_removal_rate[0] * depth
             for j in range(lives):
                 used = (j / lives) ** 2
-                log_wear = p.log_wear_criterion + wear_law.time * np.log(max(used, 1e-9))
-                force = force_law.log_coefficient + force_law.depth_of_cut * log_depth + force_law.wear * log_wear
-                force -= np.log(p.thrust_force_limit)
-                power = power_law.log_coefficient + power_law.depth_of_cut * log_depth + power_law.wear * log_wear
-                power -= np.log(p.power_limit)
+                log_wear = p.log_wear_criterion[0] + wear_law.time[0] * np.log(max(used, 1e-9))
+                force = force_law.log_coefficient[0] + force_law.depth_of_cut[0] * log_depth + force_law.wear[0] * log_wear
+                force -= np.log(p.thrust_force_limit[0])
+                power = power_law.log_coefficient[0] + power_law.depth_of_cut[0] * log_depth + power_law.wear[0] * log_wear
+                power -= np.log(p.power_limit[0])
                 f, w = force + force_mean, power + power_mean
                 for k in range(speeds.shape[0]):
                     if k < speed_steps.shape[0]:
-                        speed = (w * force_law.feed - f * power_law.feed) / meet + speed_steps[k]
+                        speed = (w * force_law.feed[0] - f * power_law.feed[0]) / meet + speed_steps[k]
                     elif k == speed_steps.shape[0]:
-                        speed = -(f + force_law.feed * high_feed) / force_law.cutting_speed
+                        speed = -(f + force_law.feed[0] * high_feed) / force_law.cutting_speed[0]
                     elif k == speed_steps.shape[0] + 1:
-                        speed = -(w + power_law.feed * high_feed) / power_law.cutting_speed
+                        speed = -(w + power_law.feed[0] * high_feed) / power_law.cutting_speed[0]
                     else:
                         share = (k - speed_steps.shape[0] - 2) / max(ladder - 1, 1)
                         speed = low_speed + (high_speed - low_speed) * (0.4 + 0.6 * share)
@@ -216,22 +215,22 @@ def _best_return(states, scratches, lengths, beliefs, speed_steps, ladder, feed_
                 best = -np.inf
                 for speed in speeds:
                     kink = min(
-                        -(f + force_law.cutting_speed * speed) / force_law.feed,
-                        -(w + power_law.cutting_speed * speed) / power_law.feed,
+                        -(f + force_law.cutting_speed[0] * speed) / force_law.feed[0],
+                        -(w + power_law.cutting_speed[0] * speed) / power_law.feed[0],
                     )
                     kink = min(max(kink, low_feed), high_feed)
                     for step in feed_steps:
                         feed = min(max(kink + step, low_feed), high_feed)
                         time = length * crossing * np.exp(-speed - feed)
-                        f_here = force + force_law.cutting_speed * speed + force_law.feed * feed
-                        w_here = power + power_law.cutting_speed * speed + power_law.feed * feed
+                        f_here = force + force_law.cutting_speed[0] * speed + force_law.feed[0] * feed
+                        w_here = power + power_law.cutting_speed[0] * speed + power_law.feed[0] * feed
                         over = 0.0
                         for q in range(points):
                             over += expected_excess(f_here + beliefs[2, bar, i, q], beliefs[4, bar, i, q]) / points
                             over += expected_excess(w_here + beliefs[3, bar, i, q], beliefs[5, bar, i, q]) / points
-                        taylor = nominal_life + (wear_law.cutting_speed * speed + wear_law.feed * feed) * p.life_exponent
+                        taylor = nominal_life + (wear_law.cutting_speed[0] * speed + wear_law.feed[0] * feed) * p.life_exponent[0]
                         using = rate * np.exp(taylor) * time
-                        gain = worth - time * (1.0 + p.overload_price * over) - p.edge_price * using
+                        gain = worth - time * (1.0 + p.overload_price[0] * over) - p.edge_price[0] * using
                         after = used + using
                         if after >= 1.0:
                             gain *= (1.0 - used) / using

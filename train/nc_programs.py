@@ -196,7 +196,7 @@ def interval_table(scenario: Scenario, interval: float | None = None) -> list[Ro
         if speed < 0:
             break
         used_life, _, _ = predict(parameters, speeds[speed], feeds[feed], used_life, start, end)
-        row = Row(start, end, float(exp(log_wear(parameters, used_life))), float(speeds[speed]), float(feeds[feed]))
+        row = Row(start, end, float(exp(log_wear(parameters, 0, used_life))), float(speeds[speed]), float(feeds[feed]))
         if rows and (rows[-1].cutting_speed, rows[-1].feed) == (row.cutting_speed, row.feed):
             row = replace(row, start=rows.pop().start)
         rows.append(row)

@@ -18,7 +18,7 @@ from turning_env.numerics.functions import log
 from turning_env.observation import observe
 from turning_env.physics.lathe import charge_time_and_life
 from turning_env.physics.quantities import layout
-from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.physics.records import block_records
 from turning_env.physics.wear import EQUIVALENT_TIME
 from turning_env.scenario import Scenario
 from turning_env.scoring.policy import PolicyFactory
@@ -115,7 +115,7 @@ class Controller:
         self._scenario, self._highest = scenario.nominal(), highest_feed(scenario)
         self.safe_feed = safe_feed(scenario, settings)
         self._shield = Shield(make_policy(1), self._scenario, 1, settings)
-        self._states, self._scratches = new_records(STATE, 1), scratch_records(self._scenario)
+        self._states, self._parameters, self._scratches = block_records(self._scenario)
         self.observation = np.zeros((1, len(layout(scenario))), np.float32)
         self._repeats, self._loads_before = 0, (math.nan, math.nan)
         self.start()
@@ -151,7 +151,7 @@ class Controller:
             measured_servo_current=readings.servo_current,
             **{name: getattr(readings, name) for name in FURTHER},
         )
-        observe_readings(self._states, self._scratches, readings.engaged_time / 60.0, self.observation)
+        observe_readings(self._states, self._parameters, self._scratches, readings.engaged_time / 60.0, self.observation)
         return self.observation
 
     def decide(self, readings: Readings) -> Commands:
@@ -225,10 +225,10 @@ def on_control(scenario: Scenario) -> Scenario:
 
 
 @compiled_entry
-def observe_readings(states, scratches, minutes, observations):  # type: ignore[no-untyped-def]
+def observe_readings(states, parameters, scratches, minutes, observations):  # type: ignore[no-untyped-def]
     """Write the observation of the state's readings after ``minutes`` in metal."""
-    state, scratch = states[0], scratches[0]
-    p, work = scratch.parameters, scratch.work
+    state, p, scratch = states[0], parameters[0], scratches[0]
+    work = scratch.work
     work.log_cutting_speed[0] = log(state.cutting_speed[0])
     work.log_feed[0] = log(state.feed[0])
     work.time[0] = 0.0

@@ -10,7 +10,7 @@ import numpy as np
 from turning_env.numerics.compilation import compiled_entry
 from turning_env.physics.drives import lag_share
 from turning_env.physics.lathe import run_step, start_episode
-from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.physics.records import block_records
 from turning_env.scenario import Scenario
 
 STILL = 1e-6
@@ -39,12 +39,12 @@ class Plant:
             "workpiece": scenario.workpiece.model_copy(update={"bars": 0}),
         }
         self._scenario = scenario.model_copy(update=endless)
-        self._states, self._scratches = new_records(STATE, 1), scratch_records(self._scenario)
+        self._records = self._states, self._parameters, self._scratches = block_records(self._scenario)
         self._states["seed"][0, 0] = seed
-        start_plant(self._states, self._scratches)
+        start_plant(*self._records)
         free = {"spindle_share": 0.0, "feed_share": 0.0, "cutting_speed_min": 1e-3, "feed_min": STILL}  # the control moves
         for name, value in (free | {"reachable_cutting_speed": math.inf, "feed_max": math.inf}).items():
-            self._scratches["parameters"][name] = value
+            self._parameters[name] = value
         self._bar, self._along, self._returns = 0, 0.0, False
 
     def advance(self, seconds: float, along: float, spindle_speed: float, velocity: float, in_feed: bool) -> dict[str, float]:
@@ -57,15 +57,15 @@ class Plant:
             velocity: feed velocity [mm/s]
             in_feed: whether the tool moves at feed; a return to the beginning of the approach brings the next bar.
         """
-        p, sensors = self._scratches["parameters"], self._scenario.sensors
+        p, sensors = self._parameters, self._scenario.sensors
         if self._along - along > 0.5 * self._scenario.workpiece.bar_length:
             self._bar += 1
             self._returns = True
         self._returns &= not in_feed
         if self._returns:
             self._along = along
-        pitch = float(p["bar_pitch"][0])
-        speed = max(spindle_speed / float(p["revolutions_per_metre"][0]), 1e-3)
+        pitch = float(p["bar_pitch"][0, 0])
+        speed = max(spindle_speed / float(p["revolutions_per_metre"][0, 0]), 1e-3)
         feed = max(60.0 * velocity / max(spindle_speed, 1e-3), STILL) if in_feed else STILL
         moved = {"cutting_speed": speed, "commanded_cutting_speed": speed, "feed": feed, "commanded_feed": feed}
         path = self._bar * pitch + min(max(self._along, 0.0), pitch - 1e-6)
@@ -74,7 +74,7 @@ class Plant:
         p["sub_step"] = seconds / 60.0
         p["power_sensor_share"] = lag_share(seconds, sensors.power_time_constant)
         p["force_sensor_share"] = lag_share(seconds, sensors.force_time_constant)
-        move_plant(self._states, self._scratches, np.zeros((1, 2)))
+        move_plant(*self._records, np.zeros((1, 2)))
         self._along = max(self._along, along) if in_feed else self._along
         report = {name: float(self._scratches["report"][name][0, 0]) for name in REPORTED}
         state = {name: float(self._states[name][0, 0]) for name in STATES}
@@ -82,12 +82,12 @@ class Plant:
 
 
 @compiled_entry
-def start_plant(states, scratches):  # type: ignore[no-untyped-def]
+def start_plant(states, parameters, scratches):  # type: ignore[no-untyped-def]
     """Put a fresh edge before the first bar."""
-    start_episode(states[0], scratches[0].work, scratches[0].report, 0, scratches[0].parameters)
+    start_episode(states[0], scratches[0].work, scratches[0].report, 0, parameters[0])
 
 
 @compiled_entry
-def move_plant(states, scratches, actions):  # type: ignore[no-untyped-def]
+def move_plant(states, parameters, scratches, actions):  # type: ignore[no-untyped-def]
     """Run the transition over one sub-step of the length in the parameters."""
-    run_step(states[0], scratches[0].work, scratches[0].report, actions, 1, scratches[0].parameters)
+    run_step(states[0], scratches[0].work, scratches[0].report, actions, 1, parameters[0])

@@ -128,11 +128,11 @@ def _warm_up(_: argparse.Namespace) -> int:
             envs.step(envs.action_space.sample())
             envs.close()
     entries = [start_episodes, step_blocks, *(entry for warm_up in provided("warm_up") for entry in warm_up())]
-    files = [path for entry in entries for path in entry.kept_files()]
-    for folder in sorted({path.parent for path in files}):
-        size = sum(path.stat().st_size for path in files if path.parent == folder)
+    folders = {folder for entry in entries if (folder := entry.folder)}
+    for folder in sorted(folders):
+        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
         print(f"{size / 1e6:.1f} MB of machine code in {folder}")
-    if not files:
+    if not folders:
         raise Mistake("no machine code could be kept on disk: set NUMBA_CACHE_DIR to a folder that you can write")
     print("set NUMBA_CACHE_DIR to use another folder")
     return 0

@@ -8,7 +8,7 @@ from turning_env.numerics.compilation import compiled_entry
 from turning_env.numerics.functions import log
 from turning_env.physics.lathe import command
 from turning_env.physics.quantities import WIDTH
-from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.physics.records import SCRATCH, STATE, new_records, parameter_records
 from turning_env.scoring.policy import Actions
 
 
@@ -69,13 +69,13 @@ def commanded(
     states = new_records(STATE, -(-count // WIDTH))
     for name, values in (("commanded_cutting_speed", cutting_speed), ("commanded_feed", feed)):
         states[name].flat[:count] = values  # writes through to the records
-    command_all(states, scratch_records(scenario), np.asarray(actions, np.float64), count)
+    command_all(states, parameter_records(scenario), new_records(SCRATCH, 1), np.asarray(actions, np.float64), count)
     return states["commanded_cutting_speed"].ravel()[:count], states["commanded_feed"].ravel()[:count]
 
 
 @compiled_entry
-def command_all(states, scratches, actions, count):  # type: ignore[no-untyped-def]
+def command_all(states, parameters, scratches, actions, count):  # type: ignore[no-untyped-def]
     """Set the commanded speed and feed of environments in blocks from their actions."""
     for block in range(len(states)):
         first = block * WIDTH
-        command(states[block], scratches[0].work, actions[first:], 0, min(count - first, WIDTH), scratches[0].parameters)
+        command(states[block], scratches[0].work, actions[first:], 0, min(count - first, WIDTH), parameters[0])

@@ -184,7 +184,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 - declared so by Gymnasium
 
     def __init__(self, scenario: Source = "rough_turning", render_mode: str | None = None) -> None:
-        self._set_up(Batch(Scenario.load(scenario), 1, keeps_table=True), render_mode)
+        self._set_up(Batch(Scenario.load(scenario), 1, single=True), render_mode)
 
     def _set_up(self, batch: Batch, render_mode: str | None) -> None:
         self.scenario = batch.scenario
@@ -236,14 +236,14 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ResetNeeded("call reset() first: no episode is under way")
         batch = self._batch
         try:
-            batch.step(np.asarray(action)[np.newaxis])
+            batch.step(action)
         except ValueError as error:
             (size,) = self.action_space.shape or ()
             numbers = f"{size} finite number" + "s" * (size != 1)
             raise ValueError(f"an action must be {numbers}, got {action!r}") from error
         if self._viewer is not None:
             self._viewer.note()
-        report = batch.table.ravel().tolist()
+        report = batch.report.tolist()
         terminated, truncated = report[TERMINATED] != 0.0, report[TRUNCATED] != 0.0
         self._under_way = not (terminated or truncated)
         return batch.observations[0], report[REWARD], terminated, truncated, info_of(report)

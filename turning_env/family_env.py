@@ -84,7 +84,7 @@ class FamilyEnv(RoughTurningEnv):
     ) -> None:
         self._jobs = _jobs(family, split, context, render_mode)
         self.family, self.split = self._jobs.family, split
-        self._set_up(Batch(self._jobs.scenario, 1, keeps_table=True, jobs=self._jobs), None)
+        self._set_up(Batch(self._jobs.scenario, 1, single=True, jobs=self._jobs), None)
 
     def _portable(self, spec: EnvSpec | None) -> EnvSpec | None:
         return _portable(spec, self._jobs)

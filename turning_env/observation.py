@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.numerics.compilation import compiled
+from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import exp, expm1, log
-from turning_env.numerics.per_env import at
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.machinability import force_and_power
 from turning_env.physics.quantities import DEVIATION_SCALE, MAX_LOG_TIME, MAX_RATIO, OBS, OBSERVATION, layout
@@ -44,71 +43,65 @@ def deviation(ratio):
 
 
 @compiled
-def observe(state, work, first, last, parameters):
+def observe(state, work, first, last, p):
     """Write the observations of some environments of a block to ``work.observation``, shape (entries, environments).
 
     Rows are those of ``OBS``. ``work`` must hold the logarithms of speed and feed.
     """
-    p = parameters
     entries = work.observation
-    for i in range(first, last):
-        own = at(p, i)
-        speed_low, speed_scale = own.log_cutting_speed_min, own.cutting_speed_scale
-        feed_low, feed_scale = own.log_feed_min, own.feed_scale
+    for i in env_range(first, last):
+        speed_low, speed_scale = p.log_cutting_speed_min[i], p.cutting_speed_scale[i]
+        feed_low, feed_scale = p.log_feed_min[i], p.feed_scale[i]
         commanded_speed, commanded_feed = log(state.commanded_cutting_speed[i]), log(state.commanded_feed[i])
-        entries[OBS.power, i] = deviation(state.measured_power[i] * own.per_power_limit)
-        entries[OBS.thrust_force, i] = deviation(state.measured_thrust_force[i] * own.per_thrust_force_limit)
+        entries[OBS.power, i] = deviation(state.measured_power[i] * p.per_power_limit[i])
+        entries[OBS.thrust_force, i] = deviation(state.measured_thrust_force[i] * p.per_thrust_force_limit[i])
         entries[OBS.cutting_speed, i] = range_position(work.log_cutting_speed[i], speed_low, speed_scale)
         entries[OBS.feed, i] = range_position(work.log_feed[i], feed_low, feed_scale)
         entries[OBS.commanded_cutting_speed, i] = range_position(commanded_speed, speed_low, speed_scale)
         entries[OBS.commanded_feed, i] = range_position(commanded_feed, feed_low, feed_scale)
-    for i in range(first, last):
+    for i in env_range(first, last):
         entries[OBS.cutting_time, i] = min(log(1.0 + state.cutting_time[i]), MAX_LOG_TIME)
         entries[OBS.cutting, i] = 1.0 if state.cutting[i] > 0 else 0.0
-    for i in range(first, last):
-        work.log_wear[i] = log_wear(at(p, i).nominal, state.nominal_used_life[i])
-    for i in range(first, last):
+    for i in env_range(first, last):
+        work.log_wear[i] = log_wear(p.nominal, i, state.nominal_used_life[i])
+    for i in env_range(first, last):
         speed, feed, depth = work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i]
-        nominal = at(p, i).nominal
-        force, power = force_and_power(nominal, speed, feed, depth, work.log_wear[i], 0.0)
-        power += idle_power(nominal, state.cutting_speed[i])
+        force, power = force_and_power(p.nominal, i, speed, feed, depth, work.log_wear[i], 0.0)
+        power += idle_power(p.nominal, i, state.cutting_speed[i])
         work.predicted_force[i] = force
         has_cut = state.nominal_used_life[i] > 0.0
         entries[OBS.power_ratio, i] = deviation(state.measured_power[i] / power if has_cut else 0.0)
         entries[OBS.force_ratio, i] = deviation(state.measured_thrust_force[i] / force if has_cut else 0.0)
-    for i in range(first, last):
-        ratio = min(exp(work.log_wear[i] - at(p, i).log_wear_criterion), MAX_RATIO)
+    for i in env_range(first, last):
+        ratio = min(exp(work.log_wear[i] - p.log_wear_criterion[i]), MAX_RATIO)
         entries[OBS.nominal_wear, i] = ratio if state.nominal_used_life[i] > 0.0 else 0.0
     if p.reads_torque:
-        for i in range(first, last):
-            own = at(p, i)
-            available = capacity(own, state.cutting_speed[i])
-            entries[OBS.power, i] = deviation(state.measured_power[i] * own.per_power_limit / available)
+        for i in env_range(first, last):
+            available = capacity(p, i, state.cutting_speed[i])
+            entries[OBS.power, i] = deviation(state.measured_power[i] * p.per_power_limit[i] / available)
     if p.heats:
-        for i in range(first, last):
+        for i in env_range(first, last):
             entries[OBS.spindle_heat, i] = min(state.spindle_heat[i], MAX_RATIO)
     if p.senses_current:
-        for i in range(first, last):
-            own = at(p, i)
-            at_limit = steady_current(own.nominal, own.thrust_force_limit, 0.0)
-            feed_velocity = state.cutting_speed[i] * own.revolutions_per_metre * state.feed[i]
-            predicted = steady_current(own.nominal, work.predicted_force[i], feed_velocity)
+        for i in env_range(first, last):
+            at_limit = steady_current(p.nominal, i, p.thrust_force_limit[i], 0.0)
+            feed_velocity = state.cutting_speed[i] * p.revolutions_per_metre[i] * state.feed[i]
+            predicted = steady_current(p.nominal, i, work.predicted_force[i], feed_velocity)
             has_cut = state.nominal_used_life[i] > 0.0
             entries[OBS.thrust_force, i] = deviation(state.measured_servo_current[i] / at_limit)
             entries[OBS.force_ratio, i] = deviation(state.measured_servo_current[i] / predicted if has_cut else 0.0)
     if p.holds_roughness:
-        for i in range(first, last):
-            own = at(p, i)
-            one_only = own.log_reference_span == 0.0
-            scale = 0.0 if one_only else 2.0 / own.log_reference_span
-            position = range_position(log(state.roughness_reference[i]), own.log_reference_min, scale)
+        for i in env_range(first, last):
+            one_only = p.log_reference_span[i] == 0.0
+            scale = 0.0 if one_only else 2.0 / p.log_reference_span[i]
+            position = range_position(log(state.roughness_reference[i]), p.log_reference_min[i], scale)
             entries[OBS.roughness_reference, i] = 0.0 if one_only else position
     if p.probe:
-        for i in range(first, last):
-            entries[OBS.probed_depth, i] = deviation(state.probed_depth[i] / at(p, i).depth_of_cut)
+        for i in env_range(first, last):
+            entries[OBS.probed_depth, i] = deviation(state.probed_depth[i] / p.depth_of_cut[i])
     if p.inspects_edges:
-        for i in range(first, last):
-            entries[OBS.removed_wear, i] = min(state.removed_wear[i] / at(p, i).wear_criterion, MAX_RATIO)
+        for i in env_range(first, last):
+            entries[OBS.removed_wear, i] = min(state.removed_wear[i] / p.wear_criterion[i], MAX_RATIO)
 
 
 class Reading(NamedTuple):
@@ -171,10 +164,10 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
         power = power * capacity_at(scenario, cutting_speed)
     unknown = np.full(len(power), np.nan)
     if scenario.sensors.force == "servo_current":
-        parameters: Any = _parameters(scenario)
-        feed_velocity = cutting_speed * parameters.revolutions_per_metre * feed
-        servo_current = _ratio(columns["thrust_force"]) * steady_current(parameters, limits.thrust_force, 0.0)
-        thrust_force = np.maximum(force_from_current(parameters, servo_current, feed_velocity), 0.0)
+        p = _parameters(scenario)
+        feed_velocity = cutting_speed * p.revolutions_per_metre[0] * feed
+        servo_current = _ratio(columns["thrust_force"]) * steady_current(p, 0, limits.thrust_force, 0.0)
+        thrust_force = np.maximum(force_from_current(p, 0, servo_current, feed_velocity), 0.0)
     else:
         servo_current, thrust_force = unknown, _ratio(columns["thrust_force"]) * limits.thrust_force
     return Reading(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from turning_env.numerics.compilation import compiled_entry
 from turning_env.physics.parts import start_part, start_pass
 from turning_env.physics.quantities import WIDTH, action_size
-from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.physics.records import block_records
 from turning_env.physics.workpiece import look_up_fields
 from turning_env.scenario import Scenario
 from turning_env.scenario.sections import MAX_PASSES
@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 
 
 @compiled_entry
-def read_fields(states, scratches, seed, episode, bar, places, hardness, depth):  # type: ignore[no-untyped-def]
+def read_fields(states, parameters, scratches, seed, episode, bar, places, hardness, depth):  # type: ignore[no-untyped-def]
     """Set log hardness [-] and depth of cut [mm] at places along a bar [mm], all of shape (places,)."""
-    state, work, p = states[0], scratches[0].work, scratches[0].parameters
+    state, p, work = states[0], parameters[0], scratches[0].work
     for first in range(0, places.shape[0], WIDTH):
         count = min(WIDTH, places.shape[0] - first)
         for i in range(count):
@@ -28,7 +28,7 @@ def read_fields(states, scratches, seed, episode, bar, places, hardness, depth):
             state.bar[i] = -1.0
             state.pass_ceiling[i] = np.inf
             work.engaged[i] = 1.0
-            work.middle[i] = bar * p.bar_length + places[first + i]
+            work.middle[i] = bar * p.bar_length[i] + places[first + i]
         look_up_fields(state, work, 0, count, p)
         for i in range(count):
             hardness[first + i] = state.log_hardness[i]
@@ -36,12 +36,12 @@ def read_fields(states, scratches, seed, episode, bar, places, hardness, depth):
 
 
 @compiled_entry
-def read_passes(states, scratches, action, passes):  # type: ignore[no-untyped-def]
+def read_passes(states, parameters, scratches, action, passes):  # type: ignore[no-untyped-def]
     """Set cutting speed [m/min], feed [mm/rev] and depth [mm] of each pass, shape (MAX_PASSES, 3); return how many."""
-    state, scratch = states[0], scratches[0]
-    start_part(state, scratch.work, 0, scratch.parameters, action)
+    state, p, scratch = states[0], parameters[0], scratches[0]
+    start_part(state, scratch.work, 0, p, action)
     for number in range(scratch.work.passes[0]):
-        start_pass(state, scratch.work, scratch.report, 0, scratch.parameters, action, number)
+        start_pass(state, scratch.work, scratch.report, 0, p, action, number)
         passes[number, 0] = state.commanded_cutting_speed[0]
         passes[number, 1] = state.commanded_feed[0]
         passes[number, 2] = scratch.work.pass_depth[0]
@@ -52,7 +52,7 @@ class Fields:
     """The bars of a scenario."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._records = new_records(STATE, 1), scratch_records(scenario)
+        self._records = block_records(scenario)
 
     def along(self, key: tuple[int, int], bar: int, places: Array) -> tuple[Array, Array]:
         """Return relative hardness [-] and allowance [mm] at places along a bar [mm], without the ripple of run-out.

@@ -113,11 +113,11 @@ class ForceEstimator:
     def update(self, reading: Reading) -> tuple[Array, Array]:
         """Return thrust force [N] and feed [mm/rev] of one moment, ``delay`` samples ago, after the next reading."""
         sensed = reading.servo_current if self._senses_current else reading.thrust_force
-        feed_velocity = reading.cutting_speed * self._parameters.revolutions_per_metre * reading.feed
+        feed_velocity = reading.cutting_speed * self._parameters.revolutions_per_metre[0] * reading.feed
         samples = np.stack([sensed, feed_velocity, reading.feed], axis=1)
         sensed, feed_velocity, feed = self._smoother.update(samples).T
         force = sensed
         if self._senses_current:
-            force = force_from_current(self._parameters, sensed, feed_velocity)  # type: ignore[no-untyped-call]
+            force = force_from_current(self._parameters, 0, sensed, feed_velocity)  # type: ignore[no-untyped-call]
         # After a jump the filter overshoots.
         return np.maximum(force, 0.0), np.clip(feed, self._machine.feed_min, self._machine.feed_max)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from baselines.oracles.cells import best_return, start_episode_of, survey
 from turning_env import Scenario
 from turning_env.numerics.functions import log
-from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.physics.records import block_records
 
 Array = NDArray[np.float64]
 
@@ -104,13 +104,12 @@ def bounds(
 def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:
     """Return the bound of one seed."""
     work, control, machine = scenario.workpiece, scenario.control, scenario.machine
-    scratch = scratch_records(scenario)
     # Run-out depends on the spindle's turns. The bound takes the lowest load and the most metal.
     ripple = work.depth_ripple
-    scratch["parameters"]["depth_ripple"] = 0.0
-    states = new_records(STATE, 1)
+    states, parameters, scratch = block_records(scenario)
+    parameters["depth_ripple"] = 0.0
     states["seed"][0, 0] = seed
-    start_episode_of(states, scratch)
+    start_episode_of(states, parameters, scratch)
     cells = int(np.ceil(work.bar_length / grid.cell))
     if control.action == "override":
         log_speeds = log([control.initial_cutting_speed])
@@ -121,8 +120,8 @@ def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:
     bars = work.bars or _BARS
     while True:
         fields = np.empty((3, bars * cells))
-        survey(states, scratch, fields, cells)
-        value, end = best_return(states, scratch, fields, cells, log_speeds, log(feeds), _FEEDS, ripple, grid.lives)
+        survey(states, parameters, scratch, fields, cells)
+        value, end = best_return(states, parameters, scratch, fields, cells, log_speeds, log(feeds), _FEEDS, ripple, grid.lives)
         # Twice the length that is cut at best, so the value at the end of the row hardly matters.
         if work.bars or end <= 0.5 * fields.shape[1]:
             return float(value)

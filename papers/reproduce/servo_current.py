@@ -242,8 +242,8 @@ def motor_checks() -> Iterator[Check]:
     """Yield the checks of the current at no load, at various feeds and forces, and of its equations."""
     scenario = Scenario.load("override_current")
     parameters: Any = parameter_records(scenario)[0]
-    current = float(steady_current(parameters, 1000.0, 0.0))
-    solved = float(force_from_current(parameters, current, 0.0))  # type: ignore[no-untyped-call]
+    current = float(steady_current(parameters, 0, 1000.0, 0.0))
+    solved = float(force_from_current(parameters, 0, current, 0.0))  # type: ignore[no-untyped-call]
     yield Check("force at the current of 1000 N: equations (3) and (8), solved [N]", 1000.0, solved, 1e-9)
     # The right-hand side of (9) as printed is a torque. Read as T_c, not F_c, it is (1), (2) and (8).
     screw, resistance = screw_and_resistance(scenario.feed_drive)

@@ -9,7 +9,7 @@ from baselines.oracles import clairvoyant
 from baselines.oracles.cells import start_episode_of, survey
 from studies import belief_bound, bound, headroom
 from turning_env import Scenario
-from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.physics.records import block_records
 from turning_env.scoring.seeds import tuning_seeds
 
 SCENARIO = Scenario.load("rough_turning")
@@ -18,12 +18,12 @@ BARS, CELLS = 40, 94
 
 @pytest.mark.slow
 def test_beliefs_are_as_uncertain_as_they_say() -> None:
-    scratch, states = scratch_records(SCENARIO), new_records(STATE, 1)
+    states, parameters, scratch = block_records(SCENARIO)
     states["seed"][0, 0] = tuning_seeds(1)[0]
-    start_episode_of(states, scratch)
+    start_episode_of(states, parameters, scratch)
     fields, between = np.empty((3, BARS * CELLS)), np.empty((3, BARS * 2 * CELLS))
-    survey(states, scratch, fields, CELLS)
-    survey(states, scratch, between, 2 * CELLS)  # a quarter and three quarters along the stretches
+    survey(states, parameters, scratch, fields, CELLS)
+    survey(states, parameters, scratch, between, 2 * CELLS)  # a quarter and three quarters along the stretches
     _, beliefs = belief_bound.beliefs(SCENARIO, fields[:2].reshape(2, BARS, CELLS), np.random.default_rng(0))
     depth, hardness = between[:2].reshape(2, BARS, 2 * CELLS)[:, :, 1:-1].reshape(2, BARS, CELLS - 1, 2)
     depth -= np.log(SCENARIO.workpiece.depth_of_cut)

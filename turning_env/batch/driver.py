@@ -6,19 +6,16 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numba import types
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from turning_env.batch.jobs import Jobs
 from turning_env.info import Info, info_of
-from turning_env.numerics.compilation import INLINED, compiled, compiled_entry
-from turning_env.numerics.per_env import ROWS, at
+from turning_env.numerics.compilation import compiled, compiled_entry, env_range
 from turning_env.observation import bounds, observe
 from turning_env.physics import quantities
 from turning_env.physics.lathe import run_step, start_episode
 from turning_env.physics.quantities import WIDTH, action_size
-from turning_env.physics.records import BLOCK_PARAMETERS, STATE, new_records, scratch_records
+from turning_env.physics.records import PARAMETERS, SCRATCH, STATE, new_records, numbers_of, parameter_records
 from turning_env.physics.report import write_state
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import CONTEXT_LIMIT
@@ -54,18 +51,6 @@ def checked_seed(seed: Any, env_index: int) -> int:
     return int(seed)
 
 
-def parameters_of(scratch, jobs, block):
-    """Return the parameters of a block: those of its ``jobs``, or of the one scenario if there are none."""
-    return scratch.parameters if jobs is None else at(jobs[block], 0)
-
-
-@overload(parameters_of, jit_options=INLINED)
-def _parameters_of(scratch, jobs, block):
-    if isinstance(jobs, types.NoneType):
-        return lambda scratch, jobs, block: scratch.parameters
-    return lambda scratch, jobs, block: at(jobs[block], 0)
-
-
 @compiled
 def write_out(state, scratch, p, first, last, start, observations, table):
     """Copy observations and reports of some environments of a block into the arrays of all; the block begins at ``start``."""
@@ -73,9 +58,9 @@ def write_out(state, scratch, p, first, last, start, observations, table):
     write_state(state, report, first, last, p)
     observe(state, work, first, last, p)
     for k in range(table.shape[0]):
-        for i in range(first, last):
+        for i in env_range(first, last):
             table[k, start + i] = report.table[k, i]
-    for i in range(first, last):
+    for i in env_range(first, last):
         for k in range(p.entries):
             observations[start + i, k] = work.observation[p.observation_layout[k], i]
 
@@ -84,27 +69,29 @@ def write_out(state, scratch, p, first, last, start, observations, table):
 def all_finite(actions, first, last):
     """Return whether the actions of environments ``first`` to ``last - 1`` are finite."""
     finite = True
-    for i in range(first, last):
+    for i in env_range(first, last):
         for k in range(actions.shape[1]):
             finite &= abs(actions[i, k]) < np.inf
     return finite
 
 
 @compiled_entry
-def start_episodes(states, scratches, jobs, chosen, observations, table):
+def start_episodes(states, parameters, scratches, chosen, observations, table):
     """Start an episode in every chosen environment (``chosen``: bool, shape (environments,))."""
     scratch = scratches[0]
     for k in range(chosen.shape[0]):
         if chosen[k]:
             state, i = states[k // WIDTH], k % WIDTH
-            p = parameters_of(scratch, jobs, k // WIDTH)
+            p = parameters[k // WIDTH % parameters.shape[0]]
             start_episode(state, scratch.work, scratch.report, i, p)
             write_out(state, scratch, p, i, i + 1, k - i, observations, table)
 
 
 @compiled_entry
-def step_blocks(states, scratches, jobs, actions, observations, table, first_block, last_block):
+def step_blocks(states, parameters, scratches, actions, observations, table, first_block, last_block):
     """Run one step in blocks ``first_block`` to ``last_block - 1``. Ended environments start their next episode instead.
+
+    ``parameters`` holds a record for every block, or one for all.
 
     Return whether their actions are finite; if not, none has moved.
     """
@@ -113,7 +100,7 @@ def step_blocks(states, scratches, jobs, actions, observations, table, first_blo
     scratch = scratches[0]
     work, report = scratch.work, scratch.report
     for b in range(first_block, last_block):
-        state, start, p = states[b], b * WIDTH, parameters_of(scratch, jobs, b)
+        state, start, p = states[b], b * WIDTH, parameters[b % parameters.shape[0]]
         count = min(WIDTH, actions.shape[0] - start)
         for i in range(count):
             work.ended_before[i] = state.ended[i]
@@ -134,23 +121,24 @@ class Batch:
         num_envs: number of environments.
         threads: number of threads that share the work; results do not depend on it.
         jobs: jobs to play instead, one per episode; ``scenario`` has their choices.
-        keeps_table: whether every step fills the same ``table``, for callers that copy what they need.
+        single: whether this is the batch of one single environment: its actions have shape (action size,), and every step fills
+            the same ``table``, whose values ``report`` holds.
 
     Attributes:
         seeded: whether episodes have been started.
         observations: float32, shape (num_envs, entries). Every step fills a new array.
         table: float64, shape (len(quantities.REPORT), num_envs), a row for each quantity. Every step fills a new
-            array, unless ``keeps_table``.
+            array, unless ``single``.
     """
 
     def __init__(
-        self, scenario: Scenario, num_envs: int, threads: int = 1, keeps_table: bool = False, jobs: Jobs | None = None
+        self, scenario: Scenario, num_envs: int, threads: int = 1, single: bool = False, jobs: Jobs | None = None
     ) -> None:
         self.num_envs = num_envs
         self.seeded = False
         self.scenario, self._threads = scenario, threads
         self._jobs = jobs
-        self._parameters: Any = jobs.block_parameters(-(-num_envs // WIDTH)) if jobs else None
+        self._parameters: Any = jobs.block_parameters(-(-num_envs // WIDTH)) if jobs else parameter_records(scenario)
         self._context = np.zeros((num_envs, jobs.context_size if jobs else 0), np.float32)
         self.job_numbers = np.zeros(num_envs, np.int64)
         self._states = new_records(STATE, -(-num_envs // WIDTH))
@@ -160,24 +148,27 @@ class Batch:
         self.table = np.zeros((len(quantities.REPORT), num_envs))
         # Rows a whole number of memory pages apart would share a few places of the processor's first cache.
         padding = _PADDING if num_envs % _PAGE < _PADDING <= num_envs else 0
-        self._table_shape = None if keeps_table else (len(quantities.REPORT), num_envs + padding)
+        self._table_shape = None if single else (len(quantities.REPORT), num_envs + padding)
         self._prepare()
 
     def _prepare(self) -> None:
         """Make the attributes that a copy or a pickle does not hold."""
-        self._scratches = [scratch_records(self.scenario) for _ in range(self._threads)]
+        self._scratches = [new_records(SCRATCH, 1) for _ in range(self._threads)]
         self._helpers = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
+        self._given = self._actions[0] if self._table_shape is None else self._actions
+        self.report: NDArray[np.float64] = self.table[:, 0]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name not in ("_scratches", "_helpers")}
+        return {
+            name: value for name, value in self.__dict__.items() if name not in ("_scratches", "_helpers", "_given", "report")
+        }
 
     def __setstate__(self, values: dict[str, Any]) -> None:
         self.__dict__.update(values)
         self._states = new_records(STATE, len(values["_states"]))
         self._states[...] = values["_states"]
-        if self._parameters is not None:
-            self._parameters = new_records(BLOCK_PARAMETERS, len(values["_parameters"]))
-            self._parameters[...] = values["_parameters"]
+        self._parameters = new_records(PARAMETERS, len(values["_parameters"]))
+        self._parameters[...] = values["_parameters"]
         self._prepare()
 
     def observation_space(self) -> spaces.Space[NDArray[np.float32]]:
@@ -219,7 +210,7 @@ class Batch:
         self.observations = self.observations.copy()
         self.table = self.table if self._table_shape is None else self.table.copy()
         self._take_jobs(np.flatnonzero(chosen))
-        start_episodes(self._states, self._scratches[0], self._parameters, chosen, self.observations, self.table)
+        start_episodes(self._states, self._parameters, self._scratches[0], chosen, self.observations, self.table)
         self.observations[:, self._entries :] = self._context
         self.seeded = True
 
@@ -232,7 +223,7 @@ class Batch:
             seed, episode = self._states["seed"][block, i], self._states["episode"][block, i]
             number = self._jobs.family.number(int(seed), int(episode) + ahead, self._jobs.split)
             self.job_numbers[k] = number
-            self._parameters[ROWS][block, :, i], self._context[k] = self._jobs[number]
+            numbers_of(self._parameters)[block, :, i], self._context[k] = self._jobs[number]
 
     def next_episode(self, chosen: NDArray[np.bool_]) -> None:
         """Start the next episode of its seed in every chosen environment, shape (num_envs,)."""
@@ -253,7 +244,7 @@ class Batch:
         table = self.table if self._table_shape is None else np.empty(self._table_shape)
         if self._helpers is None or len(self._states) < MIN_BLOCKS:
             finite = step_blocks(
-                self._states, self._scratches[0], self._parameters, self._actions, observations, table, 0, len(self._states)
+                self._states, self._parameters, self._scratches[0], self._actions, observations, table, 0, len(self._states)
             )
         else:
             finite = bool(np.isfinite(self._actions).all())
@@ -262,7 +253,8 @@ class Batch:
         if not finite:
             i = int(np.isfinite(self._actions).all(axis=1).argmin())
             raise ValueError(f"the action of environment {i} must be finite, got {self._actions[i].tolist()}")
-        observations[:, self._entries :] = self._context
+        if self._jobs is not None:
+            observations[:, self._entries :] = self._context
         self.observations = observations
         if self._table_shape is not None:
             self.table = table[:, : self.num_envs]
@@ -275,7 +267,7 @@ class Batch:
         def work(scratch: Any) -> None:
             while (first := next(claims)) < blocks:
                 last = min(first + BLOCKS_CLAIMED, blocks)
-                step_blocks(self._states, scratch, self._parameters, self._actions, observations, table, first, last)
+                step_blocks(self._states, self._parameters, scratch, self._actions, observations, table, first, last)
 
         assert self._helpers is not None
         futures = [self._helpers.submit(work, scratch) for scratch in self._scratches[1:]]
@@ -290,7 +282,7 @@ class Batch:
             self._helpers.shutdown()
 
     def _take(self, actions: Any) -> None:
-        shape = self._actions.shape
+        shape = self._given.shape
         try:
             given = np.asarray(actions)
         except ValueError as error:  # ragged
@@ -299,7 +291,7 @@ class Batch:
             raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}")
         if given.shape != shape:
             raise ValueError(f"actions must have shape {shape}, got {given.shape}")
-        self._actions[...] = given
+        self._given[...] = given
 
 
 REWARD, TERMINATED, TRUNCATED = range(len(quantities.INFO), len(quantities.REPORT))

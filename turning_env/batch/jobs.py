@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.physics.quantities import layout
-from turning_env.physics.records import BLOCK_PARAMETERS, OWN_NUMBERS, PARAMETERS, new_records, parameter_records
+from turning_env.physics.records import CHOICES, PARAMETERS, new_records, numbers_of, parameter_records
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import CHUNK, Family
 
@@ -41,13 +41,13 @@ class Jobs:
 
     def block_parameters(self, blocks: int) -> Any:
         """Return parameters for blocks of environments, with the choices that all jobs share."""
-        records = new_records(BLOCK_PARAMETERS, blocks)
-        for name in _CHOICES:
+        records = new_records(PARAMETERS, blocks)
+        for name in CHOICES:
             records[name] = self._shared[name][0]
         return records
 
     def __getitem__(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-        """Return a job's numbers, in the order of ``BLOCK_PARAMETERS``, and its context."""
+        """Return a job's numbers, in the order of ``PARAMETERS``, and its context."""
         chunk, i = divmod(number, CHUNK)
         if chunk not in self._chunks:
             self._chunks[chunk] = self._drawn(chunk)
@@ -57,12 +57,9 @@ class Jobs:
     def _drawn(self, chunk: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
         draw = self.family.draw(self.split, chunk)
         records = parameter_records(draw.true, CHUNK)
-        for name in _CHOICES:
+        for name in CHOICES:
             if (records[name] != self._shared[name][0]).any():
                 raise ValueError(f"the jobs of family {self.family.name!r} must all have the same {name}")
-        numbers = records.view(np.float64).reshape(CHUNK, -1)[:, :OWN_NUMBERS]
+        numbers = numbers_of(records).swapaxes(1, 2).reshape(CHUNK, -1)
         context = self.family.context(draw) if self._told else np.zeros((CHUNK, 0))
-        return np.ascontiguousarray(numbers), context.astype(np.float32)
-
-
-_CHOICES = [name for name in PARAMETERS.names or () if BLOCK_PARAMETERS[name] == PARAMETERS[name]]
+        return numbers, context.astype(np.float32)

@@ -12,7 +12,6 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import expm1, sine_and_cosine
-from turning_env.numerics.per_env import at
 from turning_env.scenario.sections import MAX_DELAY
 
 
@@ -45,11 +44,10 @@ def note_command(state, i):
 
 
 @compiled
-def hold_command(state, work, i, parameters):
+def hold_command(state, work, i, p):
     """Set the past command that drives still follow at the beginning of a step, how long, and the one that they follow then."""
-    p = at(parameters, i)
-    whole = min(max(math.ceil(p.steps_late) - 1, 0), MAX_DELAY - 1)
-    work.sub_steps_held[i] = (p.steps_late - whole) * p.sub_steps
+    whole = min(max(math.ceil(p.steps_late[i]) - 1, 0), MAX_DELAY - 1)
+    work.sub_steps_held[i] = (p.steps_late[i] - whole) * p.sub_steps
     work.held_cutting_speed[i] = state.past_cutting_speeds[whole, i]
     work.held_feed[i] = state.past_feeds[whole, i]
     work.next_cutting_speed[i] = state.past_cutting_speeds[whole - 1, i] if whole > 0 else state.commanded_cutting_speed[i]
@@ -57,32 +55,32 @@ def hold_command(state, work, i, parameters):
 
 
 @compiled
-def steady_current(parameters, thrust_force, feed_velocity):
+def steady_current(p, i, thrust_force, feed_velocity):
     """Return the servo current [A] at a thrust force [N] and a feed velocity [mm/min], without ripple.
 
     The motor's torque 3/2 p lambda_m i balances friction, preload and force through the ball screw, L_0 / (2 pi eta) times
     each (servo current paper, equations (1), (2) and (8)). The feed force is taken as the thrust force, and the growth of
     the no-load current with feed velocity as linear (assumptions).
     """
-    no_load_current = parameters.no_load_current + parameters.no_load_current_rate * feed_velocity
-    return no_load_current + parameters.current_per_newton * thrust_force
+    no_load_current = p.no_load_current[i] + p.no_load_current_rate[i] * feed_velocity
+    return no_load_current + p.current_per_newton[i] * thrust_force
 
 
-def force_from_current(parameters, current, feed_velocity):
+def force_from_current(p, i, current, feed_velocity):
     """Return the thrust force [N] at which ``steady_current`` is ``current`` [A]. Scalars or arrays.
 
     The paper's equation (9) as printed mixes torque and force; this function solves the equations from which it follows.
     """
-    no_load_current = parameters.no_load_current + parameters.no_load_current_rate * feed_velocity
-    return (current - no_load_current) / parameters.current_per_newton
+    no_load_current = p.no_load_current[i] + p.no_load_current_rate[i] * feed_velocity
+    return (current - no_load_current) / p.current_per_newton[i]
 
 
 @compiled
-def servo_current(parameters, thrust_force, feed_velocity, path):
+def servo_current(p, i, thrust_force, feed_velocity, path):
     """Return the servo current [A] with the ripple at a position [mm] of the screw."""
-    sine, _ = sine_and_cosine(parameters.ripples_per_path * path)
-    ripple = 1.0 + parameters.current_ripple * sine
-    return steady_current(parameters, thrust_force, feed_velocity) * ripple
+    sine, _ = sine_and_cosine(p.ripples_per_path[i] * path)
+    ripple = 1.0 + p.current_ripple[i] * sine
+    return steady_current(p, i, thrust_force, feed_velocity) * ripple
 
 
 @compiled

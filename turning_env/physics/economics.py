@@ -4,23 +4,21 @@ Edges are charged in ``edge.py``. (Overload price: assumption, see docs/choices.
 """
 
 from turning_env.numerics.compilation import compiled
-from turning_env.numerics.per_env import at
 
 
 @compiled
-def metal_value(parameters, removed):
+def metal_value(p, i, removed):
     """Return the worth [s] of removed metal [cm3]: removed / reference removal rate."""
-    return 60.0 * removed / parameters.reference_removal_rate
+    return 60.0 * removed / p.reference_removal_rate[i]
 
 
 @compiled
-def compute_reward(report, i, parameters, minutes):
+def compute_reward(report, i, p, minutes):
     """Compute the remaining terms of the reward, and the mean costs over ``minutes`` of work; return the reward [s]."""
-    p = at(parameters, i)
-    report.reward_metal[i] = metal_value(p, report.removed[i])
+    report.reward_metal[i] = metal_value(p, i, report.removed[i])
     report.reward_time[i] = -report.time[i]
-    report.reward_overload[i] = -60.0 * p.overload_price * (report.cost_force[i] + report.cost_power[i])
-    report.reward_roughness[i] = -p.roughness_price * report.roughness_deviation[i]
+    report.reward_overload[i] = -60.0 * p.overload_price[i] * (report.cost_force[i] + report.cost_power[i])
+    report.reward_roughness[i] = -p.roughness_price[i] * report.roughness_deviation[i]
     report.cost_force[i] /= minutes
     report.cost_power[i] /= minutes
     report.cost[i] = report.cost_force[i] + report.cost_power[i]

@@ -15,26 +15,17 @@ drawn when the edge is fitted. So the result converges with shorter sub-steps. (
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp, log
 from turning_env.numerics.keyed_random import CHIPPING_CHANNEL, exponential
-from turning_env.numerics.per_env import at
-from turning_env.scenario.power_law import compiled_log_response
+from turning_env.physics.machinability import log_response
 
 _MAX_EXPONENT = 300.0  # keeps the hazard finite at absurdly high forces
 
 
 @compiled
-def collapse(state, work, i, parameters):
+def collapse(state, work, i, p):
     """Break the edge if it is in metal and hotter than it bears."""
-    p = at(parameters, i)
-    log_temperature = compiled_log_response(
-        p.temperature_law,
-        work.log_cutting_speed[i],
-        work.log_feed[i],
-        work.log_depth[i],
-        0.0,
-        work.log_wear[i],
-        state.log_hardness[i],
-    )
-    too_hot = log_temperature > p.log_collapse_temperature
+    speed, feed, depth = work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i]
+    log_temperature = log_response(p.temperature_law, i, speed, feed, depth, work.log_wear[i], state.log_hardness[i])
+    too_hot = log_temperature > p.log_collapse_temperature[i]
     work.broken[i] |= 1 if too_hot and work.engaged[i] > 0.0 else 0
 
 
@@ -45,10 +36,9 @@ def draw_chipping_margin(state, i):
 
 
 @compiled
-def chip(state, work, i, parameters):
+def chip(state, work, i, p):
     """Use up the edge's margin while it cuts, and break it at the end."""
-    p = at(parameters, i)
     load = log(state.thrust_force[i]) - log(state.edge_strength[i])
-    log_hazard = p.chipping_load_exponent * load + p.chipping_wear_exponent * (work.log_wear[i] - p.log_wear_criterion)
-    state.chipping_margin[i] -= p.chipping_rate * work.engaged[i] * exp(min(log_hazard, _MAX_EXPONENT))
+    log_hazard = p.chipping_load_exponent[i] * load + p.chipping_wear_exponent[i] * (work.log_wear[i] - p.log_wear_criterion[i])
+    state.chipping_margin[i] -= p.chipping_rate[i] * work.engaged[i] * exp(min(log_hazard, _MAX_EXPONENT))
     work.broken[i] |= 1 if state.chipping_margin[i] <= 0.0 and work.engaged[i] > 0.0 else 0

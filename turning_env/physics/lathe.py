@@ -11,9 +11,8 @@ middle of the metal that it cuts.
 
 import math
 
-from turning_env.numerics.compilation import compiled, compiled_separately
+from turning_env.numerics.compilation import compiled, compiled_separately, env_range
 from turning_env.numerics.functions import exp, log, real_power
-from turning_env.numerics.per_env import at
 from turning_env.physics.drives import clipped, hold_command, note_command, set_point
 from turning_env.physics.economics import compute_reward
 from turning_env.physics.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
@@ -35,20 +34,19 @@ _MIN_LIFE = 1e-300  # [-] likewise of an edge that has not cut
 
 
 @compiled_separately
-def start_episode(state, work, report, i, parameters):
+def start_episode(state, work, report, i, p):
     """Put a fresh edge before the first bar. The state's ``seed`` and ``episode`` determine edges and bars."""
-    p = at(parameters, i)
     state.step_count[i] = 0
     state.ended[i] = 0
     state.path[i] = 0.0
     state.clock[i] = 0.0
     state.turns[i] = 0.0
-    _, in_metal = position_in_row(p, 0.0)
+    _, in_metal = position_in_row(p, i, 0.0)
     state.cutting[i] = 1 if in_metal else 0
-    state.commanded_cutting_speed[i] = p.initial_cutting_speed
-    state.commanded_feed[i] = p.initial_feed
-    state.cutting_speed[i] = p.initial_cutting_speed
-    state.feed[i] = p.initial_feed
+    state.commanded_cutting_speed[i] = p.initial_cutting_speed[i]
+    state.commanded_feed[i] = p.initial_feed[i]
+    state.cutting_speed[i] = p.initial_cutting_speed[i]
+    state.feed[i] = p.initial_feed[i]
     state.edge[i] = 0
     fit_edge(state, i, p)
     if p.chips_tangle:
@@ -56,7 +54,7 @@ def start_episode(state, work, report, i, parameters):
     state.bar[i] = -1.0
     state.pass_floor[i] = 0.0
     state.pass_ceiling[i] = math.inf
-    state.log_nominal_depth[i] = p.log_depth_of_cut
+    state.log_nominal_depth[i] = p.log_depth_of_cut[i]
     work.middle[i] = 0.0
     work.engaged[i] = 1.0
     look_up_fields(state, work, i, i + 1, p)
@@ -67,14 +65,13 @@ def start_episode(state, work, report, i, parameters):
     state.removed_wear[i] = 0.0
     look_ahead(state, i, i + 1, p)
     clear_sums(report, i, i + 1)
-    work.log_cutting_speed[i] = log(p.initial_cutting_speed)
-    work.log_feed[i] = log(p.initial_feed)
+    work.log_cutting_speed[i] = log(p.initial_cutting_speed[i])
+    work.log_feed[i] = log(p.initial_feed[i])
 
 
 @compiled_separately
-def run_step(state, work, report, actions, count, parameters):
+def run_step(state, work, report, actions, count, p):
     """Run one step of the first ``count`` environments of a block; ``actions`` has shape (environments, action size)."""
-    p = parameters
     clear_sums(report, 0, count)
     for i in range(count):
         work.minutes[i] = 0.0
@@ -108,14 +105,13 @@ def run_step(state, work, report, actions, count, parameters):
 
 
 @compiled
-def finish_step(state, work, report, i, parameters, timeless, by_step):
+def finish_step(state, work, report, i, p, timeless, by_step):
     """Set terminated, truncated and reward [s]."""
-    p = at(parameters, i)
-    finished = 1 if state.path[i] > p.path_end - 1e-6 else 0  # a path of whole bars, but for rounding
+    finished = 1 if state.path[i] > p.path_end[i] - 1e-6 else 0  # a path of whole bars, but for rounding
     ends_with_edge = 1 if timeless else 0
     terminated = finished | (work.edge_failed[i] & ends_with_edge)
     out_of_steps = 1 if state.step_count[i] >= p.step_limit else 0
-    out_of_minutes = 1 if state.clock[i] + 0.5 * p.sub_step >= p.time_limit else 0
+    out_of_minutes = 1 if state.clock[i] + 0.5 * p.sub_step[i] >= p.time_limit[i] else 0
     out_of_time = out_of_steps if timeless else out_of_minutes
     report.terminated[i] = float(terminated)
     report.truncated[i] = float(out_of_time & (1 - terminated))
@@ -130,78 +126,72 @@ def finish_step(state, work, report, i, parameters, timeless, by_step):
 
 
 @compiled
-def prepare(state, work, actions, first, last, parameters):
+def prepare(state, work, actions, first, last, p):
     """Apply the actions; return the number of travels: 1, or with parts the largest number of passes of any environment."""
-    p = parameters
     if p.action != PART:
         if p.delays_commands:
-            for i in range(first, last):
+            for i in env_range(first, last):
                 note_command(state, i)
         command(state, work, actions, first, last, p)
         if p.delays_commands:
-            for i in range(first, last):
+            for i in env_range(first, last):
                 hold_command(state, work, i, p)
-        for i in range(first, last):
-            work.sub_step[i] = at(p, i).sub_step
+        for i in env_range(first, last):
+            work.sub_step[i] = p.sub_step[i]
             work.sub_steps_left[i] = p.sub_steps
         return 1
     most = 0
-    for i in range(first, last):
+    for i in env_range(first, last):
         start_part(state, work, i, p, actions[i])
         most = max(most, work.passes[i])
     return most
 
 
 @compiled
-def command(state, work, actions, first, last, parameters):
+def command(state, work, actions, first, last, p):
     """Set the commanded cutting speed and feed from actions, which are clipped to -1..1."""
-    p = parameters
-    for i in range(first, last):
+    for i in env_range(first, last):
         work.action[0, i] = clipped(actions[i, 0])
     if p.action == OVERRIDE:
-        for i in range(first, last):
-            own = at(p, i)
-            state.commanded_feed[i] = 0.5 * (work.action[0, i] + 1.0) * own.override_max * own.initial_feed
+        for i in env_range(first, last):
+            state.commanded_feed[i] = 0.5 * (work.action[0, i] + 1.0) * p.override_max[i] * p.initial_feed[i]
     else:
-        for i in range(first, last):
+        for i in env_range(first, last):
             work.action[1, i] = clipped(actions[i, 1])
         if p.action == SET_POINT:
-            for i in range(first, last):
-                own = at(p, i)
-                state.commanded_cutting_speed[i] = set_point(work.action[0, i], own.cutting_speed_min, own.cutting_speed_max)
-                state.commanded_feed[i] = set_point(work.action[1, i], own.feed_min, own.feed_max)
+            for i in env_range(first, last):
+                state.commanded_cutting_speed[i] = set_point(work.action[0, i], p.cutting_speed_min[i], p.cutting_speed_max[i])
+                state.commanded_feed[i] = set_point(work.action[1, i], p.feed_min[i], p.feed_max[i])
         else:
-            for i in range(first, last):
-                state.commanded_cutting_speed[i] *= exp(at(p, i).cutting_speed_step * work.action[0, i])
-                state.commanded_feed[i] *= exp(at(p, i).feed_step * work.action[1, i])
-    for i in range(first, last):
-        own = at(p, i)
+            for i in env_range(first, last):
+                state.commanded_cutting_speed[i] *= exp(p.cutting_speed_step[i] * work.action[0, i])
+                state.commanded_feed[i] *= exp(p.feed_step[i] * work.action[1, i])
+    for i in env_range(first, last):
         speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
-        state.commanded_cutting_speed[i] = min(max(speed, own.cutting_speed_min), own.reachable_cutting_speed)
-        state.commanded_feed[i] = min(max(feed, own.feed_min), own.feed_max)
+        state.commanded_cutting_speed[i] = min(max(speed, p.cutting_speed_min[i]), p.reachable_cutting_speed[i])
+        state.commanded_feed[i] = min(max(feed, p.feed_min[i]), p.feed_max[i])
     if p.has_section_speeds:
-        for i in range(first, last):
-            limit = limit_of_section(at(p, i), state.path[i])
+        for i in env_range(first, last):
+            limit = limit_of_section(p, i, state.path[i])
             state.commanded_cutting_speed[i] = min(state.commanded_cutting_speed[i], limit)
 
 
 @compiled_separately
-def travel(state, work, report, count, parameters):
+def travel(state, work, report, count, p):
     """Run every environment's remaining sub-steps, but not beyond the end of its edge or of the job.
 
     With parts, failed edges are replaced in between. The function adds to the report's sums. In them, ``cost_force``,
     ``cost_power`` and the means are still integrals: [min], [min], [N s] and [kJ].
     """
-    p = parameters
     by_equivalent_time = p.wear_rule == EQUIVALENT_TIME
     for i in range(count):
-        work.cut[i], _ = position_in_row(at(p, i), state.path[i])
+        work.cut[i], _ = position_in_row(p, i, state.path[i])
         begin_charging(state, work, i)
         work.chip_remains[i] = 0.0
         work.time_power[i] = 0.0
     if not by_equivalent_time:
         for i in range(count):
-            work.time_power[i] = real_power(state.cutting_time[i], at(p, i).wear_law.time)
+            work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time[i])
     for _ in range(p.sub_steps):
         failed = run_sub_step(state, work, report, count, p)
         if failed > 0 and p.action == PART:
@@ -212,7 +202,7 @@ def travel(state, work, report, count, parameters):
             for i in range(count):
                 if work.worn[i] + work.broken[i] > 0:
                     begin_charging(state, work, i)
-                    work.time_power[i] = real_power(state.cutting_time[i], at(p, i).wear_law.time)
+                    work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time[i])
                 work.worn[i] = 0
                 work.broken[i] = 0
     for i in range(count):
@@ -220,9 +210,8 @@ def travel(state, work, report, count, parameters):
 
 
 @compiled_separately
-def run_sub_step(state, work, report, count, parameters):
+def run_sub_step(state, work, report, count, p):
     """Run one sub-step; return the number of environments in which the edge is worn out or broken."""
-    p = parameters
     for i in range(count):
         move(state, work, i, p)
     if p.bends:
@@ -244,33 +233,33 @@ def run_sub_step(state, work, report, count, parameters):
             work.life_before[i] = state.used_life[i]
     if p.wear_rule == EQUIVALENT_TIME:
         for i in range(count):
-            state.used_life[i] += life_share(at(p, i), log_coefficient(state, work, i, p), work.engaged[i])
+            state.used_life[i] += life_share(p, i, log_coefficient(state, work, i, p), work.engaged[i])
     else:
         for i in range(count):
             work.time_power_before[i] = work.time_power[i]
-            work.time_power[i] = real_power(state.cutting_time[i], at(p, i).wear_law.time)
+            work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time[i])
         for i in range(count):
             coefficient = log_coefficient(state, work, i, p)
             before, after = work.time_power_before[i], work.time_power[i]
-            work.wear[i] = wear_by_clock(at(p, i), state.used_life[i], coefficient, before, after)
+            work.wear[i] = wear_by_clock(p, i, state.used_life[i], coefficient, before, after)
         for i in range(count):
-            used_life = real_power(work.wear[i], at(p, i).life_exponent)
+            used_life = real_power(work.wear[i], p.life_exponent[i])
             used_life = max(used_life, state.used_life[i])  # rounding must not make an edge sharper
             state.used_life[i] = used_life if work.engaged[i] > 0.0 else state.used_life[i]
     if p.wears_faster:
         for i in range(count):
-            state.used_life[i] = with_tertiary_wear(at(p, i), work.life_before[i], state.used_life[i])
+            state.used_life[i] = with_tertiary_wear(p, i, work.life_before[i], state.used_life[i])
     for i in range(count):
-        work.log_wear[i] = log_wear(at(p, i), max(state.used_life[i], _MIN_LIFE))
+        work.log_wear[i] = log_wear(p, i, max(state.used_life[i], _MIN_LIFE))
     if p.chips_lag:
         for i in range(count):
-            work.chip_remains[i] = exp(-work.turns[i] / at(p, i).chip_lag)
+            work.chip_remains[i] = exp(-work.turns[i] / p.chip_lag[i])
     for i in range(count):
         load_edge(state, work, i, p)
     if p.holds_roughness:
         for i in range(count):
-            deviation = abs(roughness(at(p, i), state.thrust_force[i]) / state.roughness_reference[i] - 1.0)
-            in_air = at(p, i).sub_step - work.engaged[i]  # a surface that is not made deviates by all of its reference
+            deviation = abs(roughness(p, i, state.thrust_force[i]) / state.roughness_reference[i] - 1.0)
+            in_air = p.sub_step[i] - work.engaged[i]  # a surface that is not made deviates by all of its reference
             report.roughness_deviation[i] += 60.0 * (work.engaged[i] * deviation + in_air)
     if p.collapses:
         for i in range(count):
@@ -302,16 +291,15 @@ def run_sub_step(state, work, report, count, parameters):
 
 
 @compiled
-def move(state, work, i, parameters):
+def move(state, work, i, p):
     """Let the drives follow their commands, and move the tool."""
-    p = at(parameters, i)
     runs = work.sub_steps_left[i] > 0
     running = 1 if runs else 0
     work.running[i] = running
     work.sub_steps_left[i] -= running
     sub_step = work.sub_step[i] if runs else 0.0
-    spindle_share = p.spindle_share if runs else 0.0
-    feed_share = p.feed_share if runs else 0.0
+    spindle_share = p.spindle_share[i] if runs else 0.0
+    feed_share = p.feed_share[i] if runs else 0.0
     speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
     if p.delays_commands:
         held = min(work.sub_steps_held[i], 1.0)
@@ -320,7 +308,7 @@ def move(state, work, i, parameters):
         feed = work.next_feed[i] + (work.held_feed[i] - work.next_feed[i]) * held
     state.cutting_speed[i] += (speed - state.cutting_speed[i]) * spindle_share
     state.feed[i] += (feed - state.feed[i]) * feed_share
-    spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre  # [rev/min]
+    spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre[i]  # [rev/min]
     feed_velocity = spindle_speed * state.feed[i]  # [mm/min]
     turns = spindle_speed * sub_step
     work.turns[i] = turns
@@ -328,7 +316,7 @@ def move(state, work, i, parameters):
     state.path[i] += feed_velocity * sub_step
     work.time[i] += sub_step
     cut_before = work.cut[i]
-    cut, in_metal = position_in_row(p, state.path[i])
+    cut, in_metal = position_in_row(p, i, state.path[i])
     work.cut[i] = cut
     work.middle[i] = 0.5 * (cut_before + cut)
     work.engaged[i] = max(cut - cut_before, 0.0) / feed_velocity
@@ -337,20 +325,17 @@ def move(state, work, i, parameters):
 
 
 @compiled
-def log_coefficient(state, work, i, parameters):
+def log_coefficient(state, work, i, p):
     """Return the logarithm of the wear [mm] that a fresh edge would have after a minute of the present cut."""
-    nominal = log_wear_coefficient(
-        at(parameters, i), work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], state.log_hardness[i]
-    )
+    nominal = log_wear_coefficient(p, i, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], state.log_hardness[i])
     return state.log_wear_factor[i] + nominal + state.log_skin_wear[i]
 
 
 @compiled
-def load_edge(state, work, i, parameters):
+def load_edge(state, work, i, p):
     """Set thrust force [N] and power [kW] if metal was cut."""
-    p = at(parameters, i)
     force, power = force_and_power(
-        p, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], work.log_wear[i], state.log_hardness[i]
+        p, i, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], work.log_wear[i], state.log_hardness[i]
     )
     remains = work.chip_remains[i]
     force = force * (1.0 - remains) + state.thrust_force[i] * remains
@@ -360,14 +345,13 @@ def load_edge(state, work, i, parameters):
 
 
 @compiled
-def add_to_sums(state, work, report, i, parameters):
+def add_to_sums(state, work, report, i, p):
     """Add the removed metal, and the excess of force and power over their limits, to the report's sums."""
-    p = at(parameters, i)
     engaged = work.engaged[i]  # [min]
     seconds = 60.0 * engaged
-    force, power = state.thrust_force[i], state.power[i] + idle_power(p, state.cutting_speed[i])
-    over_force = max(force * p.per_thrust_force_limit - 1.0, work.over_further[i])
-    over_power = max(power * p.per_power_limit / allowed_share(state, i, p) - 1.0, 0.0)
+    force, power = state.thrust_force[i], state.power[i] + idle_power(p, i, state.cutting_speed[i])
+    over_force = max(force * p.per_thrust_force_limit[i] - 1.0, work.over_further[i])
+    over_power = max(power * p.per_power_limit[i] / allowed_share(state, i, p) - 1.0, 0.0)
     over = max(over_force, over_power)
     report.engaged_time[i] += seconds
     report.removed[i] += state.cutting_speed[i] * state.feed[i] * state.depth_of_cut[i] * engaged
@@ -376,16 +360,16 @@ def add_to_sums(state, work, report, i, parameters):
     report.cost_force[i] += engaged * over_force
     report.cost_power[i] += engaged * over_power
     report.overload_time[i] += seconds if over > 0.0 else 0.0
-    report.severe_overload_time[i] += seconds if over > p.overload_tolerance else 0.0
+    report.severe_overload_time[i] += seconds if over > p.overload_tolerance[i] else 0.0
 
 
 @compiled
-def watch_edge(state, work, i, parameters, stops):
+def watch_edge(state, work, i, p, stops):
     """Stop the environment at the end of its edge or of the job, if it ``stops`` there; return 1 if the edge failed, else 0."""
     in_metal = 1 if work.engaged[i] > 0.0 else 0
     spent = 1 if state.used_life[i] >= 1.0 else 0
     overcome = 1 if state.thrust_force[i] > state.edge_strength[i] else 0
-    arrived = 1 if state.path[i] >= at(parameters, i).path_end else 0
+    arrived = 1 if state.path[i] >= p.path_end[i] else 0
     work.worn[i] |= in_metal & spent
     work.broken[i] |= in_metal & overcome
     failed = work.worn[i] | work.broken[i]
@@ -413,32 +397,30 @@ def begin_charging(state, work, i):
 
 
 @compiled
-def charge_time_and_life(state, work, report, i, parameters, by_equivalent_time):
+def charge_time_and_life(state, work, report, i, p, by_equivalent_time):
     """Update clock, charged life and nominal wear. The nominal model uses the speed and feed at the end."""
-    p = at(parameters, i)
     time = work.time[i]
     state.clock[i] += time
     report.time[i] += 60.0 * time
     work.minutes[i] += time
     charge(report, i, p, min(state.used_life[i], 1.0) - work.used_life_before[i])
     start, end, used = work.cutting_time_before[i], state.cutting_time[i], state.nominal_used_life[i]
-    coefficient = log_wear_coefficient(p.nominal, work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i], 0.0)
+    coefficient = log_wear_coefficient(p.nominal, i, work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i], 0.0)
     if by_equivalent_time:
-        state.nominal_used_life[i] = used + life_share(p.nominal, coefficient, end - start)
+        state.nominal_used_life[i] = used + life_share(p.nominal, i, coefficient, end - start)
     else:
-        life = life_by_clock(p.nominal, used, coefficient, start, end)
+        life = life_by_clock(p.nominal, i, used, coefficient, start, end)
         state.nominal_used_life[i] = life if end > start else used
 
 
 @compiled
-def replace_failed_edges(state, work, report, first, last, parameters):
+def replace_failed_edges(state, work, report, first, last, p):
     """Charge broken edges, and replace worn-out and broken edges unless the episode ends with them."""
-    p = parameters
     failed = 0
-    for i in range(first, last):
+    for i in env_range(first, last):
         failed += work.worn[i] | work.broken[i]
     if failed > 0:
-        for i in range(first, last):
+        for i in env_range(first, last):
             if work.broken[i] > 0:
                 break_edge(state, report, i, p)
             if work.worn[i] + work.broken[i] > 0 and p.edge_changes != END:
@@ -446,11 +428,11 @@ def replace_failed_edges(state, work, report, first, last, parameters):
 
 
 @compiled
-def look_ahead(state, first, last, parameters):
+def look_ahead(state, first, last, p):
     """Draw the quantities that the control knows about the next step."""
-    if parameters.holds_roughness:
-        for i in range(first, last):
-            draw_reference(state, i, parameters)
-    if parameters.probe:
-        for i in range(first, last):
-            probe_next_bar(state, i, parameters)
+    if p.holds_roughness:
+        for i in env_range(first, last):
+            draw_reference(state, i, p)
+    if p.probe:
+        for i in env_range(first, last):
+            probe_next_bar(state, i, p)

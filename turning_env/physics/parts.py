@@ -8,9 +8,8 @@ import math
 
 import numpy as np
 
-from turning_env.numerics.compilation import compiled
+from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import log
-from turning_env.numerics.per_env import at
 from turning_env.physics.drives import clipped, set_point
 from turning_env.physics.spindle import cool_down
 
@@ -19,29 +18,27 @@ MIN_DEPTH = 0.01
 
 
 @compiled
-def start_part(state, work, i, parameters, action):
+def start_part(state, work, i, p, action):
     """Store where the next part begins, and the number and depth [mm] of its passes, from an action in -1..1."""
-    p = at(parameters, i)
-    work.part_start[i] = np.rint(state.path[i] * p.bars_per_path) * p.bar_pitch
+    work.part_start[i] = np.rint(state.path[i] * p.bars_per_path[i]) * p.bar_pitch[i]
     work.passes[i] = min(1 + int(0.5 * (clipped(action[0]) + 1.0) * p.passes_max), p.passes_max)
-    work.pass_depth[i] = p.depth_of_cut * (1.0 + clipped(action[1])) / work.passes[i]
+    work.pass_depth[i] = p.depth_of_cut[i] * (1.0 + clipped(action[1])) / work.passes[i]
 
 
 @compiled
-def start_passes(state, work, report, actions, first, last, parameters, number):
+def start_passes(state, work, report, actions, first, last, p, number):
     """Start a pass, 0 the first, in every environment whose part has that many; the others stand still."""
-    for i in range(first, last):
+    for i in env_range(first, last):
         work.sub_steps_left[i] = 0
         if number < work.passes[i]:
-            start_pass(state, work, report, i, parameters, actions[i], number)
+            start_pass(state, work, report, i, p, actions[i], number)
 
 
 @compiled
-def start_pass(state, work, report, i, parameters, action, number):
+def start_pass(state, work, report, i, p, action, number):
     """Set speed, feed, depth and sub-step of a pass, 0 the first."""
-    p = at(parameters, i)
-    speed = min(set_point(action[2 + 2 * number], p.cutting_speed_min, p.cutting_speed_max), p.reachable_cutting_speed)
-    feed = set_point(action[3 + 2 * number], p.feed_min, p.feed_max)
+    speed = min(set_point(action[2 + 2 * number], p.cutting_speed_min[i], p.cutting_speed_max[i]), p.reachable_cutting_speed[i])
+    feed = set_point(action[3 + 2 * number], p.feed_min[i], p.feed_max[i])
     passes, depth = work.passes[i], work.pass_depth[i]
     state.commanded_cutting_speed[i] = speed
     state.commanded_feed[i] = feed
@@ -53,22 +50,22 @@ def start_pass(state, work, report, i, parameters, action, number):
     report.mean_thrust_force[i] = 0.0
     report.mean_power[i] = 0.0
     work.engaged_before[i] = report.engaged_time[i]
-    work.sub_step[i] = p.bar_pitch / (speed * p.revolutions_per_metre * feed) / p.sub_steps
+    work.sub_step[i] = p.bar_pitch[i] / (speed * p.revolutions_per_metre[i] * feed) / p.sub_steps
     work.sub_steps_left[i] = p.sub_steps
 
 
 @compiled
-def end_passes(state, work, report, first, last, parameters, number):
+def end_passes(state, work, report, first, last, p, number):
     """End a pass in every environment whose part has it, and the part where it was the last."""
-    for i in range(first, last):
+    for i in env_range(first, last):
         if number < work.passes[i]:
-            end_pass(state, work, report, i, parameters)
+            end_pass(state, work, report, i, p)
         if number == work.passes[i] - 1:
-            end_part(state, work, i, parameters)
+            end_part(state, work, i, p)
 
 
 @compiled
-def end_pass(state, work, report, i, parameters):
+def end_pass(state, work, report, i, p):
     """Return the tool; the pass's mean force and power become the sensed values."""
     engaged = report.engaged_time[i] - work.engaged_before[i]
     if engaged > 0.0:
@@ -76,15 +73,15 @@ def end_pass(state, work, report, i, parameters):
         report.mean_power[i] /= engaged
     state.lagged_thrust_force[i] = report.mean_thrust_force[i]
     state.lagged_power[i] = report.mean_power[i]
-    return_time = at(parameters, i).return_time
+    return_time = p.return_time[i]
     state.clock[i] += return_time
     report.time[i] += 60.0 * return_time
-    cool_down(state, i, parameters, return_time)
+    cool_down(state, i, p, return_time)
 
 
 @compiled
-def end_part(state, work, i, parameters):
+def end_part(state, work, i, p):
     """Put the tool before the next part."""
-    state.path[i] = work.part_start[i] + at(parameters, i).bar_pitch
+    state.path[i] = work.part_start[i] + p.bar_pitch[i]
     state.pass_floor[i] = 0.0
     state.pass_ceiling[i] = math.inf

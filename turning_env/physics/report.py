@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from turning_env.numerics.compilation import compiled
+from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import exp
-from turning_env.numerics.per_env import at
 from turning_env.physics.drives import spindle_torque
-from turning_env.physics.records import FIRST_SUM
+from turning_env.physics.records import FIRST_SUM, LAST_ROW
 from turning_env.physics.spindle import capacity, idle_power
 from turning_env.physics.surface import roughness
 from turning_env.physics.wear import log_wear
@@ -16,30 +15,29 @@ from turning_env.physics.wear import log_wear
 def clear_sums(report, first, last):
     """Set the report's sums over a step to 0: ``quantities.OVER_STEP`` and ``OUTCOME``."""
     table = report.table
-    for k in range(FIRST_SUM, table.shape[0]):
-        for i in range(first, last):
+    for i in env_range(first, last):
+        for k in range(FIRST_SUM, LAST_ROW):
             table[k, i] = 0.0
 
 
 @compiled
-def write_state(state, report, first, last, parameters):
+def write_state(state, report, first, last, p):
     """Report the true state of some environments of a block at the step's end."""
-    for i in range(first, last):
-        p = at(parameters, i)
-        spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre
+    for i in env_range(first, last):
+        spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre[i]
         report.cutting_speed[i] = state.cutting_speed[i]
         report.feed[i] = state.feed[i]
         report.commanded_cutting_speed[i] = state.commanded_cutting_speed[i]
         report.commanded_feed[i] = state.commanded_feed[i]
         report.spindle_speed[i] = spindle_speed
         report.feed_velocity[i] = spindle_speed * state.feed[i]
-        power = state.power[i] + idle_power(p, state.cutting_speed[i])
+        power = state.power[i] + idle_power(p, i, state.cutting_speed[i])
         report.torque[i] = spindle_torque(power, spindle_speed)
-        available = p.rated_power * (capacity(p, state.cutting_speed[i]) if p.reads_torque else 1.0)
+        available = p.rated_power[i] * (capacity(p, i, state.cutting_speed[i]) if p.reads_torque else 1.0)
         report.spindle_load[i] = power / available
         report.spindle_heat[i] = state.spindle_heat[i]
         report.path[i] = state.path[i]
-        report.bar[i] = np.floor(state.path[i] * p.bars_per_path)
+        report.bar[i] = np.floor(state.path[i] * p.bars_per_path[i])
         report.cutting_time[i] = state.cutting_time[i]
         report.used_life[i] = state.used_life[i]
         report.edge_strength[i] = state.edge_strength[i]
@@ -50,18 +48,18 @@ def write_state(state, report, first, last, parameters):
         report.measured_power[i] = state.measured_power[i]
         report.roughness_reference[i] = state.roughness_reference[i]
         report.probed_depth[i] = state.probed_depth[i]
-    for i in range(first, last):
+    for i in env_range(first, last):
         in_metal = state.cutting[i] > 0
         hardness = exp(state.log_hardness[i])
         report.cutting[i] = 1.0 if in_metal else 0.0
         report.depth_of_cut[i] = state.depth_of_cut[i] if in_metal else 0.0
         report.hardness[i] = hardness if in_metal else 0.0
         report.wear_factor[i] = exp(state.log_wear_factor[i])
-    for i in range(first, last):
-        wear = exp(log_wear(at(parameters, i), state.used_life[i]))
+    for i in env_range(first, last):
+        wear = exp(log_wear(p, i, state.used_life[i]))
         report.wear[i] = wear if state.used_life[i] > 0.0 else 0.0
         report.roughness[i] = 0.0
-    if parameters.holds_roughness:
-        for i in range(first, last):
-            rough = roughness(at(parameters, i), state.thrust_force[i])
+    if p.holds_roughness:
+        for i in env_range(first, last):
+            rough = roughness(p, i, state.thrust_force[i])
             report.roughness[i] = rough if state.cutting[i] > 0 else 0.0

@@ -3,43 +3,39 @@
 The noise levels (power 2 %, force 5 %) and lags are assumptions; the roughness control paper gives up to 10 % for force.
 """
 
-from turning_env.numerics.compilation import compiled
+from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.keyed_random import SENSOR_CHANNEL, normals_of, words
-from turning_env.numerics.per_env import at
 from turning_env.physics.drives import servo_current
 from turning_env.physics.spindle import idle_power
 
 
 @compiled
-def follow_process(state, work, i, parameters):
+def follow_process(state, work, i, p):
     """Move the lagged power [kW] and thrust force [N] towards the process over one sub-step."""
-    p = at(parameters, i)
     runs = work.running[i] > 0
-    power_share = p.power_sensor_share if runs else 0.0
-    force_share = p.force_sensor_share if runs else 0.0
-    power = state.power[i] + idle_power(p, state.cutting_speed[i])
+    power_share = p.power_sensor_share[i] if runs else 0.0
+    force_share = p.force_sensor_share[i] if runs else 0.0
+    power = state.power[i] + idle_power(p, i, state.cutting_speed[i])
     state.lagged_power[i] += (power - state.lagged_power[i]) * power_share
     state.lagged_thrust_force[i] += (state.thrust_force[i] - state.lagged_thrust_force[i]) * force_share
 
 
 @compiled
-def read_sensors(state, work, first, last, parameters):
+def read_sensors(state, work, first, last, p):
     """Measure power [kW], and thrust force [N] or servo current [A], at the end of a step."""
-    for i in range(first, last):
+    for i in env_range(first, last):
         work.word_0[i], work.word_1[i] = words(state, i, SENSOR_CHANNEL, 0, state.step_count[i])
-    for i in range(first, last):
-        p = at(parameters, i)
+    for i in env_range(first, last):
         power_normal, force_normal = normals_of(work.word_0[i], work.word_1[i])
-        power = (1.0 + p.power_bias) * state.lagged_power[i] * (1.0 + p.power_noise * power_normal)
+        power = (1.0 + p.power_bias[i]) * state.lagged_power[i] * (1.0 + p.power_noise[i] * power_normal)
         state.measured_power[i] = max(power, 0.0)
-        work.force_noise[i] = 1.0 + p.force_noise * force_normal
-    if parameters.senses_current:
-        for i in range(first, last):
-            p = at(parameters, i)
-            feed_velocity = state.cutting_speed[i] * p.revolutions_per_metre * state.feed[i]
-            current = (1.0 + p.force_bias) * servo_current(p, state.lagged_thrust_force[i], feed_velocity, state.path[i])
+        work.force_noise[i] = 1.0 + p.force_noise[i] * force_normal
+    if p.senses_current:
+        for i in env_range(first, last):
+            feed_velocity = state.cutting_speed[i] * p.revolutions_per_metre[i] * state.feed[i]
+            current = (1.0 + p.force_bias[i]) * servo_current(p, i, state.lagged_thrust_force[i], feed_velocity, state.path[i])
             state.measured_servo_current[i] = max(current * work.force_noise[i], 0.0)
     else:
-        for i in range(first, last):
-            force_gain = 1.0 + at(parameters, i).force_bias
+        for i in env_range(first, last):
+            force_gain = 1.0 + p.force_bias[i]
             state.measured_thrust_force[i] = max(force_gain * state.lagged_thrust_force[i] * work.force_noise[i], 0.0)

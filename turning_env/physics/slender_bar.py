@@ -12,21 +12,19 @@ sub-step before.
 """
 
 from turning_env.numerics.compilation import compiled
-from turning_env.numerics.per_env import at
 
 RIGID, CHUCK, TAILSTOCK = range(3)
 SUPPORTS = {"rigid": RIGID, "chuck": CHUCK, "tailstock": TAILSTOCK}
 
 
 @compiled
-def compliance(parameters, along):
+def compliance(p, i, along):
     """Return deflection over radial force [mm/N] at a place along the bar [mm]."""
-    p = parameters
-    a = p.bar_length - along
-    cantilever = a * a * a * p.bar_flexibility
+    a = p.bar_length[i] - along
+    cantilever = a * a * a * p.bar_flexibility[i]
     if p.support == CHUCK:
         return cantilever
-    b = along / p.bar_length
+    b = along / p.bar_length[i]
     return cantilever * b * b * (3.0 + b) * 0.25
 
 
@@ -38,9 +36,8 @@ def note_stiffness(state, work, i):
 
 
 @compiled
-def bend_bar(state, work, i, parameters):
+def bend_bar(state, work, i, p):
     """Take the deflection from the depth of cut [mm]."""
-    p = at(parameters, i)
-    share = compliance(p, work.along[i]) * p.radial_share * work.cut_stiffness[i]
+    share = compliance(p, i, work.along[i]) * p.radial_share[i] * work.cut_stiffness[i]
     depth = state.depth_of_cut[i]
     state.depth_of_cut[i] = depth / (1.0 + share) if work.engaged[i] > 0.0 else depth

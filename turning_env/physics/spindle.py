@@ -22,7 +22,6 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
-from turning_env.numerics.per_env import at
 from turning_env.scenario import Scenario
 
 
@@ -37,37 +36,35 @@ def idle_power_at(scenario: Scenario, cutting_speed: Any) -> Any:
 
 
 @compiled
-def capacity(parameters, cutting_speed):
+def capacity(p, i, cutting_speed):
     """Return the available over the rated power [-] at a cutting speed [m/min]."""
-    return min(parameters.capacity_per_speed * cutting_speed, 1.0)
+    return min(p.capacity_per_speed[i] * cutting_speed, 1.0)
 
 
 @compiled
-def idle_power(parameters, cutting_speed):
+def idle_power(p, i, cutting_speed):
     """Return the power of the idling spindle [kW] at a cutting speed [m/min]."""
-    return parameters.idle_power_per_speed * cutting_speed
+    return p.idle_power_per_speed[i] * cutting_speed
 
 
 @compiled
-def allowed_share(state, i, parameters):
+def allowed_share(state, i, p):
     """Return the power that is allowed now over the limit of power [-]."""
-    p = at(parameters, i)
-    short_time = p.short_time_load if state.spindle_heat[i] < 1.0 else 1.0
-    return short_time * capacity(p, state.cutting_speed[i])
+    short_time = p.short_time_load[i] if state.spindle_heat[i] < 1.0 else 1.0
+    return short_time * capacity(p, i, state.cutting_speed[i])
 
 
 @compiled
-def heat_up(state, work, i, parameters):
+def heat_up(state, work, i, p):
     """Move the motor's heat [-] towards that of the present load over one sub-step."""
-    p = at(parameters, i)
     speed = state.cutting_speed[i]
-    load = (state.power[i] + idle_power(p, speed)) / (p.rated_power * capacity(p, speed))
+    load = (state.power[i] + idle_power(p, i, speed)) / (p.rated_power[i] * capacity(p, i, speed))
     minutes = work.sub_step[i] if work.running[i] > 0 else 0.0
-    share = 1.0 - exp(-minutes / p.thermal_time_constant)
+    share = 1.0 - exp(-minutes / p.thermal_time_constant[i])
     state.spindle_heat[i] += (load * load - state.spindle_heat[i]) * share
 
 
 @compiled
-def cool_down(state, i, parameters, minutes):
+def cool_down(state, i, p, minutes):
     """Let the motor cool without load."""
-    state.spindle_heat[i] *= exp(-minutes / at(parameters, i).thermal_time_constant)
+    state.spindle_heat[i] *= exp(-minutes / p.thermal_time_constant[i])

@@ -9,22 +9,20 @@ import numpy as np
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
 from turning_env.numerics.keyed_random import REFERENCE_CHANNEL, uniform
-from turning_env.numerics.per_env import at
 
 _MAX_EXPONENT = 300.0  # keeps the roughness finite at absurdly high forces
 
 
 @compiled
-def roughness(parameters, thrust_force):
+def roughness(p, i, thrust_force):
     """Return Ra [um] at a thrust force [N]."""
-    return parameters.roughness_at_no_force * exp(min(parameters.roughness_rate * thrust_force, _MAX_EXPONENT))
+    return p.roughness_at_no_force[i] * exp(min(p.roughness_rate[i] * thrust_force, _MAX_EXPONENT))
 
 
 @compiled
-def draw_reference(state, i, parameters):
+def draw_reference(state, i, p):
     """Set the reference of Ra [um] to that of the present period."""
-    p = at(parameters, i)
     # Half a sub-step is added because the clock, a sum of sub-steps, may miss the period's end by rounding.
-    period = np.floor((state.clock[i] + 0.5 * p.sub_step) / p.reference_time)
+    period = np.floor((state.clock[i] + 0.5 * p.sub_step[i]) / p.reference_time[i])
     share = uniform(state, i, REFERENCE_CHANNEL, 0, period)
-    state.roughness_reference[i] = exp(p.log_reference_min + share * p.log_reference_span)
+    state.roughness_reference[i] = exp(p.log_reference_min[i] + share * p.log_reference_span[i])

@@ -7,7 +7,6 @@ with mean 1 that is drawn anew after every stop. (Rate and time of a stop: assum
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
-from turning_env.numerics.per_env import at
 from turning_env.physics.edge import stop_machine
 
 ROUNDING = 1e-6
@@ -22,12 +21,11 @@ def start_swarf(state, i):
 
 
 @compiled
-def use_up_margin(state, work, i, parameters):
+def use_up_margin(state, work, i, p):
     """Use up the margin while cutting outside the window; return whether nothing is left."""
-    p = at(parameters, i)
-    breaks = (p.chip_feed_min <= state.feed[i] * (1.0 + ROUNDING)) & (state.feed[i] <= p.chip_feed_max * (1.0 + ROUNDING))
-    breaks &= (p.chip_depth_min <= state.depth_of_cut[i]) & (state.depth_of_cut[i] <= p.chip_depth_max)
-    state.tangle_margin[i] -= 0.0 if breaks else p.tangle_rate * work.engaged[i]
+    breaks = (p.chip_feed_min[i] <= state.feed[i] * (1.0 + ROUNDING)) & (state.feed[i] <= p.chip_feed_max[i] * (1.0 + ROUNDING))
+    breaks &= (p.chip_depth_min[i] <= state.depth_of_cut[i]) & (state.depth_of_cut[i] <= p.chip_depth_max[i])
+    state.tangle_margin[i] -= 0.0 if breaks else p.tangle_rate[i] * work.engaged[i]
     return state.tangle_margin[i] <= 0.0
 
 
@@ -41,6 +39,6 @@ def tangle(state, work, i):
 
 
 @compiled
-def clear_chips(state, work, report, i, parameters):
+def clear_chips(state, work, report, i, p):
     """Stop the machine for each tangle of the step."""
-    stop_machine(state, report, i, parameters, work.tangles[i] * at(parameters, i).tangle_time)
+    stop_machine(state, report, i, p, work.tangles[i] * p.tangle_time[i])

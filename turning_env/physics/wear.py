@@ -21,42 +21,42 @@ CLOCK_TIME = 1
 
 
 @compiled
-def life_share(parameters, log_wear_coefficient, time):
+def life_share(p, i, log_wear_coefficient, time):
     """Return the share of life [-] that an edge uses in a cutting time [min] at constant log K, by equivalent time."""
-    return time * exp((log_wear_coefficient - parameters.log_wear_criterion) * parameters.life_exponent)
+    return time * exp((log_wear_coefficient - p.log_wear_criterion[i]) * p.life_exponent[i])
 
 
 @compiled
-def wear_by_clock(parameters, used_life, log_wear_coefficient, time_power_before, time_power):
+def wear_by_clock(p, i, used_life, log_wear_coefficient, time_power_before, time_power):
     """Return wear / criterion [-] after further cutting at constant log K, by clock time; powers of cutting time are t^n."""
-    growth = exp(log_wear_coefficient - parameters.log_wear_criterion) * (time_power - time_power_before)
-    return real_power(used_life, parameters.wear_law.time) + growth
+    growth = exp(log_wear_coefficient - p.log_wear_criterion[i]) * (time_power - time_power_before)
+    return real_power(used_life, p.wear_law.time[i]) + growth
 
 
 @compiled
-def life_by_clock(parameters, used_life, log_wear_coefficient, start, end):
+def life_by_clock(p, i, used_life, log_wear_coefficient, start, end):
     """Return the used life [-] after cutting from ``start`` to ``end`` [min] at constant log K, by clock time."""
-    exponent = parameters.wear_law.time
-    wear = wear_by_clock(parameters, used_life, log_wear_coefficient, real_power(start, exponent), real_power(end, exponent))
-    return real_power(wear, parameters.life_exponent)
+    exponent = p.wear_law.time[i]
+    wear = wear_by_clock(p, i, used_life, log_wear_coefficient, real_power(start, exponent), real_power(end, exponent))
+    return real_power(wear, p.life_exponent[i])
 
 
 @compiled
-def advance_used_life(parameters, used_life, log_wear_coefficient, start, end):
+def advance_used_life(p, i, used_life, log_wear_coefficient, start, end):
     """Return the used life [-] after cutting from ``start`` to ``end`` (the edge's cutting time [min]) at constant log K."""
-    if parameters.wear_rule == EQUIVALENT_TIME:
-        return used_life + life_share(parameters, log_wear_coefficient, end - start)
-    return life_by_clock(parameters, used_life, log_wear_coefficient, start, end)
+    if p.wear_rule == EQUIVALENT_TIME:
+        return used_life + life_share(p, i, log_wear_coefficient, end - start)
+    return life_by_clock(p, i, used_life, log_wear_coefficient, start, end)
 
 
 @compiled
-def with_tertiary_wear(parameters, before, after):
+def with_tertiary_wear(p, i, before, after):
     """Return the used life [-] after a short cut that takes it from ``before`` to ``after`` without tertiary wear."""
-    beyond = max(exp(log_wear(parameters, before)) - parameters.tertiary_wear, 0.0)
-    return before + (after - before) * exp(parameters.tertiary_rate * beyond)
+    beyond = max(exp(log_wear(p, i, before)) - p.tertiary_wear[i], 0.0)
+    return before + (after - before) * exp(p.tertiary_rate[i] * beyond)
 
 
 @compiled
-def log_wear(parameters, used_life):
+def log_wear(p, i, used_life):
     """Return the logarithm of the flank wear [mm]; the edge must have cut (used life above 0)."""
-    return parameters.log_wear_criterion + parameters.wear_law.time * log(used_life)
+    return p.log_wear_criterion[i] + p.wear_law.time[i] * log(used_life)

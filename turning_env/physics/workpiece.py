@@ -15,41 +15,38 @@ wear are means over the cut's depth (assumption), so that a shallow cut, nearly 
 
 import numpy as np
 
-from turning_env.numerics.compilation import compiled
+from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import log, sine_and_cosine
 from turning_env.numerics.keyed_random import BAR_CHANNEL, DEPTH_CHANNEL, HARDNESS_CHANNEL, normals_of, standard_normals, words
-from turning_env.numerics.per_env import at
 
 MIN_DEPTH_SHARE = 0.01
 
 
 @compiled
-def position_in_row(parameters, path):
+def position_in_row(p, i, path):
     """Locate a path coordinate [mm]: return (length of metal behind the tool [mm], whether the tool is in metal)."""
-    bar = np.floor(path * parameters.bars_per_path)
-    along = path - bar * parameters.bar_pitch - parameters.approach
-    return bar * parameters.bar_length + max(along, 0.0), along >= 0.0
+    bar = np.floor(path * p.bars_per_path[i])
+    along = path - bar * p.bar_pitch[i] - p.approach[i]
+    return bar * p.bar_length[i] + max(along, 0.0), along >= 0.0
 
 
 @compiled
-def section_at(parameters, along):
+def section_at(p, i, along):
     """Return the section at a place along the bar [mm]."""
-    p = parameters
     section = 0
     if p.has_section_lengths:
         for k in range(1, p.depth_sections):
             section += 1 if along >= p.section_starts[k] else 0
         return section
-    section = int(along * p.bars_per_cut * p.depth_sections)
+    section = int(along * p.bars_per_cut[i] * p.depth_sections)
     return min(section, p.depth_sections - 1)
 
 
 @compiled
-def limit_of_section(parameters, path):
+def limit_of_section(p, i, path):
     """Return the highest cutting speed [m/min] at a path coordinate [mm]."""
-    p = parameters
-    cut, _ = position_in_row(p, path)
-    return p.section_speeds[section_at(p, max(cut - np.floor(cut * p.bars_per_cut) * p.bar_length, 0.0))]
+    cut, _ = position_in_row(p, i, path)
+    return p.section_speeds[section_at(p, i, max(cut - np.floor(cut * p.bars_per_cut[i]) * p.bar_length[i], 0.0))]
 
 
 @compiled
@@ -72,70 +69,69 @@ def between_nodes(left, right, share):
 
 
 @compiled
-def look_up_fields(state, work, first, last, parameters):
+def look_up_fields(state, work, first, last, p):
     """Set log hardness [-] and depth of cut [mm, 0 or less in air] to the values in the middle of the present cut.
 
     This holds for the block's ``engaged`` environments. The nodes on either side are kept until the tool has passed them, because
     drawing them costs more than everything else.
     """
-    p = parameters
     passing = 0
-    for i in range(first, last):
+    for i in env_range(first, last):
         locate(state, work, i, p)
         passing += work.passing[i]
     if passing > 0:
         pass_nodes(state, work, first, last, p)
-    for i in range(first, last):
-        work.nominal_depth[i] = at(p, i).depth_of_cut
+    for i in env_range(first, last):
+        work.nominal_depth[i] = p.depth_of_cut[i]
     if p.depth_sections > 0:
-        for i in range(first, last):
-            work.nominal_depth[i] = p.depth_profile[section_at(at(p, i), work.along[i])]
-    for i in range(first, last):
+        for i in env_range(first, last):
+            work.nominal_depth[i] = p.depth_profile[section_at(p, i, work.along[i])]
+    for i in env_range(first, last):
         blend_nodes(state, work, i, p)
     if p.ripples:
-        for i in range(first, last):
-            sine, _ = sine_and_cosine(at(p, i).depth_ripples_per_turn * state.turns[i])
-            work.blank_depth[i] *= 1.0 + at(p, i).depth_ripple * sine
-    for i in range(first, last):
+        for i in env_range(first, last):
+            sine, _ = sine_and_cosine(p.depth_ripples_per_turn[i] * state.turns[i])
+            work.blank_depth[i] *= 1.0 + p.depth_ripple[i] * sine
+    for i in env_range(first, last):
         limit_depth(state, work, i)
     if p.has_skin:
-        for i in range(first, last):
+        for i in env_range(first, last):
             cut_skin(state, work, i, p)
 
 
 @compiled
-def locate(state, work, i, parameters):
+def locate(state, work, i, p):
     """Find the place along the bar, and whether the kept nodes are behind it."""
-    p = at(parameters, i)
     cut = work.middle[i]
-    bar = np.floor(cut * p.bars_per_cut)
-    along = max(cut - bar * p.bar_length, 0.0)  # rounding must not ask for a node before the first
-    hardness_cell = np.floor(along * p.hardness_nodes_per_length)
-    depth_cell = np.floor(along * p.depth_nodes_per_length)
+    bar = np.floor(cut * p.bars_per_cut[i])
+    along = max(cut - bar * p.bar_length[i], 0.0)  # rounding must not ask for a node before the first
+    hardness_cell = np.floor(along * p.hardness_nodes_per_length[i])
+    depth_cell = np.floor(along * p.depth_nodes_per_length[i])
     moved = abs(bar - state.bar[i]) + abs(hardness_cell - state.hardness_cell[i]) + abs(depth_cell - state.depth_cell[i])
     work.along[i] = along
     work.passing[i] = 1 if min(moved, work.engaged[i]) > 0.0 else 0
 
 
 @compiled
-def pass_nodes(state, work, first, last, parameters):
+def pass_nodes(state, work, first, last, p):
     """Enter bars, and draw the nodes on either side, in the environments that have passed their kept nodes.
 
     The nodes ahead are listed and drawn together. Without noise along the bar, the nodes do not change: they are multiplied by 0.
     """
     listed = 0
-    for i in range(first, last):
+    for i in env_range(first, last):
         if work.passing[i] > 0:
-            p = at(parameters, i)
-            bar = np.floor(work.middle[i] * p.bars_per_cut)
+            bar = np.floor(work.middle[i] * p.bars_per_cut[i])
             if bar != state.bar[i]:
                 enter_bar(state, i, bar)
             nodes = state.hardness_cell, state.hardness_left, state.hardness_right
             listed += pass_node(
-                state, work, i, listed, HARDNESS_CHANNEL, nodes, p.hardness_nodes_per_length, p.hardness_along_spread
+                state, work, i, listed, HARDNESS_CHANNEL, nodes, p.hardness_nodes_per_length[i], p.hardness_along_spread[i]
             )
             nodes = state.depth_cell, state.depth_left, state.depth_right
-            listed += pass_node(state, work, i, listed, DEPTH_CHANNEL, nodes, p.depth_nodes_per_length, p.depth_along_spread)
+            listed += pass_node(
+                state, work, i, listed, DEPTH_CHANNEL, nodes, p.depth_nodes_per_length[i], p.depth_along_spread[i]
+            )
     for k in range(listed):
         i = work.node_env[k]
         work.node_word_0[k], work.node_word_1[k] = words(state, i, work.node_channel[k], state.bar[i], work.node_number[k])
@@ -170,15 +166,16 @@ def pass_node(state, work, i, k, channel, nodes, nodes_per_length, spread):
 
 
 @compiled
-def blend_nodes(state, work, i, parameters):
+def blend_nodes(state, work, i, p):
     """Set log hardness [-] without skin, and the blank's depth [mm] without ripple, from the bar's offsets and the nodes."""
-    p = at(parameters, i)
-    noise = noise_along(work, i, state.hardness_cell, state.hardness_left, state.hardness_right, p.hardness_nodes_per_length)
-    hardness = p.log_hardness_mismatch + p.hardness_bar_spread * state.bar_hardness_normal[i] + p.hardness_along_spread * noise
+    noise = noise_along(work, i, state.hardness_cell, state.hardness_left, state.hardness_right, p.hardness_nodes_per_length[i])
+    hardness = (
+        p.log_hardness_mismatch[i] + p.hardness_bar_spread[i] * state.bar_hardness_normal[i] + p.hardness_along_spread[i] * noise
+    )
     state.log_hardness[i] = hardness if work.engaged[i] > 0.0 else state.log_hardness[i]
-    noise = noise_along(work, i, state.depth_cell, state.depth_left, state.depth_right, p.depth_nodes_per_length)
-    depth = work.nominal_depth[i] + p.depth_bar_spread * state.bar_depth_normal[i]
-    work.blank_depth[i] = depth + p.depth_along_spread * noise
+    noise = noise_along(work, i, state.depth_cell, state.depth_left, state.depth_right, p.depth_nodes_per_length[i])
+    depth = work.nominal_depth[i] + p.depth_bar_spread[i] * state.bar_depth_normal[i]
+    work.blank_depth[i] = depth + p.depth_along_spread[i] * noise
 
 
 @compiled
@@ -198,21 +195,19 @@ def limit_depth(state, work, i):
 
 
 @compiled
-def cut_skin(state, work, i, parameters):
+def cut_skin(state, work, i, p):
     """Add the effect of the skin, the outermost depth [mm] of a blank, to the cut's hardness and the edge's wear."""
-    p = at(parameters, i)
-    lowest = max(work.blank_depth[i] - p.skin_thickness, state.pass_floor[i])
+    lowest = max(work.blank_depth[i] - p.skin_thickness[i], state.pass_floor[i])
     skin = max(min(work.blank_depth[i], state.pass_ceiling[i]) - lowest, 0.0)
     cutting = min(work.engaged[i], state.depth_of_cut[i]) > 0.0
     share = skin / state.depth_of_cut[i] if cutting else 0.0
-    state.log_hardness[i] += log(1.0 + share * (p.skin_hardness - 1.0))
-    state.log_skin_wear[i] = log(1.0 + share * (p.skin_wear - 1.0)) if work.engaged[i] > 0.0 else state.log_skin_wear[i]
+    state.log_hardness[i] += log(1.0 + share * (p.skin_hardness[i] - 1.0))
+    state.log_skin_wear[i] = log(1.0 + share * (p.skin_wear[i] - 1.0)) if work.engaged[i] > 0.0 else state.log_skin_wear[i]
 
 
 @compiled
-def probe_next_bar(state, i, parameters):
+def probe_next_bar(state, i, p):
     """Measure the mean allowance [mm] of the bar before which the tool stands."""
-    p = at(parameters, i)
-    bar = np.rint(state.path[i] * p.bars_per_path)
-    depth = p.depth_of_cut + p.depth_bar_spread * standard_normals(state, i, BAR_CHANNEL, bar, 0)[1]
-    state.probed_depth[i] = max(depth, MIN_DEPTH_SHARE * p.depth_of_cut)
+    bar = np.rint(state.path[i] * p.bars_per_path[i])
+    depth = p.depth_of_cut[i] + p.depth_bar_spread[i] * standard_normals(state, i, BAR_CHANNEL, bar, 0)[1]
+    state.probed_depth[i] = max(depth, MIN_DEPTH_SHARE * p.depth_of_cut[i])

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp, log
 from turning_env.scenario.section import Section, quantity
 
@@ -39,9 +38,6 @@ def log_response(law, log_cutting_speed, log_feed, log_depth_of_cut, log_time, l
         + law.wear * log_wear
         + law.hardness * log_hardness
     )
-
-
-compiled_log_response = compiled(log_response)
 
 
 class PowerLaw(Section):

@@ -60,8 +60,8 @@ def test_the_filters_delay_is_the_slope_of_its_phase(cutoff: float) -> None:
 @pytest.mark.parametrize(("force", "feed"), [(0.0, 0.1), (1500.0, 0.4)])
 def test_a_current_that_does_not_change_gives_its_force(force: float, feed: float) -> None:
     parameters = parameter_records(CURRENT)[0]
-    velocity = CURRENT.control.initial_cutting_speed * parameters.revolutions_per_metre * feed
-    current = steady_current(parameters, force, velocity)
+    velocity = CURRENT.control.initial_cutting_speed * parameters.revolutions_per_metre[0] * feed
+    current = steady_current(parameters, 0, force, velocity)
     estimator = ForceEstimator(CURRENT, 3, 0.3, 4)
     for _ in range(5):
         estimate = estimator.update(reading(CURRENT, [current] * 3, feed))

@@ -7,7 +7,7 @@ import pytest
 
 from tests.turning_env.playing import UNDISTURBED, changed, play
 from turning_env import RoughTurningEnv, read
-from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.physics.records import block_records
 from turning_env.physics.workpiece import look_up_fields
 
 STEADY = changed(UNDISTURBED, control={"interval": 1})
@@ -68,9 +68,9 @@ def test_skin_hardens_the_cut_and_wears_the_edge_by_its_share_of_depth():
 )
 def test_of_several_passes_those_that_reach_the_skin_cut_it(floor, ceiling, share):
     """A blank of 2.5 mm, the outer 0.5 mm of which are skin."""
-    state, scratch = new_records(STATE, 1)[0], scratch_records(with_mismatch(**SKIN))[0]
+    state, p, scratch = (records[0] for records in block_records(with_mismatch(**SKIN)))
     state.bar[0], state.pass_floor[0], state.pass_ceiling[0], scratch.work.engaged[0] = -1, floor, ceiling, 1.0
-    look_up_fields(state, scratch.work, 0, 1, scratch.parameters)
+    look_up_fields(state, scratch.work, 0, 1, p)
     assert math.exp(state.log_hardness[0]) == pytest.approx(1 + 0.4 * share, rel=1e-12)
     assert math.exp(state.log_skin_wear[0]) == pytest.approx(1 + 0.5 * share, rel=1e-12)
 

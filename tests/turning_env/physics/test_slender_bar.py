@@ -7,7 +7,7 @@ import pytest
 
 from tests.turning_env.playing import UNDISTURBED, changed, play
 from turning_env import RoughTurningEnv
-from turning_env.physics.records import scratch_records
+from turning_env.physics.records import parameter_records
 from turning_env.physics.slender_bar import compliance
 
 LENGTH, DIAMETER, MODULUS = 200.0, 30.0, 210_000.0
@@ -32,17 +32,17 @@ def bar(support: str, **workpiece: float):
     ],
 )
 def test_deflections_are_those_of_the_handbook(support: str, along: float, expected: float) -> None:
-    parameters = scratch_records(bar(support))[0].parameters
-    assert compliance(parameters, along) == pytest.approx(expected, rel=1e-12, abs=1e-18)
+    parameters = parameter_records(bar(support))[0]
+    assert compliance(parameters, 0, along) == pytest.approx(expected, rel=1e-12, abs=1e-18)
 
 
 def test_the_depth_of_cut_lacks_the_deflection() -> None:
     """The deflection is the compliance times the radial force that acts, to the first order of a sub-step."""
     scenario = bar("chuck")
-    parameters = scratch_records(scenario)[0].parameters
+    parameters = parameter_records(scenario)[0]
     record = play(RoughTurningEnv(scenario), 0, np.zeros((20, 2), np.float32))
     cut = record["cutting"] & (record["path"] > 5.0)
-    deflection = np.array([compliance(parameters, along) for along in record["path"][cut]]) * 0.7 * record["thrust_force"][cut]
+    deflection = np.array([compliance(parameters, 0, along) for along in record["path"][cut]]) * 0.7 * record["thrust_force"][cut]
     assert deflection.max() > 0.05
     assert record["depth_of_cut"][cut] == pytest.approx(2.5 - deflection, abs=0.005)
 

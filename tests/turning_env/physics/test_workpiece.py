@@ -7,7 +7,7 @@ import pytest
 
 from tests.turning_env.playing import changed
 from turning_env import Scenario
-from turning_env.physics.records import STATE, new_records, scratch_records
+from turning_env.physics.records import block_records
 from turning_env.physics.workpiece import MIN_DEPTH_SHARE, look_up_fields
 
 WORKPIECE = Scenario().workpiece
@@ -15,8 +15,8 @@ WORKPIECE = Scenario().workpiece
 
 def fields(scenario: Scenario, cuts, seed: int = 0):
     """(Relative hardness [-], depth of cut [mm]) at cut coordinates [mm], in the order given."""
-    state, scratch = new_records(STATE, 1)[0], scratch_records(scenario)[0]
-    work, parameters = scratch.work, scratch.parameters
+    state, parameters, scratch = (records[0] for records in block_records(scenario))
+    work = scratch.work
     state.seed[0], state.bar[0], state.pass_ceiling[0], work.engaged[0] = seed, -1, math.inf, 1.0
     values = np.empty((2, len(cuts)))
     for i, cut in enumerate(cuts):
