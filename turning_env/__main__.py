@@ -15,9 +15,11 @@ python -m turning_env warm-up
 """
 
 import argparse
+import inspect
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
+from pathlib import Path
 
 import gymnasium
 
@@ -119,7 +121,8 @@ def _warm_up(_: argparse.Namespace) -> int:
 
     python -m turning_env warm-up
     """
-    from turning_env.batch.driver import start_episodes, step_blocks
+    from turning_env.batch import driver
+    from turning_env.numerics.compilation import machine_code_folder
 
     for env_id in (*IDS, FAMILY_ID):
         for mode in ("sync", "vector_entry_point"):
@@ -127,9 +130,12 @@ def _warm_up(_: argparse.Namespace) -> int:
             envs.reset(seed=0)
             envs.step(envs.action_space.sample())
             envs.close()
-    entries = [start_episodes, step_blocks, *(entry for warm_up in provided("warm_up") for entry in warm_up())]
-    folders = {folder for entry in entries if (folder := entry.folder)}
-    for folder in sorted(folders):
+    sources = [Path(driver.__file__).parent]
+    for warm_up in provided("warm_up"):
+        warm_up()
+        sources.append(Path(inspect.getfile(warm_up)).parent)
+    folders = [folder for each in sources if (folder := machine_code_folder(each))]
+    for folder in folders:
         size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
         print(f"{size / 1e6:.1f} MB of machine code in {folder}")
     if not folders:

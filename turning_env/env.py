@@ -228,7 +228,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._under_way = True
         if self._viewer is not None:
             self._viewer.note()
-        return batch.observations[0], batch.info(0)
+        return batch.observation.copy(), batch.info(0)
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
         """Run one step. See the class's description for shapes, units and errors."""
@@ -246,7 +246,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         report = batch.report.tolist()
         terminated, truncated = report[TERMINATED] != 0.0, report[TRUNCATED] != 0.0
         self._under_way = not (terminated or truncated)
-        return batch.observations[0], report[REWARD], terminated, truncated, info_of(report)
+        return batch.observation.copy(), report[REWARD], terminated, truncated, info_of(report)
 
     def render(self) -> Any:
         """Return a frame, uint8 of shape (640, 960, 3), in mode "rgb_array"; show it in the window in mode "human"."""

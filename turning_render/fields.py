@@ -1,6 +1,5 @@
 """True hardness and allowance along a bar, and the passes of an action: the transition's own functions on separate records."""
 
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,10 +70,9 @@ class Fields:
         return [tuple(row) for row in passes[:count].tolist()]
 
 
-def warm_up() -> tuple[Any, ...]:
-    """Compile everything here, and return the compiled functions."""
+def warm_up() -> None:
+    """Compile everything here."""
     scenario = Scenario.load("batch_casting")
     fields = Fields(scenario)
     fields.along((0, 0), 0, np.zeros(1))
     fields.passes(np.zeros(action_size(scenario)))
-    return read_fields, read_passes

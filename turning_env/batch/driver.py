@@ -25,6 +25,7 @@ BLOCKS_CLAIMED = 16
 """Number of blocks that a thread claims at a time: enough to make claiming cheap, few enough for threads to end together."""
 MIN_BLOCKS = 256
 """Number of blocks below which threads do not share: on busy cores, waiting for a thread would cost more than it saves."""
+_NUMBERS = "efdbhilqBHILQ"  # types of actions: real numbers of at most 8 bytes
 _PADDING, _PAGE = 8, 512  # numbers of a cache line and of a memory page
 
 
@@ -122,11 +123,11 @@ class Batch:
         threads: number of threads that share the work; results do not depend on it.
         jobs: jobs to play instead, one per episode; ``scenario`` has their choices.
         single: whether this is the batch of one single environment: its actions have shape (action size,), and every step fills
-            the same ``table``, whose values ``report`` holds.
+            the same arrays, of which ``observation`` and ``report`` are views.
 
     Attributes:
         seeded: whether episodes have been started.
-        observations: float32, shape (num_envs, entries). Every step fills a new array.
+        observations: float32, shape (num_envs, entries). Every step fills a new array, unless ``single``.
         table: float64, shape (len(quantities.REPORT), num_envs), a row for each quantity. Every step fills a new
             array, unless ``single``.
     """
@@ -148,19 +149,23 @@ class Batch:
         self.table = np.zeros((len(quantities.REPORT), num_envs))
         # Rows a whole number of memory pages apart would share a few places of the processor's first cache.
         padding = _PADDING if num_envs % _PAGE < _PADDING <= num_envs else 0
-        self._table_shape = None if single else (len(quantities.REPORT), num_envs + padding)
+        self._table_shape = len(quantities.REPORT), num_envs + padding
+        self._single = single
         self._prepare()
 
     def _prepare(self) -> None:
         """Make the attributes that a copy or a pickle does not hold."""
         self._scratches = [new_records(SCRATCH, 1) for _ in range(self._threads)]
         self._helpers = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
-        self._given = self._actions[0] if self._table_shape is None else self._actions
+        self._given = self._actions[0] if self._single else self._actions
+        self.observation: NDArray[np.float32] = self.observations[0]
         self.report: NDArray[np.float64] = self.table[:, 0]
 
     def __getstate__(self) -> dict[str, Any]:
         return {
-            name: value for name, value in self.__dict__.items() if name not in ("_scratches", "_helpers", "_given", "report")
+            name: value
+            for name, value in self.__dict__.items()
+            if name not in ("_scratches", "_helpers", "_given", "observation", "report")
         }
 
     def __setstate__(self, values: dict[str, Any]) -> None:
@@ -207,8 +212,8 @@ class Batch:
 
     def start(self, chosen: NDArray[np.bool_]) -> None:
         """Start the episode of its seed and number in every chosen environment, shape (num_envs,)."""
-        self.observations = self.observations.copy()
-        self.table = self.table if self._table_shape is None else self.table.copy()
+        if not self._single:
+            self.observations, self.table = self.observations.copy(), self.table.copy()
         self._take_jobs(np.flatnonzero(chosen))
         start_episodes(self._states, self._parameters, self._scratches[0], chosen, self.observations, self.table)
         self.observations[:, self._entries :] = self._context
@@ -240,8 +245,9 @@ class Batch:
         self._take(actions)
         if self._jobs is not None:
             self._take_jobs(np.flatnonzero(self.ended), 1)
-        observations = np.empty(self.observations.shape, np.float32)
-        table = self.table if self._table_shape is None else np.empty(self._table_shape)
+        observations, table = self.observations, self.table
+        if not self._single:
+            observations, table = np.empty(observations.shape, np.float32), np.empty(self._table_shape)
         if self._helpers is None or len(self._states) < MIN_BLOCKS:
             finite = step_blocks(
                 self._states, self._parameters, self._scratches[0], self._actions, observations, table, 0, len(self._states)
@@ -255,9 +261,8 @@ class Batch:
             raise ValueError(f"the action of environment {i} must be finite, got {self._actions[i].tolist()}")
         if self._jobs is not None:
             observations[:, self._entries :] = self._context
-        self.observations = observations
-        if self._table_shape is not None:
-            self.table = table[:, : self.num_envs]
+        if not self._single:
+            self.observations, self.table = observations, table[:, : self.num_envs]
 
     def _share_steps(self, observations: NDArray[np.float32], table: NDArray[np.float64]) -> None:
         """Let every thread claim the next few blocks until none are left, so no thread waits for one that is not running."""
@@ -287,7 +292,7 @@ class Batch:
             given = np.asarray(actions)
         except ValueError as error:  # ragged
             raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}") from error
-        if given.dtype.kind not in "fiu" or given.dtype.itemsize > 8:
+        if given.dtype.char not in _NUMBERS:
             raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}")
         if given.shape != shape:
             raise ValueError(f"actions must have shape {shape}, got {given.shape}")

@@ -4,6 +4,7 @@ Numba compiles a function anew if its own file has changed, but not if a file of
 of machine code is named after the contents of all sources that could be compiled into it. Folders of older sources are removed.
 """
 
+import atexit
 import functools
 import hashlib
 import inspect
@@ -66,17 +67,13 @@ class Entry:
         self._function = function
         self._compiled: Any = None
 
-    @property
-    def folder(self) -> Path | None:
-        """Folder in which the machine code is kept; None if it cannot be kept."""
-        return machine_code_folder(Path(inspect.getfile(self._function)).parent)
-
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled function."""
         return self._compiled(*arguments) if self._compiled else self._first_call(arguments)
 
     def _first_call(self, arguments: tuple[Any, ...]) -> Any:
-        folder, name, started = self.folder, self._function.__name__, time.perf_counter()
+        folder = machine_code_folder(Path(inspect.getfile(self._function)).parent)
+        name, started = self._function.__name__, time.perf_counter()
         anew = folder is None or not any(folder.rglob(f"*.{name}-*.nbi"))
         if anew:
             _LOG.warning("compiling %s, or waiting for another process that does ...", name)
@@ -97,6 +94,8 @@ class Entry:
                 compiled = self._decorated(None if full else folder)
                 result = compiled(*arguments)
             self._compiled = compiled
+            if self._function.__globals__.get(name) is self:
+                self._function.__globals__[name] = compiled  # callers in the function's module need no wrapper
         if anew:
             _LOG.warning("... which took %.0f s", time.perf_counter() - started)
         return result
@@ -133,7 +132,8 @@ def machine_code_folder(sources: Path) -> Path | None:
     places = [Path(named, own)] if named else [sources / "__pycache__", cache / "rough-turning" / own]
     prepared = places[0] / f"{_NAME}{digests}"
     if prepared.is_dir():
-        places.append(Path(tempfile.gettempdir(), f"rough-turning-{os.getpid()}", own))
+        places.append(Path(tempfile.gettempdir(), f"rough-turning-{os.getpid()}"))
+        atexit.register(shutil.rmtree, places[-1], ignore_errors=True)
     for place in places:
         folder = place / prepared.name
         with suppress(OSError):

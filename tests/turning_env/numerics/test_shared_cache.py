@@ -1,4 +1,4 @@
-"""Machine code on disk: what several processes keep there at a time is each one's own, and what is damaged is made anew."""
+"""Machine code on disk: processes share it, and nothing stale or damaged is used."""
 
 import os
 import subprocess
@@ -8,9 +8,6 @@ from pathlib import Path
 import pytest
 
 from tests.walking import MAX, ROOT
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv
-from turning_env.batch import driver
-from turning_env.family_env import FamilyEnv, FamilyVectorEnv
 
 pytestmark = [
     pytest.mark.slow,
@@ -18,163 +15,125 @@ pytestmark = [
 ]
 
 # The package without its __init__.py, whose imports take longer than all else here.
-BARE = f"""
+MODULE = f"""
 import sys, types
 package = sys.modules["turning_env"] = types.ModuleType("turning_env")
 package.__path__ = [{str(ROOT / "turning_env")!r}]
-"""
-MODULE = f"""{BARE}
+from helper import factor
 from turning_env.numerics.compilation import compiled_entry
 
 @compiled_entry
 def last(values):
-    return values[values.shape[0] - 1]
+    return factor() * values[-1]
 """
-# Compiled for types of different widths, beginning with another one in each process.
-PROGRAM = """
-import sys, numpy as np
-from entry import last
-types = ["u1", "i4", "f8"]
-first = int(sys.argv[1])
-for name in types[first:] + types[:first]:
-    assert last(np.arange(100, 110).astype(name)) == 109, name
-print(len(last.stats.cache_hits), len(last.stats.cache_misses))
+HELPER = """
+from numba.extending import register_jitable
+
+@register_jitable
+def factor():
+    return 1.0
 """
+PROGRAM = "import numpy as np\nfrom entry import last\nprint(last(np.arange(3.0)))"
 
 
-def run(folder: Path, first: int, program: str = PROGRAM, **more: str) -> "subprocess.Popen[str]":
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    sources = tmp_path / "sources"
+    sources.mkdir()
+    (sources / "entry.py").write_text(MODULE)
+    (sources / "helper.py").write_text(HELPER)
+    return sources
+
+
+def start(folder: Path, **more: str) -> "subprocess.Popen[str]":
     variables = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])} | more
-    return subprocess.Popen(
-        [sys.executable, "-c", program, str(first)],
-        cwd=folder,
-        env=variables,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    command = [sys.executable, "-c", PROGRAM]
+    return subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def finished(process: "subprocess.Popen[str]") -> tuple[str, str]:
+def finished(process: "subprocess.Popen[str]", value: float = 2.0) -> str:
+    """The notices of a process that prints the value."""
     out, error = process.communicate(timeout=MAX)
     assert process.returncode == 0, error
-    return out, error
+    assert float(out) == value
+    return error
 
 
-def test_processes_that_compile_at_the_same_time_keep_all_that_they_made(tmp_path: Path) -> None:
-    (tmp_path / "entry.py").write_text(MODULE)
-    outs = [finished(process)[0] for process in [run(tmp_path, first) for first in range(3)]]
-    assert sum(int(out.split()[1]) for out in outs) == 3  # others wait for what one compiles
-    assert len(list((tmp_path / "__pycache__").glob("*.nbc"))) == 3
-    assert finished(run(tmp_path, 0))[0] == "3 0\n"
+def code(folder: Path) -> list[Path]:
+    return sorted((folder / "__pycache__").glob("machine_code-*/*/*.nb?"))
 
 
-SLOW_MODULE = f"""{BARE}
-import time
-from numba.extending import overload
-from turning_env.numerics.compilation import compiled_entry
+def test_processes_that_start_together_share_their_code(folder: Path) -> None:
+    for process in [start(folder) for _ in range(3)]:
+        finished(process)
+    assert len(code(folder)) == 2
+    assert finished(start(folder)) == ""
 
-def slow(): ...
 
-@overload(slow)
-def type_of_slow():
-    print("compiling", flush=True)
-    time.sleep(SECONDS)
-    raise ValueError
+def test_a_killed_compilation_lets_others_compile(folder: Path) -> None:
+    (folder / "helper.py").write_text(HELPER.replace("@reg", "import time, os; time.sleep(float(os.environ['WAIT']))\n\n@reg"))
+    with start(folder, WAIT="600") as killed:
+        killed.kill()
+    assert "compiling last" in finished(start(folder, WAIT="0"))
 
-@compiled_entry
-def entry():
-    slow()
+
+def test_code_of_other_sources_is_not_used_and_removed(folder: Path) -> None:
+    finished(start(folder))
+    before = code(folder)
+    (folder / "helper.py").write_text(HELPER.replace("1.0", "3.0"))
+    assert "compiling last" in finished(start(folder), 6.0)
+    assert not set(before) & set(code(folder))
+
+
+def test_damaged_code_is_made_anew(folder: Path) -> None:
+    finished(start(folder))
+    for ending in (".nbc", ".nbi"):
+        for path in code(folder):
+            if path.suffix == ending:
+                path.write_bytes(path.read_bytes()[:50])
+        assert "cannot be read" in finished(start(folder))
+    assert finished(start(folder)) == ""
+
+
+READ_ONLY = """
+import pathlib
+make = pathlib.Path.mkdir
+def refuse(path, *arguments, **names):
+    if {folder!r} in str(path):
+        raise PermissionError
+    make(path, *arguments, **names)
+pathlib.Path.mkdir = refuse
 """
-SLOW_PROGRAM = """
-import time
-from entry import entry
-try:
-    entry()
-except ValueError:
-    print("failed", flush=True)
-time.sleep(600)
-"""
 
 
-@pytest.mark.parametrize(("seconds", "last"), [(600, "compiling\n"), (0, "failed\n")])
-def test_a_compilation_that_is_killed_or_fails_lets_others_compile(tmp_path: Path, seconds: int, last: str) -> None:
-    """The first process is killed while it compiles, or fails and lives on."""
-    (tmp_path / "entry.py").write_text(SLOW_MODULE.replace("SECONDS", str(seconds)))
-    with run(tmp_path, 0, program=SLOW_PROGRAM) as first:
-        assert first.stdout is not None
-        for line in first.stdout:
-            if line == last:
-                break
-        if seconds:
-            first.kill()
-        with run(tmp_path, 0, program=SLOW_PROGRAM) as second:
-            assert second.stdout is not None
-            assert second.stdout.readline() == "compiling\n"
-            second.kill()
-        first.kill()
+@pytest.mark.parametrize("home", [True, False])
+def test_code_compiled_beforehand_is_read_where_it_cannot_be_written(folder: Path, tmp_path: Path, home: bool) -> None:
+    """A container's user reads what its image holds, whether or not the user's cache can be written."""
+    finished(start(folder))
+    # Root can write everywhere, so folders refuse to be made.
+    (tmp_path / "sitecustomize.py").write_text(READ_ONLY.format(folder=str(folder)))
+    path = os.pathsep.join(map(str, (tmp_path, folder, ROOT)))
+    cache = tmp_path / "home" if home else folder / "entry.py" / "home"
+    assert finished(start(folder, PYTHONPATH=path, XDG_CACHE_HOME=str(cache))) == ""
+    assert home == any(tmp_path.glob("home/**/*.nbc"))
 
 
-@pytest.mark.parametrize("writable", [False, True])
-def test_what_was_compiled_beforehand_is_read_where_it_cannot_be_written(tmp_path: Path, writable: bool) -> None:
-    """A container's user reads what its image holds, whether or not another folder can be written."""
-    (tmp_path / "entry.py").write_text(MODULE)
-    finished(run(tmp_path, 0))
-    # Root can write everywhere, so the locators are told that they cannot.
-    code = "from numba.core import caching\ndef refuse(locator): raise PermissionError\n"
-    for name in ("InTree", "UserWide")[: 1 if writable else 2]:
-        code += f"caching.{name}CacheLocator.ensure_cache_path = refuse\n"
-    site = tmp_path / "site"
-    site.mkdir()
-    (site / "sitecustomize.py").write_text(code)
-    path = os.pathsep.join(map(str, (site, tmp_path, ROOT)))
-    assert finished(run(tmp_path, 0, XDG_CACHE_HOME=str(tmp_path / "home"), PYTHONPATH=path))[0] == "3 0\n"
-
-
-def test_where_no_folder_can_be_written_it_goes_without(tmp_path: Path) -> None:
-    (tmp_path / "entry.py").write_text(MODULE)
-    (tmp_path / "__pycache__").touch()  # no folder, so not even root can write in it
-    nowhere = str(tmp_path / "entry.py" / "home")
-    out, error = finished(run(tmp_path, 0, HOME=nowhere, XDG_CACHE_HOME=nowhere))
-    assert out == "0 3\n"
+def test_without_a_folder_to_write_in_nothing_is_kept(folder: Path) -> None:
+    (folder / "__pycache__").touch()  # no folder, so not even root can write in it
+    error = finished(start(folder, XDG_CACHE_HOME=str(folder / "entry.py")))
     assert error.count("compiled code cannot be kept in") == 1
 
 
-def test_where_there_is_no_room_it_goes_on(tmp_path: Path) -> None:
-    (tmp_path / "entry.py").write_text(MODULE)
-    code = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"  # as a full disk: EFBIG for ENOSPC
-    (tmp_path / "sitecustomize.py").write_text(code + "import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n")
-    out, error = finished(run(tmp_path, 0))
-    assert out == "0 3\n"
-    assert "compiled code cannot be kept in" in error
-    (tmp_path / "sitecustomize.py").unlink()
-    assert finished(run(tmp_path, 0))[0] == "0 3\n"
-    assert finished(run(tmp_path, 0))[0] == "3 0\n"
+def test_without_room_nothing_is_kept(folder: Path, tmp_path: Path) -> None:
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"  # as a full disk: EFBIG for ENOSPC
+    (tmp_path / "sitecustomize.py").write_text(limit + "import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n")
+    path = os.pathsep.join(map(str, (tmp_path, folder, ROOT)))
+    assert "cannot be kept in" in finished(start(folder, PYTHONPATH=path))
+    assert "compiling last" in finished(start(folder))
+    assert finished(start(folder)) == ""
 
 
-def test_what_is_damaged_is_made_anew(tmp_path: Path) -> None:
-    (tmp_path / "entry.py").write_text(MODULE)
-    finished(run(tmp_path, 0))
-    for ending in ("nbc", "nbi"):
-        for path in (tmp_path / "__pycache__").glob(f"*.{ending}"):
-            path.write_bytes(path.read_bytes()[:50])
-        out, error = finished(run(tmp_path, 0))
-        assert int(out.split()[1]) > 0
-        assert "cannot be read" in error
-    assert finished(run(tmp_path, 0))[0] == "3 0\n"
-
-
-@pytest.mark.parametrize("entry", [driver.start_episodes, driver.step_blocks], ids=lambda entry: entry.__name__)
-def test_an_entry_takes_records_of_one_type_whatever_is_played(entry):
-    """Numba's names of machine code would clash between processes otherwise: see ``compiled_entry``. A family adds its jobs."""
-    for env in (
-        RoughTurningEnv(),
-        RoughTurningEnv("batch_casting"),
-        RoughTurningVectorEnv(3),
-        RoughTurningVectorEnv(1024, "shift"),
-        FamilyEnv(),
-        FamilyVectorEnv(3),
-    ):
-        env.reset(seed=0)
-        env.step(env.action_space.sample())
-    assert len({signature[:2] for signature in entry.signatures}) == 1
-    assert len({signature[2] for signature in entry.signatures}) == len(entry.signatures) == 2
+def test_another_folder_can_be_named(folder: Path, tmp_path: Path) -> None:
+    finished(start(folder, NUMBA_CACHE_DIR=str(tmp_path / "named")))
+    assert code(folder) == []
+    assert finished(start(folder, NUMBA_CACHE_DIR=str(tmp_path / "named"))) == ""
