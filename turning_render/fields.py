@@ -1,6 +1,5 @@
 """True hardness and allowance along a bar, and the passes of an action: the transition's own functions on separate records."""
 
-
 import numpy as np
 from numpy.typing import NDArray
 
