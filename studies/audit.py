@@ -9,7 +9,7 @@ package has another version than ``constraints.txt`` pins.
 import argparse
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib.metadata import Distribution, distributions
 from pathlib import Path
 
@@ -24,11 +24,6 @@ REFUSED = re.compile(r"\bA?GPL(?!\S* WITH )|Affero|(?<!Lesser )General Public|Pr
 """Licences that must not be named beside an allowed one."""
 
 
-def allowed(licence: str) -> bool:
-    """Return whether a licence is allowed."""
-    return ALLOWED.search(licence) is not None and REFUSED.search(licence) is None
-
-
 def licence_of(found: Distribution) -> str:
     """Return the licence that a distribution states, or the heads of its licence files; empty if it states none."""
     data = found.metadata
@@ -37,7 +32,7 @@ def licence_of(found: Distribution) -> str:
     files = data.get_all("License-File") or []
     heads = [(found.read_text(f"licenses/{name}") or "").strip().partition("\n")[0] for name in files]
     stated = (expression, *classified, said.strip().partition("\n")[0], ", ".join(heads))
-    return next((text for text in stated if text and text not in ("OSI Approved", "UNKNOWN")), "")
+    return next((text for text in stated if text and text not in ("OSI Approved", "DFSG approved", "UNKNOWN")), "")
 
 
 def pinned(constraints: str) -> dict[str, str]:
@@ -45,25 +40,29 @@ def pinned(constraints: str) -> dict[str, str]:
     return dict(re.findall(r"^([\w.-]+)==([^\s;]+)", constraints, re.MULTILINE))
 
 
+def complaints(installed: Iterable[Distribution], pins: dict[str, str]) -> list[str]:
+    """Print the licence of each distribution, and return what is wrong with licences and versions."""
+    wrong = []
+    for name, found in sorted({re.sub(r"[-_.]+", "-", each.name).lower(): each for each in installed}.items()):
+        licence, version = licence_of(found), found.version.partition("+")[0]  # without the build, as in torch's 2.13.0+cpu
+        print(f"{name} {found.version}: {licence or 'states no licence'}")
+        if not ALLOWED.search(licence) or REFUSED.search(licence):
+            wrong.append(f"{name}: its licence, {licence!r}, is not one of the allowed")
+        if name != "rough-turning" and version != pins.get(name):
+            wrong.append(f"{name} is {version}, but " + (f"pinned to {pins[name]}" if name in pins else "not pinned"))
+    return wrong
+
+
 @exits(checks=True)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Audit and print; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m studies.audit", **described(__doc__))
     parser.add_argument(
-        "--constraints", type=Path, default=Path("constraints.txt"), help="file of pinned versions (default: %(default)s)"
+        "--constraints", type=Path, default=Path("constraints.txt"), help="pinned versions (default: %(default)s)"
     )
-    pins = pinned(parser.parse_args(arguments).constraints.read_text("utf-8"))
-    installed = {re.sub(r"[-_.]+", "-", found.name).lower(): found for found in distributions()}
-    complaints = []
-    for name, found in sorted(installed.items()):
-        licence, version = licence_of(found), found.version.partition("+")[0]  # without the build, as in torch's 2.13.0+cpu
-        print(f"{name} {found.version}: {licence or 'states no licence'}")
-        if not allowed(licence):
-            complaints.append(f"{name}: its licence, {licence!r}, is not one of the allowed")
-        if name != "rough-turning" and version != pins.get(name):
-            complaints.append(f"{name} is {version}, but " + (f"pinned to {pins[name]}" if name in pins else "not pinned"))
-    print(f"{len(installed)} distributions", *complaints, sep="\n")
-    return 1 if complaints else 0
+    wrong = complaints(distributions(), pinned(parser.parse_args(arguments).constraints.read_text("utf-8")))
+    print(*wrong, sep="\n")
+    return 1 if wrong else 0
 
 
 if __name__ == "__main__":

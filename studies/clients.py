@@ -9,18 +9,17 @@ It needs a package index and 2 GB of disk, and takes some minutes per library. T
 import argparse
 import datetime
 import json
-import os
 import re
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
-from studies.wheel import ROOT, built
+from studies.wheel import ROOT, built, new_python
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 
@@ -29,66 +28,51 @@ MAX_INSTALL, MAX_RUN = 1800.0, 900.0
 VERSIONS = "import importlib.metadata as m, json, sys; print(json.dumps([m.version(name) for name in sys.argv[1:]]))"
 
 
-@dataclass(frozen=True)
-class Client:
-    """A library and its recipe."""
+class Client(NamedTuple):
+    """The recipe of a library."""
 
-    library: str
-    """Name of the distribution."""
     recipe: str
     """Module in ``examples``."""
     uses: str
-    """Description of the recipe for the table."""
     packages: tuple[str, ...]
-    arguments: tuple[str, ...] = ("--steps", "5000")
+    steps: int = 5000
 
 
 CLIENTS = {
-    client.library: client
-    for client in (
-        Client("tianshou", "tianshou_ppo", "PPO on the batch", ("tianshou",)),
-        Client("skrl", "skrl_ppo", "PPO on the batch", ("skrl",)),
-        Client("agilerl", "agilerl_ppo", "PPO on the batch", ("agilerl", "peft")),
-        Client("ray", "rllib_ppo", "RLlib's PPO on single environments", ("ray[rllib]",)),
-        Client("sbx-rl", "sbx_sac", "SAC on the batch", ("sbx-rl",)),
-        Client("d3rlpy", "d3rlpy_td3_bc", "TD3+BC on data of Minari", ("d3rlpy", "minari[hdf5]", "pillow"), ("--steps", "500")),
-    )
+    "tianshou": Client("tianshou_ppo", "PPO on the batch", ("tianshou",)),
+    "skrl": Client("skrl_ppo", "PPO on the batch", ("skrl",)),
+    "agilerl": Client("agilerl_ppo", "PPO on the batch", ("agilerl", "peft")),
+    "ray": Client("rllib_ppo", "RLlib's PPO on single environments", ("ray[rllib]",)),
+    "sbx-rl": Client("sbx_sac", "SAC on the batch", ("sbx-rl",)),
+    "d3rlpy": Client("d3rlpy_td3_bc", "TD3+BC on data of Minari", ("d3rlpy", "minari[hdf5]", "pillow"), 500),
 }
+"""Recipes by name of the distribution."""
 
 
-def torch_pin() -> str:
-    """Return the requirement of torch in constraints.txt, so that libraries are tested with the clone's version."""
-    found = re.search(r"^torch==\S+", (ROOT / "constraints.txt").read_text("utf-8"), re.MULTILINE)
-    assert found is not None
-    return found[0]
-
-
-def folders_of_wheels() -> list[str]:
-    """Return the folders of wheels that pip's settings name, which may hold a build of torch without CUDA."""
-    asked = [sys.executable, "-m", "pip", "config", "get", "global.find-links"]
-    return subprocess.run(asked, check=False, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True).stdout.split()
-
-
-def attempt(client: Client, wheel: Path, folder: Path) -> tuple[str, str, str | None]:
+def attempt(library: str, wheel: Path, folder: Path) -> tuple[list[str], str | None]:
     """Install and run a recipe in an empty folder; return the versions of library and Gymnasium, and the failure, if any."""
-    python = str(folder / "venv" / ("Scripts" if os.name == "nt" else "bin") / "python")
+    client, python = CLIENTS[library], new_python(folder)
     install = [str(Path(sys.executable).with_name("uv")), "pip", "install", "--quiet", "--python", python]
-    install += [word for wheels in folders_of_wheels() for word in ("--find-links", wheels)]
+    # Folders of pip's settings may hold a build of torch without CUDA.
+    config = [sys.executable, "-m", "pip", "config", "get", "global.find-links"]
+    said = subprocess.run(config, check=False, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True).stdout
+    install += [word for wheels in said.split() for word in ("--find-links", wheels)]
+    # The clone's version of torch.
+    pin = re.findall(r"^torch==\S+", (ROOT / "constraints.txt").read_text("utf-8"), re.MULTILINE)
     shutil.copytree(ROOT / "examples", folder / "examples")
-    version, gymnasium, stage = "-", "-", "the installation"
+    versions, stage = ["-", "-"], "the installation"
     try:
-        subprocess.run([sys.executable, "-m", "venv", folder / "venv"], check=True)
-        subprocess.run([*install, str(wheel), torch_pin(), *client.packages], cwd=folder, check=True, timeout=MAX_INSTALL)
-        asked = [python, "-c", VERSIONS, client.library, "gymnasium"]
-        version, gymnasium = json.loads(subprocess.run(asked, check=True, stdout=subprocess.PIPE).stdout)
+        subprocess.run([*install, str(wheel), *pin, *client.packages], cwd=folder, check=True, timeout=MAX_INSTALL)
+        asked = [python, "-c", VERSIONS, library, "gymnasium"]
+        versions = json.loads(subprocess.run(asked, check=True, stdout=subprocess.PIPE).stdout)
         stage = "the recipe"
-        command = [python, "-m", f"examples.{client.recipe}", "--tuning-seeds", "2", *client.arguments]
-        subprocess.run(command, cwd=folder, check=True, timeout=MAX_RUN)
+        recipe = [python, "-m", f"examples.{client.recipe}", "--tuning-seeds", "2", "--steps", str(client.steps)]
+        subprocess.run(recipe, cwd=folder, check=True, timeout=MAX_RUN)
     except subprocess.TimeoutExpired as error:
-        return version, gymnasium, f"{stage} took more than {error.timeout:.0f} s"
+        return versions, f"{stage} took more than {error.timeout:.0f} s"
     except subprocess.CalledProcessError as error:
-        return version, gymnasium, f"{stage} ended with status {error.returncode}"
-    return version, gymnasium, None
+        return versions, f"{stage} ended with status {error.returncode}"
+    return versions, None
 
 
 def with_row(text: str, library: str, row: str) -> str:
@@ -113,15 +97,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if unknown := [name for name in options.libraries if name not in CLIENTS]:
         raise ValueError(f"LIBRARY is {unknown[0]!r}, but must be one of {', '.join(CLIENTS)}")
     failed = False
-    with tempfile.TemporaryDirectory() as wheels:
+    with TemporaryDirectory() as wheels:
         wheel = built(Path(wheels))
         for name in options.libraries or CLIENTS:
-            client = CLIENTS[name]
-            with tempfile.TemporaryDirectory() as folder:
-                version, gymnasium, fault = attempt(client, wheel, Path(folder))
+            with TemporaryDirectory() as folder:
+                versions, fault = attempt(name, wheel, Path(folder))
             failed |= fault is not None
-            what = client.uses if fault is None else f"fails: {fault}"
-            cells = (name, version, gymnasium, what, f"`examples.{client.recipe}`", datetime.date.today().isoformat())
+            what = CLIENTS[name].uses if fault is None else f"fails: {fault}"
+            cells = (name, *versions, what, f"`examples.{CLIENTS[name].recipe}`", datetime.date.today().isoformat())
             row = f"| {' | '.join(cells)} |"
             print(row, flush=True)
             if options.write is not None:

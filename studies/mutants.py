@@ -22,6 +22,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from copy import deepcopy
 from hashlib import sha256
+from itertools import accumulate
 from pathlib import Path
 from queue import Queue
 from random import Random
@@ -109,9 +110,7 @@ def mutants() -> list[Mutant]:
     found = {}
     for path in sorted(path for target in TARGETS for path in ROOT.glob(target)):
         source = path.read_bytes()
-        starts = [0]
-        for line in source.splitlines(keepends=True):
-            starts.append(starts[-1] + len(line))
+        starts = list(accumulate(map(len, source.splitlines(keepends=True)), initial=0))
         for node, changed in places(ast.parse(source)):
             place: Any = node
             at, to = starts[place.lineno - 1] + place.col_offset, starts[place.end_lineno - 1] + place.end_col_offset
@@ -122,15 +121,12 @@ def mutants() -> list[Mutant]:
 
 def passes(copy: Path, path: str, limit: float | None = None) -> bool:
     """Return whether the fast tests of a file pass in a copy of the repository, each call within a limit [s]."""
-    stages = [(False, (OWN[path],))] if path in OWN else [(True, (GOLDEN,)), (False, TESTS)]
-    for interpreted, tests in stages:
+    for interpreted, tests in [(False, (OWN[path],))] if path in OWN else [(True, (GOLDEN,)), (False, TESTS)]:
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow", *tests]
         variables = os.environ | {"PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1", "NUMBA_DISABLE_JIT": str(int(interpreted))}
         try:
-            finished = subprocess.run(command, cwd=copy, env=variables, capture_output=True, timeout=limit, check=False)
-        except subprocess.TimeoutExpired:
-            return False
-        if finished.returncode != 0:
+            subprocess.run(command, cwd=copy, env=variables, capture_output=True, timeout=limit, check=True)
+        except (subprocess.TimeoutExpired, subprocess.CalledProcessError):
             return False
     return True
 

@@ -1,7 +1,6 @@
 """Measure environment steps per second, beside other environments or another checkout.
 
     python -m studies.throughput
-    python -m studies.throughput --plot docs/peers.png
     python -m studies.throughput --against ../before
 
 It prints a Markdown table of this project and of every peer that is installed (``pip install -e '.[peers]'``). All cases take
@@ -27,15 +26,13 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 from tqdm import tqdm
 
 from studies import timing
 from studies.timing import MAIN, NUM_ENVS, Case, Timing, many, measure, one, single, vector
 from turning_env import FAMILY_ID, IDS
-from turning_env.console import Mistake, described, exits, picture_path
-from turning_render import plot_style as style
+from turning_env.console import Mistake, described, exits
 
 SIZES = (1, 16, 256, 4096, 65536)
 """Numbers of environments side by side."""
@@ -161,23 +158,6 @@ def text(ratios: Iterable[float]) -> str:
     return f"{statistics.median(found):.3g} ({found[0]:.3g} to {found[-1]:.3g})"
 
 
-def draw(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> Figure:
-    """Return a figure of steps per second of cases with several numbers of environments; call it within ``style.for_print``."""
-    figure = Figure(figsize=(style.DOUBLE, 4.0), layout="constrained")
-    axes = figure.subplots()
-    rates: dict[str, dict[int, float]] = {}
-    for case, turns in zip(cases, timings, strict=True):
-        rates.setdefault(case.name, {})[case.num_envs] = statistics.median(turn.rate for turn in turns)
-    lines = {name: found for name, found in rates.items() if len(found) > 1}
-    for (name, found), (colour, dashes) in zip(lines.items(), style.policy_looks(lines), strict=True):
-        axes.loglog(list(found), list(found.values()), marker="o", color=colour, linestyle=dashes, markersize=3, label=name)
-    axes.set(xlabel="environments side by side", ylabel="environment steps per second")
-    axes.yaxis.set_major_formatter(EngFormatter(sep=" "))
-    axes.grid(alpha=0.4)
-    figure.legend(loc="outside right upper")
-    return figure
-
-
 def machine() -> str:
     """Return processor, cores, system and Python."""
     information = Path("/proc/cpuinfo")
@@ -223,7 +203,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--repeats", type=int, default=9, help="turns that every case gets (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=0.25, help="length of one turn in s (default: %(default)s)")
     parser.add_argument("--against", type=Path, metavar="DIR", help="another checkout to compare with")
-    parser.add_argument("--plot", type=picture_path, help="file to draw to: PNG, SVG or PDF, by its suffix")
     options = parser.parse_args(arguments)
     if options.repeats < 1 or not options.seconds > 0:
         parser.error("--repeats must be at least 1, and --seconds above 0")
@@ -234,9 +213,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     timings = measure(cases, options.repeats, options.seconds)
     print(f"Machine: {machine()}. Versions: {', '.join(remarks)}.", "", *table(cases, timings), sep="\n")
     print("", f"{bytes_per_env(SIZES[-1]):.0f} bytes per environment of {SIZES[-1]}.", sep="\n")
-    if options.plot is not None:
-        with style.for_print():
-            style.save(draw(cases, timings), options.plot)
     return 0
 
 

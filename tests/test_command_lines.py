@@ -72,14 +72,13 @@ leaderboard.watch: --policy nobody --out made.gif | --policy fixed_tuned --out m
 studies.bound: --scenario nothing | --scenario shift | --seeds 0
 studies.clients: nothing | --write
 studies.exploits: --env nothing | --seeds 0 | --search -1
-studies.foresight: --jobs 0 | --split nothing
 studies.headroom: --seeds 0 | --seeds 257
-studies.measured_wear: nothing | nothing --json
+studies.measured_wear: nothing
 studies.mutants: --count x | --out .
 studies.audit: --constraints nothing
 studies.soak: --kills 0 | --only nothing | --steps 1
 studies: nothing | nothing.toml | ablation --variants nothing | ablation --trainings 0 | ablation --jobs x
-studies.throughput: --repeats 0 | --against nothing | --plot made.txt
+studies.throughput: --repeats 0 | --against nothing
 studies.wheel: --constraints nothing | --constraints file
 """
 MISTAKES: dict[str, list[str]] = {

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from studies.measured_wear import curves, estimate, main, pairs_of, predict, read
+from studies.measured_wear import curves, estimate, main, predict, read
 
 HEADER = "organization,work_material,tool_material,cutting_speed_m_min,feed_mm_rev,depth_of_cut_mm,time_min,flank_wear_mm"
 
@@ -26,7 +26,7 @@ def sheet(folder: Path, edge: float, reading: float) -> Path:
 @pytest.mark.slow
 def test_variances_and_intervals_are_found(tmp_path: Path) -> None:
     readings = read(sheet(tmp_path, 0.2, 0.1))
-    assert len(pairs_of(readings)) == 12
+    assert len(readings.pairs()) == 12
     found = estimate(readings)
     assert found.edge**0.5 == pytest.approx(0.2, abs=0.06)
     assert found.reading**0.5 == pytest.approx(0.1, abs=0.01)
