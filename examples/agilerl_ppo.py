@@ -16,7 +16,7 @@ from agilerl.algorithms import PPO
 from agilerl.rollouts import collect_rollouts
 
 import turning_env  # noqa: F401 - registers the ids
-from examples.shared import ENV_ID, FunctionPolicy, parser, run, score
+from examples.shared import ENV_ID, parser, run, score
 
 ROLLOUT = 4096
 """Steps of all environments between updates."""
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def act(observations: Any) -> Any:
         return agent.get_action(observations)[0]  # sampled: AgileRL's PPO has no deterministic actions
 
-    print(f"PPO after {options.steps} steps: {score(lambda num_envs: FunctionPolicy(act), options.tuning_seeds)}")
+    print(f"PPO after {options.steps} steps: {score(act, options.tuning_seeds)}")
     return 0
 
 

@@ -18,7 +18,7 @@ from d3rlpy.algos import TD3PlusBCConfig
 from d3rlpy.logging import NoopAdapterFactory
 
 from examples import offline
-from examples.shared import FunctionPolicy, parser, run, score
+from examples.shared import parser, run, score
 
 
 def read(folder: Path) -> d3rlpy.dataset.MDPDataset:
@@ -43,9 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     d3rlpy.seed(options.seed)
     learner = TD3PlusBCConfig(gamma=0.8, reward_scaler=d3rlpy.preprocessing.StandardRewardScaler()).create()
     learner.fit(dataset, options.steps, options.steps, logger_adapter=NoopAdapterFactory(), show_progress=False)
-    print(f"load_rule: {score(offline.policy('load_rule'), options.tuning_seeds)}")
-    said = score(lambda num_envs: FunctionPolicy(learner.predict), options.tuning_seeds)
-    print(f"TD3+BC after {options.steps} steps: {said}")
+    print(f"load_rule: {score(offline.load_rule, options.tuning_seeds)}")
+    print(f"TD3+BC after {options.steps} steps: {score(learner.predict, options.tuning_seeds)}")
     return 0
 
 

@@ -14,7 +14,7 @@ from ray.rllib.algorithms.ppo import PPOConfig
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.tune.registry import register_env
 
-from examples.shared import ENV_ID, network_policy, parser, run, score
+from examples.shared import ENV_ID, of_tensors, parser, run, score
 from turning_env import Scenario
 
 ROLLOUT = 4096
@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         numbers: torch.Tensor = module.forward_inference({"obs": observations})["action_dist_inputs"]
         return numbers.chunk(2, dim=1)[0]  # the other half holds standard deviations
 
-    print(f"PPO after {options.steps} steps: {score(lambda num_envs: network_policy(mean), options.tuning_seeds)}")
+    print(f"PPO after {options.steps} steps: {score(of_tensors(mean), options.tuning_seeds)}")
     ray.shutdown()
     return 0
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from sbx import SAC
 
-from examples.shared import FunctionPolicy, parser, run, score
+from examples.shared import parser, run, score
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
@@ -22,11 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     settings = {"gamma": 0.8, "learning_rate": 1e-3, "learning_starts": 2000, "gradient_steps": updates}
     model = SAC("MlpPolicy", env, seed=options.seed, policy_kwargs=layers, **settings)
     model.learn(options.steps)
-
-    def act(observations: object) -> object:
-        return model.predict(observations, deterministic=True)[0]
-
-    print(f"SAC after {model.num_timesteps} steps: {score(lambda num_envs: FunctionPolicy(act), options.tuning_seeds)}")
+    print(f"SAC after {model.num_timesteps} steps: {score(model, options.tuning_seeds)}")
     return 0
 
 

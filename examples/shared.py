@@ -6,14 +6,13 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from turning_env import Scenario
 from turning_env.console import described
+from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import play
-from turning_env.scoring.policy import Actions, Observations, PolicyFactory
+from turning_env.scoring.policy import Observations
 from turning_env.scoring.seeds import tuning_seeds
 
 ENV_ID = "RoughTurning-v0"
@@ -21,28 +20,17 @@ NUM_SEEDS = 32
 """Number of tuning seeds for a score; experiments are never scored on held-out seeds."""
 
 
-class FunctionPolicy:
-    """A policy without memory: a function from observations, shape (num_envs, entries), to actions."""
-
-    def __init__(self, function: Callable[[Observations], Any]) -> None:
-        self._function = function
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Do nothing: there is no memory."""
-
-    def act(self, observations: Observations) -> Actions:
-        """Return actions in -1..1, float32 of shape (num_envs, actions)."""
-        return np.asarray(self._function(observations), np.float32).clip(-1.0, 1.0)
+def of_tensors(function: Callable[[torch.Tensor], torch.Tensor]) -> Callable[[Observations], Any]:
+    """Return a function of PyTorch's tensors as one of arrays, without gradients."""
+    return torch.no_grad()(lambda observations: function(torch.from_numpy(observations)).numpy())
 
 
-def network_policy(network: Callable[[torch.Tensor], torch.Tensor]) -> FunctionPolicy:
-    """Return a network of PyTorch as a policy."""
-    return FunctionPolicy(torch.no_grad()(lambda observations: network(torch.from_numpy(observations)).numpy()))
+def score(policy: Any, num_seeds: int = NUM_SEEDS) -> str:
+    """Return the mean return per edge [s of machine time] on the first tuning seeds, with its standard error, for people.
 
-
-def score(make: PolicyFactory, num_seeds: int = NUM_SEEDS) -> str:
-    """Return the mean return per edge [s of machine time] on the first tuning seeds, with its standard error, for people."""
-    returns = play(make, Scenario.load("rough_turning"), tuning_seeds(num_seeds))["return"]
+    The policy is any that ``turning_env.score`` accepts.
+    """
+    returns = play(as_factory(policy), Scenario.load("rough_turning"), tuning_seeds(num_seeds))["return"]
     error = returns.std(ddof=1) / math.sqrt(num_seeds) if num_seeds > 1 else math.nan
     return f"{returns.mean():.0f} s per edge (standard error {error:.0f}, {num_seeds} tuning seeds)"
 

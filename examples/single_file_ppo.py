@@ -21,7 +21,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 import turning_env  # noqa: F401 - registers the ids
-from examples.shared import ENV_ID, network_policy, run, score
+from examples.shared import ENV_ID, run, score
 from turning_env.console import described
 
 
@@ -168,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ValueError as error:
         parser.error(str(error))
     agent = train(settings)
-    print(f"PPO after {settings.steps} steps: {score(lambda num_envs: network_policy(agent.mean), settings.tuning_seeds)}")
+    print(f"PPO after {settings.steps} steps: {score(agent.mean, settings.tuning_seeds)}")
     return 0
 
 

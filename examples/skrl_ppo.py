@@ -19,7 +19,7 @@ from skrl.utils import set_seed
 from skrl.utils.model_instantiators.torch import deterministic_model, gaussian_model
 
 import turning_env  # noqa: F401 - registers the ids
-from examples.shared import ENV_ID, network_policy, parser, run, score
+from examples.shared import ENV_ID, of_tensors, parser, run, score
 
 ROLLOUT = 64
 """Steps per environment between updates."""
@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         actions: torch.Tensor = policy.act({"observations": observations}, role="policy")[1]["mean_actions"]
         return actions
 
-    print(f"PPO after {options.steps} steps: {score(lambda n: network_policy(mean), options.tuning_seeds)}")
+    print(f"PPO after {options.steps} steps: {score(of_tensors(mean), options.tuning_seeds)}")
     return 0
 
 

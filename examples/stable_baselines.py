@@ -12,21 +12,15 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecEnv
 
 import turning_env  # noqa: F401 - registers the ids
-from examples.shared import ENV_ID, parser, run, score
+from examples.shared import ENV_ID, at_least, parser, run, score
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.scoring.policy import Actions, Observations
-
-ROLLOUT = 4096
-"""Steps of all environments between two updates of an on-policy algorithm."""
 
 
 def make_envs(kind: str, num_envs: int, seed: int) -> VecEnv:
@@ -38,11 +32,11 @@ def make_envs(kind: str, num_envs: int, seed: int) -> VecEnv:
     return env
 
 
-def new_model(algorithm: str, env: VecEnv, seed: int) -> Any:
+def new_model(algorithm: str, env: VecEnv, seed: int, rollout: int) -> Any:
     """Return an untrained model. The short horizon matters most, because life is charged as it is used (docs/choices.md)."""
     layers = {"net_arch": [64, 64], "activation_fn": torch.nn.ReLU}
     common: dict[str, Any] = {"learning_rate": 1e-3, "gamma": 0.8, "seed": seed, "device": "cpu"}
-    on_policy = common | {"n_steps": ROLLOUT // env.num_envs, "batch_size": 512, "n_epochs": 5}
+    on_policy = common | {"n_steps": rollout // env.num_envs, "batch_size": 512, "n_epochs": 5}
     off_policy = common | {"learning_starts": 2000, "batch_size": 256, "train_freq": 1, "tau": 0.01, "policy_kwargs": layers}
     match algorithm:
         case "ppo":
@@ -56,39 +50,22 @@ def new_model(algorithm: str, env: VecEnv, seed: int) -> Any:
             return TQC("MlpPolicy", env, **off_policy, top_quantiles_to_drop_per_net=2)
 
 
-class Predicting:
-    """A policy for ``turning_env.scoring.play`` made of a Stable-Baselines3 model with or without memory."""
-
-    def __init__(self, model: Any, num_envs: int) -> None:
-        self._model, self._memory = model, None
-        self._starting = np.ones(num_envs, np.bool_)
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget these environments."""
-        self._starting = self._starting | mask
-
-    def act(self, observations: Observations) -> Actions:
-        """Return the most likely actions."""
-        actions, self._memory = self._model.predict(observations, self._memory, self._starting, deterministic=True)
-        self._starting = np.zeros_like(self._starting)
-        result: Actions = actions
-        return result
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
     command_line = parser("stable_baselines", __doc__, 500_000, 64)
     algorithms = ("ppo", "recurrent_ppo", "sac", "tqc")
     command_line.add_argument("--algorithm", choices=algorithms, default="ppo", help="default: %(default)s")
     command_line.add_argument("--vec-env", choices=("batch", "gymnasium"), default="batch", help="default: %(default)s")
+    text = "steps of all environments between two updates of ppo and recurrent_ppo (default: %(default)s)"
+    command_line.add_argument("--rollout", type=at_least(2), default=4096, help=text)
     options = command_line.parse_args(arguments)
-    if options.num_envs > ROLLOUT // 2:
-        command_line.error(f"--num-envs is {options.num_envs}, but must be at most {ROLLOUT // 2}")
+    if options.num_envs > options.rollout // 2:
+        command_line.error(f"--num-envs is {options.num_envs}, but must be at most {options.rollout // 2}, half of --rollout")
     env = make_envs(options.vec_env, options.num_envs, options.seed)
-    model = new_model(options.algorithm, env, options.seed)
+    model = new_model(options.algorithm, env, options.seed, options.rollout)
     model.learn(options.steps, progress_bar=sys.stderr.isatty())
     env.close()
-    print(f"{options.algorithm} after {model.num_timesteps} steps: {score(lambda n: Predicting(model, n), options.tuning_seeds)}")
+    print(f"{options.algorithm} after {model.num_timesteps} steps: {score(model, options.tuning_seeds)}")
     return 0
 
 

@@ -24,7 +24,7 @@ from tianshou.utils.net.continuous import ContinuousActorProbabilistic, Continuo
 from torch.distributions import Independent, Normal
 
 import turning_env  # noqa: F401 - registers the ids
-from examples.shared import ENV_ID, FunctionPolicy, parser, run, score
+from examples.shared import ENV_ID, parser, run, score
 
 ROLLOUT = 4096
 """Steps of all environments between updates."""
@@ -88,7 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def act(observations: Any) -> Any:
         return policy(Batch(obs=observations, info=Batch())).act.numpy()
 
-    print(f"PPO after {options.steps} steps: {score(lambda num_envs: FunctionPolicy(act), options.tuning_seeds)}")
+    print(f"PPO after {options.steps} steps: {score(act, options.tuning_seeds)}")
     return 0
 
 

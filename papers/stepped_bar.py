@@ -11,14 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from papers import changed
-from turning_env import RoughTurningEnv, Scenario
+from papers import changed, record
+from turning_env import Scenario
 from turning_env.scoring.policy import PolicyFactory
 
 RIPPLE = 0.02
 """Amplitude of the ripple of depth in the paper's test, over the depth [-]."""
 STEPS = (1.0, 2.0, 3.0)
 """Depths of cut of the paper's test [mm]."""
+SPREADS: dict[str, Any] = {f"{field}_{kind}_spread": 0.0 for field in ("depth", "hardness") for kind in ("bar", "along")}
+"""The spreads of a bar, none."""
 
 
 def stepped_bar(
@@ -38,17 +40,15 @@ def stepped_bar(
         torque: of the main drive over that of the preset [-].
     """
     base = Scenario.load("override_torque")
-    spreads = [f"{field}_{kind}_spread" for field in ("depth", "hardness") for kind in ("bar", "along")]
-    workpiece: dict[str, Any] = dict.fromkeys(spreads, 0.0) | {"depth_profile": depths, "bar_length": bar_length}
-    workpiece["depth_ripple"] = 0.0 if ripple_period is None else RIPPLE
+    ripple = {"depth_ripple": 0.0}
     if ripple_period is not None:
-        diameter, speed = base.workpiece.diameter, base.control.initial_cutting_speed
-        workpiece["depth_ripple_period"] = ripple_period / 60.0 * 1000.0 * speed / (np.pi * diameter)
+        revolutions = 1000.0 * base.control.initial_cutting_speed / (np.pi * base.workpiece.diameter)  # [1/min]
+        ripple = {"depth_ripple": RIPPLE, "depth_ripple_period": ripple_period / 60.0 * revolutions}
     return changed(
         "override_torque",
         tool={"wear_factor_spread": 0.0, "edge_strength": 1e6, "edge_strength_spread": 0.0},
         machine={"chip_lag": chip_lag, "rated_power": torque * base.machine.rated_power},
-        workpiece=workpiece,
+        workpiece=SPREADS | ripple | {"depth_profile": depths, "bar_length": bar_length},
         sensors={"power_noise": 0.0, "force_noise": 0.0},
         limits={"power": torque * base.limits.power},
     )
@@ -83,14 +83,6 @@ class Trajectory:
 
 def play_bar(make_policy: PolicyFactory, scenario: Scenario) -> Trajectory:
     """Return the trajectory of a policy on a bar."""
-    env, policy = RoughTurningEnv(scenario), make_policy(1)
-    observation, _ = env.reset(seed=0)
-    policy.reset(np.ones(1, np.bool_))
-    rows, ended, time = [], False, 0.0
-    while not ended:
-        observation, _, terminated, truncated, info = env.step(policy.act(observation[np.newaxis])[0])
-        time += info["time"]
-        override = info["commanded_feed"] / scenario.control.initial_feed
-        rows.append((time, info["depth_of_cut"], override, info["spindle_load"]))
-        ended = terminated or truncated
-    return Trajectory(*np.array(rows).T)
+    kept = {name: values[:, 0] for name, values in record(make_policy(1), scenario, [0]).items()}
+    override = kept["commanded_feed"] / scenario.control.initial_feed
+    return Trajectory(np.cumsum(kept["time"]), kept["depth_of_cut"], override, kept["spindle_load"])

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from baselines.fixed import FixedParameters
-from papers import changed
+from papers import changed, rows
 from turning_env import Scenario
 from turning_env.scoring.play import play
 
@@ -48,15 +48,13 @@ class VerificationTest:
     """Metal per edge of the grid search over that of the test, stated."""
 
 
-TESTS = (
-    VerificationTest("T1", 100.0, 0.06, 10.6),
-    VerificationTest("T2", 100.0, 0.132, 4.79),
-    VerificationTest("T3", 100.0, 0.20, 3.19),
-    VerificationTest("T4", 100.0, 0.60, 1.06, 11.0, 1.45),
-    VerificationTest("T5", 145.0, 0.25, 1 / 0.58, 15.0),
-    VerificationTest("T8", 145.0, 0.32, 1 / 0.73, 7.0, 2.94),
-    VerificationTest("T9", 206.0, 0.19, 1.61, 5.0, 4.83),
+TESTS = tuple(
+    VerificationTest(row.pop("name"), **{name: float(value) if value else None for name, value in row.items()})  # type: ignore[arg-type]
+    for row in rows("verification_tests.csv")
 )
+"""T5 and T8 by the stated inverse of their ratio of rates, 0.58 and 0.73."""
+MEASURED = tuple(test for test in TESTS if test.life is not None)
+"""The tests with a known life."""
 
 
 def undisturbed(wear_factor: float = 1.0) -> Scenario:

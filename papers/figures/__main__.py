@@ -9,21 +9,42 @@ captions and comparisons of the figures that it draws. All figures take about a 
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from papers.catalogue import FIGURES, PAPERS, Item, Paper
 from papers.figures import blanks, life, minutes, override, roughness, servo
+from papers.reproduce.checks import Check
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_render import plot_style as style
 
-_GRID_SEARCH = sorted((*minutes.FIGURES, *life.FIGURES), key=lambda figure: figure.name)
-FIGURES = {
-    figure.name: figure for figure in (*_GRID_SEARCH, *override.FIGURES, *roughness.FIGURES, *blanks.FIGURES, *servo.FIGURES)
+DRAW: dict[str, Callable[[], Figure]] = {
+    "grid_search_02": partial(minutes.draw_best, 1),
+    "grid_search_03": partial(minutes.draw_plane, 1),
+    "grid_search_04": partial(minutes.draw_best, 2),
+    "grid_search_05": partial(minutes.draw_surfaces, 2),
+    "grid_search_06": partial(minutes.draw_plane, 2),
+    "grid_search_07": partial(minutes.draw_plane, 14),
+    "grid_search_08": partial(minutes.draw_best, 14),
+    "grid_search_09": partial(minutes.draw_best, 15),
+    "grid_search_10": partial(minutes.draw_plane, 15),
+    "grid_search_11": life.draw_responses,
+    "grid_search_12": life.draw_pairs,
+    "grid_search_13": life.draw_rivals,
+    "override_steps": override.draw,
+    "roughness_control": roughness.draw_control,
+    "roughness_table": roughness.draw_table,
+    "part_programming_psi": blanks.draw_gains,
+    "part_programming_pairs": blanks.draw_pairs,
+    "servo_current": servo.draw_current,
+    "servo_estimate": servo.draw_estimate,
 }
-"""All figures by name, in the order of the index. Add a figure to its group's file."""
+"""Functions that draw the figures of ``papers/data/figures.toml``, called within ``style.for_print``."""
 INDEX = "README.md"
 HEAD = """# Figures of the papers
 
@@ -47,22 +68,35 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.only or () if name not in FIGURES]:
         raise ValueError(f"there is no figure {', '.join(unknown)}; there are {', '.join(FIGURES)}")
-    described_figures = {}
-    for name in (bar := tqdm([name for name in FIGURES if name in (options.only or FIGURES)], unit="figure", disable=None)):
+    chosen = [name for name in FIGURES if name in (options.only or FIGURES)]
+    for name in (bar := tqdm(chosen, unit="figure", disable=None)):
         bar.set_postfix_str(name)
         with style.for_print():
-            drawn = FIGURES[name].draw()
+            drawn = DRAW[name]()
             for kind in options.format:
                 style.save(drawn, options.out / f"{name}.{kind}")
-        described_figures[name] = FIGURES[name].description()
+    descriptions = {name: description(name) for name in chosen}
     if options.only is None:
-        text = index(described_figures, options.format)
+        text = index(descriptions, options.format)
         replace_file(options.out / INDEX, lambda partial: partial.write_text(text, encoding="utf-8"))
         print(options.out / INDEX)
     else:
-        for name, lines in described_figures.items():
+        for name, lines in descriptions.items():
             print(name, *lines, sep="\n  ")
     return 0
+
+
+@cache
+def all_checks(paper: Paper) -> list[Check]:
+    """Return all checks of a paper."""
+    return list(paper.checks())
+
+
+def description(name: str) -> list[str]:
+    """Return the lines below a figure: its caption, and how the numbers and claims of the paper agree."""
+    found: list[tuple[Paper, Item]] = [(paper, item) for paper in PAPERS for item in paper.items if item.figure == name]
+    (paper, item), *_ = found
+    return item.description(all_checks(paper) if item.pattern else [])
 
 
 def index(descriptions: Mapping[str, Sequence[str]], formats: Sequence[str]) -> str:

@@ -6,9 +6,9 @@ from matplotlib.figure import Figure
 
 from baselines.models.process import Process
 from baselines.two_limits import TWO_LIMITS, binding
-from papers.figures.paper_figure import PaperFigure, legend
-from papers.reproduce.part_programming import IMPROVED, NOT_NECESSARY, blanks, claim_checks, gain
-from papers.reproduce.part_programming_cases import CASES, case_checks
+from papers.figures import legend
+from papers.reproduce.part_programming import IMPROVED, NOT_NECESSARY, blanks, gain
+from papers.reproduce.part_programming_cases import CASES
 from turning_env import Scenario
 from turning_render import plot_style as style
 
@@ -23,7 +23,7 @@ def columns() -> dict[str, tuple[str, ...]]:
     }
 
 
-def draw() -> Figure:
+def draw_gains() -> Figure:
     """Draw psi in a table whose cells are darker where more is gained."""
     kinds, groups = blanks(), columns()
     rules = [rule for group in groups.values() for rule in group]
@@ -84,26 +84,3 @@ def draw_pairs() -> Figure:
     looks = {f"[{pair}]" if pair else "none keeps all limits": {"facecolor": colour} for pair, colour in PAIRS.items()}
     legend(figure, looks, 1, loc="lower right", bbox_to_anchor=(0.97, 0.12))
     return figure
-
-
-FIGURES = (
-    PaperFigure(
-        "part_programming_psi",
-        "Sharmazanashvili (2008), the gain psi by type of blank",
-        "The gain psi from correcting the tool path to the measured blank, by kind of blank and by the two limits that set speed "
-        "and feed (P force, V cutting speed, S feed, N power, M torque, T life).",
-        draw,
-        claim_checks,
-        "The paper's figures are lost. The project uses its dispersions of the allowance with handbook exponents.",
-    ),
-    PaperFigure(
-        "part_programming_pairs",
-        "Sharmazanashvili (2008), five typical cases",
-        "The two limits that fix the cheapest speed and feed in each typical case, over depth of cut and the 46 % deviation of "
-        "hardness (P_y radial force, R_z roughness, V speed, N power, T economic life).",
-        draw_pairs,
-        case_checks,
-        "Main force, torque and highest feed never bind: roughness or radial force bounds the feed before. Coefficients are "
-        "handbooks' (assumptions).",
-    ),
-)

@@ -1,28 +1,19 @@
 """Figures 11 to 15 of Alaskari and Oraby (2018): the whole life of an edge, by the grid search and at fixed speeds and feeds."""
 
-import re
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from papers.figures.paper_figure import GRID_SEARCH, PaperFigure, legend, lettered
-from papers.figures.responses import paper_run
-from papers.reproduce.alaskari_oraby import adaptive_control, life_checks, rival_checks, rivals, whole_life
-from papers.reproduce.checks import Check, claim
+from papers.figures import legend, lettered
+from papers.grid_search import paper_run, whole_life
+from papers.reproduce.alaskari_oraby import STATED, adaptive_control, rivals
 from papers.verification import wear
 from turning_render import plot_style as style
 
 _SPEEDS = {100.0: style.LINES[1], 145.0: style.LINES[2], 206.0: style.LINES[6]}
 _MEASURED: dict[str, Any] = style.PRINTED | {"marker": "s"}
-
-
-def stated(quantity: str) -> dict[int, float]:
-    """Return what the paper's text says of some minutes: of ``cutting speed`` [m/min] or ``feed`` [mm/rev]."""
-    matches = [(re.fullmatch(rf"\w+ (\d+): {quantity} \[.*\]", check.what), check.paper) for check in life_checks()]
-    return {int(match[1]): value for match, value in matches if match}
 
 
 def draw_responses() -> Figure:
@@ -48,8 +39,7 @@ def draw_pairs() -> Figure:
     figure, panels = lettered((style.SINGLE, 3.6), 2, 1, sharex=True)
     for place, (axes, name, unit) in enumerate(zip(panels, ("cutting speed", "feed"), ("m/min", "mm/rev"), strict=True)):
         _over_minutes(axes, f"{name} [{unit}]", [minute.pair[place] for minute in whole_life()])
-        printed = stated(name)
-        axes.plot(list(printed), list(printed.values()), **style.PRINTED)
+        axes.plot(list(STATED), [stated[place] for stated in STATED.values()], **style.PRINTED)
         axes.margins(y=0.15)
         axes.tick_params(labelbottom=True)
     legend(figure, {"grid search": style.OURS, "stated in the text": style.PRINTED}, 2)
@@ -111,58 +101,3 @@ def _draw_ratios(axes: Axes) -> None:
     axes.set_xlabel("test at fixed speed and feed")
     axes.set_ylabel("grid search over test,\nmetal per minute [-], log scale")
     axes.legend(loc="upper right")
-
-
-def response_checks() -> Iterable[Check]:
-    """Compare with what the text says of Figure 11."""
-    run, limits = whole_life(), paper_run().scenario.limits
-    rates = [minute.removed for minute in run]
-    yield claim("the removal rate falls from minute to minute, or stays", bool(np.all(np.diff(rates) < 1e-9)))
-    kept = [minute.thrust_force <= limits.thrust_force and minute.power <= limits.power for minute in run]
-    yield claim("force and power are within their limits in every minute", all(kept))
-    shares = [minute.power / limits.power for minute in run]
-    yield claim("the power available is used (99 %) except in late stages, minutes 11 to 14", min(shares[:10]) > 0.985)
-    yield from (check for check in life_checks() if check.what.startswith("mean removal rate"))
-
-
-def pair_checks() -> Iterable[Check]:
-    """Compare with what the text says of Figure 12."""
-    pattern = r"\w+ \d+: (cutting speed|feed) \[.*\]|\w+ until .*"
-    yield from (check for check in life_checks() if re.fullmatch(pattern, check.what))
-    speeds, feeds = np.array([minute.pair for minute in whole_life()]).T
-    for what, values, low, high in (("cutting speed [m/min]", speeds, 140.0, 200.0), ("feed [mm/rev]", feeds, 0.205, 0.58)):
-        yield Check(f"lowest {what}", low, float(values.min()), 1e-9)
-        yield Check(f"highest {what}", high, float(values.max()), 1e-9)
-    yield claim("feed falls from minute to minute, or stays", bool(np.all(np.diff(feeds) < 1e-9)))
-    yield claim(
-        "cutting speed tends to rise: never falls after the second minute (140 m/min after 150, as in Tables 1 and 2)",
-        bool(np.all(np.diff(speeds[1:]) > -1e-9)),
-    )
-
-
-FIGURES = (
-    PaperFigure(
-        "grid_search_11",
-        f"{GRID_SEARCH}, Figure 11",
-        "The grid search over the life of an edge: a) thrust force, b) power, c) removal rate in each minute.",
-        draw_responses,
-        response_checks,
-    ),
-    PaperFigure(
-        "grid_search_12",
-        f"{GRID_SEARCH}, Figure 12",
-        "The pair that the grid search chooses in each minute of an edge's life: a) cutting speed, b) feed.",
-        draw_pairs,
-        pair_checks,
-    ),
-    PaperFigure(
-        "grid_search_13",
-        f"{GRID_SEARCH}, Figures 13 to 15",
-        "The grid search and tests at fixed speed and feed: a) wear over cutting time by the models, with squares where the "
-        "paper's edges of T4, T5, T8 and T9 were worn out; b) metal per minute of the grid search over that of each test.",
-        draw_rivals,
-        rival_checks,
-        "The figures with the tests' parameters are lost. Feeds follow from the stated ratios at 2.5 mm depth of cut. "
-        "For T6 and T7, only the speed is known.",
-    ),
-)

@@ -1,6 +1,5 @@
 """Figures 2 to 10 of Alaskari and Oraby (2018): what the grid search chooses from in one minute of its edge's life."""
 
-from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -8,20 +7,15 @@ from contourpy import contour_generator
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from papers.figures.paper_figure import GRID_SEARCH, PaperFigure, legend, lettered
-from papers.figures.responses import best_at_each_speed, paper_run, plane, responses, sides, wear_before
-from papers.reproduce.alaskari_oraby import rows, table_checks
-from papers.reproduce.checks import Check, claim
+from papers import rows
+from papers.figures import legend, lettered
+from papers.grid_search import best_at_each_speed, paper_run, plane, responses, wear_before
 from turning_render import plot_style as style
 
 Look = dict[str, Any]
-Draw = Callable[[int], Figure]
-Checks = Callable[[int], Iterable[Check]]
 
 TABLES = {1: ("table1.csv", "wear_mm"), 2: ("table2.csv", "total_wear_mm")}
 """Printed tables and their columns of wear, by minute."""
-STATED = {1: (150.0, 0.58, "ABCDEFA"), 2: (140.0, 0.58, "ABCDEFA"), 14: (200.0, 0.205, "ABCA")}
-"""Chosen cutting speed [m/min] and feed [mm/rev], and the corners of the feasible region, as the text has them, by minute."""
 RATES = (50, 100, 150, 200, 250)
 """Contours of removal rate [cm3/min]."""
 _MARKED: Look = style.OURS | {"markersize": 3.4}
@@ -168,92 +162,3 @@ def draw_surfaces(minute: int) -> Figure:
     looks = {"all limits kept": within, "force or power beyond": beyond} | _limit_looks() | {"chosen pair": style.CHOSEN}
     legend(figure, looks, 3, loc="lower center")
     return figure
-
-
-def best_checks(minute: int) -> Iterable[Check]:
-    """Compare the best feed at each cutting speed with Tables 1 and 2, and with what the text says of Figures 8 and 9."""
-    found, scenario = best_at_each_speed(minute), paper_run().scenario
-    limit = scenario.limits.thrust_force
-    if minute in TABLES:
-        yield from table_checks(paper_run(), minute)
-    elif minute == 14:
-        slow = found.speed <= 100.0
-        yield claim("minute 14: force above its limit up to 100 m/min", bool(np.all(found.thrust_force[slow] > limit)))
-        yield claim("minute 14: force within its limit above 100 m/min", bool(np.all(found.thrust_force[~slow] <= limit)))
-        yield claim("minute 14: power rises with cutting speed", bool(np.all(np.diff(found.power[~slow]) > 0.0)))
-    else:
-        worn = bool(np.all(found.wear > scenario.tool.wear_criterion))
-        yield claim("minute 15: wear above 0.3 mm at all cutting speeds", worn)
-        yield claim("minute 15: power below its limit", bool(np.all(found.power < scenario.limits.power)))
-        yield claim(
-            "minute 15: force well below its limit",
-            bool(np.all(found.thrust_force < 0.95 * limit)),
-            not_reproduced="the paper does not say at what feeds; here they are the highest that keep force and power, "
-            "where any do",
-        )
-
-
-def plane_checks(minute: int) -> Iterable[Check]:
-    """Compare the plane with what the text says of Figures 3, 6, 7 and 10."""
-    if minute not in STATED:
-        found = plane(minute)
-        yield claim(f"minute {minute}: the feasible region has vanished", not found.within.any())
-        worn = bool(np.all(found.wear > paper_run().scenario.tool.wear_criterion))
-        yield claim(f"minute {minute}: wear above its criterion on the whole plane", worn)
-        return
-    speed, feed, letters = STATED[minute]
-    pair = paper_run().chosen(wear_before(minute), minute - 1.0)
-    assert pair is not None
-    yield Check(f"minute {minute}: cutting speed [m/min]", speed, pair[0], 1e-9)
-    yield Check(f"minute {minute}: feed [mm/rev]", feed, pair[1], 1e-9)
-    reason = "the force of a new edge lies below its limit everywhere: ranges and power alone bound the region"
-    what = f"minute {minute}: corners of the feasible region, {letters}"
-    yield Check(what, float(len(letters) - 1), float(sides(minute)), not_reproduced=reason if minute == 1 else "")
-
-
-def _figure(number: int, minute: int, caption: str, draw: Draw, checks: Checks, remark: str = "") -> PaperFigure:
-    name, source = f"grid_search_{number:02d}", f"{GRID_SEARCH}, Figure {number}"
-    return PaperFigure(name, source, caption, lambda: draw(minute), lambda: checks(minute), remark)
-
-
-def _best(number: int, minute: int, what: str) -> PaperFigure:
-    caption = f"Grid search before the {what}: a) thrust force, b) power, c) wear at the end of the minute, d) removal rate."
-    remark = "Panel d is added. The copy used lacks the curves, so the checks compare printed tables and text."
-    return _figure(number, minute, caption, draw_best, best_checks, remark)
-
-
-def _plane(number: int, minute: int, what: str) -> PaperFigure:
-    caption = (
-        f"{what}: contours of removal rate and of wear at the end of the minute, and the limits of thrust force and power, "
-        "over cutting speed and feed."
-    )
-    remark = "The chosen pair lies on the search grid (10 m/min, 0.005 mm/rev), so it falls just inside the limit."
-    return _figure(number, minute, caption, draw_plane, plane_checks, remark if minute in STATED else "")
-
-
-_BEST = "at the highest feed that keeps all limits at each cutting speed"
-_CHOICE = "Choice of the grid search for the"
-FIGURES = (
-    _best(2, 1, f"first minute, {_BEST}"),
-    _best(4, 2, f"second minute, {_BEST}"),
-    _best(8, 14, f"fourteenth and last minute, {_BEST} (open markers: no feed keeps the force limit, the lowest is shown)"),
-    _best(
-        9,
-        15,
-        "fifteenth minute, where no pair is feasible, at the highest feed that keeps force and power at each cutting speed, or "
-        "else the lowest",
-    ),
-    _plane(3, 1, f"{_CHOICE} first minute"),
-    _plane(6, 2, f"{_CHOICE} second minute"),
-    _plane(7, 14, f"{_CHOICE} fourteenth minute, when the worn edge leaves only a corner"),
-    _plane(10, 15, "No choice for the fifteenth minute, because every pair would wear the edge out"),
-    PaperFigure(
-        "grid_search_05",
-        f"{GRID_SEARCH}, Figure 5",
-        "Objective and constraints of the second minute over cutting speed and feed: a) removal rate, b) wear at its end, "
-        "c) thrust force, d) power. Diamond: the chosen pair, which has the highest removal rate within all limits.",
-        lambda: draw_surfaces(2),
-        remark='The paper draws "transformed data" without the transformation; this figure draws them untransformed. '
-        "The paper's values at the best feeds are those of Table 2 (grid_search_04).",
-    ),
-)

@@ -13,8 +13,6 @@ from matplotlib.lines import Line2D
 
 from baselines import fuzzy_override, load_override, omative, tmac
 from baselines.rule import Parameters
-from papers.figures.paper_figure import PaperFigure
-from papers.reproduce.fuzzy_override import checks
 from papers.stepped_bar import Trajectory, play_bar, stepped_bar
 from turning_env import Scenario
 from turning_render import plot_style as style
@@ -32,7 +30,7 @@ SHOWN: dict[str, tuple[str, Parameters]] = {
     "omative": ("air-gap control (ACM)", {"target": 1.0, "entry": 1.0, "rise": 10.0}),
 }
 """Title and parameters of each rule."""
-_RULES = fuzzy_override.RULES | load_override.RULES | tmac.RULES | omative.RULES
+RULES = fuzzy_override.RULES | load_override.RULES | tmac.RULES | omative.RULES
 
 
 _OVERRIDE: dict[str, Any] = {"color": style.BLUE, "linewidth": 1.3}
@@ -44,15 +42,15 @@ def responses(scenario: Scenario) -> dict[str, Trajectory]:
     """Return what each rule of ``SHOWN`` does on a bar, by name."""
     responses = {}
     for name, (_, parameters) in SHOWN.items():
-        rule = _RULES[name]
+        rule = RULES[name]
         policy = rule.build(scenario, 1, rule.fixed | parameters)
         responses[name] = play_bar(lambda num_envs, policy=policy: policy, scenario)  # type: ignore[misc]
     return responses
 
 
-def draw() -> Figure:
-    """Draw what every rule does on the bar: depth of cut above, override and load below, over time."""
-    scenario = stepped_bar(DEPTHS)
+def draw(scenario: Scenario | None = None) -> Figure:
+    """Draw what every rule does on a bar, by default of ``DEPTHS``: depth of cut above, override and load below, over time."""
+    scenario = scenario or stepped_bar(DEPTHS)
     responses_by_rule = responses(scenario)
     figure = Figure(figsize=(style.DOUBLE, 6.0), layout="constrained")
     panels = figure.subplots(4, 4, sharex=True, sharey="row", height_ratios=(1, 3, 1, 3))
@@ -98,16 +96,3 @@ def _draw_response(axes: Axes, run: Trajectory, scenario: Scenario) -> None:
     )
     axes.set_ylim(0.0, 215.0)
     axes.set_yticks(range(0, 201, 50))
-
-
-FIGURES = (
-    PaperFigure(
-        "override_steps",
-        "Fuzzy override paper, Figures 5 and 7; FANUC iAdaptS, Caron TMAC and OMATIVE ACM as patents and manuals describe them",
-        "Responses of all laws of feed override on the same undisturbed stepped bar: depth of cut above, commanded override and "
-        "spindle load below, with the highest load.",
-        draw,
-        checks,
-        "The curves of the paper's own bar are lost, so the checks compare its text. No numbers are printed for the other laws.",
-    ),
-)

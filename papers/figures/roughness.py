@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from baselines.constant_force import ConstantForce
 from baselines.fixed import FixedParameters
 from baselines.models.part_program import PartProgram
-from papers.figures.paper_figure import PaperFigure, legend, lettered
-from papers.reproduce.constant_force import outcomes, record, simulation_checks, text_checks
+from papers import record
+from papers.figures import legend, lettered
+from papers.reproduce.constant_force import outcomes
 from turning_env import Scenario
+from turning_env.scoring.seeds import tuning_seeds
 from turning_render import plot_style as style
 
-PAPER = "Cus and Zuperl (2015)"
 _FREE: dict[str, Any] = {"color": style.ORANGE, "linewidth": 0.8, "linestyle": (0, (4, 1))}
 _HELD: dict[str, Any] = {"color": style.BLUE, "linewidth": 0.8}
 _REFERENCE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.9, "linestyle": ":"}
@@ -27,7 +28,8 @@ def trajectories() -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np
     scenario = Scenario.load("surface")
     control = scenario.control
     free = FixedParameters(scenario, control.initial_cutting_speed, control.initial_feed)
-    return record(free, scenario, 1), record(ConstantForce(PartProgram(scenario, {}), 1), scenario, 1)
+    held = ConstantForce(PartProgram(scenario, {}), 1)
+    return record(free, scenario, tuning_seeds(1)), record(held, scenario, tuning_seeds(1))
 
 
 def draw_control() -> Figure:
@@ -73,24 +75,3 @@ def draw_table() -> Figure:
     looks = {"project, mean over seeds": style.OURS, "printed in Table 1": style.PRINTED, "as wanted": _REFERENCE}
     legend(figure, looks, 3)
     return figure
-
-
-FIGURES = (
-    PaperFigure(
-        "roughness_control",
-        f"{PAPER}, Figure 5",
-        "Roughness control with a changing reference on one bar, without control and with a feed that holds the force for the "
-        "reference: a) Ra, b) force, c) feed.",
-        draw_control,
-        text_checks,
-        "The paper's curves are lost, and it states the references of two sections only. The references here are drawn at "
-        "random, four in 15 s.",
-    ),
-    PaperFigure(
-        "roughness_table",
-        f"{PAPER}, Table 1",
-        "The eight simulations, each with one reference: a) Ra reached, b) force, c) feed under control.",
-        draw_table,
-        simulation_checks,
-    ),
-)

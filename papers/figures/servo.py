@@ -7,20 +7,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from papers.figures.paper_figure import PaperFigure, legend, lettered
+from papers.figures import legend, lettered
 from papers.reproduce.servo_current import (
     FEED_VELOCITIES,
     SETTINGS,
     currents_of_depths,
-    estimation_checks,
-    motor_checks,
     no_load_currents,
     stepped,
 )
 from turning_env import Scenario
 from turning_render import plot_style as style
 
-PAPER = "Wang, Ai, Ze and He, servo current"
 _TRUE: dict[str, Any] = {"color": style.BLACK, "linewidth": 1.0}
 _PLAIN: dict[str, Any] = {"color": style.SKY, "linewidth": 0.6}
 _FILTERED: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.2, "linestyle": (0, (5, 1))}
@@ -72,24 +69,3 @@ def draw_estimate() -> Figure:
     filtered = f"filtered, cut-off {cutoff}, {window} samples"
     legend(figure, {"every sample": _PLAIN, filtered: _FILTERED, "true force": _TRUE}, 3)
     return figure
-
-
-FIGURES = (
-    PaperFigure(
-        "servo_current",
-        f"{PAPER}, Figures 11 and 12",
-        "Current of the feed motor: a) over thrust force at five depths of cut, b) in air over feed velocity.",
-        draw_current,
-        motor_checks,
-        "The paper's curves carry no readable numbers. There, the torque of a brake stands for the force.",
-    ),
-    PaperFigure(
-        "servo_estimate",
-        f"{PAPER}, Figures 7 and 10",
-        "Cutting a stepped bar at the programmed feed: a) measured current, b) true thrust force and the force calculated from "
-        "the current, for every sample and after a Butterworth filter of tenth order and root mean square.",
-        draw_estimate,
-        estimation_checks,
-        "The paper shows one phase current of an idle motor under a brake. This figure shows the amplitude during cutting.",
-    ),
-)

@@ -6,48 +6,38 @@ with the tests at fixed speed and feed: first with the paper's wear, then with t
 time interval.
 """
 
-import csv
 from collections.abc import Iterator
-from functools import cache, partial
-from pathlib import Path
+from functools import cache
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from baselines.fixed import FixedParameters
-from baselines.grid_search import GridSearch, RescaledGridSearch, best_pair, grid, highest_feed, predict
-from papers import verification
-from papers.reproduce.checks import Check, at_least, at_most, table
-from papers.verification import COLLAPSE_FORCE, COLLAPSE_TIME, STATED_LIFE, TESTS, Outcome, VerificationTest
-from turning_env import RoughTurningEnv, Scenario
-from turning_env.physics.records import parameter_records
+from baselines.grid_search import GridSearch, RescaledGridSearch
+from papers import rows, verification
+from papers.grid_search import best_at_each_speed, paper_run, plane, sides, whole_life
+from papers.reproduce.checks import Check, at_least, at_most, claim, table
+from papers.verification import COLLAPSE_FORCE, COLLAPSE_TIME, MEASURED, STATED_LIFE, TESTS, Outcome, VerificationTest
+from turning_env import Scenario
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import PolicyFactory
 from turning_env.scoring.seeds import tuning_seeds
 
-PAPER = Path(__file__).parents[1] / "data"
+STATED = {1: (150.0, 0.58, "ABCDEFA"), 2: (140.0, 0.58, "ABCDEFA"), 14: (200.0, 0.205, "ABCA")}
+"""Chosen cutting speed [m/min] and feed [mm/rev], and the corners of the feasible region, as the text has them, by minute."""
 WEAR_BEFORE = {1: 0.0, 2: 0.157219}
 """Wear from which Tables 1 and 2 start [mm]."""
 EXACT = {"feed_mm_rev": 1e-9, "mrr_mm3_min": 1e-6}
 """Tolerances of the columns that are no response."""
-
 MISPRINTS = {("50", "wear_increase_mm"): "0.01250"}
 """Table 2 prints 0.01255 here, but the row's 0.08003 - 0.06753 and its total wear give 0.01250."""
-
 ROUNDED = 0.015
 """Relative tolerance for the tests: their feeds are rounded, and so are the paper's ratios."""
-
 EDGES_WITHIN = 1.96
 """Standard deviations within which 95 % of the edges lie."""
-
 NUM_EDGES = 32
 """Edges of the comparison with equal wear."""
-
-
-def rows(table: str) -> list[dict[str, str]]:
-    """Return a table of the paper as printed."""
-    with (PAPER / table).open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def last_digit(printed: str) -> float:
@@ -55,92 +45,31 @@ def last_digit(printed: str) -> float:
     return 10.0 ** -len(printed.partition(".")[2])
 
 
-class PaperRun:
-    """The paper's grid and limits on its nominal models."""
-
-    def __init__(self) -> None:
-        self.scenario = Scenario.load("paper")
-        self.parameters = parameter_records(self.scenario)[0]
-        self.speeds, self.feeds = grid(self.scenario)
-        self.limits = (self.scenario.limits.thrust_force, self.scenario.limits.power, 1.0)
-
-    def used_life(self, wear: float) -> float:
-        """Return the used share of the life [-] at a wear [mm]."""
-        return float((wear / self.scenario.tool.wear_criterion) ** (1.0 / self.scenario.material.wear.time))
-
-    def wear(self, used_life: float) -> float:
-        """Return the wear [mm] at a used share of the life [-]."""
-        return float(self.scenario.tool.wear_criterion * used_life**self.scenario.material.wear.time)
-
-    def row(self, speed: float, wear: float, start: float) -> tuple[float, float, float, float]:
-        """Return (feed [mm/rev], wear [mm], power [kW], force [N]) of the best feed at a speed after one more minute."""
-        life = self.used_life(wear)
-        index = highest_feed(self.parameters, speed, self.feeds, life, start, start + 1.0, *self.limits)
-        feed = self.feeds[index]
-        used, force, power = predict(self.parameters, speed, feed, life, start, start + 1.0)
-        return float(feed), self.wear(used), float(power), float(force)
-
-    def chosen(self, wear: float, start: float) -> tuple[float, float] | None:
-        """Return (cutting speed [m/min], feed [mm/rev]) for the next minute, or None where none is feasible."""
-        life = self.used_life(wear)
-        speed, feed = best_pair(self.parameters, self.speeds, self.feeds, life, start, start + 1.0, *self.limits)
-        return None if speed < 0 else (float(self.speeds[speed]), float(self.feeds[feed]))
-
-
-def table_checks(run: PaperRun, minute: int) -> Iterator[Check]:
+def table_checks(minute: int) -> Iterator[Check]:
     """Yield the checks of Table 1 or 2: chosen feeds exactly, responses to 1e-5 of their value or to the last printed digit."""
-    depth, law = run.scenario.workpiece.depth_of_cut, run.scenario.material.wear
-    for row in rows(f"table{minute}.csv"):
-        speed = float(row["speed_m_min"])
-        feed, wear, power, force = run.row(speed, WEAR_BEFORE[minute], minute - 1.0)
-        found = {"feed_mm_rev": feed, "power_kw": power, "thrust_force_n": force, "mrr_mm3_min": 1000 * speed * feed * depth}
-        if minute == 1:
-            found["wear_mm"] = wear
-        else:
-            found |= {
-                "wear_at_t_mm": float(law(speed, feed, depth, time=2.0)),
-                "wear_at_t_minus_1_mm": float(law(speed, feed, depth, time=1.0)),
-                "wear_increase_mm": wear - WEAR_BEFORE[minute],
-                "total_wear_mm": wear,
-            }
-        for name, ours in found.items():
-            printed = MISPRINTS.get((row["speed_m_min"], name), row[name])
+    scenario, before = paper_run().scenario, WEAR_BEFORE[minute]
+    law, depth = scenario.material.wear, scenario.workpiece.depth_of_cut
+    best = paper_run().best_at_each_speed(before, minute - 1.0)
+    columns = {
+        "feed_mm_rev": best.feed,
+        "power_kw": best.power,
+        "thrust_force_n": best.thrust_force,
+        "mrr_mm3_min": 1000.0 * best.removal_rate,
+    }
+    if minute == 1:
+        columns["wear_mm"] = best.wear
+    else:
+        columns |= {
+            "wear_at_t_mm": law(best.speed, best.feed, depth, time=2.0),
+            "wear_at_t_minus_1_mm": law(best.speed, best.feed, depth, time=1.0),
+            "wear_increase_mm": best.wear - before,
+            "total_wear_mm": best.wear,
+        }
+    for number, row in enumerate(rows(f"table{minute}.csv")):
+        for name, values in columns.items():
+            printed, ours = MISPRINTS.get((row["speed_m_min"], name), row[name]), float(values[number])
             tolerance = EXACT.get(name, 1e-5 * ours if minute == 1 else last_digit(printed))
-            yield Check(f"Table {minute}, {speed:.0f} m/min, {name}", float(printed), ours, tolerance)
-
-
-class Minute(NamedTuple):
-    """One minute of the edge's life: the grid's pair, and the environment's response to the controller's action."""
-
-    pair: tuple[float, float]
-    commanded: tuple[float, float]
-    """Both: cutting speed [m/min], feed [mm/rev]."""
-    removed: float
-    """[cm3]"""
-    wear: float
-    """[mm]"""
-    thrust_force: float
-    """[N]"""
-    power: float
-    """[kW]"""
-    finished: bool
-    """Whether the edge was worn out or broken."""
-
-
-@cache
-def whole_life() -> tuple[Minute, ...]:
-    """Return the edge's whole life, played on the environment until no pair is feasible."""
-    run = PaperRun()
-    env = RoughTurningEnv("paper")
-    policy = GridSearch(run.scenario, 1)
-    observation, info = env.reset(seed=0)
-    minutes: list[Minute] = []
-    while (pair := run.chosen(info["wear"], len(minutes))) is not None:
-        observation, _, terminated, _, info = env.step(policy.act(observation[np.newaxis])[0])
-        commanded = (info["cutting_speed"], info["feed"])
-        state = (info["removed"], info["wear"], info["thrust_force"], info["power"])
-        minutes.append(Minute(pair, commanded, *state, terminated))
-    return tuple(minutes)
+            yield Check(f"Table {minute}, {row['speed_m_min']} m/min, {name}", float(printed), ours, tolerance)
 
 
 def life_checks() -> Iterator[Check]:
@@ -151,7 +80,7 @@ def life_checks() -> Iterator[Check]:
         yield Check(f"minute {number}: feed the controller commands", minute.pair[1], minute.commanded[1], 1e-6)
         yield Check(f"minute {number}: edge finished", 0, minute.finished)
     yield Check("minutes until no pair is feasible", 14, len(minutes))
-    for number, speed, feed in ((1, 150.0, 0.58), (2, 140.0, 0.58), (14, 200.0, 0.205)):
+    for number, (speed, feed, _) in STATED.items():
         yield Check(f"minute {number}: cutting speed [m/min]", speed, minutes[number - 1].pair[0], 1e-9)
         yield Check(f"minute {number}: feed [mm/rev]", feed, minutes[number - 1].pair[1], 1e-9)
     yield Check("wear after minute 14 [mm], just under 0.3", 0.2975, minutes[-1].wear, 0.0025)
@@ -198,10 +127,9 @@ def rival_checks() -> Iterator[Check]:
             yield Check(f"{what} edge, its life 15 min", test.total_ratio, per_edge, ROUNDED * test.total_ratio)
     measured_wear = Scenario.load("measured_wear")
     spread = EDGES_WITHIN * measured_wear.tool.wear_factor_spread
-    known = [test for test in TESTS if test.life is not None]
     factors = measured_wear.mismatch.wear_factor * np.exp((spread, -spread))
-    lives = [[outcome.life for outcome in verification.played(known, factor)] for factor in factors]
-    for test, shortest, longest in zip(known, *lives, strict=True):
+    lives = [[outcome.life for outcome in verification.played(MEASURED, factor)] for factor in factors]
+    for test, shortest, longest in zip(MEASURED, *lives, strict=True):
         what = f"{test.name}: life [min]; of 95 % of the edges of measured_wear the"
         yield Check(f"{what} shortest", test.life or 0.0, shortest, relation="<=")
         yield Check(f"{what} longest", test.life or 0.0, longest, relation=">=")
@@ -241,9 +169,9 @@ def equal_wear() -> dict[str, EqualWear]:
         "grid search": (by_minute, lambda num_envs: GridSearch(nominal, num_envs)),
         "rescaled grid search": (by_minute, lambda num_envs: RescaledGridSearch(nominal, num_envs, 1.0, 1.0)),
     }
-    for test in (test for test in TESTS if test.life is not None):
+    for test in MEASURED:
         fixed = FixedParameters(by_tenth, test.cutting_speed, test.feed)
-        players[test.name] = by_tenth, partial(lambda policy, num_envs: policy, fixed)
+        players[test.name] = by_tenth, lambda num_envs, policy=fixed: policy
     results = {}
     for name, (scenario, make) in players.items():
         episodes = play(make, scenario, tuning_seeds(NUM_EDGES))
@@ -258,7 +186,7 @@ def equal_wear_checks() -> Iterator[Check]:
     """Yield the checks of the paper's comparison with the same wear for the grid search and the tests."""
     results = equal_wear()
     (control, severe, _), rescaled = results["grid search"], results["rescaled grid search"]
-    for test in (test for test in TESTS if test.life is not None):
+    for test in MEASURED:
         rival = results[test.name].outcome
         what = f"equal wear, grid search / {test.name}: metal per"
         yield at_least(f"{what} minute", test.rate_ratio, control.rate / rival.rate)
@@ -281,7 +209,7 @@ def tables() -> Iterator[str]:
     yield "Wear factor: measured over nominal wear. Force and power: of the models, when worn out."
     heads: tuple[str, ...] = ("", "m/min", "mm/rev", "cm3/min", "AC/test", "paper")
     heads += ("nominal min", "AC/test", "measured min", "wear", "AC/test", "at 15 min", "paper", "N", "kW")
-    rows = []
+    lines = []
     for test, nominal, factor, measured in rivals():
         row = [test.name, f"{test.cutting_speed:.0f}", f"{test.feed:.3f}", f"{nominal.rate:.1f}"]
         row += [f"{control.rate / nominal.rate:.2f}", f"{test.rate_ratio:.2f}"]
@@ -292,27 +220,58 @@ def tables() -> Iterator[str]:
             row += [f"{measured.life:.1f}", f"{factor:.2f}", f"{control.total / measured.total:.2f}"]
             row += [f"{control.rate * STATED_LIFE / measured.total:.2f}", f"{test.total_ratio:.2f}" if test.total_ratio else "-"]
         force, power = verification.force_and_power(test, 0.3)
-        rows.append([*row, f"{force:.0f}", f"{power:.2f}"])
-    rows.append(["AC", "", "", f"{control.rate:.1f}", "", "", f"{control.life:.1f}", *[""] * 8])
-    yield from table(heads, rows)
+        lines.append([*row, f"{force:.0f}", f"{power:.2f}"])
+    lines.append(["AC", "", "", f"{control.rate:.1f}", "", "", f"{control.life:.1f}", *[""] * 8])
+    yield from table(heads, lines)
     yield ""
     yield f"The same with equal wear for all (preset measured_wear), means over {NUM_EDGES} edges."
     heads = ("", "cm3/min", "min", "cm3", "over a limit by > 5 %", "mean excess")
-    yield from table(
-        heads,
-        [
-            [name, f"{edge.rate:.1f}", f"{edge.life:.1f}", f"{edge.total:.0f}", f"{severe:.0%}", f"{excess:.1%}"]
-            for name, (edge, severe, excess) in equal_wear().items()
-        ],
-    )
+    lines = [
+        [name, f"{edge.rate:.1f}", f"{edge.life:.1f}", f"{edge.total:.0f}", f"{severe:.0%}", f"{excess:.1%}"]
+        for name, (edge, severe, excess) in equal_wear().items()
+    ]
+    yield from table(heads, lines)
+
+
+def figure_checks() -> Iterator[Check]:
+    """Yield the checks of what the text says of the figures beside the tables, the chosen pairs and the tests."""
+    scenario, run = paper_run().scenario, whole_life()
+    force, power, criterion = scenario.limits.thrust_force, scenario.limits.power, scenario.tool.wear_criterion
+    for figure, minute in ((3, 1), (6, 2), (7, 14)):
+        reason = "the force of a new edge lies below its limit everywhere: ranges and power alone bound the region"
+        letters = STATED[minute][2]
+        what = f"Figure {figure}, minute {minute}: corners of the feasible region, {letters}"
+        yield Check(what, len(letters) - 1.0, float(sides(minute)), not_reproduced=reason if minute == 1 else "")
+    found = best_at_each_speed(14)
+    slow = found.speed <= 100.0
+    yield claim("Figure 8, minute 14: force above its limit up to 100 m/min", found.thrust_force[slow] > force)
+    yield claim("Figure 8, minute 14: force within its limit above 100 m/min", found.thrust_force[~slow] <= force)
+    yield claim("Figure 8, minute 14: power rises with cutting speed", np.diff(found.power[~slow]) > 0.0)
+    found = best_at_each_speed(15)
+    yield claim("Figure 9, minute 15: wear above 0.3 mm at all cutting speeds", found.wear > criterion)
+    yield claim("Figure 9, minute 15: power below its limit", found.power < power)
+    reason = "the paper does not say at what feeds; here they are the highest that keep force and power, where any do"
+    well_below = found.thrust_force < 0.95 * force
+    yield claim("Figure 9, minute 15: force well below its limit", well_below, not_reproduced=reason)
+    yield claim("Figure 10, minute 15: the feasible region has vanished", not plane(15).within.any())
+    yield claim("Figure 10, minute 15: wear above its criterion on the whole plane", plane(15).wear > criterion)
+    rates = [minute.removed for minute in run]
+    yield claim("Figure 11: the removal rate falls from minute to minute, or stays", np.diff(rates) < 1e-9)
+    kept = all(minute.thrust_force <= force and minute.power <= power for minute in run)
+    yield claim("Figure 11: force and power are within their limits in every minute", kept)
+    used = min(minute.power for minute in run[:10]) / power > 0.985
+    yield claim("Figure 11: the power available is used (99 %) except in late stages, minutes 11 to 14", used)
+    speeds, feeds = np.array([minute.pair for minute in run]).T
+    for what, values, low, high in (("cutting speed [m/min]", speeds, 140.0, 200.0), ("feed [mm/rev]", feeds, 0.205, 0.58)):
+        yield Check(f"Figure 12: lowest {what}", low, float(values.min()), 1e-9)
+        yield Check(f"Figure 12: highest {what}", high, float(values.max()), 1e-9)
+    yield claim("Figure 12: feed falls from minute to minute, or stays", np.diff(feeds) < 1e-9)
+    rises = np.diff(speeds[1:]) > -1e-9
+    what = "cutting speed tends to rise: never falls after the second minute (140 m/min after 150, as in Tables 1 and 2)"
+    yield claim(f"Figure 12: {what}", rises)
 
 
 def checks() -> Iterator[Check]:
     """Yield all checks of the paper."""
-    run = PaperRun()
-    yield Check("pairs of the grid", 1744, len(run.speeds) * len(run.feeds))
-    yield from table_checks(run, 1)
-    yield from table_checks(run, 2)
-    yield from life_checks()
-    yield from rival_checks()
-    yield from equal_wear_checks()
+    yield Check("pairs of the grid", 1744, len(paper_run().speeds) * len(paper_run().feeds))
+    yield from chain(table_checks(1), table_checks(2), life_checks(), figure_checks(), rival_checks(), equal_wear_checks())

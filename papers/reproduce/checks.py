@@ -1,10 +1,13 @@
 """Checks of a paper's numbers and claims against the project's, and tables of text."""
 
-import csv
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
+
+import numpy as np
+
+WIDTH = 72
+"""Columns of a check's description."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +59,6 @@ class Check:
         return f"{line}: {self.not_reproduced}" if self.not_reproduced else line
 
 
-ITEMS = Path(__file__).parents[1] / "data" / "items.csv"
-"""Equations, tables, figures and claims of all papers, in the order of the page: columns ``page`` and those of ``Item``."""
-WIDTH = 72
-"""Columns of the description."""
-
-
 def at_least(what: str, paper: float, ours: float, not_reproduced: str = "") -> Check:
     """Return a check that the project's number is the paper's or more."""
     return Check(what, paper, ours, relation=">=", not_reproduced=not_reproduced)
@@ -72,9 +69,9 @@ def at_most(what: str, paper: float, ours: float, not_reproduced: str = "") -> C
     return Check(what, paper, ours, relation="<=", not_reproduced=not_reproduced)
 
 
-def claim(what: str, holds: bool, not_reproduced: str = "") -> Check:
-    """Return a check of a statement."""
-    return Check(what, 1.0, float(holds), relation="true", not_reproduced=not_reproduced)
+def claim(what: str, holds: Any, not_reproduced: str = "") -> Check:
+    """Return a check of a statement, or of one for each element of an array."""
+    return Check(what, 1.0, float(np.all(holds)), relation="true", not_reproduced=not_reproduced)
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
@@ -84,53 +81,3 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
     for first, *others in cells:
         line = [first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]
         yield "  ".join(line).rstrip()
-
-
-@dataclass(frozen=True)
-class Item:
-    """An equation, table, figure or claim of a paper."""
-
-    name: str
-    where: str = ""
-    """Files of the project that hold it, separated by commas; empty if none does."""
-    pattern: str = ""
-    """Regular expression that the descriptions of its checks begin with; empty if it has none."""
-    remark: str = ""
-    """The part of the verdict that the checks do not say, as a sentence; all of it if there are no checks."""
-    figure: str = ""
-    """Name of the figure in ``papers.figures`` that draws it anew."""
-
-
-@dataclass(frozen=True)
-class Paper:
-    """The checks, items and tables of one paper."""
-
-    title: str
-    checks: Callable[[], Iterator[Check]]
-    tables: Callable[[], Iterator[str]] = lambda: iter(())
-    """Lines printed before the checks."""
-    page: str = ""
-    """Name of its page in ``docs/papers``, without suffix."""
-
-    @property
-    def items(self) -> list[Item]:
-        """Its items, from ``papers/data/items.csv``."""
-        with ITEMS.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        return [Item(**{name: row[name] for name in row if name != "page"}) for row in rows if row["page"] == self.page]
-
-
-def print_checks(title: str, checks: Sequence[Check]) -> None:
-    """Print a paper's checks under their heading."""
-    print(f"\n{title}\n\n{'figure or claim':<{WIDTH}} {'paper':>14} {'project':>14}")
-    for check in checks:
-        print(check)
-
-
-def summary(title: str, checks: Sequence[Check]) -> str:
-    """Return one line with the numbers of checks that hold, are known not to, and no longer hold."""
-    count = [check.verdict for check in checks].count
-    known, wrong = count("not reproduced"), sum(not check.passed for check in checks)
-    line = f"{title}: {count('ok')} of {len(checks)} agree"
-    line += f", {known} not reproduced" if known else ""
-    return line + (f", {wrong} NO LONGER HOLD" if wrong else "")

@@ -9,11 +9,9 @@ forces of Table 1, F = c + d ln Ra gives all eight and the text's 570 N. As d ti
 (4) is not the inverse of (5), which the project's controllers use.
 """
 
-import csv
 from collections.abc import Iterator
 from functools import cache
 from itertools import chain
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,15 +23,14 @@ from baselines.fixed import FixedParameters
 from baselines.models.network import Network
 from baselines.models.part_program import PartProgram
 from baselines.models.process import Process
-from papers import changed
+from papers import changed, record, rows
 from papers.reproduce.checks import Check, at_least, at_most, claim, table
-from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.physics.quantities import INFO
+from turning_env import Scenario
+from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.output_block import output_block
 from turning_env.scoring.policy import Policy
 from turning_env.scoring.seeds import tuning_seeds
 
-TABLE = Path(__file__).parents[1] / "data" / "surface_table1.csv"
 NUM_SEEDS = 8
 SHOWN = (1, 3)
 """The simulations that the text shows."""
@@ -47,7 +44,7 @@ FORCE_TOLERANCE, FEED_TOLERANCE = 0.08, 0.015
 
 
 class Simulation(NamedTuple):
-    """A simulation of Table 1."""
+    """A simulation of Table 1; its Ra are in um, though it says mm."""
 
     number: int
     reference: float
@@ -64,10 +61,8 @@ class Simulation(NamedTuple):
     """Ra reached under control [um]."""
 
 
-def rows() -> list[Simulation]:
-    """Return Table 1 as printed (its Ra are in um, though it says mm)."""
-    with TABLE.open(newline="") as file:
-        return [Simulation(int(number), *map(float, values)) for number, *values in list(csv.reader(file))[1:]]
+SIMULATIONS = [Simulation(int(number), *map(float, values)) for number, *values in map(dict.values, rows("surface_table1.csv"))]
+"""Table 1 as printed."""
 
 
 class Outcome(NamedTuple):
@@ -96,21 +91,9 @@ def held_at(reference: float, **sections: dict[str, Any]) -> Scenario:
     return changed("surface", surface={"reference_min": reference, "reference_max": reference}, **sections)
 
 
-def record(policy: Policy, scenario: Scenario, num_envs: int) -> dict[str, NDArray[np.float64]]:
-    """Return ``info`` over one episode of each of the first tuning seeds, shape (steps, num_envs)."""
-    env = RoughTurningVectorEnv(num_envs, scenario)
-    observations, _ = env.reset(seed=tuning_seeds(num_envs))
-    policy.reset(np.ones(num_envs, np.bool_))
-    kept = []
-    for _ in range(round(60.0 * scenario.control.time_limit / scenario.control.interval)):
-        observations, _, _, _, infos = env.step(policy.act(observations))
-        kept.append(infos)
-    return {quantity.name: np.array([infos[quantity.name] for infos in kept]) for quantity in INFO}
-
-
 def play(policy: Policy, scenario: Scenario) -> Outcome:
     """Play one episode of every seed."""
-    kept = record(policy, scenario, NUM_SEEDS)
+    kept = record(policy, scenario, tuning_seeds(NUM_SEEDS))
     settled = round(SETTLED / scenario.control.interval)
     off = np.abs(kept["roughness"] / kept["roughness_reference"] - 1.0)
     entry = off[:settled][kept["cutting"][:settled]]
@@ -132,7 +115,7 @@ def play(policy: Policy, scenario: Scenario) -> Outcome:
 def outcomes() -> tuple[tuple[Simulation, Outcome, Outcome, Outcome | None], ...]:
     """Return every simulation: without control, under control, and, if shown, under the law on the feed commanded before."""
     results = []
-    for row in rows():
+    for row in SIMULATIONS:
         scenario = held_at(row.reference)
         uncontrolled = FixedParameters(scenario, scenario.control.initial_cutting_speed, row.uncontrolled_feed)
         program = PartProgram(scenario, {})
@@ -159,7 +142,7 @@ def simulation_checks() -> Iterator[Check]:
 
 def reference_force() -> tuple[float, float]:
     """Return c and d [N] of (4), F = c + d ln Ra, fitted to the forces under control and the references of Table 1."""
-    references, forces = np.array([(row.reference, row.force) for row in rows()]).T
+    references, forces = np.array([(row.reference, row.force) for row in SIMULATIONS]).T
     d, c = np.polyfit(np.log(references), forces, 1)
     return float(c), float(d)
 
@@ -168,7 +151,7 @@ def reference_checks() -> Iterator[Check]:
     """Yield the checks of block B1: equation (4) as a regression of its own."""
     c, d = reference_force()
     yield Check("(4) fitted to Table 1: force for Ra 1.6 um [N]; the text: about 570", 570.0, c + d * np.log(1.6), 5.0)
-    off = max(abs((c + d * np.log(row.reference)) / row.force - 1.0) for row in rows())
+    off = max(abs((c + d * np.log(row.reference)) / row.force - 1.0) for row in SIMULATIONS)
     yield at_most("(4) fitted to Table 1: largest deviation of the table's forces", 0.03, off)
     yield claim("(4) and (5) regressions of one set of data: r2 is high, and below 1", 0.8 < d * 0.0034 < 1.0)
 
@@ -176,14 +159,14 @@ def reference_checks() -> Iterator[Check]:
 def network_checks() -> Iterator[Check]:
     """Yield the checks of the cutting conditions that a network recommends."""
     scenario = Scenario.load("surface")
-    references = np.array([row.reference for row in rows()])
+    references = np.array([row.reference for row in SIMULATIONS])
     off = np.abs(RecommendedFeed(scenario)(references) / feed_of_roughness(scenario, references) - 1.0)
     yield at_most("recommended feed: largest deviation from the direct inverse", 0.005, float(off.max()))
     # The table's cuts without control have the recommended feeds. Their forces give the specific cutting force [N/mm2] at 1 mm.
-    specific = float(np.mean([row.uncontrolled_force / row.uncontrolled_feed for row in rows()]))
+    specific = float(np.mean([row.uncontrolled_force / row.uncontrolled_feed for row in SIMULATIONS]))
     law = scenario.material.thrust_force.model_dump() | {"coefficient": specific}
     feeds = RecommendedFeed(changed("surface", material={"thrust_force": law}))(references)
-    for row, feed in zip(rows(), feeds.tolist(), strict=True):
+    for row, feed in zip(SIMULATIONS, feeds.tolist(), strict=True):
         yield Check(f"recommended feed: for Ra {row.reference} um [mm/rev]", row.uncontrolled_feed, feed, FEED_TOLERANCE)
     entries = []
     for reference in (references.min(), references.max()):
@@ -234,10 +217,10 @@ def measured_models() -> NDArray[np.float64]:
 def output_checks() -> Iterator[Check]:
     """Yield the check of what the text says of the tool life, at the feeds that Table 1 prints."""
     scenario = Scenario.load("surface")
-    feeds = np.log([(row.uncontrolled_feed, row.feed) for row in rows()])
+    feeds = np.log([(row.uncontrolled_feed, row.feed) for row in SIMULATIONS])
     speed = np.log(np.full(feeds.shape, scenario.control.initial_cutting_speed))
     without, with_control = Process.of(scenario).log_life(speed, feeds, scenario.workpiece.depth_of_cut, 1.0).T
-    yield claim("output block: at the table's feeds, control shortens no tool life", bool(np.all(with_control >= without)))
+    yield claim("output block: at the table's feeds, control shortens no tool life", with_control >= without)
 
 
 def roughness_model_checks() -> Iterator[Check]:
@@ -250,13 +233,11 @@ def roughness_model_checks() -> Iterator[Check]:
 
 def rise_time() -> float:
     """Return the time in which the feed covers 63.2 % of a step of the override from 0 to 150 % [s]."""
-    scenario = Scenario.load("surface")
-    env = RoughTurningVectorEnv(1, scenario)
-    env.reset(seed=tuning_seeds(1))
-    steps = [0] * 200 + [1] * 100
-    feed = np.array([env.step(np.full((1, 1), 2.0 * up - 1.0, np.float32))[4]["feed"][0] for up in steps])
+    scenario, actions = Scenario.load("surface"), iter([-1.0] * 200 + [1.0] * 100)
+    interval, policy = scenario.control.interval, as_factory(lambda observations: np.full((1, 1), next(actions)))(1)
+    feed = record(policy, scenario, tuning_seeds(1), 300 * interval)["feed"][:, 0]
     risen = (feed[200:] - feed[199]) / (scenario.machine.feed_max - feed[199])
-    return scenario.control.interval * float(np.interp(0.632, risen, 1.0 + np.arange(100)))
+    return interval * float(np.interp(0.632, risen, 1.0 + np.arange(100)))
 
 
 def text_checks() -> Iterator[Check]:
@@ -272,11 +253,11 @@ def text_checks() -> Iterator[Check]:
     )
     ideal = play(ConstantForce(PartProgram(undisturbed, {}), NUM_SEEDS), undisturbed)
     yield at_most("without noise, deviation of Ra (ideal)", 0.001, ideal.deviation)
-    kept = record(ConstantForce(PartProgram(scenario, {}), NUM_SEEDS), scenario, NUM_SEEDS)
+    kept = record(ConstantForce(PartProgram(scenario, {}), NUM_SEEDS), scenario, tuning_seeds(NUM_SEEDS))
     reference, feed = kept["roughness_reference"], kept["commanded_feed"]
     # The info of a step holds the reference for the next one: falls of a fifth or more, and the feed in the step after.
     falls = (reference[2:-1] < 0.8 * reference[1:-2]) & (kept["feed"][2:-1] > scenario.machine.feed_min)
-    reduced = bool(np.all((feed[2:-1] - feed[3:])[falls] > 0.0))
+    reduced = (feed[2:-1] - feed[3:])[falls] > 0.0
     yield claim("when the reference falls, the feed is reduced at once", reduced)
     in_air = float(kept["commanded_feed"][0, 0])
     yield claim("without force, the programmed feed is commanded", round(in_air, 6) == scenario.control.initial_feed)

@@ -19,7 +19,6 @@ Its figures are lost. They are recomputed from exponents of engineering handbook
 The gain is the paper's psi = (Q_0/Q_a - 1) 100 %, uncorrected over corrected cost of the mean part.
 """
 
-import csv
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -30,7 +29,7 @@ import numpy as np
 from baselines.fixed import HANDBOOK_CUTTING_SPEED, HANDBOOK_FEED
 from baselines.models.process import Array, Limit, Process
 from baselines.two_limits import MIN_DEPTH, TWO_LIMITS, depth_exponents, set_point
-from papers.reproduce.alaskari_oraby import PAPER
+from papers import rows
 from papers.reproduce.checks import Check, at_least, at_most, table
 from papers.reproduce.part_programming_cases import case_checks, formula_checks
 from turning_env import PowerLaw, Scenario
@@ -98,13 +97,11 @@ class Blank:
 @cache
 def blanks() -> tuple[Blank, ...]:
     """Return the blanks of the handbooks and of manufacturing experience, where these give a dispersion."""
-    with (PAPER / "allowance_dispersion.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    parts = ("rz_mm", "defect_layer_mm", "spatial_deviation_mm")
-    least = {row["stock"]: sum(float(row[part] or 0.0) for part in parts) for row in rows if row["source"] == "handbook"}
+    found, parts = rows("allowance_dispersion.csv"), ("rz_mm", "defect_layer_mm", "spatial_deviation_mm")
+    least = {row["stock"]: sum(float(row[part] or 0.0) for part in parts) for row in found if row["source"] == "handbook"}
     return tuple(
         Blank(row["stock"], row["source"], least[row["stock"]], float(row["allowance_dispersion_mm"]))
-        for row in rows
+        for row in found
         if row["source"] in ("handbook", "experience") and row["allowance_dispersion_mm"]
     )
 
@@ -170,26 +167,26 @@ def tables() -> Iterator[str]:
     """Yield the tables of each rule's exponents of depth of cut, and of the gain by correcting the path."""
     yield "Exponent of the depth of cut along each rule, in cutting speed, feed, removal rate and life of the edge."
     yield "Handbook exponents; last: removal rate with the laws of 709M40."
-    rows = []
+    lines = []
     for rule in TWO_LIMITS:
         process = handbook_process(rule)
         speed, feed = depth_exponents(rule, process)
         mu, nu, rho = process.life_exponents
         values = (speed, feed, 1.0 + speed + feed, -(mu * speed + nu * feed + rho))
         steel = 1.0 + sum(depth_exponents(rule, Process.of(Scenario())))
-        rows.append([f"[{rule}]", *(f"{value + 0.0:.3f}" for value in (*values, steel))])
-    yield from table(("", "speed", "feed", "rate", "life", "709M40"), rows)
+        lines.append([f"[{rule}]", *(f"{value + 0.0:.3f}" for value in (*values, steel))])
+    yield from table(("", "speed", "feed", "rate", "life", "709M40"), lines)
     yield ""
     yield "psi: gain by correcting the path to the measured blank [%]; in brackets the passes of the uncorrected path."
-    rows = []
+    lines = []
     for blank in blanks():
         gains = (f"{psi:.1f} ({passes})" for passes, psi in (gain(rule, blank) for rule in TWO_LIMITS))
-        rows.append([f"{blank.name} ({blank.source})", f"{blank.least:.2f}-{blank.largest:.2f}", *gains])
-    yield from table(["", "mm", *(f"[{rule}]" for rule in TWO_LIMITS)], rows)
+        lines.append([f"{blank.name} ({blank.source})", f"{blank.least:.2f}-{blank.largest:.2f}", *gains])
+    yield from table(["", "mm", *(f"[{rule}]" for rule in TWO_LIMITS)], lines)
     yield ""
     yield "Largest psi by the slack of the limits that a rule does not name [%]: handbook, experience."
-    rows = []
+    lines = []
     for slack in SLACKS:
         gains = ((most_gain(rule, source, slack) for source in ("handbook", "experience")) for rule in TWO_LIMITS)
-        rows.append([f"{slack:.1f}", *(", ".join(f"{psi:.1f}" for psi in each) for each in gains)])
-    yield from table(["slack", *(f"[{rule}]" for rule in TWO_LIMITS)], rows)
+        lines.append([f"{slack:.1f}", *(", ".join(f"{psi:.1f}" for psi in each) for each in gains)])
+    yield from table(["slack", *(f"[{rule}]" for rule in TWO_LIMITS)], lines)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baselines.grid_search import GridSearch, RescaledGridSearch, best_pair, grid
-from papers.reproduce.alaskari_oraby import PaperRun
+from papers.grid_search import PaperRun
 from tests.baselines.observing import seen
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.observation import MAX_RATIO

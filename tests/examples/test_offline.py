@@ -10,7 +10,6 @@ pytest.importorskip("minari")
 
 import minari
 
-from examples import offline
 from examples.offline import checksum, load, main, policy, record
 from turning_env import RoughTurningEnv
 from turning_env.scoring.seeds import TUNING_START
@@ -43,14 +42,11 @@ def test_minari_recovers_the_environment_and_episodes_play_again(folder: Path, m
     env = dataset.recover_environment()
     for seed, (episode, mark) in enumerate(zip(dataset.iterate_episodes(), marks, strict=True), 999_000_000):
         assert int(mark["seed"]) == seed
-        observation, _ = env.reset(seed=seed)
-        for step, action in enumerate(episode.actions):
-            np.testing.assert_array_equal(observation, episode.observations[step])
-            observation, reward, terminated, truncated, _ = env.step(action)
-            recorded = episode.rewards[step], episode.terminations[step], episode.truncations[step]
-            assert (reward, terminated, truncated) == recorded
-        np.testing.assert_array_equal(observation, episode.observations[-1])
-        assert terminated or truncated
+        played = [env.reset(seed=seed)[0], *(env.step(action) for action in episode.actions)]
+        np.testing.assert_array_equal([played[0], *(step[0] for step in played[1:])], episode.observations)
+        for column, recorded in enumerate((episode.rewards, episode.terminations, episode.truncations), 1):
+            np.testing.assert_array_equal([step[column] for step in played[1:]], recorded)
+        assert episode.terminations[-1] or episode.truncations[-1]
         assert mark["return"] == pytest.approx(episode.rewards.sum())
 
 
@@ -74,16 +70,6 @@ def test_an_existing_folder_is_not_overwritten(tmp_path: Path, capsys: pytest.Ca
     assert "delete it, or choose another --out" in capsys.readouterr().err
     with pytest.raises(SystemExit, match="2"):
         main(["make", "--episodes", "1000001"])
-
-
-def test_an_interrupted_data_set_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(offline, "write", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        main(["make", "--behaviours", "load_rule", "--episodes", "1", "--out", str(tmp_path)])
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from examples.shared import network_policy
 from examples.single_file_ppo import Agent, Rollouts, Settings, main, train
 from turning_env import Scenario
+from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
 
@@ -34,10 +34,7 @@ def test_the_next_rollout_begins_where_the_last_one_ended() -> None:
 def test_it_learns() -> None:
     torch.manual_seed(0)
     untrained, trained = Agent(11, 2), train(Settings(steps=60_000))
-    before, after = (
-        play(lambda num_envs, agent=agent: network_policy(agent.mean), Scenario(), tuning_seeds(8))["return"].mean()
-        for agent in (untrained, trained)
-    )
+    before, after = (play(as_factory(agent.mean), Scenario(), tuning_seeds(8))["return"].mean() for agent in (untrained, trained))
     assert after > before + 500
 
 

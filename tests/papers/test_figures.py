@@ -5,15 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
-from papers.figures import __main__ as command
-from papers.figures import minutes, override, roughness, servo
-from papers.figures.paper_figure import PaperFigure
-from papers.figures.responses import best_at_each_speed, responses, sides
-from papers.reproduce import constant_force, servo_current
-from papers.reproduce.alaskari_oraby import rows
-from papers.reproduce.checks import Check, claim
+from papers.catalogue import FIGURES
+from papers.figures import life, minutes, override
+from papers.figures.__main__ import DRAW, INDEX, index, main
+from papers.grid_search import responses, sides
+from papers.reproduce.alaskari_oraby import STATED
 from papers.stepped_bar import stepped_bar
 from turning_env import Scenario
 from turning_render import plot_style as style
@@ -28,26 +25,11 @@ def for_print() -> Iterator[None]:
         yield
 
 
-@pytest.fixture
-def short_plays(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two simulations of roughness, a bar of two depths, two seconds of current, all with one seed."""
-    monkeypatch.setattr(override, "stepped_bar", lambda depths: stepped_bar((1.0, 3.0), 10.0))
-    monkeypatch.setattr(constant_force, "NUM_SEEDS", 1)
-    monkeypatch.setattr(constant_force, "SHOWN", ())
-    few = constant_force.rows()[:2]
-    monkeypatch.setattr(constant_force, "rows", lambda: few)
-    monkeypatch.setattr(roughness, "outcomes", constant_force.outcomes.__wrapped__)
-    current = servo_current.record(Scenario.load("override_current"), 2.0)
-    monkeypatch.setattr(servo, "stepped", lambda: current)
-    monkeypatch.setattr(servo, "lines", lambda: (np.array([200.0, 400.0]), np.array([1.8, 2.4]), np.linspace(0.9, 1.1, 4)))
-
-
 @pytest.mark.soak
-@pytest.mark.usefixtures("short_plays")
-@pytest.mark.parametrize("name", command.FIGURES)
+@pytest.mark.parametrize("name", DRAW)
 def test_every_figure_suits_print(name: str) -> None:
     """No title, a unit on every axis that has a label, and nothing too small or wider than a page."""
-    figure = command.FIGURES[name].draw()
+    figure = DRAW[name]()
     assert figure.get_suptitle() == ""
     assert figure.get_size_inches()[0] in (style.SINGLE, style.DOUBLE)
     figure.draw_without_rendering()
@@ -64,10 +46,8 @@ def test_every_figure_suits_print(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("minute", "table"), [(1, "table1.csv"), (2, "table2.csv")])
-def test_points_lie_on_what_the_paper_prints(minute: int, table: str) -> None:
-    feeds = [float(row["feed_mm_rev"]) for row in rows(table)]
-    np.testing.assert_allclose(best_at_each_speed(minute).feed, feeds, rtol=1e-12)
+@pytest.mark.parametrize("minute", [1, 2])
+def test_points_lie_on_what_the_paper_prints(minute: int) -> None:
     roundings = {"thrust force [N]": 1.0, "power [kW]": 0.01, "wear [mm]": 1e-5, "removal rate [cm³/min]": 0.5}
     for axes in minutes.draw_best(minute).axes:
         ours, _, printed, *_ = axes.lines
@@ -78,7 +58,7 @@ def test_points_lie_on_what_the_paper_prints(minute: int, table: str) -> None:
 
 @pytest.mark.slow
 def test_the_plane_shows_the_chosen_pair_at_the_region_s_edge_and_lines_on_the_limits() -> None:
-    for minute, (speed, feed, _) in minutes.STATED.items():
+    for minute, (speed, feed, _) in STATED.items():
         assert minutes.draw_plane(minute).axes[0].lines[-1].get_xydata()[0] == pytest.approx((speed, feed))
         inside, outside = responses(minute, np.array([speed, speed]), np.array([feed, feed + 0.01])).within
         assert inside
@@ -87,82 +67,43 @@ def test_the_plane_shows_the_chosen_pair_at_the_region_s_edge_and_lines_on_the_l
     (look, path), *_ = minutes.limits(14)
     assert look["color"] == style.VERMILLION
     np.testing.assert_allclose(responses(14, *path.T).thrust_force, 1500.0, rtol=1e-3)
+    speed_axes, feed_axes = life.draw_pairs().axes
+    for place, axes in enumerate((speed_axes, feed_axes)):
+        assert axes.lines[1].get_xydata().tolist() == [[minute, stated[place]] for minute, stated in STATED.items()]
 
 
 @pytest.mark.slow
-def test_what_is_said_of_the_grid_search_holds() -> None:
-    figures = [figure for figure in command.FIGURES.values() if figure.name.startswith("grid_search")]
-    assert all(check.passed for figure in figures for check in figure.checks())
-    # All but the flowchart, Figure 1; 13 to 15 are one.
-    assert {f"Alaskari and Oraby (2018), Figure {number}" for number in range(2, 13)} <= {figure.source for figure in figures}
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("short_plays")
-def test_every_law_of_override_is_shown_with_all_its_parameters() -> None:
-    rules = {name: rule for name, rule in override._RULES.items() if rule.plays(Scenario.load("override"))}
-    assert override.SHOWN.keys() == rules.keys()
-    for name, (_, parameters) in override.SHOWN.items():
-        assert parameters.keys() == rules[name].ranges.keys()
-        for key, values in rules[name].ranges.items():
-            assert values.low <= parameters[key] <= values.high
-    titles = [title for axes in override.draw().axes if (title := axes.get_title(loc="left"))]
-    assert titles == [title for title, _ in override.SHOWN.values()]
+def test_every_law_of_override_is_shown() -> None:
+    assert override.SHOWN.keys() == {name for name, rule in override.RULES.items() if rule.plays(Scenario.load("override"))}
+    titles = [axes.get_title(loc="left") for axes in override.draw(stepped_bar((1.0, 3.0), 10.0)).axes]
+    assert [title for title in titles if title] == [title for title, _ in override.SHOWN.values()]
 
 
 def test_the_figures_that_come_with_the_project_are_all_figures() -> None:
-    text = (DOCS / command.INDEX).read_text("utf-8")
-    assert {path.name for path in DOCS.iterdir()} == {command.INDEX, *(f"{name}.png" for name in command.FIGURES)}
-    for name, figure in command.FIGURES.items():
-        assert f"## {name}\n\n![{name}]({name}.png)\n\n{figure.caption} ({figure.source}.)\n" in text
-        assert (DOCS / f"{name}.png").stat().st_size < 150_000
+    assert DRAW.keys() == FIGURES.keys()
+    assert {path.name for path in DOCS.iterdir()} == {INDEX, *(f"{name}.png" for name in FIGURES)}
+    assert max((DOCS / f"{name}.png").stat().st_size for name in FIGURES) < 150_000
 
 
-def test_a_description_says_what_agrees_and_why_not() -> None:
-    checks = (claim("a", True), Check("b [N]", 2.0, 3.0, not_reproduced="c is missing"), Check("d", 1.0, 2.0))
-    assert PaperFigure("name", "Paper, Figure 1", "Caption.", Figure, lambda: checks, "Remark.").description() == [
-        "Caption. (Paper, Figure 1.)",
-        "Agrees with the paper: 1 of 3 numbers and claims.",
-        "Not reproduced: b [N]: paper 2, project 3; c is missing.",
-        "Mismatch: d: paper 1, project 2.",
-        "Remark.",
-    ]
-
-
-@pytest.fixture
-def two_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    def draw() -> Figure:
-        figure = Figure(figsize=(1.0, 1.0))
-        figure.subplots().plot([0.0, 1.0])
-        return figure
-
-    figures = {name: PaperFigure(name, "Paper, Figure 1", f"Caption of {name}.", draw) for name in ("one", "two")}
-    monkeypatch.setattr(command, "FIGURES", figures)
+def test_the_index_links_all_formats() -> None:
+    page = index({"one": ["Caption of one.", "Agrees."], "two": ["Caption of two."]}, style.FORMATS)
+    assert "## one\n\n![one](one.png)\n\nCaption of one.\n\n* Agrees.\n" in page
+    assert "* Agrees.\n\nAlso as [one.svg](one.svg), [one.pdf](one.pdf).\n" in page
+    assert "## two\n\n![two](two.png)\n\nCaption of two.\n\nAlso as" in page
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("two_figures")
-def test_figures_and_index_are_written_the_same_every_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_figure_is_written_the_same_every_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     written = []
     for folder in (tmp_path / "a", tmp_path / "b"):
-        assert command.main(["--out", str(folder), "--format", *style.FORMATS]) == 0
+        assert main(["--out", str(folder), "--only", "grid_search_05", "--format", *style.FORMATS]) == 0
         written.append({path.name: path.read_bytes() for path in folder.iterdir()})
-        assert capsys.readouterr().out == f"{folder / 'README.md'}\n"
+        assert capsys.readouterr().out.startswith("grid_search_05\n  Objective and constraints")
     assert written[0] == written[1]
-    assert written[0].keys() == {"README.md", *(f"{name}.{kind}" for name in ("one", "two") for kind in style.FORMATS)}
-    page = written[0]["README.md"].decode()
-    assert "![one](one.png)\n\nCaption of one. (Paper, Figure 1.)\n" in page
-    assert "Also as [two.svg](two.svg), [two.pdf](two.pdf)." in page
-    assert command.main(["--out", str(tmp_path / "some"), "--only", "two"]) == 0
-    assert [path.name for path in (tmp_path / "some").iterdir()] == ["two.png"]
-    assert capsys.readouterr().out == "two\n  Caption of two. (Paper, Figure 1.)\n"
+    assert written[0].keys() == {f"grid_search_05.{kind}" for kind in style.FORMATS}
 
 
-@pytest.mark.usefixtures("two_figures")
 def test_bad_input_is_an_error_of_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command.main(["--out", str(tmp_path), "--only", "two", "three"]) == 2
-    assert capsys.readouterr().err == "error: there is no figure three; there are one, two\n"
-    (tmp_path / "file").write_text("")
-    assert command.main(["--out", str(tmp_path / "file")]) == 2
-    assert "file: File exists" in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert main(["--out", str(tmp_path), "--only", "grid_search_02", "three"]) == 2
+    assert capsys.readouterr().err.startswith("error: there is no figure three; there are grid_search_02, ")
+    assert list(tmp_path.iterdir()) == []

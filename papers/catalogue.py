@@ -1,0 +1,85 @@
+"""The papers, their items and their figures: which checks belong to which, and how they agree."""
+
+import re
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from papers import DATA, rows
+from papers.reproduce import alaskari_oraby, constant_force, fuzzy_override, part_programming, servo_current
+from papers.reproduce.checks import Check
+
+FIGURES: dict[str, dict[str, str]] = tomllib.loads((DATA / "figures.toml").read_text("utf-8"))
+"""Of each figure by name, in the order of the index: the ``source`` that it reproduces, ``caption`` and ``remark``."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """An equation, table, figure or claim of a paper."""
+
+    name: str
+    where: str = ""
+    """Files of the project that hold it, separated by commas; empty if none does."""
+    pattern: str = ""
+    """Regular expression that the descriptions of its checks begin with; empty if it has none."""
+    remark: str = ""
+    """The part of the verdict that the checks do not say, as a sentence; all of it if there are no checks."""
+    figure: str = ""
+    """Name in ``FIGURES`` of the figure that draws it anew."""
+
+    def checks(self, checks: Sequence[Check]) -> list[Check]:
+        """Return its checks among those of its paper, each description once."""
+        return list({check.what: check for check in checks if self.pattern and re.match(self.pattern, check.what)}.values())
+
+    def agreement(self, checks: Sequence[Check]) -> str:
+        """Return how many of its checks hold, why others do not, and its remark."""
+        link = f"[Drawn anew](../figures/README.md#{self.figure}). " if self.figure else ""
+        if not (found := self.checks(checks)):
+            return (link + self.remark).rstrip()
+        failed = [check for check in found if check.verdict != "ok"]
+        count = f"{len(found) - len(failed)} of {len(found)} agree. " if failed else f"Agrees ({len(found)}). "
+        reasons = "; ".join(dict.fromkeys(check.not_reproduced or check.what for check in failed))
+        return f"{link}{count}{f'Not: {reasons}. ' if reasons else ''}{self.remark}".rstrip()
+
+    def description(self, checks: Sequence[Check]) -> list[str]:
+        """Return the lines below its figure: caption and source, how many checks agree, which do not and why, a remark."""
+        figure, found = FIGURES[self.figure], self.checks(checks)
+        lines = [f"{figure['caption']} ({figure['source']}.)"]
+        if found:
+            agreeing = sum(check.verdict == "ok" for check in found)
+            lines.append(f"Agrees with the paper: {agreeing} of {len(found)} numbers and claims.")
+        for check in found:
+            if check.verdict != "ok":
+                values = "" if check.relation == "true" else f" paper {check.paper:.4g}, project {check.ours:.4g};"
+                lines.append(f"{check.verdict.capitalize()}: {check.what}:{values} {check.not_reproduced}".rstrip(" ;") + ".")
+        return [*lines, figure["remark"]] if "remark" in figure else lines
+
+
+@dataclass(frozen=True)
+class Paper:
+    """The checks, items and tables of one paper."""
+
+    title: str
+    checks: Callable[[], Iterator[Check]]
+    tables: Callable[[], Iterator[str]] = lambda: iter(())
+    """Lines printed before the checks."""
+    page: str = ""
+    """Name of its page in ``docs/papers``, without suffix."""
+
+    @property
+    def items(self) -> list[Item]:
+        """Its equations, tables, figures and claims in the order of the page."""
+        own = (row for row in rows("items.csv") if row["page"] == self.page)
+        return [Item(**{name: value for name, value in row.items() if name != "page"}) for row in own]
+
+
+PAPERS = (
+    Paper("Alaskari and Oraby (2018), grid search", alaskari_oraby.checks, alaskari_oraby.tables, "grid_search"),
+    Paper("Fuzzy feed override", fuzzy_override.checks, fuzzy_override.tables, "fuzzy_override"),
+    Paper("Cus and Zuperl (2015), roughness control", constant_force.checks, constant_force.tables, "constant_force"),
+    Paper(
+        "Sharmazanashvili (2008), adaptive part programming", part_programming.checks, part_programming.tables, "part_programming"
+    ),
+    Paper("Wang, Ai, Ze and He, servo current", servo_current.checks, servo_current.tables, "servo_current"),
+)
+"""A further paper is added here, and its items in ``papers/data/items.csv``."""
