@@ -71,10 +71,7 @@ class PaperRun:
 
     def responses(self, wear: float, start: float, speed: Array, feed: Array) -> Responses:
         """Return the responses if the next minute is cut with pairs, arrays of one shape."""
-        life = self.used_life(wear)
-        pairs = zip(speed.ravel().tolist(), feed.ravel().tolist(), strict=True)
-        found = [predict(self.parameters, *pair, life, start, start + 1.0) for pair in pairs]
-        used, force, power = (np.reshape(column, speed.shape) for column in zip(*found, strict=True))
+        used, force, power = predict(self.parameters, speed, feed, self.used_life(wear), start, start + 1.0)
         worn = self.scenario.tool.wear_criterion * used**self.scenario.material.wear.time
         return Responses(self.scenario, speed, feed, worn, force, power)
 
@@ -147,7 +144,6 @@ def responses(minute: int, speed: Array, feed: Array) -> Responses:
     return paper_run().responses(wear_before(minute), minute - 1.0, speed, feed)
 
 
-@cache
 def plane(minute: int) -> Responses:
     """Return the responses on the whole plane in a minute, arrays of shape (feeds, cutting speeds)."""
     run = paper_run()

@@ -96,11 +96,11 @@ def test_the_index_links_all_formats() -> None:
 def test_a_figure_is_written_the_same_every_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     written = []
     for folder in (tmp_path / "a", tmp_path / "b"):
-        assert main(["--out", str(folder), "--only", "grid_search_05", "--format", *style.FORMATS]) == 0
+        assert main(["--out", str(folder), "--only", "part_programming_psi", "--format", *style.FORMATS]) == 0
         written.append({path.name: path.read_bytes() for path in folder.iterdir()})
-        assert capsys.readouterr().out.startswith("grid_search_05\n  Objective and constraints")
+        assert capsys.readouterr().out.startswith("part_programming_psi\n  The gain psi")
     assert written[0] == written[1]
-    assert written[0].keys() == {f"grid_search_05.{kind}" for kind in style.FORMATS}
+    assert written[0].keys() == {f"part_programming_psi.{kind}" for kind in style.FORMATS}
 
 
 def test_bad_input_is_an_error_of_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
