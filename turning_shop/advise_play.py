@@ -17,7 +17,6 @@ from turning_env.extras import provided
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.overload import severe_share
-from turning_env.scoring.packed import Played as Shipped
 from turning_env.scoring.packed import shipped
 from turning_env.scoring.play import Episodes, play, play_spec
 from turning_env.scoring.policy import Actions, Observations, PolicySpec
@@ -142,8 +141,7 @@ def play_all(
     Args:
         scenario: The machine, with the model mismatch that it states.
         advice: Returned by ``advise``.
-        agents: ONNX files or ``module:object``; they must take the scenario's observations and actions. If there are none, and a
-            clone's agents were trained for this scenario, the best of these.
+        agents: ONNX files or ``module:object``; they must take the scenario's observations and actions.
         rule: A rule of ``baselines``, played if that package can be imported; if None, the best: see ``best_rule``.
         hours: Hours of work in a year.
         edges: Number of edges, one per seed.
@@ -173,7 +171,6 @@ def play_all(
             raise WorkshopError(f"--rule {rule}: {error.args[0]}") from error
         on_play(f"rule {name}")
         played.append((f"rule {name}", 1.0, play_spec(spec, own, seeds)))
-        agents = agents or _shipped_agents(Path(str(catalogue.__file__)).parents[1] / "agents", scenario)
     for agent in agents:
         name = f"agent {Path(agent).stem}"
         on_play(name)
@@ -185,36 +182,20 @@ def play_all(
     return Played("h" if unit == "min" else unit, hours, edges, _years(scenario, played, hours), notes)
 
 
-def _nearest(scenario: Scenario) -> tuple[str, Scenario, list[Shipped]]:
-    """Return the id most like a scenario, its preset, and its feasible policies that ship, best first.
+def best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, PolicySpec]:
+    """Return name and rule, to play ``own``: the best of those that are tuned for the scenario or need no tuning.
 
-    They are ranked by their return on that id's leaderboard, so no seed that is played here decides which are played.
+    Feasible rules are ranked by their return on the leaderboard of the id most like the scenario, so no seed that is played here
+    decides which is played.
     """
     usual = "RoughTurning-Override-v0" if scenario.control.action == "override" else "RoughTurning-v0"
     env_id = next((env_id for env_id, preset in IDS.items() if preset == scenario.name), usual)
-    preset = Scenario.load(IDS[env_id])
-    allowed = preset.limits.overload_allowance
-    feasible = [each for each in shipped(env_id) if severe_share(each.severe.ravel(), each.engaged.ravel()) <= allowed]
-    return env_id, preset, sorted(feasible, key=lambda each: -float(each.returns.mean()))
-
-
-def best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, PolicySpec]:
-    """Return name and rule, to play ``own``: the best of those that are tuned for the scenario or need no tuning."""
-    for each in _nearest(scenario)[2]:
-        if each.kind == "rule":
+    allowed = Scenario.load(IDS[env_id]).limits.overload_allowance
+    for each in sorted(shipped(env_id), key=lambda each: -float(each.returns.mean())):
+        if each.kind == "rule" and severe_share(each.severe.ravel(), each.engaged.ravel()) <= allowed:
             with suppress(ValueError):  # raised by a rule that cannot play the scenario, or is not tuned for it
                 return each.name, catalogue.spec(each.name, own, scenario)
     raise ValueError(f"no rule that ships can play {scenario.name!r}")
-
-
-def _shipped_agents(folder: Path, scenario: Scenario) -> list[str]:
-    """Return the file of the best agent that ships for exactly this scenario, if there is any; prices do not matter."""
-    env_id, preset, policies = _nearest(scenario)
-    meaning, other = (each.model_dump(exclude={"name", "economics"}) for each in (scenario, preset))
-    if meaning != other or preset.control.edge_changes != "end":
-        return []
-    files = [folder / env_id / preset.name / f"{each.name}-seed0.onnx" for each in policies if each.kind == "agent"]
-    return [str(file) for file in files if file.is_file()][:1]
 
 
 def clocked(scenario: Scenario, advice: Advice) -> Scenario:

@@ -17,8 +17,7 @@ from turning_shop import WorkshopError
 from turning_shop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
 from turning_shop.measurements import COLUMNS, Measurements
 from turning_shop.next_cuts import NextCuts, next_cuts
-from turning_shop.outliers import RobustFit, outliers, robust_fit, unusual_edges
-from turning_shop.plausibility import law_problems, row_problems
+from turning_shop.plausibility import RobustFit, law_problems, outliers, robust_fit, row_problems, unusual_edges
 from turning_shop.prediction import BEYOND
 
 WIDE = 0.5

@@ -278,9 +278,9 @@ def _advise(options: argparse.Namespace) -> int:
     found = advise(scenario, evidence)
     if options.sheet:
         from turning_render import plot_style
-        from turning_shop import sheet
+        from turning_shop import plots
 
-        plot_style.save(sheet.draw_sheet(scenario, evidence, found), options.sheet)
+        plot_style.save(plots.draw_sheet(scenario, evidence, found), options.sheet)
     if options.page:
         from turning_shop.page import render
 

@@ -93,8 +93,7 @@ def test_a_year_is_compared() -> None:
     scenario = Scenario.load({"economics": MONEY})
     found = advise(scenario, Evidence())
     fixed, *others = play_all(scenario, found, [], "fixed_handbook", 1000.0, 2).years
-    # The agent was trained for this lathe, whatever its prices.
-    assert [year.name for year in others] == ["schedule by time", "rule fixed_handbook", "agent analytic_gradient-seed0"]
+    assert [year.name for year in others] == ["schedule by time", "rule fixed_handbook"]
     assert fixed.saved.value == 0
     assert fixed.cost.value > 1000 * 90  # the hours, and edges
     for year in others:
@@ -114,7 +113,6 @@ def test_of_an_edge_that_lasts_too_long_to_play_its_used_share_counts() -> None:
 @pytest.mark.slow
 def test_the_best_rule_and_an_agent_save() -> None:
     weaker = Scenario.load({"limits": {"power": 6.5}})
-    assert not [year for year in play_all(weaker, advise(weaker, Evidence()), [], None, 1000.0, 2).years if "agent" in year.name]
     agent = ROOT / "agents" / "RoughTurning-v0" / "rough_turning" / "ppo-seed0.onnx"
     years = play_all(weaker, advise(weaker, Evidence()), [str(agent)], None, 1000.0, 2).years
     assert [year.name for year in years[2:]] == ["rule predictive", "agent ppo-seed0"]
