@@ -32,7 +32,7 @@ from baselines import catalogue
 from leaderboard.family_play import Retold
 from train.actor import ActorPolicy
 from train.agents import agent_file
-from train.run import Run
+from train.run import HYPERPARAMETERS, Run, hyperparameters
 from train.training import SEEDS, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import Mistake, described, exits
@@ -49,6 +49,14 @@ FOLDER = Path(__file__).parent
 STUDIES = sorted(path.stem for path in FOLDER.glob("*.toml"))
 CORRECTIONS = ("speed", "feed", "change")
 """Outputs of the family agent's network: corrections of speed, feed and the score of an edge change."""
+
+
+def with_changes(scenario: Scenario, changes: dict[str, dict[str, Any]]) -> Scenario:
+    """Return a scenario with other values by section."""
+    values = scenario.model_dump()
+    for section, fields in changes.items():
+        values[section] = values.get(section, {}) | fields
+    return Scenario.model_validate(values)
 
 
 class Variant(BaseModel):
@@ -71,12 +79,6 @@ class Variant(BaseModel):
     """Corrections of the agent's network that are left out."""
     told: str | None = None
     """How the names of the fields begin whose true values the agent is told; None: of no field."""
-
-    @model_validator(mode="after")
-    def _plays_one_thing(self) -> Self:
-        if not self.like and (bool(self.algorithm) + bool(self.policy) + bool(self.agent)) != 1:
-            raise ValueError("needs one of algorithm, policy, agent and like")
-        return self
 
 
 class Study(BaseModel):
@@ -101,8 +103,23 @@ class Study(BaseModel):
     def _has_what_it_names(self) -> Self:
         if self.task not in (*IDS, FAMILY_ID):
             raise ValueError(f"task is {self.task!r}, but must be one of {', '.join((*IDS, FAMILY_ID))}")
-        if unknown := [each.like for each in self.variants.values() if each.like and each.like not in self.variants]:
-            raise ValueError(f"like is {unknown[0]!r}, but must be one of {', '.join(self.variants)}")
+        before: list[str] = []
+        for name, own in self.variants.items():
+            if own.like and own.like not in before:
+                raise ValueError(f"variants.{name}.like is {own.like!r}, but must be a variant before it: {', '.join(before)}")
+            before.append(name)
+            each = self.variant(name)
+            if (bool(each.algorithm), bool(each.policy), bool(each.agent)).count(True) != 1:
+                raise ValueError(f"variants.{name} needs one of algorithm, policy, agent and like")
+            if bool(each.agent) != (self.task == FAMILY_ID):
+                raise ValueError(f"variants.{name}: agents play {FAMILY_ID}, and no others play it")
+            if each.algorithm not in ("", *(path.stem for path in HYPERPARAMETERS.glob("*.toml"))):
+                raise ValueError(f"variants.{name}.algorithm is {each.algorithm!r}, but must be a name in {HYPERPARAMETERS}")
+            if self.task in IDS:
+                with_changes(Scenario.load(IDS[self.task]), each.scenario)
+            known = hyperparameters(each.algorithm, self.task) if each.algorithm else each.settings
+            if unknown := [key for key in self.settings | each.settings if key not in known and each.algorithm]:
+                raise ValueError(f"variants.{name}.settings has {unknown[0]!r}, but must be of {', '.join(known)}")
         return self
 
     @classmethod
@@ -119,7 +136,7 @@ class Study(BaseModel):
             return cls.model_validate(tomllib.loads(path.read_text("utf-8")))
         except ValidationError as error:
             first = error.errors()[0]
-            raise Mistake(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+            raise Mistake(f"{path}: {' '.join([*map(str, first['loc']), *first['msg'].split()])}") from error
         except ValueError as error:
             raise Mistake(f"{path}: {error}") from error
 
@@ -177,7 +194,7 @@ def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Pl
         file = agent_file.read(variant.agent)
         work = partial(_play_agent, file, variant, study.episodes)
         return Played({study.task: _cached(runs, [*kept, sha256(file.content).hexdigest()], work)}, None)
-    home = _with_changes(Scenario.load(IDS[study.task]), variant.scenario)
+    home = with_changes(Scenario.load(IDS[study.task]), variant.scenario)
     if variant.algorithm:
         algorithm = import_module(f"train.{variant.algorithm}").ALGORITHM
         run = Run.plan(variant.algorithm, study.task, home, seed, runs / name, command, study.settings | variant.settings)
@@ -193,13 +210,6 @@ def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Pl
         seeds = (tuning_seeds if study.seeds == "tuning" else held_out_seeds)(study.episodes)
         episodes[scenario.name] = _cached(runs, [*kept, scenario.digest()], partial(play, make, scenario, seeds))
     return Played(episodes, seconds)
-
-
-def _with_changes(scenario: Scenario, changes: dict[str, dict[str, Any]]) -> Scenario:
-    values = scenario.model_dump()
-    for section, fields in changes.items():
-        values[section] |= fields
-    return Scenario.model_validate(values)
 
 
 def _controller(variant: Variant, scenario: Scenario) -> PolicySpec:
