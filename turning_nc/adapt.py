@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, loads, play, tool_life
+from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed, play, tool_life
 from turning_nc.moves import run
 from turning_nc.stock import Values
 from turning_nc.words import NcError, divide
@@ -125,16 +125,19 @@ def schedule(
     breaks = np.flatnonzero((np.diff(on) > 1) | (np.diff(slices.move[on]) > 0) | (np.abs(np.diff(played.feed[on])) > 1e-9)) + 1
     sections = []
     for group in np.split(on, breaks) if len(on) else []:
-        first, last = group[0], group[-1]
-        move = moves[slices.move[first]]
-        z, x = move.path.start
-        if first > 0 and slices.move[first - 1] == slices.move[first]:
-            z, x = slices.z[first - 1], slices.x[first - 1]
+        move, first = moves[slices.move[group[0]]], group[0]
+        (z, x), (end, end_x) = slices.start[first].tolist(), slices.end[group[-1]].tolist()
         sections.append(
             Section(
-                *(move.line, move.cycle_pass, move.tool, (float(z), float(slices.z[last]))),
-                *((2.0 * float(x), 2.0 * float(slices.x[last])), float(slices.depth[group].max()), float(played.feed[first])),
-                *(float(played.feed[first] / search.before.feed[first]), float(played.cutting_speed[group].max())),
+                line=move.line,
+                cycle_pass=move.cycle_pass,
+                tool=move.tool,
+                z=(z, end),
+                diameter=(2.0 * x, 2.0 * end_x),
+                depth=float(slices.depth[group].max()),
+                feed=float(played.feed[first]),
+                override=float(played.feed[first] / search.before.feed[first]),
+                cutting_speed=float(played.cutting_speed[group].max()),
             )
         )
     return sections, played
@@ -148,100 +151,93 @@ class _Search:
         self.start_wear = wear
         self.before = before = play(situation, wear)
         self.text = s.moves.program.text
-        self.words = {line.number: line.words for part in s.moves.program.parts.values() for line in part}
-        keys: dict[Key, int] = {}
-        feeds, speeds = np.full(len(s.removal.slices.move), -1), np.full(len(s.removal.slices.move), -1)
-        for number, move in enumerate(s.moves.moves):
-            if move.kind != "feed":
-                continue
-            mine = s.removal.slices.move == number
-            for address, setting, changes, of in (
-                ("F", move.feed, move.per_revolution, feeds),
-                ("S", move.speed, move.constant_cutting_speed, speeds),
-            ):
-                key = self._key(address, setting.span, move.line, where) if changes else None
-                if key is not None and (key[2] is not None or s.engaged[mine].any()):  # nothing is put into blocks in air
-                    of[mine] = keys.setdefault(key, len(keys))
-        if not keys:
-            raise NcError("the program has no F word in mm/rev and no S word under G96, so nothing can be adapted")
-        self.keys = list(keys)
-        self.feed_of, self.speed_of = feeds, speeds
+        self.keys: list[Key] = []
+        self.scales: list[float] = []
+        slices = s.removal.slices
+        self.feed_of, self.speed_of = np.full((2, len(slices.move)), -1)
         self.ends = {move.line: move.line_end for move in s.moves.moves}
-        self.scales = np.ones(len(keys))
+        words = {line.number: line.words for part in s.moves.program.parts.values() for line in part}
         for number, move in enumerate(s.moves.moves):
-            first = int(np.argmax(s.removal.slices.move == number))
-            for key_index, setting in ((feeds[first], move.feed), (speeds[first], move.speed)):
-                if key_index >= 0 and move.kind == "feed":
-                    self.scales[key_index] = setting.scale
+            mine = slices.move == number
+            feed = "F", move.feed, move.per_revolution, self.feed_of
+            for address, setting, changes, of in (feed, ("S", move.speed, move.constant_cutting_speed, self.speed_of)):
+                if move.kind != "feed" or not changes:
+                    continue
+                line = 0 if setting.span is None else self.text.count("\n", 0, setting.span[0]) + 1
+                written = any(word.address in ("CYCLE95", address) for word in words.get(move.line, ()))
+                if where == "words" or line == move.line or written:
+                    key = (address, line, setting.span)
+                    of[mine] = -1 if setting.span is None else self._index(key, setting.scale)
+                elif s.engaged[mine].any():  # nothing is put into blocks in air
+                    of[mine] = self._index((address, move.line, None), setting.scale)
+        if not self.keys:
+            raise NcError("the program has no F word in mm/rev and no S word under G96, so nothing can be adapted")
         self.fixed = {
-            key: float(s.feed[feeds == key].max())
-            for key in np.unique(feeds[feeds >= 0])
-            if s.finishing(feeds == key, finishing_depth)
+            key: float(s.feed[self.feed_of == key].max())
+            for key in np.unique(self.feed_of[self.feed_of >= 0])
+            if s.finishing(self.feed_of == key, finishing_depth)
         }
         if where == "positions":
             self._divide()
         # Loads are judged at the wear that the program leaves, tool by tool, so that they hold at the end too.
-        self.wear = np.zeros(len(s.removal.slices.move))
-        for tool in dict.fromkeys(s.tool.tolist()):
-            self.wear[s.tool == tool] = before.wear[s.tool == tool].max()
+        self.wear = np.zeros(len(slices.move))
+        for mine in s.by_tool.values():
+            self.wear[mine] = before.wear[mine].max()
+
+    def _index(self, key: Key, scale: float) -> int:
+        """Return the index of a key, which is new for a section of a schedule (line 0)."""
+        if key not in self.keys or key[1] == 0:
+            self.keys.append(key)
+            self.scales.append(scale)
+            return len(self.keys) - 1
+        return self.keys.index(key)
 
     def _divide(self) -> None:
         """Give sections of about the same depth feeds of their own, except for finishing."""
         slices = self.situation.removal.slices
-        keys, scales = self.feed_of.copy(), list(self.scales)
+        divided = self.feed_of.copy()
         begun = last = -1
-        for index in np.flatnonzero(
-            self.situation.engaged & (self.feed_of >= 0) & ~np.isin(self.feed_of, list(self.fixed))
-        ).tolist():
-            alike = abs(slices.depth[index] - slices.depth[begun]) <= SAME_DEPTH * slices.depth[begun]
-            if begun < 0 or index != last + 1 or slices.move[index] != slices.move[begun] or not alike:
+        loose = self.situation.engaged & (self.feed_of >= 0) & ~np.isin(self.feed_of, list(self.fixed))
+        for index in np.flatnonzero(loose).tolist():
+            same_depth = abs(slices.depth[index] - slices.depth[begun]) <= SAME_DEPTH * slices.depth[begun]
+            if begun >= 0 and index == last + 1 and slices.move[index] == slices.move[begun] and same_depth:
+                divided[index] = divided[begun]
+            else:
                 begun = index
-                scales.append(self.scales[self.feed_of[index]])
-                self.keys.append(("F", 0, None))
-            keys[index], last = len(self.keys) - 1, index
-        self.feed_of, self.scales = keys, np.array(scales)
-
-    def _key(self, address: str, span: tuple[int, int] | None, line: int, where: Where) -> Key | None:
-        own = span is not None and self.text.count("\n", 0, span[0]) + 1 == line
-        words = self.words.get(line, ())
-        if where == "words" or own or any(word.address == "CYCLE95" or word.address == address for word in words):
-            return None if span is None else (address, self.text.count("\n", 0, span[0]) + 1, span)
-        return address, line, None
+                divided[index] = self._index(("F", 0, None), self.scales[self.feed_of[index]])
+            last = index
+        self.feed_of = divided
 
     def within_life(self, share: float) -> Values:
         """Return the values that make the program shortest while no tool uses more than a share of what it used before."""
-        tools = self.situation.tool
-        prices = np.zeros(len(tools))
-        for tool in dict.fromkeys(tools.tolist()):
-            mine = tools == tool
+        prices = np.zeros(len(self.situation.tool))
+        for mine in self.situation.by_tool.values():
             allowed = share * float(self.before.used_life[mine].sum())
             low, high, price = _MIN_PRICE, _MAX_PRICE, 0.0
             while high > _PRICE_STEP * low and allowed > 0.0:
                 prices[mine] = price
-                if self.used_life(self.best(prices))[mine].sum() > allowed:
+                if self._used_life(self._best(prices))[mine].sum() > allowed:
                     low = max(price, low)
-                elif price == 0.0:
-                    high = 0.0
                 else:
                     high = price
                 price = math.sqrt(low * high)
             prices[mine] = high if allowed > 0.0 else 0.0
-        return self.best(prices)
+        return self._best(prices)
 
-    def best(self, price: Values) -> Values:
+    def _best(self, price: Values) -> Values:
         """Return the value of every key that makes time + price * used life least; a price for every slice."""
         s = self.situation
         values = np.zeros(len(self.keys))
-        speeds = [key for key in range(len(self.keys)) if self.keys[key][0] == "S"]
+        speeds = [key for key, (address, *_) in enumerate(self.keys) if address == "S"]
         for key in speeds:
             values[key] = s.speed[self.speed_of == key].max()
         shared = any(np.unique(self.speed_of[self.feed_of == key]).size > 1 for key in np.unique(self.feed_of[self.feed_of >= 0]))
         for _ in range(3 if shared else 1):
             for key in speeds:
                 self._choose(values, key, price)
-        loose = np.isin(self.feed_of, [key for key in range(len(self.keys)) if values[key] == 0.0]) & (self.feed_of >= 0)
-        if loose.any():
-            self._feeds(values, np.flatnonzero(loose), self._speed(values)[loose][np.newaxis], price)
+        loose = np.flatnonzero((self.feed_of >= 0) & (values[self.feed_of] == 0.0))
+        if loose.size:
+            self._feeds(values, loose, self._speed(values)[loose][np.newaxis], price)
         return values
 
     def _speed(self, values: Values) -> Values:
@@ -259,8 +255,7 @@ class _Search:
         candidates = np.unique(np.rint(np.arange(low, high + 1e-9, step)))
         for _ in range(2 if step > 1.0 else 1):
             speeds = np.where(mine[cuts], candidates[:, np.newaxis] * scale, self._speed(values)[cuts])
-            costs = self._feeds(values, cuts, speeds, price, assign=False)
-            chosen = candidates[int(np.argmin(costs))]
+            chosen = candidates[int(np.argmin(self._feeds(values, cuts, speeds, price, assign=False)))]
             candidates = np.arange(max(chosen - math.ceil(step), low), min(chosen + math.ceil(step), high) + 1.0)
         values[key] = chosen * scale
         self._feeds(values, cuts, self._speed(values)[cuts][np.newaxis], price)
@@ -268,35 +263,28 @@ class _Search:
     def _feeds(self, values: Values, cuts: NDArray[np.int64], speeds: Values, price: Values, assign: bool = True) -> Values:
         """Return the cost [s] of each row of speeds with the best feeds; set these feeds if there is one row."""
         s, scenario = self.situation, self.situation.scenario
-        material, limits, (low, high) = scenario.material, scenario.limits, s.feed_range
-        radius, length, depth, on = (
-            a[cuts] for a in (s.removal.slices.radius, s.removal.slices.length, s.removal.slices.depth, s.engaged)
-        )
-        around = 2.0 * math.pi * np.maximum(radius, 1e-6) / 1000.0
+        low, high = s.feed_range
+        slices, on = s.removal.slices, s.engaged[cuts]
+        around = 2.0 * math.pi * np.maximum(slices.radius[cuts], 1e-6) / 1000.0
         turns = np.minimum(np.where(s.constant_speed[cuts], speeds / around, speeds), s.max_spindle[cuts])
         speed = turns * around
-        deep = np.where(on, depth, 1.0)
-        unit = np.ones_like(speed)
-        force, power = loads(scenario, speed, unit, deep, self.wear[cuts])
-        allowed = np.full(speed.shape, high)
-        for load, limit, law in ((force, limits.thrust_force, material.thrust_force), (power, limits.power, material.power)):
-            if law.feed > 0.0:
-                allowed = np.where(on, np.minimum(allowed, (limit / load) ** (1.0 / law.feed)), allowed)
-        minutes = 60.0 * length / turns  # time at 1 mm/rev [s]
-        lives = np.where(on, price[cuts] * minutes / tool_life(scenario, speed, unit, deep), 0.0)  # priced [s]
-        exponent = material.wear.feed / material.wear.time
+        depth = np.where(on, slices.depth[cuts], 1.0)
+        allowed = np.where(on, highest_feed(scenario, speed, depth, self.wear[cuts], high), high)
+        minutes = 60.0 * slices.length[cuts] / turns  # time at 1 mm/rev [s]
+        lives = np.where(on, price[cuts] * minutes / tool_life(scenario, speed, np.ones_like(speed), depth), 0.0)  # priced [s]
+        exponent = scenario.material.wear.feed / scenario.material.wear.time
         costs = np.zeros(len(speed))
         keys = self.feed_of[cuts]
         for key in np.unique(keys):
             mine = keys == key
-            cap = allowed[:, mine].min(axis=1)
-            time, life = minutes[:, mine].sum(axis=1), lives[:, mine].sum(axis=1)
             if key < 0:  # no word to change
                 feeds = s.feed[cuts][mine]
                 per_turn = np.where(s.per_revolution[cuts][mine], feeds, feeds / turns[:, mine])
                 costs += (minutes[:, mine] / per_turn + lives[:, mine] * per_turn ** (exponent - 1.0)).sum(axis=1)
                 costs += 1e6 * np.maximum((per_turn / allowed[:, mine]).max(axis=1) - 1.0, 0.0)
                 continue
+            cap = allowed[:, mine].min(axis=1)
+            time, life = minutes[:, mine].sum(axis=1), lives[:, mine].sum(axis=1)
             if key in self.fixed:
                 feed = np.full(len(speed), self.fixed[key])
             else:
@@ -309,18 +297,23 @@ class _Search:
                 values[key] = self._rounded_feed(feed[0], key)
         return costs
 
+    def _decimals(self, key: int) -> int:
+        if self.keys[key][0] == "S":
+            return 0
+        return FEED_DECIMALS if self.scales[key] == 1.0 else FEED_DECIMALS_INCH
+
     def _rounded_feed(self, feed: float, key: int) -> float:
         """Return a feed as it can be written: rounded down, but not below the machine's lowest."""
         if key in self.fixed:
             return feed
-        step = float(self.scales[key] * 10.0 ** -(FEED_DECIMALS if self.scales[key] == 1.0 else FEED_DECIMALS_INCH))
+        step = self.scales[key] * 10.0 ** -self._decimals(key)
         return max(math.floor(feed / step + 1e-9), math.ceil(self.situation.feed_range[0] / step - 1e-9)) * step
 
     def settings(self, values: Values) -> tuple[Values, Values]:
         """Return feed and speed of every slice, as programmed where no value sets them."""
         return np.where(self.feed_of >= 0, values[self.feed_of], self.situation.feed), self._speed(values)
 
-    def used_life(self, values: Values) -> Values:
+    def _used_life(self, values: Values) -> Values:
         """Return the share of an edge's life that every slice would use [-]."""
         return play(self.situation, self.start_wear, *self.settings(values)).used_life
 
@@ -329,18 +322,14 @@ class _Search:
         edits: list[tuple[int, int, str]] = []
         changes = []
         for key, (address, line, span) in enumerate(self.keys):
-            number = values[key] / self.scales[key]
-            decimals = 0 if address == "S" else FEED_DECIMALS if self.scales[key] == 1.0 else FEED_DECIMALS_INCH
-            text = f"{number:.{decimals}f}"
-            if decimals:
+            text = f"{values[key] / self.scales[key]:.{self._decimals(key)}f}"
+            if "." in text:
                 whole, _, part = text.partition(".")
                 text = f"{whole}.{part.rstrip('0') or '0'}"
             if span is None:
                 edits.append((self.ends[line], self.ends[line], f" {address}{text}"))
                 changes.append(Change(line, "", f"{address}{text}"))
-            elif key in self.fixed or math.isclose(float(self.text[slice(*span)]), float(text), rel_tol=1e-9):
-                continue
-            else:
+            elif key not in self.fixed and not math.isclose(float(self.text[slice(*span)]), float(text), rel_tol=1e-9):
                 edits.append((*span, text))
                 changes.append(Change(line, f"{address}{self.text[slice(*span)]}", f"{address}{text}"))
         made = self.text

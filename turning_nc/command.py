@@ -3,19 +3,14 @@
 import argparse
 import math
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from turning_env.console import number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario
 from turning_nc.dialects import DIALECTS
-from turning_nc.words import NcError, read_program_file
-
-if TYPE_CHECKING:
-    from turning_nc.moves import Moves
-    from turning_nc.report import Summary
+from turning_nc.words import NcError, naming, read_program_file
 
 WARNING = "simulation output: not for a machine without review"
 MARK = ".simulated"
@@ -44,7 +39,8 @@ def program(options: argparse.Namespace) -> int:
         raise NcError(f"--wear is {wear:g} mm, but must be at most the wear criterion, {scenario.tool.wear_criterion:g} mm")
     _check_out(options)
     text = read_program_file(options.program, DIALECTS.get(options.dialect))
-    run = _named(options.program, lambda: moves.run(text, options.go_on))
+    with naming(options.program):
+        run = moves.run(text, options.go_on)
     notes = list(run.notes)
     if options.stock:
         polygon = stock.read_stock(options.stock)
@@ -70,40 +66,25 @@ def program(options: argparse.Namespace) -> int:
     if options.out:
         data = adapted.text.encode("latin-1") if adapted else report.schedule_table(sections or []).encode()
         replace_file(options.out, lambda partial: partial.write_bytes(data))
-    results: dict[str, Any] = {
-        "program": str(options.program),
-        "dialect": text.dialect.name,
-        "scenario": scenario.name,
-        "wear": wear,
-    }
-    results |= {"totals": asdict(totals), "blocks": report.as_records(rows), "notes": notes}
-    if options.adapt:
-        changes = [asdict(change) for change in adapted.changes] if adapted else []
-        results["adapted"] = {"totals": asdict(after), "changes": changes, "warning": WARNING}
-    if sections is not None:
-        results["adapted"]["sections"] = [asdict(section) for section in sections]
     if options.json:
+        results: dict[str, Any] = {"program": options.program, "dialect": text.dialect.name, "scenario": scenario.name}
+        results |= {"wear": wear, "totals": totals, "blocks": rows, "notes": notes}
+        if options.adapt:
+            results["adapted"] = {"totals": after, "changes": adapted.changes if adapted else (), "warning": WARNING}
+        if sections is not None:
+            results["adapted"]["sections"] = sections
         print_json(results)
         return 0
     print(report.table(rows), "", *totals.lines(), *report.findings(rows), *(f"note: {note}" for note in notes), sep="\n")
     if adapted:
         changed = [f"  line {change.line}: {change.before or 'new word'} -> {change.after}" for change in adapted.changes]
-        print("", f"adapted ({WARNING}): {len(changed)} words", *changed, *_comparison(totals, after), sep="\n")
+        print("", f"adapted ({WARNING}): {len(changed)} words", *changed, *report.comparison(totals, after), sep="\n")
     elif sections is not None:
-        print("", f"schedule by position ({WARNING}): {len(sections)} sections", *_comparison(totals, after), sep="\n")
+        print("", f"schedule by position ({WARNING}): {len(sections)} sections", *report.comparison(totals, after), sep="\n")
     for path in (options.figure, options.out):
         if path:
             print(path)
     return 0
-
-
-def _comparison(before: "Summary", after: "Summary") -> list[str]:
-    saved = 100.0 * (1.0 - after.time / before.time)
-    change = f"{saved:.1f} % saved" if saved >= 0.0 else f"{-saved:.1f} % longer"
-    times = f"cycle time: {before.time:.1f} s before, {after.time:.1f} s after: {change}"
-    load = f"highest load: {100 * before.max_load:.0f} % before, {100 * after.max_load:.0f} % after"
-    lives = [sum(totals.used_life.values()) for totals in (before, after)]
-    return [times, load, f"tool life per part: {100 * lives[0]:.2f} % before, {100 * lives[1]:.2f} % after"]
 
 
 def _check_out(options: argparse.Namespace) -> None:
@@ -121,55 +102,35 @@ def _check_out(options: argparse.Namespace) -> None:
         raise NcError(f"{options.out} exists; --overwrite replaces it")
 
 
-def _named(path: Path, make: "Callable[[], Moves]") -> "Moves":
-    try:
-        return make()
-    except NcError as error:
-        raise NcError(f"{path}: {error}") from error
-
-
 def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     """Add the command and its options."""
     parser = command(program, "play and adapt a part program", scenario=False)
-    parser.add_argument("program", type=Path, metavar="FILE", help="part program")
-    parser.add_argument("--scenario", required=True, metavar="SCENARIO", help="preset or TOML file with the laws and limits")
-    parser.add_argument("--stock", metavar="STOCK",
-                        help="bar:DIAMETERxLENGTH or tube:OUTERxINNERxLENGTH [mm], with +FACE for metal before Z0; or a DXF or "
-                        "CSV file (default: a bar that the program fits in)")  # fmt: skip
-    parser.add_argument("--tool", action="append", type=_tool, metavar="NAME=KIND",
-                        help="kind of a tool: outside (default), inside, copying, groove:WIDTH; can be repeated")  # fmt: skip
-    parser.add_argument("--dialect", choices=tuple(DIALECTS), help="default: by the program's own words")
-    parser.add_argument("--wear", type=number_within(0.0, 10.0, "mm"), metavar="X",
-                        help="flank wear of the edges at the start [mm] (default: half the wear criterion)")  # fmt: skip
-    for option, default, high, unit, text in (
-        ("--max-spindle", 4000.0, 1e5, "rev/min", "highest spindle speed of the machine"),
-        ("--rapid", 10_000.0, 1e6, "mm/min", "rapid traverse"),
-        ("--tool-change", 2.0, 1e3, "s", "time to change a tool"),
-    ):
-        low = 0.0 if unit == "s" else 1.0
-        parser.add_argument(option, type=number_within(low, high, unit), default=default, metavar="X",
-                            help=f"{text} [{unit}] (default: %(default)g)")  # fmt: skip
-    parser.add_argument(
-        "--go-on", action="store_true", help="leave out lines that are not understood, instead of refusing the program"
-    )
-    parser.add_argument("--adapt", choices=("words", "blocks", "positions"),
-                        help="adapt feeds and speeds: in the words that stand in the program, in every block, or in a table by "
-                        "position")  # fmt: skip
-    parser.add_argument("--life", type=number_within(0.01, 100.0, ""), default=1.0, metavar="X",
-                        help="tool life that the adapted program may use, over that before (default: %(default)g)")  # fmt: skip
-    parser.add_argument("--max-feed", type=number_within(0.001, 10.0, "mm/rev"), metavar="X",
-                        help="highest feed of the inserts [mm/rev] (default: the scenario's)")  # fmt: skip
-    parser.add_argument("--finishing", type=number_within(0.0, 100.0, "mm"), default=0.5, metavar="X",
-                        help="feeds up to this depth of cut stay: they make the surface [mm] (default: %(default)g)")  # fmt: skip
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help=f"adapted program, or table, to write; its name must hold {MARK}",
-    )
-    parser.add_argument("--overwrite", action="store_true", help="replace an existing file")
-    parser.add_argument("--figure", type=picture_path, metavar="FILE", help="picture of stock, passes and load: PNG, SVG or PDF")
-    parser.add_argument("--json", action="store_true", help="print all results as JSON")
+    add = parser.add_argument
+    add("program", type=Path, metavar="FILE", help="part program")
+    add("--scenario", required=True, metavar="SCENARIO", help="preset or TOML file with the laws and limits")
+    sizes = "bar:DIAMETERxLENGTH or tube:OUTERxINNERxLENGTH [mm], with +FACE for metal before Z0"
+    add("--stock", metavar="STOCK", help=f"{sizes}; or a DXF or CSV file (default: a bar that the program fits in)")
+    kinds = "outside (default), inside, copying, groove:WIDTH"
+    add("--tool", action="append", type=_tool, metavar="NAME=KIND", help=f"kind of a tool: {kinds}; can be repeated")
+    add("--dialect", choices=tuple(DIALECTS), help="default: by the program's own words")
+    add("--go-on", action="store_true", help="leave out lines that are not understood, instead of refusing the program")
+    hows = "in the words that stand in the program, in every block, or in a table by position"
+    add("--adapt", choices=("words", "blocks", "positions"), help=f"adapt feeds and speeds: {hows}")
+    for option, default, low, high, unit, text in (
+        ("--wear", None, 0.0, 10.0, "mm", "flank wear of the edges at the start [mm] (default: half the wear criterion)"),
+        ("--max-spindle", 4000.0, 1.0, 1e5, "rev/min", "highest spindle speed of the machine [rev/min] (default: %(default)g)"),
+        ("--rapid", 10_000.0, 1.0, 1e6, "mm/min", "rapid traverse [mm/min] (default: %(default)g)"),
+        ("--tool-change", 2.0, 0.0, 1e3, "s", "time to change a tool [s] (default: %(default)g)"),
+        ("--life", 1.0, 0.01, 100.0, "", "tool life that the adapted program may use, over that before (default: %(default)g)"),
+        ("--max-feed", None, 0.001, 10.0, "mm/rev", "highest feed of the inserts [mm/rev] (default: the scenario's)"),
+        ("--finishing", 0.5, 0.0, 100.0, "mm",
+         "feeds up to this depth of cut stay: they make the surface [mm] (default: %(default)g)"),
+    ):  # fmt: skip
+        add(option, type=number_within(low, high, unit), default=default, metavar="X", help=text)
+    add("--out", type=Path, metavar="FILE", help=f"adapted program, or table, to write; its name must hold {MARK}")
+    add("--overwrite", action="store_true", help="replace an existing file")
+    add("--figure", type=picture_path, metavar="FILE", help="picture of stock, passes and load: PNG, SVG or PDF")
+    add("--json", action="store_true", help="print all results as JSON")
 
 
 def _tool(text: str) -> tuple[str, str]:

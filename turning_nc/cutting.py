@@ -80,6 +80,11 @@ class Situation:
         machine = self.scenario.machine
         return machine.feed_min, max(min(machine.feed_max, self.machine.max_feed), machine.feed_min)
 
+    @cached_property
+    def by_tool(self) -> dict[str, NDArray[np.bool_]]:
+        """The slices of each tool, in the order of its first use."""
+        return {tool: self.tool == tool for tool in dict.fromkeys(self.tool.tolist())}
+
     def finishing(self, mine: NDArray[np.bool_], depth: float) -> bool:
         """Return whether at most half of the way in metal is deeper than ``depth`` [mm], or a grooving tool cuts."""
         mine = mine & self.engaged
@@ -141,11 +146,10 @@ def play(situation: Situation, wear: float, feed: Values | None = None, speed: V
     time, cutting_speed, per_turn, turns = motion(s, feed, speed)
     on = s.engaged
     life = np.zeros(len(time))
-    life[on] = time_in_metal(s, time)[on] / tool_life(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on])
+    life[on] = (time - s.other_time)[on] / tool_life(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on])
     exponent, criterion = scenario.material.wear.time, scenario.tool.wear_criterion
     worn = np.zeros(len(time))
-    for tool in dict.fromkeys(s.tool.tolist()):
-        mine = s.tool == tool
+    for mine in s.by_tool.values():
         worn[mine] = criterion * ((wear / criterion) ** (1.0 / exponent) + np.cumsum(life[mine])) ** exponent
     force, power = np.zeros(len(time)), np.zeros(len(time))
     force[on], power[on] = loads(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on], worn[on])
@@ -154,11 +158,6 @@ def play(situation: Situation, wear: float, feed: Values | None = None, speed: V
         *(time, cutting_speed, per_turn, turns, life, worn, force, power),
         *(force / limits.thrust_force, power / limits.power),
     )
-
-
-def time_in_metal(situation: Situation, time: Values) -> Values:
-    """Return the times without rapid moves, dwells and tool changes [s]."""
-    return np.asarray(time - situation.other_time)
 
 
 def tool_life(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values) -> Values:
@@ -176,6 +175,17 @@ def loads(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values
     speed = _within_laws(scenario, cutting_speed)
     power = scenario.material.power(speed, feed, depth, wear=wear) * np.minimum(cutting_speed / speed, 1.0)
     return scenario.material.thrust_force(speed, feed, depth, wear=wear), power
+
+
+def highest_feed(scenario: Scenario, cutting_speed: Values, depth: Values, wear: Values, high: float) -> Values:
+    """Return the highest feed within the limits of force and power, and at most ``high`` [mm/rev]."""
+    material, limits = scenario.material, scenario.limits
+    force, power = loads(scenario, cutting_speed, np.ones_like(cutting_speed), depth, wear)  # at 1 mm/rev
+    feed = np.full(cutting_speed.shape, high)
+    for load, limit, law in ((force, limits.thrust_force, material.thrust_force), (power, limits.power, material.power)):
+        if law.feed > 0.0:
+            feed = np.minimum(feed, (limit / load) ** (1.0 / law.feed))
+    return feed
 
 
 def _within_laws(scenario: Scenario, cutting_speed: Values) -> Values:

@@ -16,7 +16,7 @@ from turning_nc.modal import HOME, Modal, Setting
 from turning_nc.paths import Corner, Path, Point, arc_of_radius, break_corner
 from turning_nc.words import Line, NcError, PartProgram, Problem, Word
 
-MAX_MOVES, MAX_BLOCKS, MAX_CALLS = 100_000, 200_000, 8
+MAX_MOVES, MAX_BLOCKS, MAX_CALLS = 100_000, 100_000, 8
 MAX_NAMED = 20
 """Largest number of lines that an error names."""
 

@@ -35,8 +35,11 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
             above.fill(*piece.exterior.xy, color=colour, linewidth=0)
             for hole in piece.interiors:
                 above.fill(*hole.xy, color="white", linewidth=0)
-    segments, shares = _segments(situation, played)
-    lines = LineCollection(segments, array=shares, cmap=_LOADS, norm=Normalize(0.0, 100.0 * _TOP), linewidths=1.6)
+    slices = removal.slices
+    segments = list(np.stack((slices.start, slices.end), axis=1)[situation.fed])
+    lines = LineCollection(
+        segments, array=100.0 * played.load[situation.fed], cmap=_LOADS, norm=Normalize(0.0, 100.0 * _TOP), linewidths=1.6
+    )
     above.add_collection(lines)
     rapid = [move.path for move in situation.moves.moves if move.kind == "rapid"]
     above.add_collection(LineCollection([(path.start, path.end) for path in rapid], colors=GREY, linewidths=0.4, linestyles=":"))
@@ -57,11 +60,8 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
     figure.colorbar(lines, ax=above, label="load [% of its limit]", shrink=0.8, extend="max")
     ends = np.cumsum(played.time)
     times = np.repeat(np.concatenate(([0.0], ends)), 2)[1:-1]
-    for name, share, colour, style in (
-        ("thrust force", played.force_share, ORANGE, "-"),
-        ("power", played.power_share, BLUE, "-"),
-    ):
-        below.plot(times, 100.0 * np.repeat(share, 2), color=colour, linestyle=style, linewidth=1.0, label=name)
+    for name, share, colour in (("thrust force", played.force_share, ORANGE), ("power", played.power_share, BLUE)):
+        below.plot(times, 100.0 * np.repeat(share, 2), color=colour, linewidth=1.0, label=name)
     below.axhline(100.0, **LIMIT, label="limit")
     below.set_xlim(0.0, max(ends[-1], 1e-3))
     below.set_ylim(bottom=0.0)
@@ -70,22 +70,3 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
     below.legend(**_ABOVE)
     below.spines[["top", "right"]].set_visible(False)
     return figure
-
-
-def _segments(situation: Situation, played: Play) -> tuple[list[Any], Any]:
-    """Return the pieces of feed moves, and their loads [%]."""
-    segments, shares = [], []
-    index = situation.removal.slices.move
-    for number, move in enumerate(situation.moves.moves):
-        if move.kind not in ("feed", "thread"):
-            continue
-        load = 100.0 * played.load[index == number]
-        points = np.array([move.path.start, *move.path.points()])
-        along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
-        lengths = situation.removal.slices.length[index == number]
-        marks = np.concatenate(([0.0], np.cumsum(lengths)))
-        z, x = (np.interp(marks, along, points[:, axis]) for axis in (0, 1))
-        places = np.stack((z, x), axis=1)
-        segments += list(np.stack((places[:-1], places[1:]), axis=1))
-        shares += load.tolist()
-    return segments, np.array(shares)

@@ -16,7 +16,7 @@ from turning_env import Scenario
 from turning_nc.dialects import SINUMERIK
 from turning_nc.law import Law
 from turning_nc.moves import Move, run
-from turning_nc.words import NcError, PartProgram, divide, read_program_file
+from turning_nc.words import NcError, PartProgram, divide, naming, read_program_file
 
 SPEED_DECIMALS, FEED_DECIMALS, LENGTH_DECIMALS, LIMIT_DECIMALS = 1, 3, 3, 1
 """A control's resolution: cutting speed 0.1 m/min, feed 0.001 mm/rev, lengths 0.001 mm, spindle speed 0.1 rev/min."""
@@ -155,10 +155,8 @@ def read_file(path: Path) -> Program:
         OSError: the file cannot be read.
     """
     program = read_program_file(path, SINUMERIK)
-    try:
+    with naming(path):
         return _program(program)
-    except NcError as error:
-        raise NcError(f"{path}: {error}") from error
 
 
 def _program(program: PartProgram) -> Program:

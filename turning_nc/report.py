@@ -1,14 +1,14 @@
 """Tell what a part program does, block by block: depths, loads, tool life, and what overloads or wastes time."""
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
 from turning_nc.adapt import Section
-from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, loads
-from turning_nc.stock import Values, volume
+from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed
+from turning_nc.stock import volume
 
 MIN_WASTE = 1.0
 """Time that a block must be able to save to be named [s]."""
@@ -43,12 +43,8 @@ class BlockRow:
     saves: float
     """Time that the highest feed within the limits would save at the same speed [s]; 0 for finishing."""
 
-    @property
-    def remark(self) -> str:
-        """What is wrong with the block."""
-        if max(self.force_share, self.power_share) > 1.0:
-            return "OVERLOAD"
-        return f"could save {self.saves:.0f} s" if self.saves >= MIN_WASTE else ""
+    remark: str
+    """Fault of the block, if it has one."""
 
 
 @dataclass(frozen=True)
@@ -97,94 +93,90 @@ def summary(situation: Situation, played: Play) -> Summary:
         removed_by_polygons=(volume(removal.stock) - volume(removal.part)) / 1000.0,
         max_load=float(played.load.max()),
         overload_time=float(time[played.load > 1.0].sum()),
-        used_life={
-            tool: float(played.used_life[situation.tool == tool].sum()) for tool in dict.fromkeys(situation.tool.tolist())
-        },
+        used_life={tool: float(played.used_life[mine].sum()) for tool, mine in situation.by_tool.items()},
     )
+
+
+def comparison(before: Summary, after: Summary) -> list[str]:
+    """Return the totals of two programs side by side, as text."""
+    saved = 100.0 * (1.0 - after.time / before.time)
+    change = f"{saved:.1f} % saved" if saved >= 0.0 else f"{-saved:.1f} % longer"
+    lives = [100.0 * sum(totals.used_life.values()) for totals in (before, after)]
+    return [
+        f"cycle time: {before.time:.1f} s before, {after.time:.1f} s after: {change}",
+        f"highest load: {100 * before.max_load:.0f} % before, {100 * after.max_load:.0f} % after",
+        f"tool life per part: {lives[0]:.2f} % before, {lives[1]:.2f} % after",
+    ]
 
 
 def rows(situation: Situation, played: Play) -> list[BlockRow]:
     """Return a row for every block at feed, in the order in which they are run."""
-    moves, slices = situation.moves, situation.removal.slices
-    passes = np.array([move.cycle_pass for move in moves.moves])[slices.move]
-    fed = np.flatnonzero(situation.fed)
-    keys = np.stack((situation.line[fed], passes[fed]))
+    s, slices = situation, situation.removal.slices
+    passes = np.array([move.cycle_pass for move in s.moves.moves])[slices.move]
+    fed = np.flatnonzero(s.fed)
+    keys = np.stack((s.line[fed], passes[fed]))
     breaks = np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0) | (np.diff(fed) > 1)) + 1
-    fastest = highest_feed(situation, played)
+    low, high = s.feed_range
+    fastest = np.full(len(played.time), high)
+    on = s.engaged
+    fastest[on] = highest_feed(s.scenario, played.cutting_speed[on], slices.depth[on], played.wear[on], high)
+    texts = s.moves.program.text.split("\n")
     made: list[BlockRow] = []
-    texts = moves.program.text.split("\n")
-    time = played.time - situation.other_time
+    time = played.time - s.other_time
     for group in np.split(fed, breaks):
-        on = group[situation.engaged[group]]
-        cut = on if on.size else group
-        limit = float(fastest[on].min()) if on.size else 0.0
-        mine = np.zeros(len(time), np.bool_)
-        mine[on] = True
-        rough = on.size and not situation.finishing(mine, FINISHING_DEPTH)
-        share = float(played.feed[on].max()) / limit if rough else 1.0
+        metal = group[on[group]]
+        cut = metal if metal.size else group
+        saves = 0.0
+        if metal.size and not s.finishing(np.isin(np.arange(len(time)), metal), FINISHING_DEPTH):
+            share = float(played.feed[metal].max() / max(fastest[metal].min(), low))
+            saves = max(float(time[metal].sum()) * (1.0 - share), 0.0)
+        remark = f"could save {saves:.0f} s" if saves >= MIN_WASTE else ""
         made.append(
             BlockRow(
-                line=int(situation.line[group[0]]),
+                line=int(s.line[group[0]]),
                 cycle_pass=int(passes[group[0]]),
-                tool=str(situation.tool[group[0]]),
-                text=texts[int(situation.line[group[0]]) - 1].strip()[:MAX_TEXT],
-                depth=float(slices.depth[cut].max()) if on.size else 0.0,
+                tool=str(s.tool[group[0]]),
+                text=texts[int(s.line[group[0]]) - 1].strip()[:MAX_TEXT],
+                depth=float(slices.depth[metal].max(initial=0.0)),
                 diameters=(2.0 * float(slices.radius[cut].min()), 2.0 * float(slices.radius[cut].max())),
                 cutting_speed=float(played.cutting_speed[cut].max()),
                 feed=float(played.feed[cut].max()),
                 time=float(time[group].sum()),
-                air_time=float(time[group].sum() - time[on].sum()),
+                air_time=float(time[group].sum() - time[metal].sum()),
                 removed=float(slices.volume[group].sum() / 1000.0),
                 force_share=float(played.force_share[group].max()),
                 power_share=float(played.power_share[group].max()),
                 used_life=float(played.used_life[group].sum()),
-                saves=max(float(time[on].sum()) * (1.0 - share), 0.0),
+                saves=saves,
+                remark="OVERLOAD" if played.load[group].max() > 1.0 else remark,
             )
         )
     return made
 
 
-def highest_feed(situation: Situation, played: Play) -> Values:
-    """Return the highest feed within the machine's range and the limits of force and power, at the played speed [mm/rev]."""
-    scenario = situation.scenario
-    material, limits, (low, high) = scenario.material, scenario.limits, situation.feed_range
-    highest = np.full(len(played.time), high)
-    on = situation.engaged
-    speed, depth, wear = played.cutting_speed[on], situation.removal.slices.depth[on], played.wear[on]
-    reference = np.full(speed.shape, high)
-    force, power = loads(scenario, speed, reference, depth, wear)
-    for load, limit, law in ((force, limits.thrust_force, material.thrust_force), (power, limits.power, material.power)):
-        if law.feed > 0.0:
-            allowed = high * (limit / load) ** (1.0 / law.feed)
-            highest[on] = np.minimum(highest[on], allowed)
-    return np.asarray(np.maximum(highest, low))
+_COLUMNS: dict[str, tuple[str, Callable[[BlockRow], str]]] = {
+    "line": ("", lambda row: str(row.line)),
+    "pass": ("", lambda row: str(row.cycle_pass or "")),
+    "tool": ("", lambda row: row.tool),
+    "depth": ("mm", lambda row: f"{row.depth:.2f}"),
+    "diameter": ("mm", lambda row: "-".join(dict.fromkeys(f"{value:.4g}" for value in row.diameters))),
+    "speed": ("m/min", lambda row: f"{row.cutting_speed:.0f}"),
+    "feed": ("mm/rev", lambda row: f"{row.feed:.3f}"),
+    "time": ("s", lambda row: f"{row.time:.1f}"),
+    "removed": ("cm3", lambda row: f"{row.removed:.1f}"),
+    "force": ("%", lambda row: f"{100 * row.force_share:.0f}"),
+    "power": ("%", lambda row: f"{100 * row.power_share:.0f}"),
+    "life": ("%", lambda row: f"{100 * row.used_life:.2f}"),
+}
 
 
 def table(blocks: Sequence[BlockRow]) -> str:
     """Return an aligned table of rows."""
-    heads = ("line", "pass", "tool", "depth", "diameter", "speed", "feed", "time", "removed", "force", "power", "life", "block")
-    units = ("", "", "", "mm", "mm", "m/min", "mm/rev", "s", "cm3", "%", "%", "%", "")
-    cells = [heads, units]
-    for row in blocks:
-        low, high = (f"{value:.4g}" for value in row.diameters)
-        cells.append(
-            (
-                *(
-                    str(row.line),
-                    str(row.cycle_pass or ""),
-                    row.tool,
-                    f"{row.depth:.2f}",
-                    low if low == high else f"{low}-{high}",
-                ),
-                *(f"{row.cutting_speed:.0f}", f"{row.feed:.3f}", f"{row.time:.1f}", f"{row.removed:.1f}"),
-                *(f"{100 * row.force_share:.0f}", f"{100 * row.power_share:.0f}", f"{100 * row.used_life:.2f}"),
-                f" {row.text}  {row.remark}".rstrip(),
-            )
-        )
-    widths = [max(len(row[k]) for row in cells) for k in range(len(heads) - 1)]
-    return "\n".join(
-        "  ".join([*(cell.rjust(width) for cell, width in zip(row, widths, strict=False)), row[-1]]).rstrip() for row in cells
-    )
+    columns = [[head, unit, *map(text, blocks)] for head, (unit, text) in _COLUMNS.items()]
+    padded = [[cell.rjust(max(map(len, column))) for cell in column] for column in columns]
+    last = ["block", "", *(f" {row.text}  {row.remark}" for row in blocks)]
+    lines = zip(*padded, last, strict=True)
+    return "\n".join("  ".join(cells).rstrip() for cells in lines)
 
 
 def findings(blocks: Sequence[BlockRow], count: int = 5) -> list[str]:
@@ -197,21 +189,14 @@ def findings(blocks: Sequence[BlockRow], count: int = 5) -> list[str]:
         found.append(
             f"overload: {'lines' if ',' in lines else 'line'} {lines}; the highest load is {100 * worst:.0f} % of its limit"
         )
-    wasted: dict[int, float] = {}
-    air: dict[int, float] = {}
-    for row in blocks:
-        wasted[row.line] = wasted.get(row.line, 0.0) + row.saves
-        air[row.line] = air.get(row.line, 0.0) + row.air_time
-    for what, by_line in (("too little feed", wasted), ("air at feed", air)):
-        longest = sorted(((time, line) for line, time in by_line.items() if time >= MIN_WASTE), reverse=True)[:count]
+    for what, time_of in (("too little feed", attrgetter("saves")), ("air at feed", attrgetter("air_time"))):
+        wasted: dict[int, float] = {}
+        for row in blocks:
+            wasted[row.line] = wasted.get(row.line, 0.0) + time_of(row)
+        longest = sorted(((time, line) for line, time in wasted.items() if time >= MIN_WASTE), reverse=True)[:count]
         if longest:
             found.append(f"wasted by {what}: " + ", ".join(f"line {line} {time:.1f} s" for time, line in longest))
     return found
-
-
-def as_records(blocks: Sequence[BlockRow]) -> list[dict[str, Any]]:
-    """Return rows for JSON."""
-    return [asdict(row) | {"remark": row.remark} for row in blocks]
 
 
 def schedule_table(sections: Sequence[Section]) -> str:

@@ -5,6 +5,7 @@ as a control with tool radius compensation makes it; its nose radius is neglecte
 """
 
 import csv
+import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from turning_env.extras import needed
 from turning_nc.moves import Moves
-from turning_nc.paths import Point
+from turning_nc.paths import Point, shifted
 from turning_nc.words import NcError
 
 with needed():
@@ -38,7 +39,7 @@ _EDGE = 25.0
 def _insert(first: float, second: float) -> tuple[Point, ...]:
     """Return the corners of an insert with its tip at the origin; angles of its edges from the Z axis [degrees]."""
     a, b = ((_EDGE * math.cos(math.radians(angle)), _EDGE * math.sin(math.radians(angle))) for angle in (first, second))
-    return (0.0, 0.0), a, (a[0] + b[0], a[1] + b[1]), b
+    return (0.0, 0.0), a, shifted(a, b), b
 
 
 TOOLS: dict[str, tuple[Point, ...]] = {
@@ -47,8 +48,6 @@ TOOLS: dict[str, tuple[Point, ...]] = {
     "copying": _insert(52.0, 87.0),
 }
 """Inserts by the kind of work: corners of 80 degrees for turning towards the chuck and facing; 35 degrees for copying."""
-
-
 DEFAULT_TOOL = "outside"
 
 
@@ -156,12 +155,12 @@ def _closed(lines: Sequence[Sequence[Point]], path: Path) -> Any:
 
 def guessed_stock(moves: Moves) -> tuple[Any, str]:
     """Return a bar that all feed moves lie in, and the words that name it."""
-    ends = [point for move in moves.moves if move.kind == "feed" for point in (move.path.start, move.path.end)]
-    inside = [x for z, x in ends if z < 0.0] or [x for _, x in ends]
-    face, back, radius = max(0.0, *(z for z, x in ends if x < 1e-6)) if any(x < 1e-6 for _, x in ends) else 0.0, 0.0, 0.0
-    back, radius = min(min(z for z, _ in ends), -1.0) - 10.0, max(*inside, 1.0)
-    name = f"bar:{2.0 * radius:g}x{-back:g}" + (f"+{face:g}" if face else "")
-    return shapely.box(back, 0.0, face, radius), name
+    z, x = np.array([point for move in moves.moves if move.kind == "feed" for point in (move.path.start, move.path.end)]).T
+    face = float(z[x < 1e-6].max(initial=0.0))  # of the bar, if the tool goes to its axis
+    length = 10.0 - float(min(z.min(), -1.0))
+    radius = float(max(x[z < 0.0].max() if (z < 0.0).any() else x.max(), 1.0))
+    name = f"bar:{2.0 * radius:g}x{length:g}" + (f"+{face:g}" if face else "")
+    return shapely.box(-length, 0.0, face, radius), name
 
 
 @dataclass(frozen=True)
@@ -178,10 +177,10 @@ class Slices:
     """Depth of cut: removed area per length [mm]."""
     volume: Values
     """Removed metal [mm3]."""
-    z: Values
-    """Z of the tip at the end [mm]."""
-    x: Values
-    """Radius of the tip at the end [mm]."""
+    start: Values
+    """Z and radius of the tip at the start [mm], shape (slices, 2)."""
+    end: Values
+    """Z and radius of the tip at the end [mm], shape (slices, 2)."""
 
 
 @dataclass(frozen=True)
@@ -219,38 +218,33 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
         if name not in known:
             raise NcError(f"tool {name!r} is not in the program, which has {', '.join(known)}")
     shapes = {name: np.array(tool_shape(tools.get(name, DEFAULT_TOOL))) for name in known}
-    rows: list[tuple[float, ...]] = []
+    rows: list[Values] = []
     notes = []
     left = stock
-    threading = {move.tool for move in moves.moves if move.kind == "thread"}  # what they cut is not computed
+    threading = {move.tool for move in moves.moves if move.kind == "thread"}  # the metal that they cut is not computed
     for index, move in enumerate(moves.moves):
-        here = move.path.start
-        shape = shapes[move.tool]
-        for end in move.path.points() if move.kind != "dwell" else []:
-            length = math.dist(here, end)
+        for start, end in itertools.pairwise((move.path.start, *move.path.points())):
+            length = max(math.dist(start, end), 1e-9)
             count = min(math.ceil(length / SLICE), MAX_SLICES) if move.kind == "feed" else 1
             shares = np.arange(1, count + 1) / count
             areas = moments = np.zeros(count)
             if move.kind in ("feed", "rapid"):
-                areas, moments, swept = _swept(left, shape, here, end, shares)
-                if move.kind == "rapid" and areas[-1] > COLLISION and move.tool not in threading:
-                    notes.append(f"line {move.line}: a rapid move sweeps {areas[-1]:.2f} mm2 of metal")
-                if move.kind == "feed" and areas[-1] > 0.0:
-                    left = shapely.difference(left, swept)
-            cut, moment = np.diff(areas, prepend=0.0), np.diff(moments, prepend=0.0)
+                areas, moments, swept = _swept(left, shapes[move.tool], start, end, shares)
+            if move.kind == "feed" and areas[-1] > 0.0:
+                left = shapely.difference(left, swept)
             if move.kind == "rapid":
-                cut, moment = np.zeros(count), np.zeros(count)
-            middles = here[1] + (shares - 0.5 / count) * (end[1] - here[1])
-            ends = np.add(here, shares[:, np.newaxis] * np.subtract(end, here))
-            for k in range(count):
-                rows.append(
-                    (index, length / count, abs(middles[k]), cut[k] * count / length, 2.0 * math.pi * moment[k], *ends[k])
-                )
-            here = end
-        if move.kind == "dwell":
-            rows.append((index, 0.0, abs(here[1]), 0.0, 0.0, *here))
-    columns = np.array(rows).T
-    slices = Slices(columns[0].astype(np.int64), *(np.maximum(column, 0.0) for column in columns[1:5]), *columns[5:])
+                if areas[-1] > COLLISION and move.tool not in threading:
+                    notes.append(f"line {move.line}: a rapid move sweeps {areas[-1]:.2f} mm2 of metal")
+                areas = moments = np.zeros(count)
+            cut, moment = np.diff(areas, prepend=0.0), np.diff(moments, prepend=0.0)
+            middles = start[1] + (shares - 0.5 / count) * (end[1] - start[1])
+            ends = np.add(start, shares[:, np.newaxis] * np.subtract(end, start))
+            ends[-1] = end
+            columns = np.full(count, index), np.full(count, length / count), abs(middles), cut * count / length
+            rows.append(np.column_stack((*columns, 2.0 * math.pi * moment, np.vstack((start, ends[:-1])), ends)))
+    table = np.concatenate(rows)
+    lengths, radii, depths, volumes = np.maximum(table[:, 1:5], 0.0).T
+    slices = Slices(table[:, 0].astype(np.int64), lengths, radii, depths, volumes, table[:, 5:7], table[:, 7:9])
     kinds = {name: tools.get(name, DEFAULT_TOOL) for name in known}
     return Removal(slices, stock, left, kinds, tuple(dict.fromkeys(notes)))
 
@@ -271,6 +265,5 @@ def _swept(stock: Any, shape: Values, start: Point, end: Point, shares: Values) 
         cut = shapely.intersection(near, shapely.convex_hull(shapely.multipoints(shapely.points(both))))
     areas = shapely.area(cut)
     moments = np.zeros(len(shares))
-    some = areas > 0.0
-    moments[some] = areas[some] * shapely.get_y(shapely.centroid(cut[some]))
+    moments[areas > 0.0] = areas[areas > 0.0] * shapely.get_y(shapely.centroid(cut[areas > 0.0]))
     return areas, moments, whole

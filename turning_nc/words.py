@@ -3,9 +3,11 @@
 Every word keeps its place in the text, so that a program can be written back with only some words changed.
 """
 
+import os
 import re
 import string
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,6 +25,15 @@ Span = tuple[int, int]
 
 class NcError(Mistake):
     """A program that cannot be read, played or written. The message names the line or block, and the reason."""
+
+
+@contextmanager
+def naming(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Name a file in the errors of its program."""
+    try:
+        yield
+    except NcError as error:
+        raise NcError(f"{path}: {error}") from error
 
 
 class Problem(ValueError):
@@ -121,14 +132,12 @@ def read_program_file(path: Path, dialect: Dialect | None = None) -> PartProgram
         OSError: the file cannot be read.
     """
     data = path.read_bytes()
-    try:
+    with naming(path):
         if len(data) > MAX_BYTES:
             raise NcError(f"has {len(data)} bytes, but {MAX_BYTES} at most are read")
         if b"\0" in data:
             raise NcError("is not text: it holds zero bytes")
         return divide(data.decode("latin-1"), dialect)  # every byte stands for a character, and comes back as it was
-    except NcError as error:
-        raise NcError(f"{path}: {error}") from error
 
 
 def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
