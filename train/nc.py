@@ -91,7 +91,7 @@ def _parser() -> argparse.ArgumentParser:
     tolerance_help = "largest relative difference of speeds and feeds that merge into one block (default: %(default)s)"
     added.add_argument("--tolerance", type=float, default=schedule.TOLERANCE, metavar="SHARE", help=tolerance_help)
 
-    about = "write the interval table of the grid search on nominal models, one section per interval"
+    about = "write the speeds and feeds of the grid search for one edge on nominal models"
     added = command(_table, "rough_turning", about, seeded=False)
     interval_help = "cutting time of an interval (default: the scenario's control interval)"
     added.add_argument("--interval", type=float, metavar="MIN", help=interval_help)
@@ -116,17 +116,41 @@ def _schedule(options: argparse.Namespace) -> dict[str, Any]:
     name, make, scenario = _policy(options)
     if not 0.0 <= options.tolerance <= 1.0:
         raise NcError(f"--tolerance is {options.tolerance}, but must be 0 to 1")
-    seed, bars, tolerance = _seed(options), options.bars, options.tolerance
-    pitch = scenario.workpiece.approach + scenario.workpiece.bar_length
-    with tqdm(total=bars * pitch, unit="mm", unit_scale=True, disable=None, leave=False) as progress:
+    merged = f"speeds and feeds within {100.0 * options.tolerance:g} % are one block"
+    comment = f"{name} on scenario {scenario.name}, seed {_seed(options)}; {merged}"
+    return _play(options, make, (scenario, scenario), _seed(options), options.bars, options.tolerance, comment)
+
+
+def _table(options: argparse.Namespace) -> dict[str, Any]:
+    scenarios = nc_programs.table_scenarios(Scenario.load(options.scenario), options.interval)
+    even, longer = scenarios
+    interval = f"an interval of {longer.control.interval / 60.0:g} min"
+    comment = f"interval table of the grid search on the nominal models of scenario {even.name}: one edge, {interval}"
+    make = catalogue.spec("grid_search", longer).make
+    return _play(options, make, scenarios, 0, even.workpiece.bars or 1000, 0.0, comment)
+
+
+def _play(
+    options: argparse.Namespace,
+    make: PolicyFactory,
+    scenarios: tuple[Scenario, Scenario],
+    seed: int,
+    bars: int,
+    tolerance: float,
+    comment: str,
+) -> dict[str, Any]:
+    """Write the schedule of a policy on the second scenario, after a check on the first."""
+    workpiece, comments = scenarios[0].workpiece, [comment]
+    with tqdm(
+        total=bars * (workpiece.approach + workpiece.bar_length), unit="mm", unit_scale=True, disable=None, leave=False
+    ) as progress:
         program, original = simulate.play_schedule(
-            make, scenario, seed, bars, tolerance, lambda path: progress.update(path - progress.n)
+            make, scenarios[1], seed, bars, tolerance, lambda path: progress.update(path - progress.n)
         )
-    comments = [f"{name} on scenario {scenario.name}, seed {seed}; speeds and feeds within {100.0 * tolerance:g} % are one block"]
-    if program.bars[-1][-1].z > 1e-3 - scenario.workpiece.bar_length or len(program.bars) < bars:
+    if program.bars[-1][-1].z > 1e-3 - workpiece.bar_length or len(program.bars) < bars:
         comments.append(f"the edge or the time limit ended the episode in bar {len(program.bars)}: the program ends there")
     text, program = _read_back(program, comments, options)
-    return _written(options, text, program, original, simulate.simulate(program, scenario, seed))
+    return _written(options, text, program, original, simulate.simulate(program, scenarios[0], seed))
 
 
 def _policy(options: argparse.Namespace) -> tuple[str, PolicyFactory, Scenario]:
@@ -137,19 +161,6 @@ def _policy(options: argparse.Namespace) -> tuple[str, PolicyFactory, Scenario]:
     scenario = Scenario.load(options.scenario) if options.scenario or agent.trained_on is None else agent.trained_on
     check_fits(agent, scenario)
     return f"{agent.name} (training seed {agent.training_seed})", agent.make, scenario
-
-
-def _table(options: argparse.Namespace) -> dict[str, Any]:
-    scenario = Scenario.load(options.scenario)
-    rows = nc_programs.interval_table(scenario, options.interval)
-    program, original = nc_programs.table_program(scenario, rows)
-    comments = [
-        f"interval table of the grid search on the nominal models of scenario {scenario.name}: {len(rows)} sections, one edge",
-        "sections go by the cutting time of the edge, which their lengths take at their speeds and feeds",
-    ]
-    text, program = _read_back(program, comments, options)
-    simulated = simulate.simulate(program, nc_programs.without_spreads(scenario), 0)
-    return _written(options, text, program, original, simulated, sections=len(rows))
 
 
 def _law(options: argparse.Namespace) -> dict[str, Any]:
@@ -210,7 +221,7 @@ def _written(
 
 
 def _lines(done: dict[str, Any]) -> str:
-    countable = [name for name in ("bars", "sections", "blocks", "polynomials", "actions") if name in done]
+    countable = [name for name in ("bars", "blocks", "polynomials", "actions") if name in done]
     counts = ", ".join(f"{done[name]} {name if done[name] != 1 else name.removesuffix('s')}" for name in countable)
     lines = [f"{done['path']}: {counts}"]
     if "steps" in done:

@@ -1,4 +1,4 @@
-"""Control programs of controllers: override laws, and the interval table of the grid search.
+"""Override laws of controllers, and the scenario of the grid search's interval table.
 
 A law runs in the control, in every interpolation cycle. ``one_line_law`` is a function of the load: one polynomial into the
 override. The other laws go from the present override to the next. That is kept in ``STATE``, and what depends on the load is
@@ -6,29 +6,19 @@ tabulated: polynomials of third degree between loads, into ``GAIN``.
 
     fuzzy forms, iadapts    next = present + gain(load) (end - present)
     omative                 wanted = gain(load) actual feed / programmed feed; next = wanted, or on the way up a share of the way
-
-The interval table (Alaskari and Oraby 2018) holds speed and feed over an edge's cutting time. It follows from the nominal models
-alone: for every interval, from fresh to worn out, the pair that ``baselines.grid_search`` chooses. As in the paper, it ends with
-the first interval that no pair survives.
 """
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
 
 from baselines import catalogue
 from baselines.fuzzy_override import MIN_HEADROOM
-from baselines.grid_search import best_pair, grid, predict
 from baselines.load_override import LOWEST_OVERRIDE
 from baselines.models.part_program import PartProgram, on_override, target_load
 from baselines.omative import ENTRY_TIME
 from baselines.rule import Parameters
 from turning_env import Scenario
-from turning_env.action import sets_speed_and_feed
-from turning_env.numerics.functions import exp
 from turning_env.physics.drives import lag_share
-from turning_env.physics.records import parameter_records
-from turning_env.physics.wear import log_wear
 from turning_env.scenario.sections import Mismatch
 from turning_nc.expression import DECIMALS, number_text
 from turning_nc.law import (
@@ -45,14 +35,13 @@ from turning_nc.law import (
     LawWriter,
 )
 from turning_nc.program import FEED_DECIMALS, SPEED_DECIMALS, Block, Program, rounded_within
-from turning_nc.schedule import Segment, bars_of
-from turning_nc.simulate import Totals, with_bars
+from turning_nc.simulate import with_bars
 from turning_nc.words import NcError
 
 WANTED, TIME_IN_METAL = PARAMETERS[2:4]
 AIR_LOAD = 1.0
 """Load below which the tool is taken to be in air [%] (assumption): the control has no other sign of it."""
-MAX_INTERVALS = 1_000_000
+MAX_SUB_STEPS = 10_000
 
 
 def law_program(name: str, scenario: Scenario) -> Program:
@@ -156,97 +145,27 @@ LAWS: dict[str, Callable[[PartProgram, Parameters], Law]] = {
 """Controllers that can be written as synchronized actions, by name."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """A row of the interval table."""
-
-    start: float
-    """Cutting time of the edge at its begin [min]."""
-    end: float  # [min]
-    wear: float
-    """Flank wear at its end [mm]."""
-    cutting_speed: float  # [m/min]
-    feed: float  # [mm/rev]
-
-
-def interval_table(scenario: Scenario, interval: float | None = None) -> list[Row]:
-    """Return the interval table of a scenario; successive intervals with the same pair are one row.
-
-    Args:
-        scenario: gives the nominal models, the grid and the limits; its model mismatch is ignored.
-        interval: shortest time for which a pair is kept [min]; None: the scenario's control interval.
+def table_scenarios(scenario: Scenario, interval: float | None) -> tuple[Scenario, Scenario]:
+    """Return a scenario without spreads and model mismatch, and the same with another control interval [min].
 
     Raises:
-        NcError: the scenario's actions do not set speed and feed, a load falls with feed, the interval is not above 0 or so short
-            that a table has more than ``MAX_INTERVALS``, or no pair keeps the limits.
+        NcError: the interval is out of range, or no program can be written for the scenario.
     """
     with_bars(scenario, 1)  # raises if no program can be written
-    if not sets_speed_and_feed(scenario) or any(law.feed < 0 for _, law in scenario.material):
-        raise NcError(f"the grid search cannot play scenario {scenario.name!r}")
-    step = scenario.control.interval / 60.0 if interval is None else interval
-    if not 0.0 < step < math.inf:
-        raise NcError(f"the interval is {step} min, but must be above 0")
-    nominal = scenario.nominal()
-    parameters, limits, (speeds, feeds) = parameter_records(nominal)[0], nominal.limits, grid(nominal)
-    rows: list[Row] = []
-    used_life = 0.0
-    for count in range(MAX_INTERVALS):
-        start, end = count * step, (count + 1) * step
-        speed, feed = best_pair(parameters, speeds, feeds, used_life, start, end, limits.thrust_force, limits.power, 1.0)
-        if speed < 0:
-            break
-        used_life, _, _ = predict(parameters, speeds[speed], feeds[feed], used_life, start, end)
-        row = Row(start, end, float(exp(log_wear(parameters, 0, used_life))), float(speeds[speed]), float(feeds[feed]))
-        if rows and (rows[-1].cutting_speed, rows[-1].feed) == (row.cutting_speed, row.feed):
-            row = replace(row, start=rows.pop().start)
-        rows.append(row)
-    else:
-        raise NcError(f"an interval of {step} min is too short: the table would have more than {MAX_INTERVALS} intervals")
-    if not rows:
-        raise NcError(f"no speed and feed of the grid keeps the limits for an interval of {step} min")
-    return rows
-
-
-def table_program(scenario: Scenario, rows: list[Row]) -> tuple[Program, Totals]:
-    """Return a program with a section of blocks per row, over as many bars as needed, and the totals by the nominal models.
-
-    Air before a bar is crossed at the speed and feed of the current row.
-    """
-    segments = list(_segments(scenario, rows))
-    program = Program.of(scenario, bars_of(scenario, segments, 0.0))
-    depth = scenario.workpiece.depth_of_cut
-    removed = sum((row.end - row.start) * row.cutting_speed * row.feed * depth for row in rows)
-    return program, Totals(removed, sum(segment.time for segment in segments) / 60.0, rows[-1].wear)
-
-
-def _segments(scenario: Scenario, rows: list[Row]) -> Iterator[Segment]:
-    workpiece = scenario.workpiece
-    metal_left = 0.0  # of the bar [mm]
-    for number, row in enumerate(rows, 1):
-        velocity = 1000.0 * row.cutting_speed / (math.pi * workpiece.diameter) * row.feed  # [mm/min]
-        note = f"section {number}: cutting time {row.start:.3f} to {row.end:.3f} min, wear to {row.wear:.3f} mm"
-        left = (row.end - row.start) * velocity
-        while left > 1e-9:
-            stretches = []
-            if metal_left <= 1e-9:
-                metal_left = workpiece.bar_length
-                stretches = [workpiece.approach] if workpiece.approach > 0.0 else []
-            cut = min(left, metal_left)
-            for length in (*stretches, cut):
-                yield Segment(length, 60.0 * length / velocity, row.cutting_speed, row.feed, note)
-                note = ""
-            left -= cut
-            metal_left -= cut
-
-
-def without_spreads(scenario: Scenario) -> Scenario:
-    """Return the scenario without spreads and model mismatch, on which a table can be checked."""
+    control = scenario.control
+    step = control.interval / control.sub_steps  # [s]
+    seconds = control.interval if interval is None else 60.0 * interval
+    if not step <= seconds <= MAX_SUB_STEPS * step:
+        raise NcError(f"the interval is {interval} min, but must be {step / 60.0:.2g} to {MAX_SUB_STEPS * step / 60.0:.2g}")
     workpiece = {name: 0.0 for name in type(scenario.workpiece).model_fields if name.endswith("_spread")}
     tool = {name: 0.0 for name in type(scenario.tool).model_fields if name.endswith("_spread")}
-    return scenario.model_copy(
+    even = scenario.model_copy(
         update={
             "workpiece": scenario.workpiece.model_copy(update={**workpiece, "depth_ripple": 0.0, "depth_profile": ()}),
             "tool": scenario.tool.model_copy(update=tool),
             "mismatch": Mismatch(),
         }
     )
+    held = {"action": "set_point", "interval": seconds, "sub_steps": round(seconds / step)}
+    longer = control.model_copy(update=held)
+    return even, even.model_copy(update={"control": longer})
