@@ -1,6 +1,7 @@
 """The command line ``python -m train.export --nc``: part programs of agents and controllers."""
 
 import argparse
+import inspect
 import json
 import shlex
 from collections.abc import Callable, Sequence
@@ -35,12 +36,7 @@ REVIEW = (
     "machine."
 )
 CAUTION = f"Simulation output: not for a machine without review. {REVIEW}"
-EXAMPLES = f"""\
-{PROGRAM} schedule --agent agents/RoughTurning-v0/rough_turning/analytic_gradient-seed0.onnx --tuning-seed 0 --out bar.mpf
-{PROGRAM} schedule --rule rescaled_grid_search --seed 7 --bars 3 --tolerance 0.05 --out bars.mpf
-{PROGRAM} table --interval 1 --out edge.mpf
-{PROGRAM} law --rule modified_fuzzy_override --out override.mpf
-{PROGRAM} check bar.mpf --tuning-seed 0"""
+Options = argparse.Namespace
 
 
 @exits(KeyError, ValueError, interrupted="interrupted: nothing was written")
@@ -55,56 +51,42 @@ def main(arguments: Sequence[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     about = f"Write the commands of a policy as a part program for a SINUMERIK lathe, read it back and play it. {CAUTION}"
-    parser = argparse.ArgumentParser(prog=PROGRAM, **described(f"{about}\n\n{EXAMPLES}"))
+    runs = _schedule, _table, _law, _check
+    examples = [line.strip() for run in runs for line in (run.__doc__ or "").splitlines() if PROGRAM in line]
+    parser = argparse.ArgumentParser(prog=PROGRAM, **described("\n\n".join((about, "\n".join(examples)))))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    def command(
-        run: Callable[[argparse.Namespace], dict[str, Any]],
-        scenario: str | None,
-        about: str,
-        *,
-        seeded: bool = True,
-        out: bool = True,
-    ) -> argparse.ArgumentParser:
-        name = run.__name__.removeprefix("_")
-        examples = "\n".join(line for line in EXAMPLES.splitlines() if line.startswith(f"{PROGRAM} {name} "))
-        details = described(f"{about[0].upper()}{about[1:]}. {CAUTION}\n\n{examples}")
-        added = commands.add_parser(name, help=about, **details)
+    def command(run: Callable[[Options], dict[str, Any]], scenario: str | None) -> argparse.ArgumentParser:
+        title, *others = inspect.cleandoc(run.__doc__ or "").split("\n\n")
+        added = commands.add_parser(run.__name__[1:], help=title, **described("\n\n".join((f"{title} {CAUTION}", *others))))
         added.set_defaults(run=run)
         default = scenario or "the agent's own, or rough_turning"
         added.add_argument("--scenario", default=scenario, help=f"preset or TOML file (default: {default})")
         added.add_argument("--json", action="store_true", help="print the summary as one line of JSON")
-        if seeded:
-            seeds = added.add_mutually_exclusive_group()
-            tuning_help = "bars and edge of the tuning seed number N (default: 0)"
-            seeds.add_argument("--tuning-seed", type=int, default=0, metavar="N", help=tuning_help)
+        if run is not _table:
+            seeds, help_ = added.add_mutually_exclusive_group(), "bars and edge of the tuning seed number N (default: 0)"
+            seeds.add_argument("--tuning-seed", type=int, default=0, metavar="N", help=help_)
             seeds.add_argument("--seed", type=int, metavar="S", help="bars and edge of any seed")
-        if out:
+        if run is not _check:
             added.add_argument("--out", required=True, type=Path, metavar="FILE", help="program to write, such as bar.mpf")
         return added
 
-    added = command(_schedule, None, "write the speeds and feeds that a policy commands on given bars, as blocks along Z")
+    added = command(_schedule, None)
     policy = added.add_mutually_exclusive_group(required=True)
     policy.add_argument("--agent", type=Path, metavar="FILE", help="an agent's ONNX file")
     policy.add_argument("--rule", metavar="NAME", help=f"a controller: {', '.join(catalogue.RULES)}")
     added.add_argument("--bars", type=int, default=1, metavar="N", help="the first N bars of the seed (default: 1)")
-    tolerance_help = "largest relative difference of speeds and feeds that merge into one block (default: %(default)s)"
-    added.add_argument("--tolerance", type=float, default=schedule.TOLERANCE, metavar="SHARE", help=tolerance_help)
-
-    about = "write the speeds and feeds of the grid search for one edge on nominal models"
-    added = command(_table, "rough_turning", about, seeded=False)
-    interval_help = "cutting time of an interval (default: the scenario's control interval)"
-    added.add_argument("--interval", type=float, metavar="MIN", help=interval_help)
-
-    added = command(_law, "override", "write a controller from spindle load to feed override as synchronized actions")
-    added.add_argument("--rule", required=True, metavar="NAME", help=f"one of {', '.join(nc_programs.LAWS)}")
-
-    added = command(_check, "rough_turning", "read a program of one cut along bars and play it on given bars", out=False)
-    added.add_argument("file", type=Path, metavar="FILE", help="the program")
+    help_ = "largest relative difference of speeds and feeds that merge into one block (default: %(default)s)"
+    added.add_argument("--tolerance", type=float, default=schedule.TOLERANCE, metavar="SHARE", help=help_)
+    help_ = "time for which a pair is kept (default: the scenario's control interval)"
+    command(_table, "rough_turning").add_argument("--interval", type=float, metavar="MIN", help=help_)
+    help_ = f"one of {', '.join(nc_programs.LAWS)}"
+    command(_law, "override").add_argument("--rule", required=True, metavar="NAME", help=help_)
+    command(_check, "rough_turning").add_argument("file", type=Path, metavar="FILE", help="the program")
     return parser
 
 
-def _seed(options: argparse.Namespace) -> int:
+def _seed(options: Options) -> int:
     if options.seed is not None:
         return int(options.seed)
     if options.tuning_seed < 0:
@@ -112,48 +94,29 @@ def _seed(options: argparse.Namespace) -> int:
     return tuning_seeds(options.tuning_seed + 1)[-1]
 
 
-def _schedule(options: argparse.Namespace) -> dict[str, Any]:
+def _schedule(options: Options) -> dict[str, Any]:
+    """Write the speeds and feeds that a policy commands on given bars, as blocks along Z.
+
+    python -m train.export --nc schedule --agent agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx --out bar.mpf
+    python -m train.export --nc schedule --rule rescaled_grid_search --seed 7 --bars 3 --tolerance 0.05 --out bars.mpf
+    """
     name, make, scenario = _policy(options)
     if not 0.0 <= options.tolerance <= 1.0:
         raise NcError(f"--tolerance is {options.tolerance}, but must be 0 to 1")
     merged = f"speeds and feeds within {100.0 * options.tolerance:g} % are one block"
     comment = f"{name} on scenario {scenario.name}, seed {_seed(options)}; {merged}"
-    return _play(options, make, (scenario, scenario), _seed(options), options.bars, options.tolerance, comment)
-
-
-def _table(options: argparse.Namespace) -> dict[str, Any]:
-    scenarios = nc_programs.table_scenarios(Scenario.load(options.scenario), options.interval)
-    even, longer = scenarios
-    interval = f"an interval of {longer.control.interval / 60.0:g} min"
-    comment = f"interval table of the grid search on the nominal models of scenario {even.name}: one edge, {interval}"
-    make = catalogue.spec("grid_search", longer).make
-    return _play(options, make, scenarios, 0, even.workpiece.bars or 1000, 0.0, comment)
-
-
-def _play(
-    options: argparse.Namespace,
-    make: PolicyFactory,
-    scenarios: tuple[Scenario, Scenario],
-    seed: int,
-    bars: int,
-    tolerance: float,
-    comment: str,
-) -> dict[str, Any]:
-    """Write the schedule of a policy on the second scenario, after a check on the first."""
-    workpiece, comments = scenarios[0].workpiece, [comment]
+    workpiece = scenario.workpiece
     with tqdm(
-        total=bars * (workpiece.approach + workpiece.bar_length), unit="mm", unit_scale=True, disable=None, leave=False
+        total=options.bars * (workpiece.approach + workpiece.bar_length), unit="mm", unit_scale=True, disable=None, leave=False
     ) as progress:
-        program, original = simulate.play_schedule(
-            make, scenarios[1], seed, bars, tolerance, lambda path: progress.update(path - progress.n)
+        played = simulate.play_schedule(
+            make, scenario, _seed(options), options.bars, options.tolerance, lambda path: progress.update(path - progress.n)
         )
-    if program.bars[-1][-1].z > 1e-3 - workpiece.bar_length or len(program.bars) < bars:
-        comments.append(f"the edge or the time limit ended the episode in bar {len(program.bars)}: the program ends there")
-    text, program = _read_back(program, comments, options)
-    return _written(options, text, program, original, simulate.simulate(program, scenarios[0], seed))
+    comments = [comment, *_early_end(played[0], scenario, options.bars)]
+    return _written(options, *played, lambda program: simulate.simulate(program, scenario, _seed(options)), *comments)
 
 
-def _policy(options: argparse.Namespace) -> tuple[str, PolicyFactory, Scenario]:
+def _policy(options: Options) -> tuple[str, PolicyFactory, Scenario]:
     if options.agent is None:
         scenario = Scenario.load(options.scenario or "rough_turning")
         return options.rule, catalogue.spec(options.rule, scenario).make, scenario
@@ -163,52 +126,77 @@ def _policy(options: argparse.Namespace) -> tuple[str, PolicyFactory, Scenario]:
     return f"{agent.name} (training seed {agent.training_seed})", agent.make, scenario
 
 
-def _law(options: argparse.Namespace) -> dict[str, Any]:
+def _table(options: Options) -> dict[str, Any]:
+    """Write the speeds and feeds of the grid search for one edge on nominal models.
+
+    python -m train.export --nc table --interval 1 --out edge.mpf
+    """
+    even, longer = nc_programs.table_scenarios(Scenario.load(options.scenario), options.interval)
+    interval = f"an interval of {longer.control.interval / 60.0:g} min"
+    comment = f"interval table of the grid search on the nominal models of scenario {even.name}: one edge, {interval}"
+    make = catalogue.spec("grid_search", longer).make
+    bars = even.workpiece.bars or 1000
+    played = simulate.play_schedule(make, longer, 0, bars, 0.0)
+    comments = [comment, *_early_end(played[0], even, bars)]
+    return _written(options, *played, lambda program: simulate.simulate(program, even, 0), *comments)
+
+
+def _early_end(program: Program, scenario: Scenario, bars: int) -> list[str]:
+    if len(program.bars) == bars and program.bars[-1][-1].z <= 1e-3 - scenario.workpiece.bar_length:
+        return []
+    return [f"the edge or the time limit ended the episode in bar {len(program.bars)}: the program ends there"]
+
+
+def _law(options: Options) -> dict[str, Any]:
+    """Write a controller from spindle load to feed override as synchronized actions.
+
+    python -m train.export --nc law --rule modified_fuzzy_override --out override.mpf
+    """
     scenario = Scenario.load(options.scenario)
     program = nc_programs.law_program(options.rule, scenario)
     by_power = f"spindle power over {scenario.machine.rated_power:g} kW"
     load = by_power if scenario.spindle.reading == "power" else "spindle torque over the torque available at its speed"
-    comments = [
+    comments = (
         f"feed override of {options.rule} on scenario {scenario.name}",
         f"$AA_LOAD[S1] is taken for {load}, in per cent; the law is made for an interpolation "
         f"cycle of {1000.0 * scenario.control.interval:g} ms",
-    ]
-    text, program = _read_back(program, comments, options)
-    compared = simulate.compare(program, catalogue.spec(options.rule, scenario).make, scenario, _seed(options))
-    if not compared.largest_difference <= MAX_OVERRIDE_DIFFERENCE:
+    )
+    make, seed = catalogue.spec(options.rule, scenario).make, _seed(options)
+    differences, original = simulate.compare(program, make, scenario, seed)
+    largest = max(differences)
+    if not largest <= MAX_OVERRIDE_DIFFERENCE:
         raise NcError(
-            f"the law read back differs from {options.rule} by {compared.largest_difference:.2f} percentage points of override; "
+            f"the law differs from {options.rule} by {largest:.2f} percentage points of override; "
             f"{MAX_OVERRIDE_DIFFERENCE} are allowed, and nothing was written"
         )
-    return _written(
-        *(options, text, program, compared.original, compared.simulated),
-        polynomials=len(program.law.polynomials),
-        actions=len(program.law.actions),
-        steps=compared.steps,
-        mean_override_difference=compared.mean_difference,
-        largest_override_difference=compared.largest_difference,
-    )
+    summary = {
+        "polynomials": len(program.law.polynomials),
+        "actions": len(program.law.actions),
+        "steps": len(differences),
+        "mean_override_difference": sum(differences) / len(differences),
+        "largest_override_difference": largest,
+    }
+    return _written(options, program, original, lambda back: simulate.simulate(back, scenario, seed), *comments, **summary)
 
 
-def _check(options: argparse.Namespace) -> dict[str, Any]:
+def _check(options: Options) -> dict[str, Any]:
+    """Read a program of one cut along bars and play it on given bars.
+
+    python -m train.export --nc check bar.mpf --tuning-seed 0
+    """
     program = read_file(options.file)
     totals = simulate.simulate(program, Scenario.load(options.scenario), _seed(options))
     return {"path": str(options.file), "bars": len(program.bars), "blocks": program.blocks, "simulated": asdict(totals)}
 
 
-def _read_back(program: Program, comments: list[str], options: argparse.Namespace) -> tuple[str, Program]:
-    """Return a program's text, and the program that is read back from it."""
-    text = write(program, (REVIEW, f"made by rough-turning {version('rough-turning')}: {options.command}", *comments))
-    read_back = read(text)
-    if read_back != program:
-        raise NcError("the program reads back as another: nothing was written")
-    return text, read_back
-
-
 def _written(
-    options: argparse.Namespace, text: str, program: Program, original: Totals, simulated: Totals, **summary: float
+    options: Options, program: Program, original: Totals, play: Callable[[Program], Totals], *comments: str, **summary: float
 ) -> dict[str, Any]:
-    """Write a program whose totals agree with those of its original; return the summary."""
+    """Write a program that reads back equal, and that played comes to its original's totals; return the summary."""
+    text = write(program, (REVIEW, f"made by rough-turning {version('rough-turning')}: {options.command}", *comments))
+    if read(text) != program:
+        raise NcError("the program reads back as another: nothing was written")
+    simulated = play(read(text))
     difference = simulated.difference(original)
     if not difference <= MAX_DIFFERENCE:
         raise NcError(

@@ -212,22 +212,10 @@ class LawPolicy:
         return towards(reading, self._scenario, np.array([self._speed]), feed)
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """An override law compared with its controller."""
+def compare(program: Program, make_policy: PolicyFactory, scenario: Scenario, seed: int) -> tuple[list[float], Totals]:
+    """Play a controller on the first bar of a seed; return by how much the law's overrides differ from it, and its totals.
 
-    steps: int
-    """Number of steps on which the next overrides of both were compared, from the same measurements and present override."""
-    mean_difference: float  # [percentage points]
-    largest_difference: float  # [percentage points]
-    original: Totals
-    """Totals of the controller's episode."""
-    simulated: Totals
-    """Totals of the law's own episode."""
-
-
-def compare(program: Program, make_policy: PolicyFactory, scenario: Scenario, seed: int) -> Comparison:
-    """Play a controller on the first bar of a seed, and compare the law's override in every step; then play the law alone.
+    Both compute the next override [%] of every step from the same measurements and present override.
 
     Raises:
         NcError: the program is not one for this scenario, or its law is missing or leaves the machine's range.
@@ -243,5 +231,4 @@ def compare(program: Program, make_policy: PolicyFactory, scenario: Scenario, se
 
     infos = list(_steps(with_bars(scenario, 1), seed, act))
     differences = [abs(mine - 100.0 * info["commanded_feed"] / feed) for mine, info in zip(overrides, infos, strict=True)]
-    mean, largest = float(np.mean(differences)), max(differences)
-    return Comparison(len(differences), mean, largest, Totals.of(infos), simulate(program, scenario, seed))
+    return differences, Totals.of(infos)
