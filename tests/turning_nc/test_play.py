@@ -1,0 +1,308 @@
+"""Programs on their stock: metal, loads, adapted feeds and speeds, and the command; the collection as LinuxCNC runs it."""
+
+import itertools
+import json
+import math
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("shapely")
+
+from examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, WEAR, path_of, situation_of
+from tests.turning_nc.linuxcnc import INSTALLED, Canonical, canonical, translated
+from tests.walking import ROOT
+from turning_env.__main__ import main
+from turning_nc.adapt import adapt, schedule
+from turning_nc.cutting import Machine, Situation, motion, play
+from turning_nc.moves import Moves, run
+from turning_nc.report import summary
+from turning_nc.stock import guessed_stock, read_stock, remove, tool_shape, volume
+from turning_nc.words import NcError, divide, read_program_file
+
+WITHOUT_CYCLES = [name for name, entry in COLLECTION.items() if not entry.get("cycles")]
+QUICK = ("inch_bar", "grooves_in_sub_program", "feed_per_minute", "welle", "gewinde", "abspanen")
+
+
+@pytest.mark.skipif(not INSTALLED, reason="LinuxCNC is not installed")
+@pytest.mark.parametrize("name", WITHOUT_CYCLES)
+def test_moves_and_times_are_those_of_linuxcnc(name: str, tmp_path: Path) -> None:
+    situation = situation_of(name, Machine(max_spindle_speed=1e9, tool_change=0.0))
+    moves = situation.moves
+    reference = canonical(translated(path_of(name).read_text(), moves.program.dialect.name), tmp_path)
+    expected: list[Canonical] = []
+    here = reference[0].end  # the first moves to where our tool stands before the program
+    for move in reference[1:]:
+        if move.kind == "dwell" or move.centre is not None or math.dist(here, move.end) > 1e-6:
+            expected.append(move)
+            here = move.end
+    assert len(moves.moves) == len(expected)
+    for ours, theirs in zip(moves.moves, expected, strict=True):
+        assert ours.path.end == pytest.approx(theirs.end, abs=1e-3), ours.line
+        assert (ours.path.centre is None) == (theirs.centre is None)
+        if theirs.centre is not None:
+            assert ours.path.centre == pytest.approx(theirs.centre, abs=1e-3)
+            assert ours.path.clockwise == theirs.clockwise
+    time = motion(situation, situation.feed, situation.speed)[0].sum()
+    assert time == pytest.approx(sum(move.time for move in expected), rel=0.02)
+
+
+@pytest.mark.parametrize("name", COLLECTION)
+def test_removed_metal_is_the_difference_of_the_polygons(name: str) -> None:
+    removal = situation_of(name).removal
+    assert removal.slices.volume.sum() == pytest.approx(volume(removal.stock) - volume(removal.part), rel=1e-3)
+    assert removal.notes == ()
+
+
+@pytest.mark.parametrize("name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in COLLECTION])
+@pytest.mark.parametrize("where", ["words", "blocks"])
+def test_an_adapted_program_differs_in_words_of_feed_and_speed_alone(name: str, where: str) -> None:
+    situation = situation_of(name)
+    adapted = adapt(situation, WEAR, where)  # type: ignore[arg-type]
+    before = situation.moves.program.text
+    number = r"\d+\.?\d*"
+    if where == "words":  # same lines, in which only numbers of F, S, and CYCLE95's feeds differ
+        pairs = list(zip(before.split("\n"), adapted.text.split("\n"), strict=True))
+        for old, new in pairs:
+            blank = rf"(?<=[FS]){number}" if "CYCLE95" not in old else number
+            assert re.sub(blank, "#", old) == re.sub(blank, "#", new)
+    else:
+        for old, new in zip(before.split("\n"), adapted.text.split("\n"), strict=True):
+            if "CYCLE95" not in old:
+                assert re.sub(rf" ?[FS]{number}", "", old) == re.sub(rf" ?[FS]{number}", "", new)
+    first, second = play(situation, WEAR), adapted.played
+    assert second.load.max() <= 1.001
+    assert second.used_life.sum() <= first.used_life.sum() * 1.001
+    assert second.wear.max() <= first.wear.max() * 1.001
+
+
+@pytest.mark.slow
+def test_the_collection_takes_a_tenth_less_time_at_equal_limits() -> None:
+    before = after = 0.0
+    for name in COLLECTION:
+        situation = situation_of(name, Machine(max_feed=0.4))
+        first = summary(situation, play(situation, WEAR))
+        second = adapt(situation, WEAR)
+        if first.max_load <= 1.0:  # others do not keep the limits
+            before += first.time
+            after += summary(second.situation, second.played).time
+    assert after < 0.9 * before
+
+
+@pytest.mark.parametrize("name", ["flange", "welle"])
+def test_a_schedule_by_position_keeps_limits_and_is_shortest(name: str) -> None:
+    situation = situation_of(name)
+    before, blocks = play(situation, WEAR), adapt(situation, WEAR, "blocks").played
+    sections, played = schedule(situation, WEAR)
+    assert played.load.max() <= 1.001
+    assert played.used_life.sum() <= before.used_life.sum() * 1.001
+    assert played.time.sum() <= 1.001 * blocks.time.sum()
+    here = [each for each in sections if each.line == sections[-1].line]
+    assert all(first.z[1] == second.z[0] for first, second in itertools.pairwise(here))
+    assert {each.line for each in sections} == set(situation.line[situation.engaged].tolist())
+
+
+def test_finishing_keeps_its_feed() -> None:
+    situation = situation_of("stepped_shaft")
+    adapted = adapt(situation, WEAR)
+    assert "F0.12" in adapted.text
+    assert not any(change.before == "F0.12" for change in adapted.changes)
+
+
+def test_an_overload_is_found_and_removed() -> None:
+    situation = situation_of("flange")
+    first = play(situation, WEAR)
+    assert set(situation.line[first.load > 1.0]) == {23}
+    adapted = adapt(situation, WEAR, "blocks")
+    assert np.all(adapted.played.load <= 1.001)
+    assert adapted.played.time.sum() < first.time.sum()
+
+
+# Stock and tools.
+
+
+def moves(text: str) -> Moves:
+    return run(divide(text))
+
+
+def test_a_turned_cylinder_has_its_volume_and_depth() -> None:
+    made = moves("G99 G97 S500 M3\nG0 X46. Z2.\nG1 Z-30. F0.2\nG0 X60.\nZ50.")
+    removal = remove(made, read_stock("bar:50x60"))
+    expected = math.pi * (25.0**2 - 23.0**2) * 30.0
+    wedge = 2.0 * math.pi * 24.0 * 2.0**2 * math.tan(math.radians(5.0)) / 2.0  # beside the edge, which leads by 5 degrees
+    assert removal.slices.volume.sum() == pytest.approx(expected - wedge, rel=1e-3)
+    inner = removal.slices.depth[(removal.slices.move == 1)][5:-2]
+    assert inner == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("bar:50", "bar:DIAMETERxLENGTH"),
+        ("bar:0x50", "above 0"),
+        ("tube:50x60x70", "below the outer"),
+        ("bar:5.0.1x50", "numbers"),
+        ("cube:5", "no bar"),
+        ("a.step", "no bar"),
+    ],
+)
+def test_stocks_that_are_none_are_refused(text: str, named: str) -> None:
+    with pytest.raises(NcError, match=named):
+        read_stock(text)
+
+
+def test_a_stock_is_a_list_of_points(tmp_path: Path) -> None:
+    path = tmp_path / "stock.csv"
+    path.write_text("z,diameter\n1,0\n1,50\n-60,50\n-60,0\n")
+    assert volume(read_stock(str(path))) == pytest.approx(math.pi * 25.0**2 * 61.0)
+    for wrong, named in (("1,2,3\n4,5,6", "line 1|line 2"), ("0,0\n1,-5", "line 2"), ("0,10\n", "no area"), ("a\nb", "line 2")):
+        path.write_text(wrong)
+        with pytest.raises(NcError, match=named):
+            read_stock(str(path))
+
+
+def test_a_stock_is_a_drawing(tmp_path: Path) -> None:
+    ezdxf = pytest.importorskip("ezdxf")
+    drawing = ezdxf.new()
+    space = drawing.modelspace()
+    space.add_line((1, 0), (1, 20))
+    space.add_line((-60, 20), (1, 20))
+    space.add_line((-60, 20), (-60, 0))
+    drawing.units = 4
+    drawing.saveas(tmp_path / "stock.dxf")
+    assert volume(read_stock(str(tmp_path / "stock.dxf"))) == pytest.approx(math.pi * 20.0**2 * 61.0, rel=1e-6)
+    space.add_text("TEXT")
+    drawing.saveas(tmp_path / "stock.dxf")
+    with pytest.raises(NcError, match="TEXT"):
+        read_stock(str(tmp_path / "stock.dxf"))
+    (tmp_path / "stock.dxf").write_text("nothing")
+    with pytest.raises(NcError, match="no DXF"):
+        read_stock(str(tmp_path / "stock.dxf"))
+
+
+def test_unknown_tools_are_refused() -> None:
+    made = moves("G99 G97 S500 M3 T0101\nG0 X40. Z2.\nG1 Z-30. F0.2")
+    with pytest.raises(NcError, match="T9"):
+        remove(made, guessed_stock(made)[0], {"T9": "inside"})
+    for kind in ("drill", "groove:0", "groove:x"):
+        with pytest.raises(NcError, match="no kind of tool"):
+            tool_shape(kind)
+
+
+def test_a_rapid_move_through_metal_is_named() -> None:
+    made = moves("G99 G97 S500 M3\nG0 X40. Z2.\nG0 Z-30.\nG1 Z-31. F0.2")
+    assert "line 3" in remove(made, read_stock("bar:50x60")).notes[0]
+
+
+# Play.
+
+
+def test_a_constant_cutting_speed_ends_at_the_limit_of_the_spindle() -> None:
+    made = moves("G99 G50 S1000\nG96 S150 M3\nG0 X102. Z0.\nG1 X0. F0.2")
+    situation = Situation(SCENARIO, Machine(), made, remove(made, read_stock("bar:100x60+2")))
+    time, speed, _, turns = motion(situation, situation.feed, situation.speed)
+    fed = situation.fed
+    assert turns[fed].max() == 1000.0
+    assert speed[fed][0] == pytest.approx(150.0)
+    reached = 150_000.0 / (2.0 * math.pi * 1000.0)  # radius [mm]
+    exact = math.pi * (51.0**2 - reached**2) / (150_000.0 * 0.2) * 60.0 + reached / (0.2 * 1000.0) * 60.0
+    assert time[fed].sum() == pytest.approx(exact, rel=1e-3)
+
+
+def test_wear_follows_the_law_of_a_constant_cut() -> None:
+    made = moves("G99 G97 S500 M3\nG0 X95. Z0.\nG1 Z-100. F0.3")
+    situation = Situation(SCENARIO, Machine(), made, remove(made, read_stock("bar:100x120")))
+    played = play(situation, 0.0)
+    minutes = played.time[situation.engaged].sum() / 60.0
+    expected = SCENARIO.material.wear(math.pi * 95.0 * 0.5, 0.3, 2.5, time=minutes)
+    assert played.wear[-1] == pytest.approx(expected, rel=2e-3)
+    force = SCENARIO.material.thrust_force(math.pi * 95.0 * 0.5, 0.3, 2.5, wear=played.wear[-1])
+    assert played.thrust_force.max() == pytest.approx(force, rel=2e-2)
+
+
+# The command.
+
+
+def options(name: str, *more: str) -> list[str]:
+    entry = COLLECTION[name]
+    tools = [f"--tool={tool}={kind}" for tool, kind in entry.get("tools", {}).items()]
+    return ["program", str(path_of(name)), "--scenario", "rough_turning", "--stock", entry["stock"], *tools, *more]
+
+
+@pytest.mark.slow
+def test_the_command_draws(tmp_path: Path) -> None:
+    figure = tmp_path / "welle.png"
+    assert main(options("welle", "--figure", str(figure))) == 0
+    assert figure.stat().st_size > 10_000
+
+
+def test_the_command_plays_and_adapts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "welle.simulated.mpf"
+    assert main(options("welle", "--adapt", "words", "--out", str(out), "--json")) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["adapted"]["totals"]["time"] < 0.9 * found["totals"]["time"]
+    again = run(read_program_file(out))
+    assert [move.path for move in again.moves] == [move.path for move in situation_of("welle").moves.moves]
+    table = tmp_path / "welle.simulated.csv"
+    assert main(options("welle", "--adapt", "positions", "--out", str(table), "--json")) == 0
+    sections = json.loads(capsys.readouterr().out)["adapted"]["sections"]
+    assert len(table.read_text().splitlines()) == 1 + len(sections)
+    assert main(options("welle")) == 0
+    printed = capsys.readouterr().out
+    assert f"cycle time: {found['totals']['time']:.1f} s" in printed
+    assert printed.count("\n") > len(found["blocks"])
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        ["--out", "welle.simulated.mpf"],
+        ["--adapt", "words", "--out", "welle.mpf"],
+        ["--adapt", "words", "--out", str(FOLDER / "welle.mpf")],
+        ["--wear", "5"],
+        ["--tool", "T9=inside"],
+        ["--stock", "bar:5"],
+        ["--stock", "missing.dxf"],
+        ["--scenario", "nothing"],
+    ],
+)
+def test_mistakes_end_in_one_line_and_status_2(more: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(options("welle", *more)) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("error: ")
+    assert captured.err.count("\n") == 1
+
+
+def test_the_page_prints_what_the_commands_print(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (ROOT / "docs" / "your_own_program.md").read_text("utf-8")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    played = 0
+    for command, printed in re.findall(r"```bash\npython -m turning_env ([^\n]*)\n```\n\n```text\n(.*?)```", page, re.DOTALL):
+        assert main(shlex.split(command.partition(" --figure")[0])) == 0
+        found = capsys.readouterr().out.splitlines()
+        played += 1
+        for line in printed.splitlines():
+            assert line == "..." or line in found
+    assert played == 3
+
+
+def test_letters_that_grow_in_capitals_do_not_shift_words(tmp_path: Path) -> None:
+    path, out = tmp_path / "a.mpf", tmp_path / "a.simulated.mpf"
+    path.write_bytes(path_of("welle").read_bytes().replace(b"rougher", "großes Maß, schöner Stahl µ".encode("latin-1")))
+    assert main(["program", str(path), "--scenario", "rough_turning", "--adapt", "words", "--out", str(out)]) == 0
+    changed = [(old, new) for old, new in zip(path.read_bytes().split(), out.read_bytes().split(), strict=True) if old != new]
+    assert changed
+    assert all(old[:1] == new[:1] and old[:1] in b"FS" for old, new in changed)
+
+
+def test_without_words_to_change_nothing_is_adapted(tmp_path: Path) -> None:
+    path = tmp_path / "a.nc"
+    path.write_text("G98 G97 S500 M3\nG0 X46. Z2.\nG1 Z-30. F100.\n")
+    assert main(["program", str(path), "--scenario", "rough_turning", "--adapt", "words"]) == 2
