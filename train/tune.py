@@ -20,6 +20,7 @@ import importlib
 import json
 import shlex
 import sys
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -48,7 +49,7 @@ from turning_env.files import file_lock
 from turning_env.scoring.overload import severe_limit
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
-from turning_env.scoring.workers import cluster, processes
+from turning_env.scoring.workers import Workers, cluster, processes
 
 ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
 NUM_EPISODES = 64
@@ -160,54 +161,49 @@ def _url(where: str) -> URL:
         raise ValueError("a study cannot be kept there: it is not the URL of a database") from error
 
 
-def search(task: Task, trials: int, parallel: int, scheduler: str | None = None, storage: str | None = None) -> FrozenTrial:
+def search(
+    task: Task,
+    trials: int,
+    over: Workers,
+    parallel: int = 1,
+    storage: str | None = None,
+    evaluate: Callable[[Task, dict[str, Any]], Evaluation | str] = evaluate,
+) -> FrozenTrial:
     """Return the best trial of a study, after resuming or extending it to ``trials`` trials.
 
     Args:
         task: task of tuning.
         trials: number of ended trials; processes that share a storage may add a few more, because each finishes its trials.
-        parallel: number of trials at a time, each in its own process.
-        scheduler: address of a Dask cluster whose workers train; None: processes of this machine.
+        over: workers that train.
+        parallel: number of trials at a time, each of one worker.
         storage: storage to share with other processes, see ``open_storage``; None: a journal in the task's folder.
+        evaluate: function that trains and plays.
 
     Raises:
         ValueError: all trainings failed, the storage cannot be used, there are no workers, or another process works on this
             study, which is not shared.
     """
+    journal = task.folder / "journal.log"
     with nullcontext() if storage else file_lock(task.folder / f".{task.name}.lock"):
-        journal = task.folder / "journal.log"
         if not storage:
             cut_off_half_line(journal)
-        study = optuna.create_study(
-            storage=open_storage(storage or str(journal)), study_name=task.name, direction="maximize", load_if_exists=True
-        )
-        _extend(study, task, trials, parallel, scheduler, shared=storage is not None)
-    complete = _trials(study, TrialState.COMPLETE)
-    if not complete:
-        raise ValueError(f"all {len(_trials(study, *_ENDED))} trials failed")
-    return max(complete, key=lambda trial: (feasible(trial), trial.value))
-
-
-def _extend(study: optuna.Study, task: Task, trials: int, parallel: int, scheduler: str | None, shared: bool) -> None:
-    """Train and play until ``trials`` trials have ended."""
-    distributions = dict(algorithm_of(task.algorithm).search)
-    if not shared:
-        for unfinished in _trials(study, TrialState.RUNNING):
-            study.tell(unfinished.number, state=TrialState.FAIL)  # killed; the sampler must ignore it
-    if not _trials(study, *_ENDED, TrialState.WAITING, TrialState.RUNNING):
-        study.enqueue_trial({name: task.known[name] for name in distributions})
-    ended = len(_trials(study, *_ENDED))
-    running: list[optuna.Trial] = []
-    with (
-        cluster(scheduler) if scheduler else processes(parallel) as over,
-        tqdm(total=max(trials, ended), initial=ended, desc=f"tuning {task.algorithm}", unit="trial", disable=None) as bar,
-    ):
+        opened = open_storage(storage or str(journal))
+        study = optuna.create_study(storage=opened, study_name=task.name, direction="maximize", load_if_exists=True)
+        distributions = dict(algorithm_of(task.algorithm).search)
+        if not storage:
+            for unfinished in _trials(study, TrialState.RUNNING):
+                study.tell(unfinished.number, state=TrialState.FAIL)  # killed; the sampler must ignore it
+        if not _trials(study, *_ENDED, TrialState.WAITING, TrialState.RUNNING):
+            study.enqueue_trial({name: task.known[name] for name in distributions})
+        ended = len(_trials(study, *_ENDED))
+        running: list[optuna.Trial] = []
+        bar = tqdm(total=max(trials, ended), initial=ended, desc=f"tuning {task.algorithm}", unit="trial", disable=None)
         try:
             while running or ended < trials:
                 while len(running) < min(parallel, trials - ended):
                     # A sampler per trial: its random numbers must not depend on interruptions.
                     # Those of processes that share a study must differ.
-                    study.sampler = TPESampler(seed=None if shared else ended + len(running), n_startup_trials=5)
+                    study.sampler = TPESampler(seed=None if storage else ended + len(running), n_startup_trials=5)
                     running.append(study.ask(distributions))
                     over.start(running[-1], evaluate, task, running[-1].params)
                 trial, evaluation = over.finished()
@@ -216,8 +212,13 @@ def _extend(study: optuna.Study, task: Task, trials: int, parallel: int, schedul
                 ended = len(_trials(study, *_ENDED))
                 bar.update(ended - bar.n)
         finally:
+            bar.close()
             for trial in running:
                 study.tell(trial, state=TrialState.FAIL)  # interrupted
+    complete = _trials(study, TrialState.COMPLETE)
+    if not complete:
+        raise ValueError(f"all {ended} trials failed")
+    return max(complete, key=lambda trial: (feasible(trial), trial.value))
 
 
 def _tell(study: optuna.Study, trial: optuna.Trial, evaluation: Evaluation | str, task: Task) -> None:
@@ -274,7 +275,8 @@ def main(arguments: list[str] | None = None) -> int:
     steps = parsed.steps or hyperparameters(parsed.algorithm, parsed.env)["steps"]
     given = overrides(parsed.algorithm, parsed.set)
     task = Task(parsed.algorithm, parsed.env, scenario, steps, parsed.seeds, parsed.runs, given)
-    best = search(task, parsed.trials, parsed.workers, parsed.scheduler, parsed.storage)
+    with cluster(parsed.scheduler) if parsed.scheduler else processes(parsed.workers) as over:
+        best = search(task, parsed.trials, over, parsed.workers, parsed.storage)
     print(f"# {command}")
     print(f"# trial {best.number}: mean return {best.value:.1f} s, {'' if feasible(best) else 'not '}feasible")
     print(tomli_w.dumps({parsed.env: best.params}), end="")

@@ -1,18 +1,16 @@
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import optuna
 import pytest
-from optuna.trial import TrialState
+from optuna.trial import FrozenTrial, TrialState
 
 from tests.train.small import PARAMETERS, SCENARIO
 from train import tune
-from train.run import hyperparameters
 from turning_env.scoring.workers import Workers
 
 
@@ -25,11 +23,6 @@ class AtOnce(Executor):
         return future
 
 
-@contextmanager
-def at_once(count: int) -> Iterator[Workers]:
-    yield Workers(AtOnce())
-
-
 def learning_rate_matters(task: tune.Task, setting: dict[str, Any]) -> tune.Evaluation | str:
     """A landscape without any training: fast learning overloads, very fast learning fails."""
     if setting["learning_rate"] > 2.5e-3:
@@ -37,90 +30,60 @@ def learning_rate_matters(task: tune.Task, setting: dict[str, Any]) -> tune.Eval
     return tune.Evaluation(1e5 * setting["learning_rate"], 0.06 if setting["learning_rate"] > 1.5e-3 else 0.04)
 
 
-def task_in(folder: Path) -> tune.Task:
-    return tune.Task("sac", "RoughTurning-v0", SCENARIO, 100, 1, folder)
+def search(folder: Path, trials: int, parallel: int = 1, evaluate: Any = learning_rate_matters, **options: Any) -> FrozenTrial:
+    """Tune without training."""
+    task = tune.Task("sac", "RoughTurning-v0", SCENARIO, 100, 1, folder)
+    return tune.search(task, trials, Workers(AtOnce()), parallel, evaluate=evaluate, **options)
 
 
-@pytest.fixture
-def task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tune.Task:
-    monkeypatch.setattr(tune, "processes", at_once)
-    monkeypatch.setattr(tune, "evaluate", learning_rate_matters)
-    return task_in(tmp_path)
-
-
-def test_the_best_feasible_setting_wins(task: tune.Task, capsys: pytest.CaptureFixture[str]) -> None:
-    best = tune.search(task, 12, 2)
+def test_the_best_feasible_setting_wins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    best = search(tmp_path, 12, 2)
     assert tune.feasible(best)
     assert 1e-3 <= best.params["learning_rate"] <= 1.5e-3  # the first trial is the known setting: 1e-3
     assert best.value == pytest.approx(1e5 * best.params["learning_rate"])
     told = capsys.readouterr().err
     assert told.count("mean return") + told.count("failed with") == 12
     assert "failed with" in told
+    with pytest.raises(ValueError, match="all 3 trials failed"):
+        search(tmp_path / "other", 3, evaluate=lambda task, setting: "not finite")
 
 
-def test_an_interrupted_search_finds_what_it_would_have(
-    task: tune.Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupted_search_finds_what_it_would_have(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def settings() -> list[str]:
         return [line.partition(" with ")[2] for line in capsys.readouterr().err.splitlines()]
-
-    undisturbed = tune.search(task, 10, 1)
-    expected = settings()
-    again = task_in(tmp_path / "again")
 
     def interrupted(task: tune.Task, setting: dict[str, Any]) -> tune.Evaluation | str:
         raise KeyboardInterrupt
 
-    tune.search(again, 4, 1)
-    monkeypatch.setattr(tune, "evaluate", interrupted)
+    undisturbed, again = search(tmp_path, 10), tmp_path / "again"
+    expected = settings()
+    search(again, 4)
     with pytest.raises(KeyboardInterrupt):
-        tune.search(again, 10, 1)
-    monkeypatch.setattr(tune, "evaluate", learning_rate_matters)
-    assert tune.search(again, 10, 1).params == undisturbed.params
+        search(again, 10, evaluate=interrupted)
+    assert search(again, 10).params == undisturbed.params
     assert settings() == expected
-    assert tune.search(again, 3, 1).params == undisturbed.params  # there is nothing left to do
-
-
-def test_nothing_but_failures_is_an_error(task: tune.Task, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tune, "evaluate", lambda task, setting: "not finite")
-    with pytest.raises(ValueError, match="all 3 trials failed"):
-        tune.search(task, 3, 1)
+    assert search(again, 3).params == undisturbed.params  # there is nothing left to do
 
 
 @pytest.mark.slow
-def test_a_setting_is_trained_and_played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tune, "hyperparameters", lambda algorithm, env_id: hyperparameters(algorithm, env_id) | PARAMETERS["ppo"])
-    monkeypatch.setattr(tune, "NUM_EPISODES", 3)
-    task = tune.Task("ppo", "RoughTurning-v0", SCENARIO, 512, 2, tmp_path)
-    found = tune.evaluate(task, {"discount": 0.5})
-    assert isinstance(found, tune.Evaluation)
-    assert 0.0 <= found.severe_limit <= 1.0
-    policies = sorted(tmp_path.rglob("policy.zip"))
-    assert [path.parent.name for path in policies] == ["ppo-seed0", "ppo-seed1"]
-    before = [path.stat().st_mtime_ns for path in policies]
-    assert tune.evaluate(task, {"discount": 0.5}) == found  # a finished training is not repeated
-    assert [path.stat().st_mtime_ns for path in policies] == before
-
-
-def test_the_command_prints_a_table(task: tune.Task, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["--algorithm", "sac", "--trials", "2", "--steps", "100", "--runs", str(tmp_path / "runs")]
+def test_the_command_trains_plays_and_prints_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = [word for name, value in (PARAMETERS["ppo"] | {"epochs": 3}).items() for word in ("--set", f"{name}={value}")]
+    arguments = ["--algorithm", "ppo", "--trials", "1", "--seeds", "2", *settings, "--steps", "100", "--runs", str(tmp_path)]
     assert tune.main(arguments) == 0
     command, result, *table = capsys.readouterr().out.splitlines()
     assert command == "# python -m train.tune " + " ".join(arguments)
-    assert result.startswith("# trial ")
+    assert result.startswith("# trial 0: mean return ")
     assert table[0] == "[RoughTurning-v0]"
-    assert {line.split(" = ")[0] for line in table[1:]} == set(tune.algorithm_of("sac").search)
+    assert {line.split(" = ")[0] for line in table[1:]} == set(tune.algorithm_of("ppo").search)
+    policies = sorted(tmp_path.rglob("policy.zip"))
+    assert [path.parent.name for path in policies] == ["ppo-seed0", "ppo-seed1"]
+    before = [path.stat().st_mtime_ns for path in policies]
+    assert tune.main(arguments) == 0  # a finished trial is not repeated
+    assert capsys.readouterr().out.splitlines() == [command, result, *table]
+    assert [path.stat().st_mtime_ns for path in policies] == before
 
 
-def share_a_study(folder: Path, storage: str, trials: int) -> None:
-    """Search with a shared storage, without training, two trials at a time."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(tune, "processes", at_once)
-        patched.setattr(tune, "evaluate", learning_rate_matters)
-        tune.search(task_in(folder), trials, 2, storage=storage)
-
-
-OTHER = "import sys; from pathlib import Path; from tests.train.test_tune import share_a_study as share; "
+OTHER = "import sys; from pathlib import Path; from tests.train.test_tune import search; "
 
 
 @pytest.mark.slow
@@ -130,15 +93,17 @@ def test_processes_share_a_study(storage: str, tmp_path: Path) -> None:
     storage = storage.replace("FOLDER", str(tmp_path))
 
     def other(trials: int) -> "subprocess.Popen[bytes]":
-        return subprocess.Popen([sys.executable, "-c", f"{OTHER}share(Path({str(tmp_path)!r}), {storage!r}, {trials})"])
+        return subprocess.Popen(
+            [sys.executable, "-c", f"{OTHER}search(Path({str(tmp_path)!r}), {trials}, 2, storage={storage!r})"]
+        )
 
     def trials() -> list[optuna.trial.FrozenTrial]:
         return optuna.load_study(study_name=None, storage=tune.open_storage(storage)).get_trials(deepcopy=False)
 
-    share_a_study(tmp_path, storage, 4)
+    search(tmp_path, 4, 2, storage=storage)
     assert len(trials()) == 4
     both = other(12)
-    share_a_study(tmp_path, storage, 12)
+    search(tmp_path, 12, 2, storage=storage)
     assert both.wait() == 0
     found = trials()
     assert [trial.number for trial in found] == list(range(len(found)))
