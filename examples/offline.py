@@ -29,7 +29,7 @@ from tqdm import tqdm
 
 from examples.shared import ENV_ID, at_least, run
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.console import described
+from turning_env.console import described, exits
 from turning_env.physics.quantities import OBS
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Observations, PolicyFactory
@@ -197,8 +197,9 @@ def checksum(dataset: minari.MinariDataset) -> str:
     return digest.hexdigest()
 
 
+@exits(ValueError)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m examples.offline", **described(__doc__))
     commands = parser.add_subparsers(dest="command", required=True)
     making = commands.add_parser("make", help="play, write data sets, print their checksums")
@@ -209,11 +210,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.episodes > MAX_EPISODES:
         parser.error(f"--episodes is {options.episodes}, but must be at most {MAX_EPISODES}")
     for behaviour in options.behaviours:
-        try:
-            folder = make(behaviour, options.episodes, options.out)
-        except (OSError, ValueError) as error:
-            print(f"error: {error}", file=sys.stderr)
-            return 2
+        folder = make(behaviour, options.episodes, options.out)
         dataset = load(folder)
         marks = list(dataset.storage.get_episode_metadata(dataset.episode_indices))
         returns = {

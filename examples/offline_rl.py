@@ -27,7 +27,7 @@ from tqdm import tqdm
 from examples.offline import load
 from examples.shared import at_least, run
 from turning_env import score
-from turning_env.console import described
+from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.scoring.overload import severe_share
 from turning_env.scoring.statistics import Bootstrap, Estimate
@@ -118,8 +118,9 @@ def row(folder: Path, algorithm: str, runs: Sequence[dict[str, Any]]) -> str:
     return f"| `{name}` | {algorithm.upper()} | {mean.value:.0f} ({mean.low:.0f} to {mean.high:.0f}) | {by_seed} | {share:.1%} |"
 
 
+@exits(ValueError)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m examples.offline_rl", **described(__doc__))
     parser.add_argument("datasets", nargs="+", type=Path, help="folders that examples.offline has made")
     parser.add_argument("--algorithms", nargs="+", choices=ALGORITHMS, default=ALGORITHMS, help="default: all")
@@ -132,14 +133,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "| Data set | Algorithm | Return per edge [s] | Of each training seed [s] | Over a limit by > 5 % |",
         "|---|---|---|---|---|",
     ]
-    try:
-        for folder, algorithm in product(options.datasets, options.algorithms):
-            rest = (options.steps, options.seeds, options.out)
-            runs = [played(folder, algorithm, seed, *rest) for seed in range(options.training_seeds)]
-            rows.append(row(folder, algorithm, runs))
-    except (OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    for folder, algorithm in product(options.datasets, options.algorithms):
+        rest = (options.steps, options.seeds, options.out)
+        runs = [played(folder, algorithm, seed, *rest) for seed in range(options.training_seeds)]
+        rows.append(row(folder, algorithm, runs))
     print("\n".join(rows))
     return 0
 

@@ -2,14 +2,13 @@
 
 import argparse
 import math
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
 
 from turning_env import Scenario
-from turning_env.console import described
+from turning_env.console import described, exits
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import Observations
@@ -60,8 +59,4 @@ def parser(name: str, doc: str | None, steps: int, num_envs: int | None = None) 
 def run(main: Callable[[Sequence[str] | None], int]) -> int:
     """Run a script's ``main`` on one thread; return its exit status, 130 if it is interrupted."""
     torch.set_num_threads(1)
-    try:
-        return main(None)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return 130
+    return exits()(main)(None)

@@ -8,21 +8,12 @@ import argparse
 import logging
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
-from turning_control import measure, opcua
+from turning_control import linuxcnc, measure, opcua
 from turning_control.core import Controller, on_control, safe_feed
-from turning_control.linuxcnc import (
-    LinuxCncError,
-    figures,
-    find_policy,
-    picture,
-    run,
-    serve,
-    serve_plant,
-    simulated,
-    table,
-)
+from turning_control.linuxcnc import LinuxCncError, find_policy
 from turning_control.shield import LOG, Settings
 from turning_env import IDS
 from turning_env.console import described, exits, number_within, picture_path, print_json
@@ -34,7 +25,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m turning_control", **described(__doc__))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    guard = commands.add_parser("shield", help="measure the shield in simulation", **described(_shield.__doc__))
+    def command(name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+        made = commands.add_parser(name, help=text, **described(run.__doc__))
+        made.set_defaults(run=run)
+        return made
+
+    guard = command("shield", _shield, "measure the shield in simulation")
     guard.add_argument(
         "--episodes", type=int, default=1000, metavar="N", help="held-out seeds of every task (default: %(default)s)"
     )
@@ -44,30 +40,22 @@ def main(arguments: list[str] | None = None) -> int:
                        help="expected load over its limit that is allowed (default: %(default)s)")  # fmt: skip
     guard.add_argument("--kept", type=Path, metavar="FILE", help="JSON file of figures: measure only what it lacks, and add it")
     guard.add_argument("--json", action="store_true", help="print JSON")
-    guard.set_defaults(run=_shield)
 
-    show = commands.add_parser("demo", help="run policies through LinuxCNC", **described(_demo.__doc__))
+    show = command("demo", _demo, "run policies through LinuxCNC")
     show.add_argument("--policies", nargs="+", metavar="POLICY", help="programmed, a rule's name, module:object or ONNX files")
     show.add_argument("--bars", type=int, default=2, metavar="N", help="bars per policy (default: %(default)s)")
     show.add_argument("--out", type=picture_path, metavar="FILE", help="picture of override and load: PNG, SVG or PDF")
-    show.set_defaults(run=_demo)
 
-    answers = commands.add_parser("serve", help="answer a HAL component's pins with a policy", **described(_serve.__doc__))
-    answers.add_argument("--policy", required=True, metavar="POLICY", help="as for demo")
-    answers.set_defaults(run=_serve)
-
-    linked = commands.add_parser("opcua", help="drive a control that serves OPC UA", **described(_opcua.__doc__))
-    linked.add_argument("--policy", required=True, metavar="POLICY", help="as for demo")
+    answers = command("serve", _serve, "answer a HAL component's pins with a policy")
+    linked = command("opcua", _opcua, "drive a control that serves OPC UA")
+    for each in (answers, linked):
+        each.add_argument("--policy", required=True, metavar="POLICY", help="as for demo")
+        each.add_argument("--log", type=Path, metavar="FILE", help="text file for every decision")
     linked.add_argument("--url", required=True, metavar="URL", help="of the control's server, such as opc.tcp://192.0.2.1:4840")
     linked.add_argument("--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes")
-    linked.set_defaults(run=_opcua)
 
-    for each in (answers, linked):
-        each.add_argument("--log", type=Path, metavar="FILE", help="text file for every decision")
-
-    plant = commands.add_parser("plant", help="answer a HAL component's pins in place of a lathe", **described(_plant.__doc__))
+    plant = command("plant", _plant, "answer a HAL component's pins in place of a lathe")
     plant.add_argument("--log", type=Path, required=True, metavar="CSV", help="file for every cycle")
-    plant.set_defaults(run=_plant)
     for each in (show, plant):
         each.add_argument("--seed", type=int, default=0, metavar="N", help="determines bars and edges (default: %(default)s)")
     for each in (show, answers, linked, plant):
@@ -102,11 +90,12 @@ def _demo(options: argparse.Namespace) -> int:
     for policy in policies:
         print(f"{policy} ...", file=sys.stderr)
         name = Path(policy).stem if policy.endswith(".onnx") else policy
-        runs[name] = run(policy, options.scenario, options.bars, options.seed)
-        compared[name] = figures(runs[name], safe_feed(scenario)), simulated(policy, scenario, options.bars, options.seed)
-    print(table(compared))
+        runs[name] = linuxcnc.run(policy, options.scenario, options.bars, options.seed)
+        played = linuxcnc.simulated(policy, scenario, options.bars, options.seed)
+        compared[name] = linuxcnc.figures(runs[name], safe_feed(scenario)), played
+    print(linuxcnc.table(compared))
     if options.out:
-        picture(runs, scenario, options.out)
+        linuxcnc.picture(runs, scenario, options.out)
     return 0
 
 
@@ -117,7 +106,7 @@ def _serve(options: argparse.Namespace) -> int:
     """
     _log_to(options.log)
     scenario = Scenario.load(options.scenario)
-    serve(on_control(scenario), find_policy(options.policy, scenario))
+    linuxcnc.serve(on_control(scenario), find_policy(options.policy, scenario))
     return 0
 
 
@@ -144,7 +133,7 @@ def _plant(options: argparse.Namespace) -> int:
 
     python -m turning_control plant --scenario override --log plant.csv
     """
-    serve_plant(Scenario.load(options.scenario), options.seed, options.log)
+    linuxcnc.serve_plant(Scenario.load(options.scenario), options.seed, options.log)
     return 0
 
 

@@ -64,11 +64,8 @@ def test_settings_are_those_of_the_projects_own_training(algorithm: str) -> None
         assert theirs["ent_coef"] == f"auto_{ours['initial_entropy_coefficient']}"
 
 
-Zoo = Callable[..., str]
-
-
 @pytest.fixture
-def zoo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Zoo:
+def zoo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
     """Runs one of the zoo's programs, and gives what it prints."""
     monkeypatch.chdir(ROOT)
 
@@ -91,7 +88,7 @@ def zoo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     ],
 )
 @pytest.mark.filterwarnings("ignore")  # what the zoo does is not this project's
-def test_the_zoo_trains(algorithm: str, smaller: list[str], tmp_path: Path, zoo: Zoo) -> None:
+def test_the_zoo_trains(algorithm: str, smaller: list[str], tmp_path: Path, zoo: Callable[..., str]) -> None:
     few = ["--n-timesteps", "256", "--eval-freq", "-1", "-params", *smaller]
     said = zoo("train", algorithm, "--conf-file", f"examples/zoo/{algorithm}.yml", *few)
     assert "Saving to" in said
