@@ -40,8 +40,7 @@ class Change:
     """A word that was changed or put in."""
 
     line: int
-    before: str
-    """The word as it was; empty if it was put in."""
+    before: str  # the word as it was; empty if it was put in
     after: str
 
 
@@ -95,20 +94,14 @@ class Section:
     """A stretch of a move in metal, and its feed and speed in a schedule by position."""
 
     line: int
-    cycle_pass: int
-    """Number of the pass within a cycle; 0 outside."""
+    cycle_pass: int  # number of the pass within a cycle; 0 outside
     tool: str
-    z: tuple[float, float]
-    """From and to [mm]."""
-    diameter: tuple[float, float]
-    """From and to [mm]."""
-    depth: float
-    """Largest depth of cut [mm]."""
+    z: tuple[float, float]  # from and to [mm]
+    diameter: tuple[float, float]  # from and to [mm]
+    depth: float  # largest depth of cut [mm]
     feed: float  # [mm/rev]
-    override: float
-    """Over the programmed feed [-]."""
-    cutting_speed: float
-    """Highest [m/min]."""
+    override: float  # over the programmed feed [-]
+    cutting_speed: float  # highest [m/min]
 
 
 def schedule(

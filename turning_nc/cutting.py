@@ -26,11 +26,9 @@ class Machine:
     """What a scenario does not say of a machine (assumptions)."""
 
     max_spindle_speed: float = 4000.0  # [rev/min]
-    rapid: float = 10_000.0
-    """Rapid traverse [mm/min]."""
+    rapid: float = 10_000.0  # rapid traverse [mm/min]
     tool_change: float = 2.0  # [s]
-    max_feed: float = math.inf
-    """Highest feed that the inserts take [mm/rev]; the scenario's machine has its own."""
+    max_feed: float = math.inf  # highest feed that the inserts take [mm/rev]; the scenario's machine has its own
 
 
 class Situation:
@@ -98,20 +96,15 @@ class Situation:
 class Play:
     """Arrays over the slices; loads are 0 in air."""
 
-    time: Values
-    """[s]"""
-    cutting_speed: Values
-    """At the tool's tip [m/min]."""
+    time: Values  # [s]
+    cutting_speed: Values  # at the tool's tip [m/min]
     feed: Values  # [mm/rev]
     spindle_speed: Values  # [rev/min]
-    used_life: Values
-    """Share of an edge's life that the slice uses [-]."""
-    wear: Values
-    """Flank wear of the slice's edge after it [mm]."""
+    used_life: Values  # share of an edge's life that the slice uses [-]
+    wear: Values  # flank wear of the slice's edge after it [mm]
     thrust_force: Values  # [N]
     power: Values  # [kW]
-    force_share: Values
-    """Over the scenario's limit [-]."""
+    force_share: Values  # over the scenario's limit [-]
     power_share: Values
 
     @property

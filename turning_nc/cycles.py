@@ -25,13 +25,10 @@ Arguments = Sequence[tuple[str, Span]]
 class CycleState:
     """Values that the first blocks of Fanuc's cycles set for the second."""
 
-    depth: float = 0.0
-    """Depth of the passes of G71 and G72 [mm]."""
+    depth: float = 0.0  # depth of the passes of G71 and G72 [mm]
     retraction: float = 0.5  # [mm]
-    pattern: Point = (0.0, 0.0)
-    """Distance along Z and X of the first pass of G73 [mm]."""
-    repeats: int = 0
-    """Number of passes of G73."""
+    pattern: Point = (0.0, 0.0)  # distance along Z and X of the first pass of G73 [mm]
+    repeats: int = 0  # number of passes of G73
     thread: tuple[int, float, float, float] | None = None
     """Finishing passes, angle [degrees], smallest depth and allowance [mm] of G76."""
 

@@ -19,27 +19,17 @@ class Dialect:
     """How the programs of a control look, and which words it understands."""
 
     name: Literal["fanuc", "sinumerik"]
-    word: re.Pattern[str]
-    """Matches a word; its groups are those of ``words.Word``."""
+    word: re.Pattern[str]  # matches a word; its groups are those of ``words.Word``
     comment: re.Pattern[str]
-    sub_program: re.Pattern[str]
-    """Matches the line that begins a part of the file; a group holds its name."""
-    addresses: frozenset[str]
-    """Addresses that take a value."""
-    names: frozenset[str]
-    """Words and calls without a value."""
-    codes: frozenset[float]
-    """G functions that are understood, also those without effect on path and times."""
-    units: Mapping[float, tuple[float, bool]]
-    """G functions of units: length [mm], and whether feeds and speeds change too."""
-    spindle_limits: frozenset[float]
-    """G functions that make S a limit of the spindle."""
-    references: frozenset[float]
-    """G functions that move to a reference point."""
-    cycles: frozenset[float]
-    """G functions of cycles."""
-    corners: Mapping[str, CornerKind]
-    """Words that break the corner at the end of a move."""
+    sub_program: re.Pattern[str]  # matches the line that begins a part of the file; a group holds its name
+    addresses: frozenset[str]  # addresses that take a value
+    names: frozenset[str]  # words and calls without a value
+    codes: frozenset[float]  # G functions that are understood, also those without effect on path and times
+    units: Mapping[float, tuple[float, bool]]  # G functions of units: length [mm], and whether feeds and speeds change too
+    spindle_limits: frozenset[float]  # G functions that make S a limit of the spindle
+    references: frozenset[float]  # G functions that move to a reference point
+    cycles: frozenset[float]  # G functions of cycles
+    corners: Mapping[str, CornerKind]  # words that break the corner at the end of a move
     arc_radius: str
     thread_lead: tuple[str, ...]
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from turning_env.action import set_point_action
 from turning_env.env import RoughTurningEnv
 from turning_env.scenario import Scenario, Source
-from turning_env.scenario.sections import MAX_DEPTHS, Control, Economics, Workpiece
+from turning_env.scenario.sections import MAX_DEPTHS
 from turning_nc.cutting import Machine, Situation, motion
 from turning_nc.moves import run
-from turning_nc.stock import MIN_DEPTH, guessed_stock, read_stock, remove
-from turning_nc.words import NcError, read_program_file
+from turning_nc.stock import guessed_stock, read_stock, remove
+from turning_nc.words import NcError, naming, read_program_file
 
 Values = NDArray[np.float64]
 
@@ -66,31 +66,33 @@ class ToolPath:
         base = Scenario.load(scenario)
         if base.control.action == "part":
             raise NcError('control.action is "part", but a program is played where speed and feed are set step by step')
-        moves = run(read_program_file(Path(program)))
+        text = read_program_file(Path(program))
+        with naming(program):
+            moves = run(text)
         removal = remove(moves, read_stock(stock) if stock else guessed_stock(moves)[0], tools)
         situation = Situation(base, Machine(max_spindle_speed), moves, removal)
         slices = removal.slices
-        metal = {name: float(slices.volume[situation.tool == name].sum()) for name in removal.tools}
+        metal = {name: float(slices.volume[mine].sum()) for name, mine in situation.by_tool.items()}
         tool = tool or max(metal, key=metal.__getitem__)
         if metal.get(tool, 0.0) <= 0.0:
             cutting = ", ".join(name for name, removed in metal.items() if removed > 0.0) or "none"
             raise NcError(f"tool {tool!r} cuts nothing; the tools that do: {cutting}")
-        mine = np.flatnonzero(situation.fed & (situation.tool == tool))
-        depth = np.where(slices.depth[mine] > max(MIN_DEPTH, _MIN_SECTION), slices.depth[mine], 0.0)
+        machine, mine = base.machine, situation.fed & situation.by_tool[tool]
+        depth = np.where(slices.depth[mine] > _MIN_SECTION, slices.depth[mine], 0.0)
         radius = np.maximum(slices.radius[mine], 0.5)
         self.diameter = float(2.0 * np.average(radius, weights=slices.volume[mine]))
         self.lengths = slices.length[mine] * 2.0 * radius / self.diameter
-        _, self.speeds, self.feeds, _ = (values[mine] for values in motion(situation, situation.feed, situation.speed))
-        low, high = base.machine.cutting_speed_min, base.machine.cutting_speed_max
-        feeds = np.clip(self.feeds, base.machine.feed_min, base.machine.feed_max)
-        velocity = 1000.0 * np.clip(self.speeds, low, high) / (np.pi * self.diameter) * feeds  # [mm/min]
-        self.minutes = float((self.lengths / velocity).sum())
-        limits = np.pi * 2.0 * radius * situation.max_spindle[mine] / 1000.0
-        limits = np.clip(limits, low, high)
-        lengths, depths, limits = _merged(self.lengths, depth, limits)
         self.ends = np.cumsum(self.lengths)
+        _, self.speeds, self.feeds, _ = (values[mine] for values in motion(situation, situation.feed, situation.speed))
+        speed_range = machine.cutting_speed_min, machine.cutting_speed_max
+        velocity = 1000.0 * np.clip(self.speeds, *speed_range) / (np.pi * self.diameter)  # [rev/min]
+        velocity *= np.clip(self.feeds, machine.feed_min, machine.feed_max)  # [mm/min]
+        self.minutes = float((self.lengths / velocity).sum())
+        limits = np.clip(np.pi * 2.0 * radius * situation.max_spindle[mine] / 1000.0, *speed_range)
+        lengths, depths, limits = _merged(self.lengths, depth, limits)
         cut = depths > 0.0
-        workpiece = base.workpiece.model_dump() | {
+        removal_rate = np.pi * self.diameter * np.dot(depths, lengths) / 1000.0 / self.minutes  # [cm3/min]
+        workpiece = {
             "bars": parts,
             "bar_length": float(lengths.sum()),
             "approach": 0.0,
@@ -101,13 +103,11 @@ class ToolPath:
             "section_speeds": tuple(limits.tolist()),
         }
         job = {"edge_changes": "automatic", "time_limit": TIME_LIMIT * parts * self.minutes}
-        removal_rate = np.pi * self.diameter * np.dot(depths, lengths) / 1000.0 / self.minutes  # [cm3/min]
-        economics = base.economics.model_dump() | {"reference_removal_rate": float(removal_rate)}
+        changes = {"workpiece": workpiece, "control": job, "economics": {"reference_removal_rate": float(removal_rate)}}
+        sections = {name: getattr(base, name) for name in changes}
         self.scenario = base.model_copy(
             update={
-                "workpiece": Workpiece.model_validate(workpiece),
-                "control": Control.model_validate(base.control.model_dump() | job),
-                "economics": Economics.model_validate(economics),
+                name: type(section).model_validate(section.model_dump() | changes[name]) for name, section in sections.items()
             }
         )
 
@@ -120,19 +120,17 @@ class ToolPath:
 def _merged(lengths: Values, depths: Values, limits: Values) -> tuple[Values, Values, Values]:
     """Return lengths, mean depths and lowest limits of at most ``MAX_DEPTHS`` sections."""
     tolerance = 0.02
-    while True:
+    starts: list[int] = []
+    while not starts or (len(starts) > MAX_DEPTHS and tolerance <= 2.0):
         starts = [0]
         for k in range(1, len(depths)):
             group = depths[starts[-1] : k]
             apart = abs(depths[k] - np.average(group, weights=lengths[starts[-1] : k])) > tolerance * depths.max()
             if apart or ((depths[k] > 0.0) != (group[-1] > 0.0) and tolerance < 0.3) or limits[k] < limits[starts[-1]] / 1.3:
                 starts.append(k)
-        if len(starts) <= MAX_DEPTHS:
-            break
         tolerance *= 1.3
-        if tolerance > 2.0:
-            starts = list(np.linspace(0, len(depths), MAX_DEPTHS, endpoint=False).astype(int))
-            break
+    if len(starts) > MAX_DEPTHS:
+        starts = np.linspace(0, len(depths), MAX_DEPTHS, endpoint=False).astype(int).tolist()
     total = np.add.reduceat(lengths, starts)
     mean = np.add.reduceat(lengths * depths, starts) / total
     mean = np.where(mean < _MIN_SECTION, 0.0, mean)

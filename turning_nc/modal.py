@@ -17,12 +17,9 @@ _KNOWN_M = {*range(10), 17, 30, *range(40, 46), 98, 99}
 class Setting:
     """A feed or a speed in force."""
 
-    value: float = 0.0
-    """[mm/rev], [mm/min], [m/min] or [rev/min]."""
-    span: Span | None = None
-    """Place of the number in the program's text."""
-    scale: float = 1.0
-    """Its value in these units over the number as written."""
+    value: float = 0.0  # [mm/rev], [mm/min], [m/min] or [rev/min]
+    span: Span | None = None  # place of the number in the program's text
+    scale: float = 1.0  # its value in these units over the number as written
 
 
 @dataclass

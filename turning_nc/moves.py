@@ -29,21 +29,16 @@ class Move:
 
     kind: Kind
     path: Path
-    line: int
-    """Line of the file whose block moves the tool; for a pass of a cycle, that of the cycle."""
-    line_end: int
-    """Place in the text after this line's last word."""
+    line: int  # line of the file whose block moves the tool; for a pass of a cycle, that of the cycle
+    line_end: int  # place in the text after this line's last word
     tool: str
     feed: Setting
     per_revolution: bool
     speed: Setting
     constant_cutting_speed: bool
-    max_spindle_speed: float
-    """[rev/min]; infinite if the program sets none."""
-    cycle_pass: int = 0
-    """Number of the pass within a cycle, from 1; 0 outside."""
-    time: float = 0.0
-    """Duration of a dwell [s]."""
+    max_spindle_speed: float  # [rev/min]; infinite if the program sets none
+    cycle_pass: int = 0  # number of the pass within a cycle, from 1; 0 outside
+    time: float = 0.0  # duration of a dwell [s]
 
 
 @dataclass(frozen=True)
@@ -52,10 +47,8 @@ class Moves:
 
     program: PartProgram
     moves: tuple[Move, ...]
-    law: Law
-    """Its synchronized actions."""
-    notes: tuple[str, ...]
-    """Assumptions, and words that are not understood but do not change the tool's path, with lines."""
+    law: Law  # its synchronized actions
+    notes: tuple[str, ...]  # assumptions, and words that are not understood but do not change the tool's path, with lines
 
 
 class _End(Exception):
@@ -103,15 +96,12 @@ class Control(Modal):
     problems: dict[int, str] = field(default_factory=dict)
     variables: dict[str, float] = field(default_factory=dict)
     motion: int | None = None
-    corner: Corner | None = None
-    """Between the last move and the next."""
-    rounding: float = 0.0
-    """Radius of all corners between moves at feed, RNDM [mm]."""
+    corner: Corner | None = None  # between the last move and the next
+    rounding: float = 0.0  # radius of all corners between moves at feed, RNDM [mm]
     cycle: CycleState = field(default_factory=CycleState)
     cycle_pass: int = 0
     calls: int = 0
-    blocks: list[int] = field(default_factory=lambda: [0])
-    """Number of blocks run, also in contours."""
+    blocks: list[int] = field(default_factory=lambda: [0])  # number of blocks run, also in contours
 
     def run_lines(self, lines: Sequence[Line], start: int = 0, end: int | None = None) -> None:
         """Run lines from an index to another; a cycle names the index at which the program goes on."""

@@ -20,16 +20,11 @@ MAX_PASSES = 2000
 class Roughing:
     """Parameters of a roughing cycle."""
 
-    depth: float
-    """Depth of cut per pass [mm]."""
-    retraction: float
-    """Distance by which the tool leaves the cut on both axes [mm]."""
-    allowance: Point
-    """Metal that stays for the finishing cut, along Z and X with the contour's side as sign [mm]."""
-    facing: bool = False
-    """Whether passes run along X."""
-    equal: bool = False
-    """Whether the depth is reduced so that all passes have the same (CYCLE95)."""
+    depth: float  # depth of cut per pass [mm]
+    retraction: float  # distance by which the tool leaves the cut on both axes [mm]
+    allowance: Point  # metal that stays for the finishing cut, along Z and X with the contour's side as sign [mm]
+    facing: bool = False  # whether passes run along X
+    equal: bool = False  # whether the depth is reduced so that all passes have the same (CYCLE95)
 
 
 def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> list[list[Path]]:
@@ -139,16 +134,11 @@ def repeated_passes(contour: Sequence[Path], start: Point, allowance: Point, mos
 class Thread:
     """A thread, from its first turn to its last."""
 
-    start: Point
-    """Where passes begin along Z, and where the tool is clear of the thread along X."""
-    end: float
-    """Z at which passes end [mm]."""
-    roots: tuple[float, float]
-    """Radius at the root where passes begin and end [mm]."""
-    height: float
-    """Height of the profile [mm]."""
-    angle: float = 0.0
-    """Angle by which the tool goes in aslant: half the thread's angle to cut with one flank [degrees]."""
+    start: Point  # where passes begin along Z, and where the tool is clear of the thread along X
+    end: float  # Z at which passes end [mm]
+    roots: tuple[float, float]  # radius at the root where passes begin and end [mm]
+    height: float  # height of the profile [mm]
+    angle: float = 0.0  # angle by which the tool goes in aslant: half the thread's angle to cut with one flank [degrees]
 
 
 def decreasing_depths(height: float, first: float, smallest: float, allowance: float, finishing: int) -> list[float]:

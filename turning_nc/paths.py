@@ -21,8 +21,7 @@ class Path:
     start: Point
     end: Point
     centre: Point | None = None
-    clockwise: bool = False
-    """Seen with Z to the right and X upwards."""
+    clockwise: bool = False  # seen with Z to the right and X upwards
     rapid: bool = False
 
     @property
@@ -69,8 +68,7 @@ class Corner:
     kind: CornerKind
     size: float  # [mm]
     line: int
-    modal: bool = False
-    """Whether it holds for all corners between moves at feed (RNDM)."""
+    modal: bool = False  # whether it holds for all corners between moves at feed (RNDM)
 
 
 def shifted(point: Point, direction: Point, length: float = 1.0) -> Point:

@@ -38,26 +38,21 @@ COMMENT_WIDTH = 100
 class Block:
     """A feed block."""
 
-    z: float
-    """Position of its end [mm]."""
+    z: float  # position of its end [mm]
     cutting_speed: float  # [m/min]
     feed: float  # [mm/rev]
-    note: str = field(default="", compare=False)
-    """Comment on what begins with the block."""
+    note: str = field(default="", compare=False)  # comment on what begins with the block
 
 
 @dataclass(frozen=True)
 class Program:
     """A turning program: the same cut on successive bars, each with its own blocks."""
 
-    diameter: float
-    """Diameter of the cut [mm]."""
-    start: float
-    """Z at which every bar's first block starts, in the air before the face [mm]."""
+    diameter: float  # diameter of the cut [mm]
+    start: float  # Z at which every bar's first block starts, in the air before the face [mm]
     max_spindle_speed: float  # [rev/min]
     bars: tuple[tuple[Block, ...], ...]
-    law: Law = field(default_factory=Law)
-    """Law from measured load to feed override; without actions, there is none."""
+    law: Law = field(default_factory=Law)  # law from measured load to feed override; without actions, there is none
 
     @classmethod
     def of(cls, scenario: Scenario, bars: tuple[tuple[Block, ...], ...], law: Law | None = None) -> Self:

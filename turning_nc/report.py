@@ -20,51 +20,37 @@ class BlockRow:
     """A block, or a pass of a cycle, each time that it is run."""
 
     line: int
-    cycle_pass: int
-    """Number of the pass within a cycle; 0 outside."""
+    cycle_pass: int  # number of the pass within a cycle; 0 outside
     tool: str
     text: str
-    depth: float
-    """Largest depth of cut [mm]."""
-    diameters: tuple[float, float]
-    """Smallest and largest diameter of the tip [mm]."""
-    cutting_speed: float
-    """Highest in metal [m/min]."""
+    depth: float  # largest depth of cut [mm]
+    diameters: tuple[float, float]  # smallest and largest diameter of the tip [mm]
+    cutting_speed: float  # highest in metal [m/min]
     feed: float  # [mm/rev]
     time: float  # [s]
-    air_time: float
-    """Time at feed in air [s]."""
+    air_time: float  # time at feed in air [s]
     removed: float  # [cm3]
-    force_share: float
-    """Largest thrust force over the limit [-]."""
+    force_share: float  # largest thrust force over the limit [-]
     power_share: float
-    used_life: float
-    """Share of an edge's life [-]."""
-    saves: float
-    """Time that the highest feed within the limits would save at the same speed [s]; 0 for finishing."""
+    used_life: float  # share of an edge's life [-]
+    saves: float  # time that the highest feed within the limits would save at the same speed [s]; 0 for finishing
 
-    remark: str
-    """Fault of the block, if it has one."""
+    remark: str  # fault of the block, if it has one
 
 
 @dataclass(frozen=True)
 class Summary:
     """Totals of a program."""
 
-    time: float
-    """Cycle time [s]."""
+    time: float  # cycle time [s]
     time_in_metal: float
     time_at_feed_in_air: float
-    other_time: float
-    """Rapid moves, dwells and tool changes [s]."""
+    other_time: float  # rapid moves, dwells and tool changes [s]
     removed: float  # [cm3]
-    removed_by_polygons: float
-    """Volume of the stock minus that of the part [cm3]."""
-    max_load: float
-    """Highest share of a limit [-]."""
+    removed_by_polygons: float  # volume of the stock minus that of the part [cm3]
+    max_load: float  # highest share of a limit [-]
     overload_time: float  # [s]
-    used_life: dict[str, float]
-    """Share of an edge's life per part, by tool [-]."""
+    used_life: dict[str, float]  # share of an edge's life per part, by tool [-]
 
     def lines(self) -> list[str]:
         """Return the totals as text."""

@@ -29,10 +29,8 @@ class Totals:
     """Totals of an episode."""
 
     removed: float  # [cm3]
-    time: float
-    """Machine time [min]."""
-    wear: float
-    """Flank wear at the end [mm]."""
+    time: float  # machine time [min]
+    wear: float  # flank wear at the end [mm]
 
     @classmethod
     def of(cls, infos: Iterable[dict[str, Any]]) -> Self:

@@ -167,20 +167,13 @@ def guessed_stock(moves: Moves) -> tuple[Any, str]:
 class Slices:
     """Pieces of all moves, in their order: arrays of one length."""
 
-    move: NDArray[np.int64]
-    """Index of the move."""
-    length: Values
-    """[mm]"""
-    radius: Values
-    """Mean radius of the tip [mm]."""
-    depth: Values
-    """Depth of cut: removed area per length [mm]."""
-    volume: Values
-    """Removed metal [mm3]."""
-    start: Values
-    """Z and radius of the tip at the start [mm], shape (slices, 2)."""
-    end: Values
-    """Z and radius of the tip at the end [mm], shape (slices, 2)."""
+    move: NDArray[np.int64]  # index of the move
+    length: Values  # [mm]
+    radius: Values  # mean radius of the tip [mm]
+    depth: Values  # depth of cut: removed area per length [mm]
+    volume: Values  # removed metal [mm3]
+    start: Values  # Z and radius of the tip at the start [mm], shape (slices, 2)
+    end: Values  # Z and radius of the tip at the end [mm], shape (slices, 2)
 
 
 @dataclass(frozen=True)
@@ -188,12 +181,9 @@ class Removal:
     """What the tools of a program remove of a stock."""
 
     slices: Slices
-    stock: Any
-    """The polygon before the first move."""
-    part: Any
-    """The polygon after the last move."""
-    tools: Mapping[str, str]
-    """Kinds of the tools."""
+    stock: Any  # the polygon before the first move
+    part: Any  # the polygon after the last move
+    tools: Mapping[str, str]  # kinds of the tools
     notes: tuple[str, ...]
 
 

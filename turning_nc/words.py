@@ -44,19 +44,13 @@ class Problem(ValueError):
 class Word:
     """A word of a block: an address with a value, a call with arguments, or a name."""
 
-    address: str
-    """Letter or name; a variable that the word assigns, such as ``R1`` or ``#100``; with a comma, ``,C`` or ``,R``."""
+    address: str  # letter or name; a variable that the word assigns, such as ``R1`` or ``#100``; with a comma, ``,C`` or ``,R``
     value: float | None = None
-    text: str = ""
-    """The value as it is written; the text of a string."""
-    span: Span | None = None
-    """Place of the number; None if it is computed."""
-    expression: str = ""
-    """The expression that gives the value while the program runs."""
-    mode: str = ""
-    """``AC`` or ``IC``: absolute or incremental, whatever G90 or G91 says."""
-    arguments: tuple[tuple[str, Span], ...] | None = None
-    """Texts and places of a call's arguments."""
+    text: str = ""  # the value as it is written; the text of a string
+    span: Span | None = None  # place of the number; None if it is computed
+    expression: str = ""  # the expression that gives the value while the program runs
+    mode: str = ""  # ``AC`` or ``IC``: absolute or incremental, whatever G90 or G91 says
+    arguments: tuple[tuple[str, Span], ...] | None = None  # texts and places of a call's arguments
 
     @property
     def is_variable(self) -> bool:
@@ -84,15 +78,11 @@ class Word:
 class Line:
     """A line of a program that holds words."""
 
-    number: int
-    """Number in the file, from 1."""
-    text: str
-    """Its code, without comments."""
+    number: int  # number in the file, from 1
+    text: str  # its code, without comments
     words: tuple[Word, ...]
-    end: int
-    """Place in the program's text after the last word."""
-    unknown: str = ""
-    """The rest that is no word."""
+    end: int  # place in the program's text after the last word
+    unknown: str = ""  # the rest that is no word
 
     def first(self, *addresses: str) -> Word | None:
         """Return the first word with one of the addresses."""
@@ -110,8 +100,7 @@ class PartProgram:
 
     text: str
     dialect: Dialect
-    parts: dict[str, tuple[Line, ...]]
-    """Lines of the main program, and of the sub-programs by their names."""
+    parts: dict[str, tuple[Line, ...]]  # lines of the main program, and of the sub-programs by their names
 
     @property
     def main(self) -> str:
