@@ -62,7 +62,6 @@ def test_more_tolerance_means_fewer_blocks_that_end_at_the_same_place() -> None:
     ("diameter", "start", "limit", "blocks", "complaint"),
     [
         (60.0, 3.0, 636.6, [(-300.0, 150.0, 0.3)], "diameter is 60.0 mm"),
-        (100.0, 2.0, 636.6, [(-300.0, 150.0, 0.3)], "first position is 2.0 mm"),
         (100.0, 3.0, 700.0, [(-300.0, 150.0, 0.3)], "LIMS is 700.0 rev/min, but the machine's highest is 636.6"),
         (100.0, 3.0, 636.6, [(-300.0, 200.1, 0.3)], "cutting speed is 200.1, but the machine's range is 50"),
         (100.0, 3.0, 636.6, [(-300.0, 150.0, 0.601)], "feed is 0.601"),

