@@ -5,7 +5,13 @@
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from turning_env.console import Mistake
+
+Values = NDArray[np.float64]
+"""An array of numbers."""
 
 
 class WorkshopError(Mistake):

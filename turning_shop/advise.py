@@ -8,15 +8,12 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from turning_env.scenario import Scenario
-from turning_shop import WorkshopError, aligned
+from turning_shop import Values, WorkshopError, aligned
 from turning_shop.prediction import LEVEL, Evidence, predict
 from turning_shop.whatif import Cuts, what_if
-
-Values = NDArray[np.float64]
 
 GRID = 81
 """Number of cutting speeds, and of feeds, that are tried."""

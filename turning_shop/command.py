@@ -143,8 +143,7 @@ def _calibrate(options: argparse.Namespace) -> int:
 
     python -m turning_env calibrate cuts.csv --out my_tool.toml --plot residuals.png
     """
-    from turning_shop.calibrate import Implausible, calibrate, report, summary
-    from turning_shop.fitted_file import write_scenario
+    from turning_shop.calibrate import Implausible, calibrate, report, summary, write_scenario
 
     if options.plot:  # before anything is written, as Matplotlib may be missing
         from turning_render import plot_style

@@ -13,15 +13,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal, stats
 
-from turning_shop import WorkshopError, aligned
+from turning_shop import Values, WorkshopError, aligned
 from turning_shop.fit import Estimate
 from turning_shop.headers import Column
 from turning_shop.measurements import Measurements
-
-Values = NDArray[np.float64]
 
 LOADS = {"torque": Column("N m", 0, 1e6, "load torque"), "thrust_force": Column("N", 0, 1e6, "thrust force")}
 """Columns of the load; a record has one of them."""

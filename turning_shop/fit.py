@@ -19,10 +19,8 @@ from pydantic import ValidationError
 from scipy import stats
 
 from turning_env.scenario.power_law import PowerLaw
-from turning_shop import WorkshopError
+from turning_shop import Values, WorkshopError
 from turning_shop.measurements import COLUMNS, Measurements
-
-Values = NDArray[np.float64]
 
 FACTORS = {
     "wear": ("cutting_speed", "feed", "depth_of_cut", "time", "hardness"),

@@ -5,16 +5,13 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from turning_env.scenario import Scenario
-from turning_shop import aligned
+from turning_shop import Values, aligned
 from turning_shop.fit import Fit
 from turning_shop.measurements import COLUMNS
 from turning_shop.prediction import LEVEL
-
-Values = NDArray[np.float64]
 
 COUNT = 5
 """Number of cuts."""

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
+from turning_shop import Values
 from turning_shop.fit import SETTINGS, Fit, rows_correlate
 from turning_shop.measurements import COLUMNS, Measurements
 
-Values = NDArray[np.float64]
 Columns = Mapping[str, Values]
 
 TAYLOR_EXPONENT = 0.1, 0.6

@@ -13,11 +13,9 @@ from scipy import stats
 
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import PowerLaw
-from turning_shop import WorkshopError
+from turning_shop import Values, WorkshopError
 from turning_shop.fit import FACTORS, SETTINGS, Fit
 from turning_shop.whatif import Cuts
-
-Values = NDArray[np.float64]
 
 LEVEL = 0.95
 """Confidence level of all intervals of predictions [-]."""

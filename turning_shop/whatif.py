@@ -11,12 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
-from turning_shop import aligned
+from turning_shop import Values, aligned
 
 if TYPE_CHECKING:
     from turning_shop.prediction import Prediction
-
-Values = NDArray[np.float64]
 
 
 class Cuts(NamedTuple):

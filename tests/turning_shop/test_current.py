@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from turning_env.__main__ import main
-from turning_shop import WorkshopError
-from turning_shop.current import QUANTITIES, Values, analyse
+from turning_shop import Values, WorkshopError
+from turning_shop.current import QUANTITIES, analyse
 
 RATE, SAMPLES, FREQUENCY = 50.0, 100, 4.0
 IDLE, PER_TORQUE = 1.5, 1.6
