@@ -96,3 +96,25 @@ def test_the_environment_needs_no_learning_or_plotting_library() -> None:
     code = f"import sys, turning_env; print(*{heavy} & sys.modules.keys())"
     finished = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True)
     assert finished.stdout.strip() == ""
+
+
+def test_importing_the_package_loads_no_compiler() -> None:
+    """Numba and Pydantic take half a second; they are loaded with the first environment."""
+    code = "import sys, turning_env; print(*{'numba', 'pydantic'} & sys.modules.keys())"
+    finished = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True)
+    assert finished.stdout.strip() == ""
+
+
+LINES = {
+    **{"turning_env": 6000, "turning_render": 1200, "turning_shop": 2600, "turning_nc": 3900, "turning_control": 1500},
+    **{"baselines": 3900, "train": 3800, "leaderboard": 3300, "papers": 2500, "studies": 2000, "tests": 12000},
+}
+"""Most lines of Python of each package. Who needs more deletes something."""
+WITHIN = ("turning_nc",)
+"""Packages whose lines are checked."""
+
+
+@pytest.mark.parametrize("package", WITHIN)
+def test_a_package_keeps_its_budget_of_lines(package: str) -> None:
+    lines = sum(len(path.read_text("utf-8").splitlines()) for path in (ROOT / package).rglob("*.py"))
+    assert lines <= LINES[package]

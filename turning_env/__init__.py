@@ -3,21 +3,54 @@
 Importing this package registers the ids in ``IDS``; ``env.py`` and ``tasks.py`` specify them.
 """
 
-from importlib.metadata import PackageNotFoundError, version
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from turning_env.env import RoughTurningEnv
-from turning_env.family_env import FamilyEnv, FamilyVectorEnv
-from turning_env.observation import Reading, read
-from turning_env.physics import MODEL_VERSION
-from turning_env.physics.quantities import OBS
-from turning_env.scenario import SPLITS, Scenario, ScenarioError, presets
-from turning_env.scenario.family import Family
-from turning_env.scenario.power_law import PowerLaw
-from turning_env.scoring.score import Score, score
-from turning_env.vector_env import RoughTurningVectorEnv
-from turning_env.wrappers import FeedSwitch, VectorFeedSwitch
+if TYPE_CHECKING:
+    from turning_env.env import RoughTurningEnv
+    from turning_env.family_env import FamilyEnv, FamilyVectorEnv
+    from turning_env.observation import Reading, read
+    from turning_env.physics import MODEL_VERSION
+    from turning_env.physics.quantities import OBS
+    from turning_env.scenario import SPLITS, Scenario, ScenarioError, presets
+    from turning_env.scenario.family import Family
+    from turning_env.scenario.power_law import PowerLaw
+    from turning_env.scoring.score import Score, score
+    from turning_env.vector_env import RoughTurningVectorEnv
+    from turning_env.wrappers import FeedSwitch, VectorFeedSwitch
+
+_MODULES = {
+    "env": ("RoughTurningEnv",),
+    "family_env": ("FamilyEnv", "FamilyVectorEnv"),
+    "observation": ("Reading", "read"),
+    "physics": ("MODEL_VERSION",),
+    "physics.quantities": ("OBS",),
+    "scenario": ("SPLITS", "Scenario", "ScenarioError", "presets"),
+    "scenario.family": ("Family",),
+    "scenario.power_law": ("PowerLaw",),
+    "scoring.score": ("Score", "score"),
+    "vector_env": ("RoughTurningVectorEnv",),
+    "wrappers": ("FeedSwitch", "VectorFeedSwitch"),
+}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used: Numba and Pydantic take half a second."""
+    if name == "__version__":
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            return version("rough-turning")
+        except PackageNotFoundError:  # run from a folder of sources
+            return "0+unknown"
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+    return value
+
 
 __all__ = [
     "IDS",
@@ -41,11 +74,6 @@ __all__ = [
     "read",
     "score",
 ]
-
-try:
-    __version__ = version("rough-turning")
-except PackageNotFoundError:  # run from a folder of sources
-    __version__ = "0+unknown"
 
 _ENTRY_POINTS = {
     "RoughTurning-v0": ("turning_env.env:RoughTurningEnv", "rough_turning"),
