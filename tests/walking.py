@@ -1,5 +1,6 @@
 """Walks a page of documentation as a reader would: its commands, programs, files and changes, in a copy of the repository."""
 
+import hashlib
 import re
 import shlex
 import shutil
@@ -43,11 +44,15 @@ def commands(block: Block) -> list[str]:
 def copy_to(folder: Path) -> None:
     """Put the tracked files with their times, the machine code made of them, and the installed environment, into a folder."""
     tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines()
-    compiled = [path for package in ("turning_env", "turning_render", "baselines") for path in (ROOT / package).rglob("*.nb[ci]")]
-    for name in (*tracked, *(str(path.relative_to(ROOT)) for path in compiled)):
+    for name in tracked:
         if (ROOT / name).exists():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, folder / name)
+    for kept in ROOT.glob("*/**/__pycache__/machine_code-*/*"):  # Numba names its folders by the place of the sources
+        code = folder / kept.relative_to(ROOT).parent
+        place = hashlib.sha1(str(code.parents[1]).encode(), usedforsecurity=False).hexdigest()
+        if kept.is_dir() and code.parents[1].is_dir():
+            shutil.copytree(kept, code / f"{code.parents[1].name}_{place}", dirs_exist_ok=True)
     (folder / ".venv").symlink_to(ROOT / ".venv")
 
 

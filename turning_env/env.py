@@ -12,6 +12,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed
+from turning_env.batch.jobs import Jobs
 from turning_env.extras import provided
 from turning_env.info import Info, info_of
 from turning_env.scenario import Scenario, Source, presets
@@ -32,19 +33,22 @@ def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
             raise ValueError(f"reset has no option {name!r}; {instead}")
 
 
-def portable(spec: EnvSpec | None, scenario: Scenario) -> EnvSpec | None:
+def portable(spec: EnvSpec | None, batch: Batch) -> EnvSpec | None:
     """Return a spec that serialises to JSON, makes the same environment anywhere and states an episode's largest length.
 
-    Values replace a scenario's path or object. If an episode ends with its job, the spec states no length: with one,
+    Values replace a path or an object. If an episode ends with its job, the spec states no length: with one,
     ``gymnasium.make(spec)`` would report that end as a truncation.
     """
     if spec is None:
         return None
+    scenario = batch.scenario
     kwargs = {key: value for key, value in spec.kwargs.items() if key != "max_episode_steps"}  # make_vec states it twice
     if "scenario" in kwargs and kwargs["scenario"] not in presets():
         kwargs["scenario"] = scenario.portable()
     steps = spec.max_episode_steps
-    if steps is None and scenario.control.action != "part":
+    if batch.jobs is not None:
+        kwargs |= {"family": batch.jobs.family.portable()} if "family" in kwargs else {}
+    elif steps is None and scenario.control.action != "part":
         steps = scenario.max_episode_steps
     return replace(spec, kwargs=kwargs, max_episode_steps=steps)
 
@@ -183,10 +187,11 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 - declared so by Gymnasium
 
-    def __init__(self, scenario: Source = "rough_turning", render_mode: str | None = None) -> None:
-        self._set_up(Batch(Scenario.load(scenario), 1, single=True), render_mode)
+    _PRESET = "rough_turning"
 
-    def _set_up(self, batch: Batch, render_mode: str | None) -> None:
+    def __init__(self, scenario: Source | Jobs | None = None, render_mode: str | None = None) -> None:
+        source = self._PRESET if scenario is None else scenario
+        batch = Batch(source if isinstance(source, Jobs) else Scenario.load(source), 1, single=True)
         self.scenario = batch.scenario
         self._spec: EnvSpec | None = None
         self.render_mode = render_mode
@@ -206,10 +211,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = self._portable(spec)
-
-    def _portable(self, spec: EnvSpec | None) -> EnvSpec | None:
-        return portable(spec, self.scenario)
+        self._spec = portable(spec, self._batch)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
         """Start episode 0 of ``seed``; without a seed, start the next episode of the present one. There are no options."""
@@ -246,7 +248,10 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         report = batch.report.tolist()
         terminated, truncated = report[TERMINATED] != 0.0, report[TRUNCATED] != 0.0
         self._under_way = not (terminated or truncated)
-        return batch.observation.copy(), report[REWARD], terminated, truncated, info_of(report)
+        info = info_of(report)
+        if batch.jobs is not None:
+            info["job"] = int(batch.job_numbers[0])
+        return batch.observation.copy(), report[REWARD], terminated, truncated, info
 
     def render(self) -> Any:
         """Return a frame, uint8 of shape (640, 960, 3), in mode "rgb_array"; show it in the window in mode "human"."""

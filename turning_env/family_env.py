@@ -2,20 +2,14 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, Literal, get_args
 
-import numpy as np
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
-from numpy.typing import NDArray
 
-from turning_env.batch.driver import Batch
 from turning_env.batch.jobs import Jobs
 from turning_env.env import RoughTurningEnv
-from turning_env.info import Info
 from turning_env.scenario.family import Family, Job
-from turning_env.vector_env import Array, Infos, RoughTurningVectorEnv
+from turning_env.vector_env import RoughTurningVectorEnv
 
 FamilySource = str | os.PathLike[str] | Mapping[str, Any] | Family
 Context = Literal["told", "hidden"]
@@ -27,14 +21,6 @@ def _jobs(family: FamilySource, split: str, context: Context, render_mode: str |
     if context not in get_args(Context):
         raise ValueError(f'context is {context!r}, but must be "told" or "hidden"')
     return Jobs(Family.load(family), split, context == "told")
-
-
-def _portable(spec: EnvSpec | None, jobs: Jobs) -> EnvSpec | None:
-    """Return a spec that serialises to JSON and makes the same environment anywhere."""
-    if spec is None:
-        return None
-    kwargs = {key: value for key, value in spec.kwargs.items() if key != "max_episode_steps"}
-    return replace(spec, kwargs=kwargs | ({"family": jobs.family.portable()} if "family" in kwargs else {}))
 
 
 class FamilyEnv(RoughTurningEnv):
@@ -82,26 +68,13 @@ class FamilyEnv(RoughTurningEnv):
     def __init__(
         self, family: FamilySource = "shop", split: str = "train", context: Context = "told", render_mode: str | None = None
     ) -> None:
-        self._jobs = _jobs(family, split, context, render_mode)
-        self.family, self.split = self._jobs.family, split
-        self._set_up(Batch(self._jobs.scenario, 1, single=True, jobs=self._jobs), None)
-
-    def _portable(self, spec: EnvSpec | None) -> EnvSpec | None:
-        return _portable(spec, self._jobs)
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
-        """Start the first job of ``seed``; without a seed, the next job of the present one. There are no options."""
-        observation, info = super().reset(seed=seed, options=options)
-        return observation, info | {"job": int(self._batch.job_numbers[0])}
-
-    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
-        """Run one step, see ``RoughTurningEnv``."""
-        observation, reward, terminated, truncated, info = super().step(action)
-        return observation, reward, terminated, truncated, info | {"job": int(self._batch.job_numbers[0])}
+        jobs = _jobs(family, split, context, render_mode)
+        self.family, self.split = jobs.family, split
+        super().__init__(jobs)
 
     def job(self) -> Job:
         """Return the present job: its true scenario, nominal model and context."""
-        return self.family.job(int(self._batch.job_numbers[0]), self.split)
+        return self._batch.job(0)
 
 
 class FamilyVectorEnv(RoughTurningVectorEnv):
@@ -118,19 +91,10 @@ class FamilyVectorEnv(RoughTurningVectorEnv):
         threads: int = 1,
         max_episode_steps: int | None = None,
     ) -> None:
-        self._jobs = _jobs(family, split, context, render_mode)
-        self.family, self.split = self._jobs.family, split
-        super().__init__(num_envs, self._jobs.scenario, autoreset_mode, None, threads, None, max_episode_steps)
-
-    def _new_batch(self, scenario: Any, threads: int) -> Batch:
-        return Batch(scenario, self.num_envs, threads, jobs=self._jobs)
-
-    def _portable(self, spec: EnvSpec | None) -> EnvSpec | None:
-        return _portable(spec, self._jobs)
+        jobs = _jobs(family, split, context, render_mode)
+        self.family, self.split = jobs.family, split
+        super().__init__(num_envs, jobs, autoreset_mode, None, threads, None, max_episode_steps)
 
     def job(self, env_index: int) -> Job:
         """Return an environment's present job: its true scenario, nominal model and context."""
-        return self.family.job(int(self._batch.job_numbers[env_index]), self.split)
-
-    def _infos(self, table: Array, mask: NDArray[np.bool_]) -> Infos:
-        return super()._infos(table, mask) | {"job": self._batch.job_numbers.copy(), "_job": mask}
+        return self._batch.job(env_index)

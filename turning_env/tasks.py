@@ -4,7 +4,6 @@
 """
 
 from turning_env.env import RoughTurningEnv
-from turning_env.scenario import Source
 
 
 class PaperEnv(RoughTurningEnv):
@@ -20,8 +19,7 @@ class PaperEnv(RoughTurningEnv):
     * v0: initial version.
     """
 
-    def __init__(self, scenario: Source = "paper", render_mode: str | None = None) -> None:
-        super().__init__(scenario, render_mode)
+    _PRESET = "paper"
 
 
 class OverrideEnv(RoughTurningEnv):
@@ -55,8 +53,7 @@ class OverrideEnv(RoughTurningEnv):
     * v0: initial version.
     """
 
-    def __init__(self, scenario: Source = "override", render_mode: str | None = None) -> None:
-        super().__init__(scenario, render_mode)
+    _PRESET = "override"
 
 
 class SurfaceEnv(RoughTurningEnv):
@@ -88,8 +85,7 @@ class SurfaceEnv(RoughTurningEnv):
     * v0: initial version.
     """
 
-    def __init__(self, scenario: Source = "surface", render_mode: str | None = None) -> None:
-        super().__init__(scenario, render_mode)
+    _PRESET = "surface"
 
 
 class ShiftEnv(RoughTurningEnv):
@@ -120,8 +116,7 @@ class ShiftEnv(RoughTurningEnv):
     * v0: initial version.
     """
 
-    def __init__(self, scenario: Source = "shift", render_mode: str | None = None) -> None:
-        super().__init__(scenario, render_mode)
+    _PRESET = "shift"
 
 
 class BatchEnv(RoughTurningEnv):
@@ -168,5 +163,4 @@ class BatchEnv(RoughTurningEnv):
     * v0: initial version.
     """
 
-    def __init__(self, scenario: Source = "batch_casting", render_mode: str | None = None) -> None:
-        super().__init__(scenario, render_mode)
+    _PRESET = "batch_casting"

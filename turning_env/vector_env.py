@@ -20,6 +20,7 @@ from turning_env.batch.driver import (
     action_space,
     checked_seed,
 )
+from turning_env.batch.jobs import Jobs
 from turning_env.env import check_options, portable
 from turning_env.extras import provided
 from turning_env.info import INFO_KEYS, info_of
@@ -63,7 +64,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
     def __init__(
         self,
         num_envs: int = 1,
-        scenario: Source = "rough_turning",
+        scenario: Source | Jobs = "rough_turning",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
         threads: int = 1,
@@ -77,7 +78,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         if rendered_envs is not None and not 1 <= rendered_envs <= num_envs:
             raise ValueError(f"rendered_envs is {rendered_envs}, but must be None or 1 to num_envs, which is {num_envs}")
         self.num_envs = num_envs
-        self._batch = self._new_batch(scenario, threads)
+        self._batch = Batch(scenario if isinstance(scenario, Jobs) else Scenario.load(scenario), num_envs, threads)
         self.scenario = self._batch.scenario
         if max_episode_steps not in (None, own := self.scenario.max_episode_steps):
             raise ValueError(f"max_episode_steps is {max_episode_steps}, but must be {own}: set control.time_limit instead")
@@ -96,9 +97,6 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         self._all = np.ones(num_envs, np.bool_)
         self._all.flags.writeable = False  # it goes out as a mask in every info
 
-    def _new_batch(self, scenario: Source, threads: int) -> Batch:
-        return Batch(Scenario.load(scenario), self.num_envs, threads)
-
     @property
     def spec(self) -> EnvSpec | None:
         """The specification from which `gymnasium.make_vec` made this environment."""
@@ -106,12 +104,9 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = self._portable(spec)
+        self._spec = portable(spec, self._batch)
         if self._spec is not None and "autoreset_mode" in self._spec.kwargs:
             self._spec.kwargs["autoreset_mode"] = self.autoreset_mode.value
-
-    def _portable(self, spec: EnvSpec | None) -> EnvSpec | None:
-        return portable(spec, self.scenario)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -205,7 +200,8 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     def _infos(self, table: Array, mask: NDArray[np.bool_]) -> Infos:
         """Return an array per key of the info, each with the mask of the environments that have a value."""
-        return info_of(table) | dict.fromkeys(_MASKS, mask)
+        infos = info_of(table) | dict.fromkeys(_MASKS, mask)
+        return infos | {"job": self._batch.job_numbers.copy(), "_job": mask} if self._batch.jobs else infos
 
     def _final_infos(self, ended: NDArray[np.bool_]) -> Infos:
         """Return the last observations and infos of ended episodes; entries of other environments are None and 0."""

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.physics.records import action_size
+from turning_env.physics.quantities import action_size
 
 SEEDS = st.sampled_from((0, 2**64 - 1)) | st.integers(0, 2**64 - 1)
 NUMBERS = st.sampled_from((-1.0, 0.0, 1.0, 1e300, -1e300, 5e-324)) | st.floats(-1.5, 1.5)

@@ -18,7 +18,7 @@ from turning_env.physics.quantities import WIDTH, action_size
 from turning_env.physics.records import PARAMETERS, SCRATCH, STATE, new_records, numbers_of, parameter_records
 from turning_env.physics.report import write_state
 from turning_env.scenario import Scenario
-from turning_env.scenario.family import CONTEXT_LIMIT
+from turning_env.scenario.family import CONTEXT_LIMIT, Job
 
 MAX_SEED = 2**64 - 1
 BLOCKS_CLAIMED = 16
@@ -118,10 +118,9 @@ class Batch:
     """``num_envs`` environments of one scenario with the results of their last step. Both Gymnasium environments use it.
 
     Args:
-        scenario: scenario to play.
+        source: scenario to play, or jobs of which every episode plays one.
         num_envs: number of environments.
         threads: number of threads that share the work; results do not depend on it.
-        jobs: jobs to play instead, one per episode; ``scenario`` has their choices.
         single: whether this is the batch of one single environment: its actions have shape (action size,), and every step fills
             the same arrays, of which ``observation`` and ``report`` are views.
 
@@ -132,13 +131,11 @@ class Batch:
             array, unless ``single``.
     """
 
-    def __init__(
-        self, scenario: Scenario, num_envs: int, threads: int = 1, single: bool = False, jobs: Jobs | None = None
-    ) -> None:
-        self.num_envs = num_envs
+    def __init__(self, source: Scenario | Jobs, num_envs: int, threads: int = 1, single: bool = False) -> None:
+        self.num_envs, self._threads, self._single = num_envs, threads, single
         self.seeded = False
-        self.scenario, self._threads = scenario, threads
-        self._jobs = jobs
+        self.jobs = jobs = source if isinstance(source, Jobs) else None
+        self.scenario = scenario = source.scenario if isinstance(source, Jobs) else source
         self._parameters: Any = jobs.block_parameters(-(-num_envs // WIDTH)) if jobs else parameter_records(scenario)
         self._context = np.zeros((num_envs, jobs.context_size if jobs else 0), np.float32)
         self.job_numbers = np.zeros(num_envs, np.int64)
@@ -150,7 +147,6 @@ class Batch:
         # Rows a whole number of memory pages apart would share a few places of the processor's first cache.
         padding = _PADDING if num_envs % _PAGE < _PADDING <= num_envs else 0
         self._table_shape = len(quantities.REPORT), num_envs + padding
-        self._single = single
         self._prepare()
 
     def _prepare(self) -> None:
@@ -193,7 +189,13 @@ class Batch:
 
     def info(self, env_index: int) -> Info:
         """Return an environment's info after its last step or reset."""
-        return info_of(self.table[:, env_index].tolist())
+        info = info_of(self.table[:, env_index].tolist())
+        return info | {"job": int(self.job_numbers[env_index])} if self.jobs else info
+
+    def job(self, env_index: int) -> Job:
+        """Return an environment's present job: its true scenario, nominal model and context."""
+        assert self.jobs is not None
+        return self.jobs.family.job(int(self.job_numbers[env_index]), self.jobs.split)
 
     def reward(self, env_index: int) -> float:
         """Return an environment's last reward [s]."""
@@ -221,14 +223,14 @@ class Batch:
 
     def _take_jobs(self, env_indices: NDArray[np.int64], ahead: int = 0) -> None:
         """Give environments the job of their episode, or of an episode ahead."""
-        if self._jobs is None:
+        if self.jobs is None:
             return
         for k in env_indices.tolist():
             block, i = divmod(k, WIDTH)
             seed, episode = self._states["seed"][block, i], self._states["episode"][block, i]
-            number = self._jobs.family.number(int(seed), int(episode) + ahead, self._jobs.split)
+            number = self.jobs.family.number(int(seed), int(episode) + ahead, self.jobs.split)
             self.job_numbers[k] = number
-            numbers_of(self._parameters)[block, :, i], self._context[k] = self._jobs[number]
+            numbers_of(self._parameters)[block, :, i], self._context[k] = self.jobs[number]
 
     def next_episode(self, chosen: NDArray[np.bool_]) -> None:
         """Start the next episode of its seed in every chosen environment, shape (num_envs,)."""
@@ -243,7 +245,7 @@ class Batch:
             ValueError: the actions are not finite numbers of shape (num_envs, action size). Then no environment has moved.
         """
         self._take(actions)
-        if self._jobs is not None:
+        if self.jobs is not None:
             self._take_jobs(np.flatnonzero(self.ended), 1)
         observations, table = self.observations, self.table
         if not self._single:
@@ -259,7 +261,7 @@ class Batch:
         if not finite:
             i = int(np.isfinite(self._actions).all(axis=1).argmin())
             raise ValueError(f"the action of environment {i} must be finite, got {self._actions[i].tolist()}")
-        if self._jobs is not None:
+        if self.jobs is not None:
             observations[:, self._entries :] = self._context
         if not self._single:
             self.observations, self.table = observations, table[:, : self.num_envs]

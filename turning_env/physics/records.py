@@ -1,4 +1,4 @@
-"""The typed records of the compiled transition, derived from the table of quantities.
+"""The typed records of the compiled transition, derived from the tables of quantities and parameters.
 
 A block is ``WIDTH`` environments. Its records hold an array over these environments for each quantity.
 """
@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.physics import quantities
-from turning_env.physics.quantities import AT_END, WIDTH, Parameter
+from turning_env.physics import parameters, quantities
+from turning_env.physics.parameters import Parameter
+from turning_env.physics.quantities import AT_END, WIDTH
 
 
 def _record_type(fields: Iterable[Any]) -> np.dtype[Any]:
@@ -34,8 +35,8 @@ def _for_each(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return np.dtype((np.float64, (WIDTH,)))
 
 
-_PARAMETERS = {each.name: np.dtype((each.dtype, each.shape)) for each in quantities.PARAMETERS}
-_PARAMETERS["nominal"] = np.dtype([(name, _PARAMETERS[name]) for name in quantities.NOMINAL])
+_PARAMETERS = {each.name: np.dtype((each.dtype, each.shape)) for each in parameters.PARAMETERS}
+_PARAMETERS["nominal"] = np.dtype([(name, _PARAMETERS[name]) for name in parameters.NOMINAL])
 _OWN = [(name, _for_each(dtype)) for name, dtype in _PARAMETERS.items() if dtype == np.float64 or dtype.names]
 _NUMBERS = sum(dtype.itemsize for _, dtype in _OWN) // (8 * WIDTH)
 CHOICES = [name for name in _PARAMETERS if name not in dict(_OWN)]
@@ -71,7 +72,7 @@ def parameter_records(scenario: Any, count: int = WIDTH) -> Any:
     for parameter, value in _values(scenario):
         _fill(records[parameter.name], value)
     for parameter, value in _values(scenario.nominal()):
-        if parameter.name in quantities.NOMINAL:
+        if parameter.name in parameters.NOMINAL:
             _fill(records["nominal"][parameter.name], value)
     return records
 
@@ -90,7 +91,7 @@ def block_records(scenario: Any) -> tuple[Any, Any, Any]:
 def _values(scenario: Any) -> Iterator[tuple[Parameter, Any]]:
     sections = (section for name, section in scenario if name not in ("name", "material", "nominal_model"))
     fields = {name: value for section in sections for name, value in section}
-    for parameter in quantities.PARAMETERS:
+    for parameter in parameters.PARAMETERS:
         yield parameter, parameter.value(scenario) if parameter.value else fields[parameter.name]
 
 

@@ -16,8 +16,8 @@ Tertiary wear: beyond a wear W_t, dD/dt is exp(r (W - W_t)) times as large (assu
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp, log, real_power
 
-EQUIVALENT_TIME = 0
-CLOCK_TIME = 1
+EQUIVALENT_TIME, CLOCK_TIME = range(2)
+WEAR_RULES = {"equivalent_time": EQUIVALENT_TIME, "clock_time": CLOCK_TIME}
 
 
 @compiled

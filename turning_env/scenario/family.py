@@ -23,7 +23,7 @@ from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError, field_validator, model_validator
+from pydantic import ValidationError, model_validator
 
 from turning_env.files import digest_of
 from turning_env.numerics.functions import exp, log, real_power, sine_and_cosine
@@ -56,11 +56,6 @@ class Distribution(Section):
     """Mean and standard deviation."""
     log_normal: tuple[float, float] | None = None
     """Median, above 0, and standard deviation of the logarithm."""
-
-    @field_validator("uniform", "log_uniform", "normal", "log_normal", mode="before")
-    @classmethod
-    def _as_tuple(cls, value: Any) -> Any:
-        return tuple(value) if isinstance(value, list) else value
 
     @model_validator(mode="after")
     def _one_that_makes_sense(self) -> Self:
@@ -114,20 +109,6 @@ class Table(Section):
     source: str
     truth: dict[str, Distribution] = {}  # noqa: RUF012 - frozen, and copied by Pydantic
     """Deviation of a column's true value from the one that is told."""
-
-    @field_validator("columns", "held_out", mode="before")
-    @classmethod
-    def _as_tuple(cls, value: Any) -> Any:
-        return tuple(value) if isinstance(value, list) else value
-
-    @field_validator("rows", mode="before")
-    @classmethod
-    def _as_tuples(cls, value: Any) -> Any:
-        return (
-            {name: tuple(row) if isinstance(row, list) else row for name, row in value.items()}
-            if isinstance(value, dict)
-            else value
-        )
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -273,15 +254,6 @@ class Family(Section):
     planned: dict[str, float | bool | str] = {}  # noqa: RUF012
     splits: dict[str, tuple[str, ...]] = {"train": ()}  # noqa: RUF012
     """Names of splits, and of the tables whose held-out rows each of them draws."""
-
-    @field_validator("splits", mode="before")
-    @classmethod
-    def _as_tuples(cls, value: Any) -> Any:
-        return (
-            {name: tuple(each) if isinstance(each, list) else each for name, each in value.items()}
-            if isinstance(value, dict)
-            else value
-        )
 
     @model_validator(mode="after")
     def _splits_fit(self) -> Self:

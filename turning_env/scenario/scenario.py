@@ -227,7 +227,7 @@ class Scenario(Section):
             if isinstance(source, Mapping):
                 return cls._from_values(dict(source), "scenario", "custom", Path(), ())
             if isinstance(source, str) and source in presets():
-                return cls._preset(source, ())
+                return cls._preset(source)
             return cls._file(Path(source), ())
         except RecursionError as error:
             what = "the dict" if isinstance(source, Mapping) else source
@@ -248,7 +248,7 @@ class Scenario(Section):
         return loaded
 
     @classmethod
-    def _preset(cls, name: str, below: tuple[str, ...]) -> "Scenario":
+    def _preset(cls, name: str, below: tuple[str, ...] = ()) -> "Scenario":
         """Return a preset; ``below`` as for ``_file``."""
         text = (_PRESETS / f"{name}.toml").read_bytes()
         return cls._parse(text, f"preset {name}", name, None, cls._above(name, below))
@@ -331,7 +331,7 @@ class Scenario(Section):
 
     def portable(self) -> str | dict[str, Any]:
         """Return a source for ``load`` that JSON can hold and that works anywhere: a preset's name, or a dict of differences."""
-        if self.name in presets() and self == self._preset(self.name, ()):
+        if self.name in presets() and self == self._preset(self.name):
             return self.name
         return {"base": _DEFAULTS.name, "name": self.name} | self.differences()
 

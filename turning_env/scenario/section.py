@@ -28,6 +28,13 @@ def names_instead(name: str, allowed: Iterable[str], lists_all: str) -> str:
     return f"allowed are {', '.join(names)}" if len(names) <= _MAX_LISTED else f"list all with: {lists_all}"
 
 
+def _with_tuples(value: Any) -> Any:
+    """Return a value with tuples in place of the lists that TOML and JSON have: fields are frozen."""
+    if isinstance(value, dict):
+        return {key: _with_tuples(each) for key, each in value.items()}
+    return tuple(value) if isinstance(value, list) else value
+
+
 class Section(BaseModel):
     """A frozen group of fields that refuses unknown keys, wrong types, NaN and infinity. Field docstrings are descriptions."""
 
@@ -40,6 +47,7 @@ class Section(BaseModel):
     @classmethod
     def _keys_known(cls, values: Any) -> Any:
         if isinstance(values, dict):
+            values = _with_tuples(values)
             unknown = [str(key) for key in values if key not in cls.model_fields]
             if unknown:
                 advice = (f"unknown key {key}; {names_instead(key, cls.model_fields, _ALL_KEYS)}" for key in unknown)

@@ -5,7 +5,7 @@ Defaults are those of ``RoughTurning-v0``: 709M40 (En 19) steel cut by a GC435 i
 a neutral default, because the values that differ from the defaults identify a scenario.
 """
 
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 from pydantic import field_validator, model_validator
 
@@ -190,11 +190,6 @@ class Workpiece(Section):
     hardness_bar_spread: float = quantity(0.08, 0, 1, "-", "log standard deviation of hardness from bar to bar")
     hardness_along_spread: float = quantity(0.05, 0, 1, "-", "log standard deviation of hardness along a bar")
     hardness_correlation_length: float = quantity(40, 0.1, 1e5, "mm", "correlation length of hardness along a bar (assumption)")
-
-    @field_validator("depth_profile", "section_lengths", "section_speeds", mode="before")
-    @classmethod
-    def _as_tuple(cls, value: Any) -> Any:
-        return tuple(value) if isinstance(value, list) else value
 
     @field_validator("depth_profile")
     @classmethod
