@@ -64,13 +64,9 @@ def adapt(
 ) -> Adapted:
     """Return the program with the feeds and speeds that make it shortest; unchanged if none make it shorter.
 
-    Args:
-        situation: the program as it is.
-        wear: flank wear of the edges at the start [mm].
-        where: change the words that stand in the program, or put one into every block.
-        life: tool life that it may use over that used before [-].
-        finishing_depth: feeds of words whose cuts are no deeper stay [mm].
-        go_on: see ``moves.run``.
+    ``where`` says whether the words that stand in the program change, or every block gets one. The program may use ``life`` times
+    the tool life that it used before [-], from edges of flank wear ``wear`` [mm]. Feeds of words whose cuts are no deeper than
+    ``finishing_depth`` [mm] stay. For ``go_on`` see ``moves.run``.
 
     Raises:
         NcError: no F word per revolution and no S word of a constant cutting speed can be changed.

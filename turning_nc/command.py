@@ -81,9 +81,8 @@ def program(options: argparse.Namespace) -> int:
         print("", f"adapted ({WARNING}): {len(changed)} words", *changed, *report.comparison(totals, after), sep="\n")
     elif sections is not None:
         print("", f"schedule by position ({WARNING}): {len(sections)} sections", *report.comparison(totals, after), sep="\n")
-    for path in (options.figure, options.out):
-        if path:
-            print(path)
+    for path in filter(None, (options.figure, options.out)):
+        print(path)
     return 0
 
 
@@ -95,9 +94,8 @@ def _check_out(options: argparse.Namespace) -> None:
     if MARK not in options.out.suffixes:
         suffix = ".csv" if options.adapt == "positions" else options.program.suffix
         wanted = options.program.with_suffix(f"{MARK}{suffix}").name
-        raise NcError(
-            f"--out {options.out}: its name must hold {MARK}, such as {wanted}, so that nobody takes it for a tried program"
-        )
+        reason = "so that nobody takes it for a tried program"
+        raise NcError(f"--out {options.out}: its name must hold {MARK}, such as {wanted}, {reason}")
     if options.out.exists() and not options.overwrite:
         raise NcError(f"{options.out} exists; --overwrite replaces it")
 

@@ -102,8 +102,6 @@ class Play:
     spindle_speed: Values  # [rev/min]
     used_life: Values  # share of an edge's life that the slice uses [-]
     wear: Values  # flank wear of the slice's edge after it [mm]
-    thrust_force: Values  # [N]
-    power: Values  # [kW]
     force_share: Values  # over the scenario's limit [-]
     power_share: Values
 
@@ -126,13 +124,9 @@ def motion(situation: Situation, feed: Values, speed: Values) -> tuple[Values, V
 
 
 def play(situation: Situation, wear: float, feed: Values | None = None, speed: Values | None = None) -> Play:
-    """Play the slices in their order; every tool has an edge of its own.
+    """Play the slices in their order, from a flank wear [mm]; every tool has an edge of its own.
 
-    Args:
-        situation: the slices.
-        wear: flank wear of the edges at the start [mm].
-        feed: feeds in place of those programmed, in the same units.
-        speed: speeds in place of those programmed.
+    ``feed`` and ``speed`` replace those programmed, in the same units.
     """
     s, scenario = situation, situation.scenario
     feed, speed = (s.feed if feed is None else feed), (s.speed if speed is None else speed)
@@ -144,13 +138,10 @@ def play(situation: Situation, wear: float, feed: Values | None = None, speed: V
     worn = np.zeros(len(time))
     for mine in s.by_tool.values():
         worn[mine] = criterion * ((wear / criterion) ** (1.0 / exponent) + np.cumsum(life[mine])) ** exponent
-    force, power = np.zeros(len(time)), np.zeros(len(time))
-    force[on], power[on] = loads(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on], worn[on])
-    limits = scenario.limits
-    return Play(
-        *(time, cutting_speed, per_turn, turns, life, worn, force, power),
-        *(force / limits.thrust_force, power / limits.power),
-    )
+    shares, limits = np.zeros((2, len(time))), scenario.limits
+    force, power = loads(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on], worn[on])
+    shares[:, on] = force / limits.thrust_force, power / limits.power
+    return Play(time, cutting_speed, per_turn, turns, life, worn, *shares)
 
 
 def tool_life(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values) -> Values:

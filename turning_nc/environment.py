@@ -28,7 +28,7 @@ _MIN_SECTION = 0.01
 
 
 class ToolPath:
-    """What one tool of a program does to its stock, and the scenario that it makes.
+    """The way of one tool of a program through its stock, and the scenario that it makes.
 
     The path is stretched by the ratio of the tip's diameter to a mean diameter, so that its time and metal at that one diameter
     are right. It holds the moves at feed; rapid moves, dwells and tool changes take no time.
@@ -105,11 +105,8 @@ class ToolPath:
         job = {"edge_changes": "automatic", "time_limit": TIME_LIMIT * parts * self.minutes}
         changes = {"workpiece": workpiece, "control": job, "economics": {"reference_removal_rate": float(removal_rate)}}
         sections = {name: getattr(base, name) for name in changes}
-        self.scenario = base.model_copy(
-            update={
-                name: type(section).model_validate(section.model_dump() | changes[name]) for name, section in sections.items()
-            }
-        )
+        changed = {name: type(old).model_validate(old.model_dump() | changes[name]) for name, old in sections.items()}
+        self.scenario = base.model_copy(update=changed)
 
     def programmed(self, path: float) -> tuple[float, float]:
         """Return the programmed cutting speed [m/min] and feed [mm/rev] at a position along the row of parts [mm]."""
@@ -182,9 +179,8 @@ class ProgramEnv(RoughTurningEnv):
 
     ## Version history
 
-    * v1: an episode turns a number of parts and changes edges, and metal is worth its programmed time. In v0 an episode was
-      the life of one edge, so a policy that wore it out sooner could earn more at a higher cost.
-    * v0: initial version.
+    * v1: an episode turns a number of parts and changes edges, and metal is worth its programmed time.
+    * v0: initial version. An episode was the life of one edge, so a policy that wore it out sooner could earn more.
     """
 
     def __init__(self, program: str | os.PathLike[str], render_mode: str | None = None, **arguments: Any) -> None:

@@ -40,33 +40,18 @@ _POLYNOMIAL = re.compile(rf"FCTDEF\((\d{{1,3}}),({_NUMBER}(?:,{_NUMBER}){{5}})\)
 _ACTION = re.compile(r"ID=(\d{1,3}) +(?:WHENEVER +(.+) +)?DO +(?:SYNFCT\((\d{1,3}),([^,]+),([^,]+)\)|([^=]+)=([^=]+))")
 
 
-@dataclass(frozen=True)
-class Polynomial:
-    """``FCTDEF``: a0 + a1 x + a2 x^2 + a3 x^3, within limits."""
-
-    low: float
-    high: float
-    a0: float
-    a1: float
-    a2: float
-    a3: float
-
-    def __call__(self, x: float) -> float:
-        """Return its value at x."""
-        return min(max(self.a0 + x * (self.a1 + x * (self.a2 + x * self.a3)), self.low), self.high)
+Function = Callable[[Mapping[str, float]], float]
+"""Returns a value from the control's variables."""
 
 
 @dataclass
 class Law:
-    """A law: blocks of first values, polynomials and actions, and what they mean."""
+    """A law: first values; polynomials, with limits and coefficients; actions, with condition, output and its value."""
 
     lines: list[str] = field(default_factory=list)
     first_values: dict[str, float] = field(default_factory=dict, init=False, compare=False)
-    polynomials: dict[int, Polynomial] = field(default_factory=dict, init=False, compare=False)
-    actions: dict[int, tuple[Expression | None, str, Callable[[Mapping[str, float]], float]]] = field(
-        default_factory=dict, init=False, compare=False
-    )
-    """Condition, output and its value, by number."""
+    polynomials: dict[int, tuple[float, ...]] = field(default_factory=dict, init=False, compare=False)
+    actions: dict[int, tuple[Expression | None, str, Function]] = field(default_factory=dict, init=False, compare=False)
 
     def __post_init__(self) -> None:
         given, self.lines = self.lines, []
@@ -82,12 +67,9 @@ class Law:
         if match := _FIRST_VALUE.fullmatch(line):
             self.first_values[match[1]] = float(match[2])
         elif match := _POLYNOMIAL.fullmatch(line):
-            number, polynomial = int(match[1]), Polynomial(*map(float, match[2].split(",")))
-            if polynomial.low > polynomial.high:
-                raise Problem(
-                    f"the lower limit of polynomial {number} is {polynomial.low}, above the upper one, {polynomial.high}"
-                )
-            self.polynomials[number] = polynomial
+            low, high, *_ = self.polynomials[int(match[1])] = tuple(map(float, match[2].split(",")))
+            if low > high:
+                raise Problem(f"the lower limit of polynomial {match[1]} is {low}, above the upper one, {high}")
         elif match := _ACTION.fullmatch(line):
             self._act(*match.groups())
         else:
@@ -104,11 +86,17 @@ class Law:
         if number is not None and int(number) not in self.polynomials:
             raise Problem(f"polynomial {number} is not defined")
         expression, when = _parse(text), None if condition is None else _parse(condition)
-        value = expression.value
-        if number is not None:
-            polynomial = self.polynomials[int(number)]
-            value = lambda variables: polynomial(expression.value(variables))  # noqa: E731
+        value = expression.value if number is None else self._polynomial(int(number), expression)
         self.actions[int(identity)] = when, output, value
+
+    def _polynomial(self, number: int, expression: Expression) -> Function:
+        low, high, a0, a1, a2, a3 = self.polynomials[number]
+
+        def value(variables: Mapping[str, float]) -> float:
+            x = expression.value(variables)
+            return min(max(a0 + x * (a1 + x * (a2 + x * a3)), low), high)
+
+        return value
 
     def variables(self) -> dict[str, float]:
         """Return the variables at the start of the program: 0 by default, and an override of 100 %."""

@@ -16,7 +16,7 @@ from turning_nc.modal import HOME, Modal, Setting
 from turning_nc.paths import Corner, Path, Point, arc_of_radius, break_corner
 from turning_nc.words import Line, NcError, PartProgram, Problem, Word
 
-MAX_MOVES, MAX_BLOCKS, MAX_CALLS = 100_000, 100_000, 8
+MAX_BLOCKS, MAX_CALLS = 100_000, 8
 MAX_NAMED = 20
 """Largest number of lines that an error names."""
 
@@ -63,11 +63,7 @@ _MOTIONS = {0, 1, 2, 3, 32, 33}
 
 
 def run(program: PartProgram, go_on: bool = False) -> Moves:
-    """Return the moves of a program.
-
-    Args:
-        program: the program's lines.
-        go_on: leave out blocks that are not understood, and name them in the notes, instead of refusing the program.
+    """Return the moves of a program; with ``go_on``, leave out blocks that are not understood, and name them in the notes.
 
     Raises:
         NcError: blocks are not understood; names each with its line.
@@ -109,10 +105,8 @@ class Control(Modal):
         while index < (len(lines) if end is None else end):
             self.line = line = lines[index]
             self.blocks[0] += 1
-            if len(self.moves) > MAX_MOVES or self.blocks[0] > MAX_BLOCKS:
-                raise NcError(
-                    f"line {line.number}: more than {MAX_MOVES} moves or {MAX_BLOCKS} blocks are run; are calls repeated?"
-                )
+            if max(len(self.moves), self.blocks[0]) > MAX_BLOCKS:
+                raise NcError(f"line {line.number}: more than {MAX_BLOCKS} moves or blocks are run; are calls repeated?")
             try:
                 index = self._block(self._without_variables(line), lines, index)
             except Problem as problem:

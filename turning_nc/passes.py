@@ -28,12 +28,7 @@ class Roughing:
 
 
 def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> list[list[Path]]:
-    """Return the moves of every pass, from the start point and back to it.
-
-    Args:
-        contour: the finished contour, without the move that leads to it.
-        start: where the tool stands before the cycle.
-        cycle: see ``Roughing``.
+    """Return the moves of every pass along a contour, from the start point and back to it.
 
     Raises:
         Problem: the contour turns back along the axis of the feed, has no extent, or too many passes; says which.

@@ -80,10 +80,8 @@ class Program:
             NcError: a speed or feed is outside the machine's range, or a position is not the scenario's. Names bar and block.
         """
         workpiece, machine = scenario.workpiece, scenario.machine
-        for what, mine, its in (
-            ("diameter", self.diameter, workpiece.diameter),
-            ("first position", self.start, workpiece.approach),
-        ):
+        lengths = {"diameter": (self.diameter, workpiece.diameter), "first position": (self.start, workpiece.approach)}
+        for what, (mine, its) in lengths.items():
             if abs(mine - its) > 0.5 * 10.0**-LENGTH_DECIMALS + 1e-9:
                 raise NcError(f"the program's {what} is {mine} mm, but that of scenario {scenario.name!r} is {its} mm")
         highest = _spindle_speed(machine.cutting_speed_max, workpiece.diameter)
@@ -95,10 +93,8 @@ class Program:
             position = self.start
             for index, block in enumerate(blocks, 1):
                 where = f"bar {number}, feed block {index}"
-                for what, value, low, high in (
-                    ("cutting speed", block.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max),
-                    ("feed", block.feed, machine.feed_min, machine.feed_max),
-                ):
+                speeds, feeds = (machine.cutting_speed_min, machine.cutting_speed_max), (machine.feed_min, machine.feed_max)
+                for what, value, (low, high) in (("cutting speed", block.cutting_speed, speeds), ("feed", block.feed, feeds)):
                     if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9):
                         raise NcError(f"{where}: {what} is {value}, but the machine's range is {low} to {high}")
                 if not -workpiece.bar_length - 1e-3 <= block.z < position:
@@ -226,32 +222,20 @@ def _blocks(program: Program) -> Iterator[str]:
     across = f"{program.diameter + 2.0 * RETRACTION:.{LENGTH_DECIMALS}f}"
     start = f"{program.start:.{LENGTH_DECIMALS}f}"
     for number, blocks in enumerate(program.bars):
-        speed, feed = _speed(blocks[0]), _feed(blocks[0])
-        yield f"G96 {speed} {feed}{limit} M03{_note(f'bar {number + 1}')}"
+        set_points = [(f"S{block.cutting_speed:.{SPEED_DECIMALS}f}", f"F{block.feed:.{FEED_DECIMALS}f}") for block in blocks]
+        yield f"G96 {' '.join(set_points[0])}{limit} M03{_note(f'bar {number + 1}')}"
         limit = ""
         yield f"G00 X{across} Z{start}"
         yield f"G00 X{program.diameter:.{LENGTH_DECIMALS}f}"
-        for block in blocks:
-            words = [f"G01 Z{block.z:.{LENGTH_DECIMALS}f}"]
-            if _speed(block) != speed:
-                words.append(speed := _speed(block))
-            if _feed(block) != feed:
-                words.append(feed := _feed(block))
-            yield " ".join(words) + _note(block.note)
+        for block, before, words in zip(blocks, [set_points[0], *set_points], set_points, strict=False):
+            new = [word for word in words if word not in before]
+            yield " ".join((f"G01 Z{block.z:.{LENGTH_DECIMALS}f}", *new)) + _note(block.note)
         yield f"G00 X{across}"
         yield f"G00 Z{start}"
         yield "M05"
         if number + 1 < len(program.bars):
             yield f"M00{_note('the next bar is put in')}"
     yield "M30"
-
-
-def _speed(block: Block) -> str:
-    return f"S{block.cutting_speed:.{SPEED_DECIMALS}f}"
-
-
-def _feed(block: Block) -> str:
-    return f"F{block.feed:.{FEED_DECIMALS}f}"
 
 
 def _note(text: str) -> str:

@@ -58,11 +58,8 @@ class Summary:
             f"{self.time_in_metal:.1f} s in metal, {self.time_at_feed_in_air:.1f} s at feed in air, {self.other_time:.1f} s other"
         )
         load = f"highest load: {100 * self.max_load:.0f} % of a limit; {self.overload_time:.1f} s above a limit"
-        edges = [
-            f"{tool}: {100 * life:.2f} % of an edge's life, {1.0 / life:.0f} parts per edge"
-            for tool, life in self.used_life.items()
-            if life > 0.0
-        ]
+        used = [(tool, life) for tool, life in self.used_life.items() if life > 0.0]
+        edges = [f"{tool}: {100 * life:.2f} % of an edge's life, {1.0 / life:.0f} parts per edge" for tool, life in used]
         return [f"cycle time: {self.time:.1f} s ({times})", f"removed: {self.removed:.2f} cm3", load, *edges]
 
 
@@ -171,10 +168,8 @@ def findings(blocks: Sequence[BlockRow], count: int = 5) -> list[str]:
     over = [row for row in blocks if row.remark == "OVERLOAD"]
     if over:
         lines = ", ".join(dict.fromkeys(str(row.line) for row in over))
-        worst = max(max(row.force_share, row.power_share) for row in over)
-        found.append(
-            f"overload: {'lines' if ',' in lines else 'line'} {lines}; the highest load is {100 * worst:.0f} % of its limit"
-        )
+        worst = 100 * max(max(row.force_share, row.power_share) for row in over)
+        found.append(f"overload: {'lines' if ',' in lines else 'line'} {lines}; the highest load is {worst:.0f} % of its limit")
     for what, time_of in (("too little feed", attrgetter("saves")), ("air at feed", attrgetter("air_time"))):
         wasted: dict[int, float] = {}
         for row in blocks:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from turning_env import Reading, RoughTurningEnv, Scenario, read
 from turning_env.action import set_point_action, towards
@@ -88,15 +87,8 @@ def play_schedule(
 ) -> tuple[Program, Totals]:
     """Play a policy on the first bars of a seed; return the program of its commands, and the episode's totals.
 
-    If the episode ends before the last bar, the program ends there.
-
-    Args:
-        make_policy: makes the policy for one environment.
-        scenario: scenario to play.
-        seed: seed of the episode.
-        bars: number of bars.
-        tolerance: see ``schedule.bars_of``.
-        on_path: called after each step with the tool's position along the row [mm].
+    If the episode ends before the last bar, the program ends there. See ``schedule.bars_of`` for the tolerance; ``on_path`` is
+    called after each step with the tool's position along the row [mm].
 
     Raises:
         NcError: see ``with_bars``.
@@ -136,10 +128,10 @@ def simulate(program: Program, scenario: Scenario, seed: int) -> Totals:
     blocks = [block for bar in program.bars for block in bar]
     ends = [number * pitch + program.start - block.z for number, bar in enumerate(program.bars) for block in bar]
     max_speed = program.max_spindle_speed * math.pi * program.diameter / 1000.0
-    low, high = machine.cutting_speed_min, machine.cutting_speed_max
-    speeds = [_action(min(block.cutting_speed, max_speed), low, high) for block in blocks]
-    feeds = [_action(block.feed, machine.feed_min, machine.feed_max) for block in blocks]
-    actions = np.array([speeds, feeds], np.float32).T
+    speeds = np.array([min(block.cutting_speed, max_speed) for block in blocks])
+    feeds = np.array([block.feed for block in blocks])
+    mapped = set_point_action(speeds, machine.cutting_speed_min, machine.cutting_speed_max)
+    actions = np.stack((mapped, set_point_action(feeds, machine.feed_min, machine.feed_max)), axis=1).astype(np.float32)
 
     def act(observations: Observations, info: dict[str, Any]) -> Actions:
         index = min(bisect.bisect_right(ends, info["path"] + 1e-9), len(blocks) - 1)
@@ -153,10 +145,6 @@ def simulate(program: Program, scenario: Scenario, seed: int) -> Totals:
     return Totals.of(infos)
 
 
-def _action(value: float, low: float, high: float) -> float:
-    return float(set_point_action(np.float64(value), low, high))  # type: ignore[arg-type]
-
-
 def _stepwise(scenario: Scenario) -> Scenario:
     """Return the scenario with set points as actions, and a control interval for each of its sub-steps."""
     control = scenario.control
@@ -168,17 +156,13 @@ def _stepwise(scenario: Scenario) -> Scenario:
 
 
 class LawPolicy:
-    """A program's law as the policy of one environment; it runs once per step."""
+    """A program's law as the policy of one episode; it runs once per step."""
 
     def __init__(self, program: Program, scenario: Scenario) -> None:
         if not program.law.actions or program.blocks != 1 or scenario.control.action != "override":
             raise NcError("a law is played in one block along one bar, of a scenario whose action is the override")
         self._law, self._scenario, self._diameter = program.law, scenario, program.diameter
         self._speed, self._feed = program.bars[0][0].cutting_speed, program.bars[0][0].feed
-        self._variables = self._law.variables()
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Restart the program."""
         self._variables = self._law.variables()
 
     def override(self, reading: Reading, present: float | None = None) -> float:

@@ -4,7 +4,6 @@ Polygons lie in the half plane of Z and X, X as a radius. The tool is a sharp co
 as a control with tool radius compensation makes it; its nose radius is neglected (assumption).
 """
 
-import csv
 import itertools
 import math
 import re
@@ -69,9 +68,8 @@ def tool_shape(kind: str) -> tuple[Point, ...]:
 def read_stock(text: str) -> Any:
     """Return the polygon of a stock.
 
-    Args:
-        text: ``bar:DIAMETERxLENGTH``, ``tube:OUTERxINNERxLENGTH``, each with ``+FACE`` for the metal before Z0; or a DXF file, or
-            a CSV file with Z and the diameter in each row [mm].
+    Its text is ``bar:DIAMETERxLENGTH`` or ``tube:OUTERxINNERxLENGTH``, each with ``+FACE`` for the metal before Z0; or a DXF
+    file, or a CSV file with Z and the diameter in each row [mm].
 
     Raises:
         NcError: it is none of these, or encloses no area; says which.
@@ -98,19 +96,18 @@ def read_stock(text: str) -> Any:
 
 def _csv_points(path: Path) -> list[Point]:
     points: list[Point] = []
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        for number, row in enumerate(csv.reader(stream), 1):
-            if not any(cell.strip() for cell in row) or row[0].lstrip().startswith("#"):
+    for number, line in enumerate(path.read_text("utf-8-sig").splitlines(), 1):
+        if not line.strip(" ,") or line.lstrip().startswith("#"):
+            continue
+        try:
+            z, diameter = map(float, line.split(","))
+        except ValueError:
+            if number == 1:  # a header
                 continue
-            try:
-                z, x = (float(cell) for cell in row)
-            except ValueError:
-                if not points and number == 1:  # a header
-                    continue
-                raise NcError(f"{path}: line {number}: {','.join(row)!r} is not Z and the diameter in mm") from None
-            if not (math.isfinite(z) and 0.0 <= x <= 10_000.0):
-                raise NcError(f"{path}: line {number}: the diameter is {x:g} mm, but must be 0 to 10000")
-            points.append((z, x / 2.0))
+            raise NcError(f"{path}: line {number}: {line!r} is not Z and the diameter in mm") from None
+        if not (math.isfinite(z) and 0.0 <= diameter <= 10_000.0):
+            raise NcError(f"{path}: line {number}: the diameter is {diameter:g} mm, but must be 0 to 10000")
+        points.append((z, diameter / 2.0))
     return points
 
 
@@ -193,12 +190,9 @@ def volume(polygon: Any) -> float:
 
 
 def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
-    """Return what a program's tools remove of a stock, slice by slice.
+    """Return what a program's tools remove of a stock (a polygon), slice by slice.
 
-    Args:
-        moves: the program's moves.
-        stock: the polygon of the stock.
-        tools: kinds of tools by their words, such as ``{"T0303": "inside"}``; all others turn outside.
+    ``tools`` holds kinds of tools by their words, such as ``{"T0303": "inside"}``; all others turn outside.
 
     Raises:
         NcError: a kind is unknown, or a tool is not in the program.

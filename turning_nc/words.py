@@ -130,11 +130,7 @@ def read_program_file(path: Path, dialect: Dialect | None = None) -> PartProgram
 
 
 def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
-    """Return the lines, words and sub-programs of a text.
-
-    Args:
-        text: a program, with any ends of lines.
-        dialect: by default the one that the text's own words show, else Fanuc.
+    """Return the lines, words and sub-programs of a text, by default in the dialect that its own words show.
 
     Raises:
         NcError: the text holds no words, is too long, or defines a sub-program twice.

@@ -133,7 +133,7 @@ def test_all_lines_that_are_not_understood_are_named_at_once_or_left_out() -> No
         ("G0 X10. Z5.", "no feed move"),
         ("O1\nG0 X1.\nO2\nM99\nO2\nM99", "line 5"),
         ("O1\nM98 P2\nM30\nO2\nM98 P2\nM99", "more than 8 deep"),
-        ("O1\nM98 P2 L9999\nM30\nO2\nM98 P3 L9999\nM99\nO3\nM99", "blocks are run"),
+        ("O1\nM98 P2 L9999\nM30\nO2\nM98 P3 L9999\nM99\nO3\nM99", "moves or blocks are run"),
         (SIEMENS.replace("N80 Z-20", 'N80 CYCLE95("KONTUR",2)'), "more than 8 deep"),
         ("\n" * 200_001, "lines"),
     ],
