@@ -11,24 +11,19 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from leaderboard import generalisation, information, shipped, table
+from leaderboard import generalisation, information, table
 from leaderboard.private_seeds import PUBLIC, private_task, read_seeds
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
-from leaderboard.result import MANIFEST_FILE, ResultError, Task, result_folder
+from leaderboard.result import MANIFEST_FILE, RESULTS, ResultError, Task, result_folder, start_results
 from train.agents.agent_file import NAME
-from turning_env import FAMILY_ID, IDS, SPLITS, Scenario, ScenarioError
+from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.workers import WorkersError, workers
 
-if TYPE_CHECKING:
-    from leaderboard import family_table
-
 PAGE = "index.html"
-SHIPPED = Path("leaderboard/results")
-"""The results that come with the project."""
 SPLITS_ENV_ID = "RoughTurning-v0"
 """The id that has splits."""
 
@@ -45,35 +40,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> None:
     """Play policies on held-out seeds, then print the ranking and write the page. Results that exist are kept.
 
-    An empty folder starts with the results that come with the project, if they are of the same scenario and seeds.
+    An empty folder starts with the results that come with the project, if they are of the same scenario and seeds. Of
+    RoughTurning-Family-v0, each seed is a job; controllers are built from each job's nominal model.
 
     python -m leaderboard run --seeds 16 --policies fixed_tuned predictive
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --jobs 2
     python -m leaderboard run --policy my_module:MyPolicy
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --seeds private_seeds.txt --results private_results
+    python -m leaderboard run --env RoughTurning-Family-v0 --policies self_tuning --knows true_laws --seeds 16
     """
-    from leaderboard import run  # needed only here: plays
+    from leaderboard import policies, run  # needed only here: play
 
-    task, private = _task(options)
-    tasks = [task]
-    if options.splits:
-        if task.env_id != SPLITS_ENV_ID:
-            raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID}")
-        tasks += [task.model_copy(update={"scenario": Scenario.load(name), "seeds": options.split_seeds}) for name in SPLITS]
+    tasks, private = _tasks(options)
     runs, too_slow = [], dict[Path, ResultError]()
-    for each in tasks:  # load all policies first, so that errors are found before anything is played
-        tuned_on = None if each is task else task.scenario
-        agents = run.agents(options.agents, each.scenario, options.name, options.keep_names, options.agent_time, too_slow)
-        own = [run.own_policy(options.policy, task.scenario, options.name)] if options.policy else []
-        policies = [*run.named(options.policies, each.scenario, tuned_on, skip=True), *agents, *own]
-        if not policies:
+    for task in tasks:  # load all policies first, so that errors are found before anything is played
+        tuned_on = None if task is tasks[0] else tasks[0].scenario
+        agents = policies.agents(
+            options.agents, task, options.name, options.keep_names, options.agent_time, too_slow, options.forgets
+        )
+        own = [policies.own_policy(options.policy, task, options.name)] if options.policy else []
+        rules = policies.named(options.policies, task, tuned_on, True, options.knows, options.forgets)
+        if not (chosen := [*rules, *agents, *own]):
             nothing = "nothing to play: name a policy that is tuned for the scenario, or give an agent"
             raise ResultError("; ".join(map(str, [*too_slow.values(), nothing])))
-        runs.append(run.TaskRun(each, policies, result_folder(options.results, each.env_id, each.scenario.name), private))
+        runs.append(run.TaskRun(task, chosen, result_folder(options.results, task.env_id, task.scenario.name), private))
     failed: list[ResultError] = [*too_slow.values()]
     with workers(options.jobs, options.scheduler) as over:
-        for each_run in runs:
-            shipped.start_results(each_run.folder, each_run.task)
+        for each in runs:
+            start_results(each.folder, each.task)
         try:
             run.play_all(runs, options.fresh, over)
         except run.PoliciesFailed as error:
@@ -96,18 +90,36 @@ def _run(options: argparse.Namespace) -> None:
         raise ResultError("; ".join(map(str, failed)))
 
 
-def _task(options: argparse.Namespace) -> tuple[Task, Sequence[int] | None]:
-    """Return the task to play, and its seeds if they are private."""
+def _tasks(options: argparse.Namespace) -> tuple[list[Task], Sequence[int] | None]:
+    """Return the tasks to play, and their seeds if they are private."""
     given = options.seeds
+    if options.env == FAMILY_ID:
+        from leaderboard.family import family_task  # needed only here: imports the controllers
+
+        if isinstance(given, Path):
+            raise ResultError(f"jobs of {FAMILY_ID} are no private seeds: give --seeds a number of jobs")
+        first = family_task(options.scenario or "shop", options.split, len(given))
+        family = Family.load(options.scenario or "shop")
+        held_out = [split for split in family.splits if split != "train"] if options.splits else []
+        others = [family_task(family, split, len(given)) for split in held_out]
+        return [first, *(each for each in others if each.digest != first.digest)], None
+    if options.split or options.forgets or options.knows != "nominal":
+        raise ResultError(f"--split, --knows and --forgets are of {FAMILY_ID}, not of {options.env}")
     task = Task(env_id=options.env, scenario=_scenario(options), seeds=[] if isinstance(given, Path) else given)
-    if not isinstance(given, Path):
-        return task, None
-    private = read_seeds(given)
-    if options.splits:
-        raise ResultError("splits are played on held-out seeds: give --scenario and --seeds FILE for each of them")
-    if public := sum(seed < PUBLIC for seed in private):
-        print(f"warning: {public} seeds of {given} are below {PUBLIC}, where all seeds are public", file=sys.stderr)
-    return private_task(task, private), private
+    if isinstance(given, Path):
+        private = read_seeds(given)
+        if options.splits:
+            raise ResultError("splits are played on held-out seeds: give --scenario and --seeds FILE for each of them")
+        if public := sum(seed < PUBLIC for seed in private):
+            print(f"warning: {public} seeds of {given} are below {PUBLIC}, where all seeds are public", file=sys.stderr)
+        return [private_task(task, private)], private
+    if options.splits and task.env_id != SPLITS_ENV_ID:
+        raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID} and {FAMILY_ID}")
+    splits = SPLITS if options.splits else ()
+    return [
+        task,
+        *(task.model_copy(update={"scenario": Scenario.load(name), "seeds": options.split_seeds}) for name in splits),
+    ], None
 
 
 def _show(options: argparse.Namespace) -> None:
@@ -115,35 +127,20 @@ def _show(options: argparse.Namespace) -> None:
 
     python -m leaderboard show --results leaderboard/results
     python -m leaderboard show --results leaderboard/results --env RoughTurning-Surface-v1 --json
-    python -m leaderboard show --results leaderboard/results --env RoughTurning-Family-v0
+    python -m leaderboard show --results leaderboard/results --env RoughTurning-Family-v0 --all
     python -m leaderboard show --results leaderboard/results --track constraint
     python -m leaderboard show --results leaderboard/results --all --information
     python -m leaderboard show --results leaderboard/results --all
     """
-    of_family = options.env == FAMILY_ID
-    families = _families(options) if of_family or (options.all and options.env is None) else []
-    chosen = {"env_id": options.env, "scenario": options.scenario, "most": None if options.all else 1}
-    leaderboards = [] if of_family else read_leaderboards(options.results, **chosen)
+    leaderboards = read_leaderboards(
+        options.results, env_id=options.env, scenario=options.scenario, most=None if options.all else 1
+    )
     if options.information:
-        trainings = {name: each for board in families for name, each in board.information.items()}
-        print(information.markdown(_trainings(leaderboards) | trainings))
-    elif options.json and families:
-        print_json({**table.as_data(leaderboards, options.track), "families": [each.data() for each in families]})
+        print(information.markdown(_trainings(leaderboards)))
     else:
         _print(leaderboards, options.json, options.track)
-        print(*(each.text() + "\n" for each in families), sep="", end="")
     if not options.all and len(list(options.results.glob(f"*/*/{MANIFEST_FILE}"))) > 1:
         print("--all prints the other leaderboards", file=sys.stderr)
-
-
-def _families(options: argparse.Namespace) -> "list[family_table.Board]":
-    """Return the boards of families; if they are asked for, there must be some."""
-    from leaderboard import family_table  # needed only here: imports the controllers
-
-    boards = family_table.read_boards(options.results, options.scenario or "*")
-    if not boards and options.env == FAMILY_ID:
-        raise ResultError(f"{options.results} holds no results of {FAMILY_ID}; python -m leaderboard.family --keep makes some")
-    return boards
 
 
 def _trainings(leaderboards: Sequence[Leaderboard]) -> dict[str, information.Information]:
@@ -155,6 +152,25 @@ def _trainings(leaderboards: Sequence[Leaderboard]) -> dict[str, information.Inf
                 shared = rows.get(standing.name, standing.information) == standing.information
                 rows[standing.name if shared else f"{standing.name} on {each.task.env_id}"] = standing.information
     return rows
+
+
+def _pack(options: argparse.Namespace) -> None:
+    """Move the results of each leaderboard into one file, and put the returns into the wheel, for ``turning_env.score``.
+
+    python -m leaderboard pack --results results
+    python -m leaderboard pack --without lagrangian_ppo
+    """
+    from leaderboard import pack
+
+    folders = sorted(path.parent for path in options.results.glob(f"*/*/{MANIFEST_FILE}"))
+    if not folders:
+        raise ResultError(f"{options.results} holds no results")
+    for folder in folders:
+        if pack.pack(folder, options.without):
+            print(f"packed {folder}")
+    if options.results.resolve() == RESULTS:
+        for path in pack.write_shipped(RESULTS):
+            print(f"wrote {path}")
 
 
 def _page(options: argparse.Namespace) -> None:
@@ -183,15 +199,15 @@ def _gallery(options: argparse.Namespace) -> None:
 
     python -m leaderboard gallery --policies grid_search predictive --seeds 3 --out docs/gallery
     """
-    from leaderboard import behaviour, gallery, run  # needed only here: imports Matplotlib, plays
+    from leaderboard import behaviour, gallery, policies  # needed only here: imports Matplotlib, plays
 
-    scenario = _scenario(options)
-    policies = [*run.named(options.policies, scenario), *run.agents(options.agents, scenario)]
-    played = gallery.play(policies, scenario, options.seeds)
+    task = Task(env_id=options.env, scenario=_scenario(options), seeds=options.seeds)
+    chosen = [*policies.named(options.policies, task), *policies.agents(options.agents, task)]
+    played = gallery.play(chosen, task.scenario, options.seeds)
     written = gallery.write(played, options.out)
     if options.json:
         metrics = {label: behaviour.measure(episodes) for label, episodes in played.items()}
-        print_json({"env_id": options.env, "scenario": scenario.name, "seeds": options.seeds, "policies": metrics})
+        print_json({"env_id": options.env, "scenario": task.scenario.name, "seeds": options.seeds, "policies": metrics})
         return
     print(behaviour.render(played))
     for path in written:
@@ -306,9 +322,10 @@ def _parser() -> argparse.ArgumentParser:
 
     which = "folder of results (default: results; the project's own are in leaderboard/results)"
     results = shared("--results", type=Path, default=Path("results"), help=which)
-    project = shared("--results", type=Path, default=SHIPPED, help=f"folder of results (default: {SHIPPED})")
+    project = shared("--results", type=Path, default=Path("leaderboard/results"), help="folder of results (default: %(default)s)")
     agents_folder = shared("--agents", type=Path, default=Path("agents"), help="folder of agents' ONNX files (default: agents)")
     printed = shared("--json", action="store_true", help="print JSON with all numbers and their units")
+    ids = [*IDS, FAMILY_ID]
     environment = shared("--env", choices=IDS, default=SPLITS_ENV_ID, help="the environment's id")
     environment.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own")
     agents = shared("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders of your own")
@@ -317,7 +334,9 @@ def _parser() -> argparse.ArgumentParser:
     who.add_argument("--jobs", type=positive, default=1, metavar="N", help="number of processes (default: 1)")
     who.add_argument("--scheduler", metavar="URL", help="play on the workers of a Dask cluster, such as tcp://host:8786")
 
-    add = command(_run, "play policies, print the ranking and write the page", results, printed, environment, agents, elsewhere)
+    add = command(_run, "play policies, print the ranking and write the page", results, printed, agents, elsewhere)
+    add("--env", choices=ids, default=SPLITS_ENV_ID, help=f"the environment's id (default: {SPLITS_ENV_ID})")
+    add("--scenario", metavar="PRESET_OR_TOML", help="scenario or family instead of the id's own")
     which = "number of held-out seeds (default: 256), or a file of private seeds; give these --results of their own"
     add("--seeds", type=_seeds_or_file, default="256", metavar="SEEDS", help=which)
     add("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all that are tuned for the scenario)")
@@ -327,17 +346,20 @@ def _parser() -> argparse.ArgumentParser:
     add("--keep-names", action="store_true", help="let agents take the names of those that come with the project")
     which = "processor time [s] that an agent's file may use for all seeds; a slower one is skipped (default: 600)"
     add("--agent-time", type=positive, metavar="SECONDS", help=which)
-    add("--splits", action="store_true", help=f"also play the splits: {', '.join(SPLITS)}")
+    which = f"also play the splits: of {SPLITS_ENV_ID} {', '.join(SPLITS)}; of a family all held-out jobs"
+    add("--splits", action="store_true", help=which)
     which = "number of held-out seeds on each split (default: 32)"
     add("--split-seeds", type=_seeds, default="32", metavar="SEEDS", help=which)
     add("--fresh", action="store_true", help="play again, even if results exist")
+    add("--split", metavar="NAME", help="split of a family (default: unseen_jobs)")
+    which = "what controllers of a family are built from: nominal models, or these with the true wear law or all true laws"
+    add("--knows", choices=("nominal", "true_wear", "true_laws"), default="nominal", help=which)
+    add("--forgets", action="store_true", help="policies of a family forget everything at each change of the edge")
 
     add = command(_show, "print the ranking", results, printed)
-    ids = [*IDS, FAMILY_ID]
     add("--env", choices=ids, help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)")
-    add(
-        "--scenario", metavar="NAME", help="the scenario's name (default: the id's own), or family and split, as shop-unseen_jobs"
-    )
+    which = "the scenario's name (default: the id's own), or family and split, such as shop-unseen_jobs"
+    add("--scenario", metavar="NAME", help=which)
     add("--all", action="store_true", help="print all rankings, of all ids and scenarios unless one is named")
     which = "order of policies: penalty, by return, on splits by full cost (default), or constraint, feasible policies by cost"
     add("--track", choices=table.TRACKS, default="penalty", help=which)
@@ -345,6 +367,8 @@ def _parser() -> argparse.ArgumentParser:
     add = command(_page, "write all rankings as one HTML file", results)
     add("--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)")
 
+    add = command(_pack, "move the results of each leaderboard into one file", project)
+    add("--without", nargs="+", default=[], metavar="NAME", help="policies whose results are deleted")
     add = command(_verify, "play results again; fail if any differs", project, agents_folder, elsewhere)
     add("--env", choices=ids, help="only results of this id")
     add("--scenario", metavar="NAME", help="only results on this scenario")

@@ -1,7 +1,7 @@
 """Model cards of the agents that come with the project: what each is, how it was trained, its results and its limits."""
 
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -9,15 +9,12 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from leaderboard import columns, generalisation
-from leaderboard.columns import Cell
-from leaderboard.family_table import read_boards
-from leaderboard.information import CLASSES, GIVEN, SEEN, class_of
-from leaderboard.ranking import read_leaderboard
+from leaderboard.information import CLASSES, GIVEN, SEEN
+from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import ResultError, result_files, result_folder, write_whole
 from train.agents import agent_file
 from train.agents.agent_file import ONNX_SUFFIX, AgentFile
 from turning_env import FAMILY_ID, SPLITS, Family
-from turning_env.scoring.statistics import Estimate
 
 _SHARED = ("algorithm", "env_id", "scenario", "parameters", "trained_steps", "versions")
 """What all files of one card must have in common."""
@@ -36,83 +33,46 @@ def write_all(results: Path, agents: Path) -> list[Path]:
     written = []
     for folder in folders:
         env_id, home = folder.parts[-2:]
-        played, shown = _of_family(results, home) if env_id == FAMILY_ID else _of_scenario(results, env_id, home)
+        if env_id == FAMILY_ID:
+            boards = read_leaderboards(results, env_id=env_id, scenario=f"{home}-*")
+            splits = []
+        else:
+            boards = [read_leaderboard(result_folder(results, env_id, home))]
+            splits = [other for name in SPLITS if name != home and result_files(other := result_folder(results, env_id, name))]
+        others = [read_leaderboard(each) for each in splits]
         for name, files in _agents(folder).items():
             for file in files:
-                if played.get(file.label) != file.digest:
+                if not all((file.label, file.digest) in {(each.policy.label, each.policy.sha256) for each in board.results}
+                           for board in boards):  # fmt: skip
                     raise ResultError(f"{folder / file.label}{ONNX_SUFFIX} has no results in {results}: play it first")
             path = folder / f"{name}.md"
-            write_whole(path, render(files, shown(files[0]), folder / f"{files[0].label}{ONNX_SUFFIX}"))
+            write_whole(path, render(files, boards, others, folder / f"{files[0].label}{ONNX_SUFFIX}"))
             written.append(path)
     return written
 
 
-Shown = Callable[[AgentFile], dict[str, Any]]
-"""Returns what a card shows of an agent's results, by the names of the template."""
-Played = dict[str, str | None]
-"""SHA-256 of the files that have played, by the policies' labels."""
-
-
-def _of_scenario(results: Path, env_id: str, scenario: str) -> tuple[Played, Shown]:
-    leaderboard = read_leaderboard(result_folder(results, env_id, scenario))
-    splits = [other for name in SPLITS if name != scenario and result_files(other := result_folder(results, env_id, name))]
-    across = generalisation.across([leaderboard, *map(read_leaderboard, splits)])
-
-    def shown(file: AgentFile) -> dict[str, Any]:
-        name = leaderboard.names[file.label]
-        standing = next(standing for standing in leaderboard.standings if standing.name == name)
-        columns_of = (*columns.RETURNS, *columns.COMPARISONS, *columns.CONSTRAINT, *columns.LIMITS, *columns.WORKSHOP)
-        elsewhere: list[tuple[str, Cell, bool]] = []  # split, full cost there, whether feasible there
-        if across and across.tuned_for == file.metadata.scenario.name and name in across.rows:
-            for split in across.scenarios[1:]:
-                if (cell := across.cell(name, split)) is not None:
-                    elsewhere.append((split, cell, across.feasible(name, split)))
-        return {
-            "name": name,
-            "policy_class": standing.policy_class,
-            "information": standing.information,
-            "family": None,
-            "seeds": len(leaderboard.task.seeds),
-            "feasible": standing.feasible,
-            "cells": [(column, column.cell(standing)) for column in columns.applying(columns_of, [standing])],
-            "elsewhere": elsewhere,
-        }
-
-    return {result.policy.label: result.policy.sha256 for result in leaderboard.results}, shown
-
-
-def _of_family(results: Path, family: str) -> tuple[Played, Shown]:
-    boards = read_boards(results, f"{family}-*")
-    played = [{each.label: each.sha256 for group in board.policies.values() for each in group} for board in boards]
-    everywhere = {
-        label: digest for label, digest in (played or [{}])[0].items() if all(digest == each.get(label) for each in played)
-    }
-
-    def shown(file: AgentFile) -> dict[str, Any]:
-        rows = []
-        for board in boards:
-            name = next(name for name, group in board.policies.items() if file.label in [each.label for each in group])
-            rows.append((board, next(each for each in board.comparisons if each.name == name)))
-        return {
-            "name": name,
-            "policy_class": class_of(board.policies[name][0]),
-            "information": board.information[name],
-            "family": board.task.family,
-            "rows": rows,
-        }
-
-    return everywhere, shown
-
-
-def render(files: Sequence[AgentFile], shown: Mapping[str, Any], example: Path) -> str:
+def render(files: Sequence[AgentFile], boards: Sequence[Leaderboard], splits: Sequence[Leaderboard], example: Path) -> str:
     """Return the card of an agent as Markdown.
 
     Args:
         files: one per training seed.
-        shown: what the card shows of its results.
+        boards: the leaderboard of its task, or those of the splits of its family.
+        splits: leaderboards of scenarios on which it was not trained.
         example: the file that the example loads.
     """
     metadata = files[0].metadata
+    standings = []
+    for board in boards:
+        name = board.names[files[0].label]
+        standings.append((board, next(each for each in board.standings if each.name == name)))
+    _, first = standings[0]
+    family = boards[0].task.of_family
+    shown = (*columns.RETURNS, *columns.JOBS, *columns.COMPARISONS, *columns.CONSTRAINT, *columns.LIMITS, *columns.WORKSHOP)
+    across = generalisation.across([*boards, *splits]) if splits else None
+    elsewhere = []  # split, full cost there, whether feasible there
+    if across and across.tuned_for == metadata.scenario.name and first.name in across.rows:
+        cells = ((split, across.cell(first.name, split)) for split in across.scenarios[1:])
+        elsewhere = [(split, cell, across.feasible(first.name, split)) for split, cell in cells if cell is not None]
     bounds = zip(metadata.observation_space.low, metadata.observation_space.high, strict=True)
     ranges = [(text, len(list(group))) for text, group in groupby(f"{low:g} to {high:g}" for low, high in bounds)]
     templates = Environment(  # what it writes is Markdown, not HTML
@@ -120,7 +80,13 @@ def render(files: Sequence[AgentFile], shown: Mapping[str, Any], example: Path) 
     )
     return (
         templates.get_template("model_card.md.j2").render(
-            shown,
+            name=first.name,
+            policy_class=first.policy_class,
+            information=first.information,
+            family=family.family if family else None,
+            standings=standings,
+            columns=columns.applying(shown, [standing for _, standing in standings]),
+            elsewhere=elsewhere,
             files=files,
             metadata=metadata,
             memory_size=files[0].memory_size,
@@ -130,15 +96,9 @@ def render(files: Sequence[AgentFile], shown: Mapping[str, Any], example: Path) 
             given=GIVEN,
             seen=SEEN,
             example=example,
-            interval=_interval,
         )
         + "\n"
     )
-
-
-def _interval(estimate: Estimate, factor: float = 1.0) -> str:
-    value, low, high = (f"{factor * each:.0f}" for each in (estimate.value, estimate.low, estimate.high))
-    return f"{value} ({low} to {high})"
 
 
 def _title(algorithm: str) -> str:

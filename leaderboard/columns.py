@@ -163,6 +163,26 @@ RETURNS = (
     Column("interquartile return", "s", "Mean of the middle half of all episodes' returns.", "interquartile_return"),
     ClassRank("rank in class", "-", _CLASS_RANK, "class_rank", lower_is_better=True),
 )
+_FULL_COST_SHARE = (
+    "Cost of time, edges, overload and breakage over the worth of the metal, sums of all jobs; above 100 the metal does not pay. "
+    "It is not per volume, as volumes of different materials do not add up."
+)
+_JOB_SCORE = (
+    "Interquartile mean over jobs of the place of the return between the fixed nominal optimum, 0, and the causal oracle, 100."
+)
+_GAP_TO_TRUTH = (
+    "Closed share of the gap in return between the best rule that is built from the nominal models and the same rule with true "
+    "laws."
+)
+JOBS = (
+    Column("full cost", "%", _FULL_COST_SHARE, "full_cost_share", 0, 100, lower_is_better=True),
+    Column("score", "-", _JOB_SCORE, "job_score", 0, 100),
+    Column("gap closed", "%", _GAP_TO_TRUTH, "gap_to_truth_closed", 0, 100),
+    Column("worst job", "s", "Lowest return of a job.", "worst_return"),
+    Column("median lead", "s", "Median over jobs of the lead over the best other rule.", "median_over_best_rule", 1),
+    Column("beats best rule", "% of jobs", "Jobs with a higher return than the best other rule's.", "beats_best_rule", 0, 100),
+    Column("feasible jobs", "% of jobs", "Jobs within the allowance of severe overload.", "feasible_jobs", 0, 100),
+)
 SCORE = (
     Column("score", "-", _SCORE, "score", 1, 100),
     Column("gap closed", "%", _GAP_CLOSED, "gap_closed", 0, 100),
@@ -200,6 +220,7 @@ WORKSHOP = (
 )
 GROUPS = {
     "Result": RETURNS,
+    "Over the jobs of a family": JOBS,
     "Score": SCORE,
     "Constraint track": CONSTRAINT,
     "Limits": LIMITS,

@@ -1,107 +1,228 @@
-"""Play controllers and agents on unseen jobs of a family, and compare them.
+"""Tasks on families: each seed plays another job. Controllers are built from its nominal model; an agent plays all jobs."""
 
-Every controller is built for each job from its nominal model, with the parameters tuned for ``--tuned-on``. "predictive, told
-the truth" is built from the true scenario, whose predictions it also observes; "self_tuning, told the wear" is told the true
-law of wear alone. An agent plays all jobs; files or run folders of one name with several training seeds are one policy. A
-forgetful policy forgets everything at each change of the edge.
-
-    python -m leaderboard.family --jobs 16 --episodes 4
-    python -m leaderboard.family --split unseen_materials --policies rescaled_grid_search predictive
-    python -m leaderboard.family --agent agents/family_gradient-seed0.onnx --jobs 256 --workers 16 --keep results
-
-``--keep`` keeps results, which ``python -m leaderboard show --env RoughTurning-Family-v0`` prints again. Those that come with the
-project are in leaderboard/results.
-
-A job's score is 0 for the "held optimum" and 1 for the oracle "causal", which is told the true laws and the present depth,
-hardness and wear. The table has its interquartile mean over jobs. The full cost is all costs (time, edges, overload, breakage)
-over the worth of the metal, in %; above 100, the metal does not pay. It is not per volume, as volumes of different materials do
-not add up. Leads are over the best controller that is told the nominal model, job by job; the share of the gap closed is of that
-from it to the same controller told the truth. Intervals of 95 % are bootstrapped over jobs and training seeds. A policy is
-feasible on a job if its share of cutting time in severe overload is within the scenario's allowance.
-"""
-
-import argparse
-import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from tqdm import tqdm
+import numpy as np
+from numpy.typing import NDArray
 
-from leaderboard.family_play import ANCHOR, TOLD, TRUTH, Piece, jobs_at_once, played, spec_of
-from leaderboard.family_result import FamilyResult, FamilyTask, kept
-from leaderboard.family_table import Board
-from leaderboard.result import result_folder, write_result
-from leaderboard.standings import CAUSAL
-from turning_env import FAMILY_ID
-from turning_env.console import described, exits, print_json
-from turning_env.scenario import Scenario, ScenarioError
-from turning_env.scenario.family import Family
-from turning_env.scoring.workers import spread, workers
+from baselines.catalogue import RULES, spec
+from baselines.oracles.perfect_state import PerfectState
+from leaderboard.policies import CAUSAL, NOMINAL_OPTIMUM
+from leaderboard.result import FamilySplit, ResultError, Task
+from turning_env import FAMILY_ID, Scenario
+from turning_env.action import towards
+from turning_env.observation import read
+from turning_env.physics.quantities import OBS
+from turning_env.scenario.family import CONTEXT_LIMIT, Family, Job
+from turning_env.scenario.plan import columns_of
+from turning_env.scoring.family import play_family, play_jobs, truthful
+from turning_env.scoring.play import Episodes
+from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory, PolicySpec, ScenarioId
+
+POLICIES = (NOMINAL_OPTIMUM, "rescaled_grid_search", "predictive", "self_tuning", CAUSAL)
+"""The policies that play if none are named."""
+CHANGE_WEAR = 0.95
+"""Nominal wear over the criterion at which ``FixedNominalOptimum`` changes the edge."""
+_RIGHT = {
+    "nominal": None,
+    "true_wear": "material.wear.",
+    "true_laws": "",
+}  # how the names of the fields begin of which the truth is known
+_FILLED = 16  # see ``_filled``
 
 
-@exits(ScenarioError, ValueError, interrupted="interrupted: with --keep, the same command goes on")
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Play and print; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m leaderboard.family", **described(__doc__))
-    parser.add_argument("--family", default="shop", help="family, or its TOML file (default: %(default)s)")
-    parser.add_argument("--split", nargs="+", default=["unseen_jobs"], help="splits (default: unseen_jobs)")
-    parser.add_argument("--jobs", type=int, default=16, help="jobs of each split (default: %(default)s)")
-    parser.add_argument("--episodes", type=int, default=4, help="episodes of each job (default: %(default)s)")
-    parser.add_argument("--policies", nargs="+", default=["rescaled_grid_search", "predictive", f"predictive{TRUTH}", CAUSAL],
-                        help="controllers and the oracle (default: rescaled_grid_search; predictive and causal)")  # fmt: skip
-    parser.add_argument("--forgetful", action="store_true", help="also play them, and agents, forgetful")
-    parser.add_argument("--agent", nargs="+", type=Path, default=[], metavar="AGENT", help="agents: ONNX files or run folders")
-    parser.add_argument("--tuned-on", default="shift", help="scenario of their tuned parameters (default: %(default)s)")
-    parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes that play (default: %(default)s)")
-    parser.add_argument(
-        "--keep", type=Path, metavar="FOLDER", help="folder of results that keeps what has been played, to go on with"
+def family_task(source: str | Path | Family, split: str | None, count: int) -> Task:
+    """Return the task on the first ``count`` jobs of a family's split; None: ``unseen_jobs``, or ``train`` if there is no such.
+
+    Raises:
+        ResultError: there is no such split, or it has fewer jobs.
+        ScenarioError: there is no such family.
+    """
+    family = Family.load(source)
+    split = split or ("unseen_jobs" if "unseen_jobs" in family.splits else "train")
+    if split not in family.splits:
+        raise ResultError(f"family {family.name!r} has no split {split!r}; it has {', '.join(family.splits)}")
+    jobs = family.jobs if split == "train" else family.held_out_jobs
+    if count > jobs:
+        raise ResultError(f"{count} seeds asked for, but the split {split!r} of family {family.name!r} has {jobs} jobs")
+    limits = {"overload_allowance": family.job(0).scenario.limits.overload_allowance}
+    identity = ScenarioId(name=family.name, digest=family.digest())
+    return Task(
+        env_id=FAMILY_ID,
+        scenario=Scenario.load({"base": family.base, "name": f"{family.name}-{split}", "limits": limits}),
+        seeds=list(range(count)),
+        of_family=FamilySplit(family=identity, split=split, loaded=family),
     )
-    parser.add_argument("--json", action="store_true", help="print every episode's return as JSON")
-    options = parser.parse_args(arguments)
-    if min(options.jobs, options.episodes, options.workers) < 1:
-        parser.error("--jobs, --episodes and --workers must be at least 1")
-    family, tuned_on = Family.load(options.family), Scenario.load(options.tuned_on)
-    policies: list[tuple[str | Path, bool]] = [(each, False) for each in (ANCHOR, *options.policies, *options.agent)]
-    if options.forgetful:
-        rules_told = [name for name in options.policies if name != CAUSAL and not name.endswith(tuple(TOLD))]
-        policies += [(each, True) for each in (*rules_told, *options.agent)]
-    specs = {policy: spec_of(*policy, family, tuned_on) for policy in dict.fromkeys(policies)}
-    labels = [spec.label for spec in specs.values()]
-    if twice := sorted({label for label in labels if labels.count(label) > 1}):
-        parser.error(f"two agents are called {', '.join(twice)}: export one by python -m train.export --name")
-    tasks = {split: FamilyTask.of(family, split) for split in options.split}
-    # Slow policies first, so that no worker is left with a long piece at the end.
-    places = [(split, policy) for policy in reversed(specs) for split in tasks]
-    ended = {
-        (split, policy): dict(kept(options.keep, tasks[split], specs[policy]) if options.keep else {}) for split, policy in places
-    }
-    pieces = []
-    for place in places:
-        split, policy = place
-        family.draw(split, 0)
-        at_once = jobs_at_once(policy[0])
-        for start in range(0, options.jobs, at_once):
-            seeds = tasks[split].seeds_of(range(start, min(start + at_once, options.jobs)), options.episodes)
-            if not ended[place].keys() >= set(seeds):
-                pieces.append((place, Piece(family, split, seeds, *policy, tuned_on)))
-    with workers(options.workers, None) as over:
-        for place, rows in tqdm(spread(over, played, pieces), total=len(pieces), unit="piece", disable=None):
-            split, policy = place
-            ended[place].update(rows)
-            if options.keep:
-                result = FamilyResult.of_rows(tasks[split], specs[policy], ended[place])
-                write_result(result, result_folder(options.keep, FAMILY_ID, result.task.scenario.name))
-    boards = []
-    for split, task in tasks.items():
-        seeds = task.seeds_of(range(options.jobs), options.episodes)
-        known = ((spec, ended[split, policy]) for policy, spec in specs.items())
-        boards.append(Board.of([FamilyResult.of_rows(task, spec, {seed: rows[seed] for seed in seeds}) for spec, rows in known]))
-    if options.json:
-        print_json({each.task.split: {name: rows["return"] for name, rows in each.rows.items()} for each in boards})
+
+
+def family_of(task: Task) -> Family:
+    """Return a task's family.
+
+    Raises:
+        ResultError: the task was read from a file, and no family of that name ships, or it has other values.
+    """
+    part = task.of_family
+    assert part is not None
+    if part.loaded is not None:
+        return part.loaded
+    try:
+        family = Family.load(part.family.name)
+        if family_task(family, part.split, len(task.seeds)).digest == task.digest:
+            return family
+    except ValueError as error:
+        raise ResultError(f"cannot be played again: {error}") from error
+    raise ResultError(f"is not of the present family {part.family.name!r}: values differ")
+
+
+def rule(name: str, task: Task, knows: str = "nominal", forgets: bool = False) -> PolicySpec:
+    """Return a controller, with the parameters tuned on the family's base, or the oracle, as it plays a family's task.
+
+    Raises:
+        KeyError, ValueError: there is none, it cannot play the family, it has no such variant, or it is not tuned.
+    """
+    family = family_of(task)
+    if (knows != "nominal" or forgets) and name in (NOMINAL_OPTIMUM, CAUSAL):
+        raise ValueError(f"{name} has no variants")
+    if name == NOMINAL_OPTIMUM:
+        found = PolicySpec(name=NOMINAL_OPTIMUM)
+    elif name == CAUSAL:
+        found = PolicySpec(name=CAUSAL, version=4, kind="oracle")
     else:
-        print(*(each.text() + "\n" for each in boards), sep="", end="")
-    return 0
+        found = spec(name, family.job(0).scenario, Scenario.load(family.base))
+    kind = found.kind if knows == "nominal" else "oracle"
+    plays = _Plays(family, _split(task), name, knows, forgets)
+    return found.model_copy(update={"knows": knows, "forgets": forgets, "kind": kind, "compute": plays})
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def agent(found: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
+    """Return an agent, or a policy of one's own code, as it plays a family's task."""
+    plays = _Plays(family_of(task), _split(task), found.make, "nominal", forgets, found.parameters.get("context"))
+    return found.model_copy(update={"forgets": forgets, "compute": plays})
+
+
+def _split(task: Task) -> str:
+    assert task.of_family is not None
+    return task.of_family.split
+
+
+@dataclass(frozen=True)
+class _Plays:
+    """Plays episodes of a family: the ``compute`` of a ``PolicySpec``."""
+
+    family: Family
+    split: str
+    policy: str | PolicyFactory
+    """A controller's name, or what makes a policy that plays all jobs."""
+    knows: str
+    forgets: bool
+    context: Any = None
+    """``mean`` and ``spread`` of the context in an agent's training; None: as in ``family``."""
+
+    def __call__(self, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
+        right = "" if self.policy == CAUSAL else _RIGHT[self.knows]
+        family = self.family if right is None else truthful(self.family, right)
+        jobs = [family.job(seed, self.split) for seed in seeds]
+        scenarios = [job.scenario for job in jobs]
+        base = Scenario.load(family.base)
+        name = self.policy
+
+        def remembering(make: PolicyFactory) -> PolicyFactory:
+            return (lambda num_envs: Forgetful(make(num_envs))) if self.forgets else make
+
+        if not isinstance(name, str):
+            agent_of: PolicyFactory = name
+            filled, places = _filled(seeds)
+            make = remembering(lambda num_envs: Retold(agent_of(num_envs), family, self.context))
+            found = play_family(family, self.split, filled, make, "told", lambda ended: on_step(min(ended, len(seeds))))
+            return {field: values[places] for field, values in found.items()}
+        if not (name in (NOMINAL_OPTIMUM, CAUSAL) or RULES[name].together):
+            return play_jobs(family, self.split, seeds, lambda job: remembering(spec(name, job.scenario, base).make), on_step)
+        if name == NOMINAL_OPTIMUM:
+            make = lambda num_envs: FixedNominalOptimum(jobs)  # noqa: E731
+        elif name == CAUSAL:
+            make = lambda num_envs: PerfectState(scenarios, num_envs)  # noqa: E731
+        else:
+            make = remembering(spec(name, scenarios, base).make)
+        return play_family(family, self.split, seeds, make, "hidden", on_step, tell=name == CAUSAL)
+
+
+def _filled(seeds: Sequence[int]) -> tuple[list[int], list[int]]:
+    """Return a batch in which every job stands at the place of its number, modulo ``_FILLED``, and the jobs' places in it.
+
+    The last bits of an agent's actions depend on where a job stands in a batch.
+    """
+    filled: list[int] = []
+    places = []
+    for seed in seeds:
+        filled += [seed] * ((seed - len(filled)) % _FILLED)
+        places.append(len(filled))
+        filled.append(seed)
+    return filled + filled[-1:] * (-len(filled) % _FILLED), places
+
+
+class FixedNominalOptimum(Policy):
+    """The nominal model's best set point on a half-worn edge; edges are changed by nominal wear.
+
+    Args:
+        jobs: the job of each environment.
+    """
+
+    def __init__(self, jobs: Sequence[Job]) -> None:
+        self._scenarios: Any = columns_of([job.scenario for job in jobs])
+        self._speeds, self._feeds = np.array([[job.cutting_speed, job.feed] for job in jobs]).T
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the actions, shape (num_envs, 3), for observations, shape (num_envs, entries)."""
+        reading = read(observations, self._scenarios)
+        change = reading.nominal_wear >= CHANGE_WEAR * self._scenarios.tool.wear_criterion
+        return towards(reading, self._scenarios, self._speeds, self._feeds, change)
+
+
+class Forgetful(Policy):
+    """A policy that forgets everything at each change of the edge: lathe, material and where the tool is."""
+
+    def __init__(self, policy: Policy) -> None:
+        self._policy = policy
+        self._wear: Observations = np.zeros(0, np.float32)
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Forget what was seen of the environments in the mask, shape (num_envs,)."""
+        self._policy.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the policy's actions, shape (num_envs, 3)."""
+        wear = observations[:, OBS.nominal_wear]
+        if self._wear.size:
+            self._policy.reset(wear < self._wear)
+        self._wear = wear.copy()
+        return self._policy.act(observations)
+
+
+class Retold(Policy):
+    """An agent that may have been trained on another family: the context is standardised as that family's is.
+
+    Args:
+        policy: the agent.
+        family: family whose jobs it plays.
+        told: ``mean`` and ``spread`` of the context in its training; None: as in ``family``.
+    """
+
+    def __init__(self, policy: Policy, family: Family, told: Any = None) -> None:
+        mean, spread = family.context_scale
+        trained = (np.array(told["mean"]), np.array(told["spread"])) if told else (mean, spread)
+        self._policy, self._entries = policy, len(mean)
+        self._factor, self._offset = spread / trained[1], (mean - trained[0]) / trained[1]
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Forget what was seen of the environments in the mask, shape (num_envs,)."""
+        self._policy.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the agent's actions, shape (num_envs, 3)."""
+        retold = observations.copy()
+        context = retold[:, -self._entries :] * self._factor + self._offset
+        retold[:, -self._entries :] = np.clip(context, -CONTEXT_LIMIT, CONTEXT_LIMIT)
+        return self._policy.act(retold)

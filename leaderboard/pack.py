@@ -1,64 +1,75 @@
-"""Put the returns of the leaderboards into the wheel, in compact form, for ``turning_env.score``.
+"""Move the results of a leaderboard into one file, and put the returns into the wheel, for ``turning_env.score``."""
 
-python -m leaderboard.pack
-"""
-
-import argparse
+import json
 import lzma
-import sys
-from collections.abc import Sequence
+from collections.abc import Collection
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
-from leaderboard.result import MANIFEST_FILE, Manifest, Result, ResultError, read_part, read_result, result_files, result_folder
+from leaderboard.result import (
+    MANIFEST_FILE,
+    PACK_FILE,
+    SUFFIX,
+    Manifest,
+    ResultFile,
+    read_file,
+    read_part,
+    read_results,
+    result_files,
+    result_folder,
+    write_manifest,
+    write_part,
+    write_whole,
+)
 from turning_env import IDS
-from turning_env.console import described, exits
-from turning_env.files import replace_file
-from turning_env.scoring.packed import FOLDER, Played, as_text, unpacked
+from turning_env.scoring.packed import FOLDER, unpacked
+
+DIGITS = 2
+"""Decimals of the times [s] in the wheel."""
 
 
-def played(folder: Path) -> list[Played]:
-    """Return every policy on the task that is ranked in a folder, by name."""
+def pack(folder: Path, without: Collection[str] = ()) -> bool:
+    """Move the results on a folder's ranked task into its one file of many; return whether anything changed.
+
+    Args:
+        folder: a ``result_folder`` with a manifest.
+        without: names of policies whose results are deleted.
+    """
     task = read_part(Manifest, folder / MANIFEST_FILE).task
-    results = [each for each in (read_result(path, Result) for path in result_files(folder)) if each.task.digest == task.digest]
-    results.sort(key=lambda each: (each.policy.name, each.policy.training_seed or 0))
-    policies = []
-    for name, group in groupby(results, key=lambda each: each.policy.name):
-        same = list(group)
-        fields = ("return", "severe_overload_time", "engaged_time")
-        arrays = (np.array([each.episodes[field] for each in same]) for field in fields)
-        policies.append(Played(name, same[0].policy.kind, *arrays))
-    return policies
+    ranked = (each for each in read_results(folder).values() if each.task.digest == task.digest)
+    packed = [each for each in ranked if each.policy.name not in without]
+    own = [path for path in result_files(folder) if path.name != PACK_FILE and read_file(path)[0].task.digest == task.digest]
+    path = folder / PACK_FILE
+    if not own and path.is_file() and [each.checksum for each in read_file(path)] == [each.checksum for each in packed]:
+        return False
+    write_part(ResultFile(task=task, results=packed), path)
+    for each in own:
+        each.unlink()
+    write_manifest(folder, task)
+    return True
 
 
 def contents(results: Path) -> dict[Path, str]:
-    """Return the text of every id's file, made from a folder of results."""
-    return {
-        FOLDER / f"{env_id}.json.xz": as_text(env_id, played(result_folder(results, env_id, preset)))
-        for env_id, preset in IDS.items()
-    }
+    """Return the text of each id's file in the wheel, made from a folder of results: the episodes' times by policy."""
+    found = {}
+    for env_id, preset in IDS.items():
+        ranked = [each for each in read_results(result_folder(results, env_id, preset)).values()]
+        ranked.sort(key=lambda each: (each.policy.name, each.policy.training_seed or 0))
+        policies = []
+        for name, group in groupby(ranked, key=lambda each: each.policy.name):
+            same = list(group)
+            fields = {"returns": "return", "severe": "severe_overload_time", "engaged": "engaged_time"}
+            times = {key: np.round([each.episodes[field] for each in same], DIGITS).tolist() for key, field in fields.items()}
+            policies.append({"name": name, "kind": same[0].policy.kind} | times)
+        found[FOLDER / f"{env_id}{SUFFIX}"] = json.dumps({"env_id": env_id, "policies": policies}, allow_nan=False)
+    return found
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the file of every id."""
-    parser = argparse.ArgumentParser(prog="python -m leaderboard.pack", **described(__doc__))
-    parser.add_argument("--results", type=Path, default=Path("leaderboard/results"), metavar="FOLDER",
-                        help="folder of results (default: %(default)s)")  # fmt: skip
-    options = parser.parse_args(arguments)
-
-    def run() -> int:
-        for path, text in contents(options.results).items():
-            if path.is_file() and unpacked(path) == text:
-                continue
-            content = lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME)
-            replace_file(path, lambda partial, content=content: partial.write_bytes(content))  # type: ignore[misc]
-            print(path)
-        return 0
-
-    return exits(ResultError)(run)()
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def write_shipped(results: Path) -> list[Path]:
+    """Write the files in the wheel that have changed, and return their paths."""
+    changed = {path: text for path, text in contents(results).items() if not path.is_file() or unpacked(path) != text}
+    for path, text in changed.items():
+        write_whole(path, lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME))
+    return list(changed)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from leaderboard import shipped
+from leaderboard.policies import AGENTS, is_own
 from leaderboard.result import (
     MANIFEST_FILE,
     TRAJECTORIES_FILE,
@@ -34,8 +34,8 @@ class Leaderboard:
     results: list[Result]
     standings: list[Standing]
     trajectories: Trajectories | None
-    left_out: list[Path]
-    """Files of results on other tasks."""
+    left_out: list[str]
+    """Results on other tasks, as folder and label."""
     trainings: Mapping[str, Training] = field(default_factory=dict)
     """Learning curves of agents that were trained on the task's scenario, by their policies' labels."""
 
@@ -56,9 +56,9 @@ def read_leaderboard(folder: Path, task: Task | None = None) -> Leaderboard:
     Raises:
         ResultError: no result can be used, or none is on the task.
     """
-    by_task: dict[str, dict[Path, Result]] = {}
-    for path, result in read_results(folder).items():
-        by_task.setdefault(result.task.digest, {})[path] = result
+    by_task: dict[str, dict[str, Result]] = {}
+    for label, result in read_results(folder).items():
+        by_task.setdefault(result.task.digest, {})[label] = result
     if not by_task:
         raise ResultError(f"{folder} holds no results")
     if task is not None:
@@ -76,7 +76,7 @@ def read_leaderboard(folder: Path, task: Task | None = None) -> Leaderboard:
         results=results,
         standings=rank(results),
         trajectories=_trajectories(folder, results),
-        left_out=[path for digest, others in by_task.items() if digest != chosen for path in others],
+        left_out=[str(folder / label) for digest, others in by_task.items() if digest != chosen for label in others],
         trainings=_trainings(folder, results),
     )
 
@@ -90,8 +90,7 @@ def read_leaderboards(
 ) -> list[Leaderboard]:
     """Rank every environment on every scenario that ``results`` holds. A folder that cannot be used is named on standard error.
 
-    Ids come in the order in which they are declared, and of an id first its own preset, then other scenarios by name. Families
-    have ``family_table.read_boards``.
+    Ids come in the order in which they are declared, and of an id first its own preset, then other scenarios by name.
 
     Args:
         results: the folder of all results.
@@ -104,9 +103,8 @@ def read_leaderboards(
         ResultError: there are no results that can be used.
     """
     leaderboards: list[Leaderboard] = []
-    folders = (folder for folder in results.glob(f"{env_id or '*'}/{scenario or '*'}") if folder.parent.name != FAMILY_ID)
-    chosen = (folder for folder in folders if result_files(folder))
-    for folder in sorted(chosen, key=_place):
+    folders = (folder for folder in results.glob(f"{env_id or '*'}/{scenario or '*'}") if result_files(folder))
+    for folder in sorted(folders, key=_place):
         if len(leaderboards) == most:
             break
         try:
@@ -121,20 +119,20 @@ def read_leaderboards(
 
 def _place(folder: Path) -> tuple[int, str, bool, str]:
     """Sort key of a leaderboard's folder."""
-    env_id, scenario, ids = folder.parent.name, folder.name, list(IDS)
+    env_id, scenario, ids = folder.parent.name, folder.name, [*IDS, FAMILY_ID]
     return ids.index(env_id) if env_id in ids else len(ids), env_id, scenario != IDS.get(env_id), scenario
 
 
 def _trainings(folder: Path, results: list[Result]) -> dict[str, Training]:
     """Read learning curves: those of the project's agents stand beside these, one's own in the folder."""
     task = results[0].task
-    theirs = read_trainings(result_folder(shipped.AGENTS, task.env_id, task.scenario.name), task)
+    theirs = read_trainings(result_folder(AGENTS, task.env_id, task.home), task)
     own, policies = read_trainings(folder, task), {result.policy.label: result.policy for result in results}
     return {
         label: curve
         for found, are_own in ((theirs, False), (own, True))
         for label, curve in found.items()
-        if label in policies and shipped.is_own(policies[label]) == are_own
+        if label in policies and is_own(policies[label]) == are_own
     }
 
 

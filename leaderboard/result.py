@@ -1,22 +1,29 @@
-"""Result files: the episodes of one policy on one task. Everything shown is computed from them.
+"""Results: the episodes of policies on one task. Everything shown is computed from them.
 
 A result is identified by its meaning: the environment's id, the model's version, the values in which the scenario differs from
 the defaults, the seeds, and the policy (``PolicySpec.identity``). Neither source files nor package versions decide whether it is
 valid.
 
-Results are JSON compressed with xz (``xzcat`` prints it); floats come back bit for bit. ``manifest.json`` beside them is for
-reviewers: the task, and for every policy the main numbers and the SHA-256 of its result.
+The folder ``ID/SCENARIO`` of a folder of results holds them:
+
+* ``LABEL.json.xz``, the result of one policy, written by ``python -m leaderboard run`` as soon as the policy has played;
+* ``results.json.xz``, those of many policies, into which ``python -m leaderboard pack`` moves the former. A policy's own file
+  counts in place of what it says;
+* ``manifest.json`` for reviewers: the task, and for every policy the main numbers and the SHA-256 of its result;
+* ``trajectories.json.xz``: see ``trajectories.py``.
+
+Both kinds of result files have one form: JSON compressed with xz (``xzcat`` prints it), whose floats come back bit for bit.
 """
 
 import json
 import lzma
 import sys
-from contextlib import suppress
+from collections.abc import Callable
 from functools import cache, lru_cache
 from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, model_validator
@@ -24,15 +31,21 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSeriali
 from turning_env import MODEL_VERSION
 from turning_env.files import digest_of, replace_file
 from turning_env.scenario import PortableScenario
+from turning_env.scenario.family import Family
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
-from turning_env.scoring.policy import PolicySpec
+from turning_env.scoring.policy import PolicySpec, ScenarioId
 
-SCHEMA: Literal["rough-turning/result/4"] = "rough-turning/result/4"
+SCHEMA: Literal["rough-turning/results/5"] = "rough-turning/results/5"
+PACK_FILE = "results.json.xz"
 TRAJECTORIES_FILE = "trajectories.json.xz"
 MANIFEST_FILE = "manifest.json"
 SUFFIX = ".json.xz"
+RESULTS = Path(__file__).parent / "results"
+"""The results that come with the project."""
 MAX_BYTES = 200_000_000
 """Largest size of a file, uncompressed."""
+FAMILY_FIELDS = ("return", "reward_metal", "steps", "engaged_time", "severe_overload_time")
+"""The fields of an episode that results on a family keep: volumes and edges of different jobs do not add up."""
 _RECORDED_VERSIONS = ("rough-turning", "numpy", "numba", "onnxruntime")
 
 
@@ -64,16 +77,28 @@ Seeds = Annotated[list[int], BeforeValidator(_expanded), PlainSerializer(_compac
 """Seeds; in a file, ``first..last`` if they are consecutive."""
 
 
+class FamilySplit(Part):
+    """The split of a family whose jobs are played."""
+
+    family: ScenarioId
+    """Name, and SHA-256 of the values."""
+    split: str
+    loaded: Family | None = Field(default=None, exclude=True, repr=False)
+    """The family, unless it was read from a file."""
+
+
 class Task(Part):
     """The episodes that every policy of one leaderboard plays."""
 
     env_id: str
     model_version: int = MODEL_VERSION
     scenario: PortableScenario
+    """Of a family: the values that no job draws, under the name of family and split."""
     seeds: Seeds
-    """One episode is played per seed. Private seeds are given by their places in their file."""
+    """One episode is played per seed; of a family, one per job. Private seeds are given by their places in their file."""
     private: str | None = None
     """SHA-256 of private seeds: see ``private_seeds.py``."""
+    of_family: FamilySplit | None = None
 
     @model_validator(mode="after")
     def _names_places(self) -> Self:
@@ -82,20 +107,29 @@ class Task(Part):
         return self
 
     @property
+    def fields(self) -> tuple[str, ...]:
+        """Return the fields of an episode that results keep."""
+        return FAMILY_FIELDS if self.of_family else EPISODE_FIELDS
+
+    @property
+    def home(self) -> str:
+        """Return the name of what policies are tuned and trained for: the family or the scenario."""
+        return self.of_family.family.name if self.of_family else self.scenario.name
+
+    @property
     def digest(self) -> str:
         """Return the SHA-256 of what identifies the task. Results on different tasks are never ranked together."""
-        return digest_of([self.env_id, self.model_version, self.scenario.digest(), self.private or self.seeds])
+        digest = digest_of([self.env_id, self.model_version, self.scenario.digest(), self.private or self.seeds])
+        return digest_of([digest, self.of_family.family.digest, self.of_family.split]) if self.of_family else digest
 
 
 class Result(Part):
     """One policy's episodes on one task."""
 
-    FIELDS: ClassVar[tuple[str, ...]] = EPISODE_FIELDS
-    schema_: Literal["rough-turning/result/4"] = Field(alias="schema", default=SCHEMA)
     task: Task
     policy: PolicySpec
     episodes: dict[str, list[float]]
-    """For each of ``FIELDS``, one value per seed."""
+    """For each of ``task.fields``, one value per seed."""
     versions: dict[str, str]
     """Versions of packages that played it; they do not identify the result."""
     checksum: str
@@ -103,8 +137,8 @@ class Result(Part):
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
-        if set(self.episodes) != set(self.FIELDS):
-            raise ValueError(f"episodes holds {', '.join(self.episodes)}, but must hold {', '.join(self.FIELDS)}")
+        if set(self.episodes) != set(self.task.fields):
+            raise ValueError(f"episodes holds {', '.join(self.episodes)}, but must hold {', '.join(self.task.fields)}")
         for name, values in self.episodes.items():
             if len(values) != len(self.task.seeds):
                 raise ValueError(f"episodes.{name} holds {len(values)} values, but there are {len(self.task.seeds)} seeds")
@@ -114,8 +148,8 @@ class Result(Part):
 
     @classmethod
     def of(cls, task: Task, policy: PolicySpec, episodes: Episodes) -> Self:
-        """Return the result of episodes that have just been played: arrays of shape (seeds,) for each of ``FIELDS``."""
-        values = {name: array.tolist() for name, array in episodes.items()}
+        """Return the result of episodes that have just been played: arrays of shape (seeds,) for each of ``task.fields``."""
+        values = {name: episodes[name].tolist() for name in task.fields}
         versions = {name: version(name) for name in _RECORDED_VERSIONS}
         return cls(task=task, policy=policy, episodes=values, versions=versions, checksum=_checksum(task, policy, values))
 
@@ -132,17 +166,35 @@ def _checksum(task: Task, policy: PolicySpec, episodes: dict[str, list[float]]) 
     return digest_of([task.digest, policy.identity, episodes])
 
 
+class ResultFile(Part):
+    """A file of results on one task."""
+
+    schema_: Literal["rough-turning/results/5"] = Field(alias="schema", default=SCHEMA)
+    task: Task
+    results: list[Annotated[Result, PlainSerializer(lambda result: result.model_dump(exclude={"task"}))]]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _tell_task(cls, values: Any) -> Any:
+        """Give each result the task, which the file states once."""
+        if isinstance(values, dict) and isinstance(values.get("results"), list) and "schema" in values:
+            task = Task.model_validate(values.get("task"))
+            told = [each | {"task": task} if isinstance(each, dict) else each for each in values["results"]]
+            return values | {"task": task, "results": told}
+        return values
+
+
 class Entry(Part):
     """One policy's result in a manifest: means over episodes."""
 
     version: int
     return_: float = Field(alias="return")
     """Mean over episodes [s], as are the next three."""
-    time: float
+    time: float | None = None
     """Machine time [s]."""
-    removed: float
+    removed: float | None = None
     """Metal [cm3]."""
-    edges: float
+    edges: float | None = None
     """Edges used up."""
     severe_share: float
     """Share of cutting time beyond a limit by more than the tolerance."""
@@ -153,8 +205,11 @@ class Entry(Part):
     def of(cls, result: Result) -> Self:
         """Summarise a result, in six significant digits."""
         mean = {name: float(np.mean(values)) for name, values in result.episodes.items()}
-        mean |= {"edges": mean["edges_used"], "severe_share": mean["severe_overload_time"] / (mean["engaged_time"] or 1.0)}
-        rounded = {name: float(f"{mean[name]:.6g}") for name in ("return", "time", "removed", "edges", "severe_share")}
+        mean["severe_share"] = mean["severe_overload_time"] / (mean["engaged_time"] or 1.0)
+        if "edges_used" in mean:
+            mean["edges"] = mean["edges_used"]
+        shown = sorted(mean.keys() & {"return", "time", "removed", "edges", "severe_share"})
+        rounded = {name: float(f"{mean[name]:.6g}") for name in shown}
         return cls(version=result.policy.version, sha256=result.checksum, **rounded)
 
 
@@ -167,10 +222,10 @@ class Manifest(Part):
 
     def text(self) -> str:
         """Return the manifest as JSON, a line per policy."""
-        lines = [
-            f"  {json.dumps(label)}: {entry.model_dump_json(by_alias=True)}" for label, entry in sorted(self.results.items())
-        ]
-        return f'{{\n "task": {self.task.model_dump_json()},\n "results": {{\n' + ",\n".join(lines) + "\n }\n}\n"
+        entries = {label: entry.model_dump_json(by_alias=True, exclude_none=True) for label, entry in self.results.items()}
+        lines = [f"  {json.dumps(label)}: {entry}" for label, entry in sorted(entries.items())]
+        task = self.task.model_dump_json(exclude_none=True)
+        return f'{{\n "task": {task},\n "results": {{\n' + ",\n".join(lines) + "\n }\n}\n"
 
 
 def result_folder(results: Path, env_id: str, scenario_name: str) -> Path:
@@ -179,50 +234,54 @@ def result_folder(results: Path, env_id: str, scenario_name: str) -> Path:
 
 
 def result_path(folder: Path, policy: PolicySpec) -> Path:
-    """Return the path of a policy's result in its ``result_folder``; "mine, forgetful" is in ``mine-forgetful``."""
-    return folder / f"{policy.label.replace(', ', '-').replace(' ', '_')}{SUFFIX}"
+    """Return the path of a policy's own file in its ``result_folder``."""
+    return folder / f"{policy.label.replace(' ', '_')}{SUFFIX}"
 
 
-ResultType = TypeVar("ResultType", bound=Result)
-
-
-def read_result(path: Path, kind: type[ResultType] = Result) -> ResultType:  # type: ignore[assignment]
-    """Read the result of a policy; folders and file are named by the environment's id, the scenario and the policy.
+def read_file(path: Path) -> list[Result]:
+    """Read a file of results; its folders, and a policy's own file, are named by what it holds.
 
     Raises:
-        ResultError: the file is no result, or not one of this environment, scenario and policy.
+        ResultError: the file holds no results, or not those of this environment, scenario and policy.
     """
-    result = read_part(kind, path)
-    place = result_path(result_folder(Path(), result.task.env_id, result.task.scenario.name), result.policy)
-    if path.parts[-3:] != place.parts:
-        raise ResultError(f"{path} holds the result of {result.policy.label} and should be at {place} in the folder of results")
-    return result
-
-
-def write_result(result: Result, folder: Path) -> None:
-    """Write a result into its folder, unless the file there already says the same: no number changes, no file changes."""
-    path = result_path(folder, result.policy)
-    with suppress(ResultError):
-        if read_result(path, type(result)).same_as(result):
-            return
-    write_part(result, path)
+    file = read_part(ResultFile, path)
+    folder = result_folder(Path(), file.task.env_id, file.task.scenario.name)
+    for each in file.results:
+        place = folder / PACK_FILE if path.name == PACK_FILE else result_path(folder, each.policy)
+        if path.parts[-3:] != place.parts:
+            raise ResultError(f"{path} holds the result of {each.policy.label} and should be at {place} in the folder of results")
+    return file.results
 
 
 def result_files(folder: Path) -> list[Path]:
-    """Return the files of one ``result_folder`` that should be results."""
+    """Return the files of one ``result_folder`` that should hold results: that of many policies first."""
     # A killed process leaves hidden files.
-    return sorted(path for path in folder.glob(f"[!.]*{SUFFIX}") if path.name != TRAJECTORIES_FILE)
+    found = (path for path in folder.glob(f"[!.]*{SUFFIX}") if path.name != TRAJECTORIES_FILE)
+    return sorted(found, key=lambda path: (path.name != PACK_FILE, path.name))
 
 
-def read_results(folder: Path) -> dict[Path, Result]:
-    """Return the results of one ``result_folder``. A file that cannot be used is named on standard error and left out."""
-    results: dict[Path, Result] = {}
+def read_results(folder: Path, complain: Callable[[str], None] | None = None) -> dict[str, Result]:
+    """Return the results of one ``result_folder`` by the policies' labels; files that cannot be used are left out.
+
+    Args:
+        folder: the folder.
+        complain: is told what is wrong with such files; None: standard error is.
+    """
+    results: dict[str, Result] = {}
     for path in result_files(folder):
         try:
-            results[path] = read_result(path)
+            results |= {each.policy.label: each for each in read_file(path)}
         except ResultError as error:
-            tell_once(f"skipped: {error}: delete it, or play it again by python -m leaderboard run")
-    return results
+            again = f"skipped: {error}: delete it, or play it again by python -m leaderboard run"
+            complain(str(error)) if complain else tell_once(again)
+    return dict(sorted(results.items()))
+
+
+def write_result(result: Result, folder: Path) -> None:
+    """Write a result into its folder, unless the folder already says the same: no number changes, no file changes."""
+    present = read_results(folder).get(result.policy.label)
+    if present is None or not present.same_as(result):
+        write_part(ResultFile(task=result.task, results=[result]), result_path(folder, result.policy))
 
 
 @cache
@@ -238,6 +297,16 @@ def write_manifest(folder: Path, task: Task) -> None:
     path = folder / MANIFEST_FILE
     if not path.is_file() or path.read_text("utf-8") != manifest.text():
         write_whole(path, manifest.text())
+
+
+def start_results(folder: Path, task: Task) -> None:
+    """Copy the results that come with the project into a folder that has no manifest yet, if they are on this task."""
+    source = result_folder(RESULTS, task.env_id, task.scenario.name)
+    manifest = source / MANIFEST_FILE
+    if (folder / MANIFEST_FILE).exists() or not manifest.is_file() or read_part(Manifest, manifest).task.digest != task.digest:
+        return
+    for path in [*(each for each in source.glob("[!.]*.xz") if not (folder / each.name).exists()), manifest]:
+        write_whole(folder / path.name, path.read_bytes())
 
 
 PartType = TypeVar("PartType", bound=Part)

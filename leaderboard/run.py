@@ -1,6 +1,5 @@
 """Play policies on a task and write their results, each as it finishes."""
 
-import re
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -8,8 +7,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from leaderboard import shipped
-from leaderboard.oracles import oracles
+from leaderboard.policies import is_code
 from leaderboard.ranking import read_if_usable, read_leaderboard, read_trainings
 from leaderboard.result import (
     TRAJECTORIES_FILE,
@@ -23,201 +21,16 @@ from leaderboard.result import (
     write_result,
     write_whole,
 )
-from leaderboard.standings import CAUSAL, CLAIRVOYANT
-from leaderboard.trajectories import RECORDED_SEEDS, Trajectories, Trajectory, record
+from leaderboard.standings import comparators
+from leaderboard.trajectories import MAX_RECORDED, RECORDED_SEEDS, Trajectories, Trajectory, record
 from train.agents import onnx_policy
-from train.agents.agent_file import ONNX_SUFFIX, check_fits
-from train.agents.onnx_policy import LIMITS, TooSlow
 from train.learning_curves import FILE, Training, Trainings
 from train.run import Run
 from turning_env import Scenario
 from turning_env.files import digest_of_files, exclusive_lock, shared_lock
-from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import Episodes, play_spec
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.workers import Workers, spread
-
-
-def named(
-    names: Sequence[str] | None,
-    scenario: Scenario,
-    tuned_on: Scenario | None = None,
-    skip: bool = False,
-) -> list[PolicySpec]:
-    """Return controllers and oracles of a scenario by name, all of them if ``names`` is None.
-
-    Args:
-        names: their names.
-        scenario: the scenario that they play.
-        tuned_on: the scenario that the controllers are tuned for; None: the one that they play.
-        skip: whether to leave out controllers that are not tuned, with a word on standard error.
-
-    Raises:
-        ResultError: there is none of that name (says which there are), or it is not tuned for the scenario.
-    """
-    from baselines import catalogue, tuned  # only playing needs them
-
-    known_oracles = {oracle.name: oracle for oracle in oracles(scenario)}
-    known = [*catalogue.names(scenario), *known_oracles]
-    if unknown := sorted(set(names or ()) - set(known)):
-        raise ResultError(f"no policy is called {', '.join(unknown)}; there are {', '.join(known)}")
-    specs, untuned = [], []
-    for name in dict.fromkeys(known if names is None else names):
-        try:
-            specs.append(known_oracles[name] if name in known_oracles else rule(name, scenario, tuned_on))
-        except NotTunedError:
-            if not skip:
-                raise
-            untuned.append(name)
-    if untuned:
-        home = tuned_on or scenario
-        tell_once(f"skipped, as not tuned for scenario {home.name!r}: {', '.join(untuned)}; `{tuned.command(home)}` tunes them")
-    return specs
-
-
-class NotTunedError(ResultError):
-    """A controller is not tuned for the scenario."""
-
-
-def rule(name: str, scenario: Scenario, tuned_on: Scenario | None = None) -> PolicySpec:
-    """Return a controller: see ``named``.
-
-    Raises:
-        NotTunedError: it is not tuned for the scenario.
-        ResultError: there is none of that name, or it cannot play the scenario.
-    """
-    from baselines import catalogue, tuned
-
-    try:
-        return catalogue.spec(name, scenario, tuned_on)
-    except tuned.NotTuned as error:
-        raise NotTunedError(f"{name} cannot play: {error}") from error
-    except (KeyError, ValueError) as error:
-        raise ResultError(f"{name} cannot play: {error.args[0]}") from error
-
-
-def agents(
-    paths: Sequence[Path],
-    scenario: Scenario,
-    name: str | None = None,
-    keep: bool = True,
-    seconds: int | None = None,
-    too_slow: dict[Path, ResultError] | None = None,
-) -> list[PolicySpec]:
-    """Return the trained agents of ONNX files, which may come from anywhere, and of one's own training runs' folders.
-
-    Args:
-        paths: files and folders.
-        scenario: what they play.
-        name: the name of those that do not come with the project; None: what their files say.
-        keep: whether they may have the name of an agent that comes with the project; else ``my_`` is put before it.
-        seconds: processor time that the agent of a file may use for all episodes [s]; None: ``train.agents.onnx_policy.LIMITS``.
-        too_slow: files that give no actions in time, which are left out; those that are found are added. None: raise.
-
-    Raises:
-        AgentTooSlow: a file gives no actions in time.
-        ResultError: a path holds no agent, or one that cannot play the scenario; two have the same name and training seed; the
-            name is that of another policy.
-    """
-    specs: dict[str, PolicySpec] = {}
-    for path in (each for each in paths if each not in (too_slow or {})):
-        try:
-            spec = agent(path, scenario, seconds)
-        except AgentTooSlow as error:
-            if too_slow is None:
-                raise
-            too_slow[path] = error
-            continue
-        if shipped.is_own(spec) and not keep:
-            spec = PolicySpec.model_validate(dict(spec) | {"name": _own_name(path, spec.name, name)})
-        if spec.label in specs:
-            raise ResultError(
-                f"{path} holds {spec.label}, which another of the given agents is too: play one after the other, each with a "
-                "--name of its own, or export it again by python -m train.export --name"
-            )
-        specs[spec.label] = spec
-    return list(specs.values())
-
-
-def _own_name(source: object, found: str, given: str | None) -> str:
-    """Return the name of one's own policy: the given one, else its own, after ``my_`` if a shipped agent has that."""
-    from baselines import catalogue
-
-    taken = shipped.agents().values()
-    name = given or (f"my_{found}" if found in taken else found)
-    if name in (*taken, *catalogue.RULES, CLAIRVOYANT, CAUSAL):
-        raise ResultError(f"{source} cannot be called {name}, as another policy is: choose another --name")
-    if given is None and name != found:
-        tell_once(f"{source} plays as {name}, as {found} comes with the project; --name gives it another name")
-    return name
-
-
-def own_policy(source: str, tuned_for: Scenario, name: str | None = None) -> PolicySpec:
-    """Return a policy of one's own code, ``module:object``: see ``turning_env.scoring.adapt.as_factory``.
-
-    It stands among the agents, without a digest, as nothing tells one version of the code from the next.
-
-    Args:
-        source: the module and the object.
-        tuned_for: the scenario that it is made for.
-        name: its name; None: that of the object.
-
-    Raises:
-        ResultError: there is no such object, it is no policy, or another policy has its name.
-    """
-    try:
-        as_factory(source)
-        return PolicySpec(
-            name=_own_name(source, re.split("[:.]", source)[-1], name),
-            kind="agent",
-            description="a policy of your own",
-            training_seed=0,
-            command=source,
-            tuned_for=ScenarioId.of(tuned_for),
-            make=lambda num_envs: as_factory(source)(num_envs),  # a class is instantiated for every play
-        )
-    except (OSError, TypeError, ValueError) as error:
-        raise ResultError(f"{source} cannot play: {error}") from error
-
-
-def _is_code(spec: PolicySpec) -> bool:
-    """Return whether it is a policy of one's own code, which may have changed since it played."""
-    return spec.kind == "agent" and spec.sha256 is None
-
-
-class AgentTooSlow(ResultError):
-    """An agent's file gives no actions in time."""
-
-
-def agent(path: Path, scenario: Scenario, seconds: int | None = None) -> PolicySpec:
-    """Return the agent of an ONNX file or of a training run's folder: see ``agents``.
-
-    Raises:
-        AgentTooSlow: it gives no actions in time.
-        ResultError: there is none, or it cannot play the scenario.
-    """
-    try:
-        spec = agent_spec(path, seconds)
-        check_fits(spec, scenario)
-    except TooSlow as error:
-        raise AgentTooSlow(f"skipped: {error}") from error
-    except (OSError, ValueError) as error:
-        raise ResultError(f"no agent can be loaded from {path}: {error}") from error
-    return spec
-
-
-def agent_spec(path: Path, seconds: int | None = None) -> PolicySpec:
-    """Return the agent of an ONNX file or of a training run's folder, whatever it can play: see ``agents``.
-
-    Raises:
-        OSError, ValueError: there is none, or it gives no actions in time.
-    """
-    if path.suffix == ONNX_SUFFIX or (any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()):
-        return onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
-    from train.training import load_agent  # imports torch, which takes seconds
-
-    return load_agent(path)
-
 
 Attempt = Episodes | ResultError
 
@@ -226,7 +39,6 @@ def attempt(piece: tuple[PolicySpec, Scenario, Sequence[int]], on_step: Callable
     """Play a policy's episodes on some seeds of a scenario, or return why it cannot, so that others go on."""
     spec, scenario, seeds = piece
     try:
-        check_fits(spec, scenario)
         return play_spec(spec, scenario, seeds, on_step)
     except ValueError as error:
         return ResultError(f"{spec.label} cannot play: {error}")
@@ -304,7 +116,7 @@ def _play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None) -> Non
     complaints = list(failed.values())
     for each in runs:
         able = [spec for spec in each.policies if (each.folder, spec.label) not in failed]
-        if able and each.private is None:  # a trajectory would reveal its bars
+        if able and each.private is None and not each.task.of_family:  # a trajectory would reveal private bars
             complaints += _record_trajectories(replace(each, policies=able), fresh, over)
         if able:
             with exclusive_lock(each.folder.parent, wait=True):
@@ -323,7 +135,7 @@ def _finished(run: TaskRun) -> set[str]:
         if spec is None or result.task.digest != run.task.digest:
             continue
         if result.is_of(run.task, spec):
-            finished |= {spec.label} if not _is_code(spec) else set()
+            finished |= {spec.label} if not is_code(spec) else set()
         elif spec.kind == "agent":
             tell_once(f"{spec.label} in {run.folder} is the result of another agent, which makes way; --name keeps both")
     return finished
@@ -352,7 +164,7 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
     names, wanted, trajectories = _recorded(run)
     # One training seed stands for an agent: the first given.
     able = {names[spec.label]: spec for spec in reversed(run.policies) if spec.kind != "oracle"}
-    missing = [place for place in wanted if place[0] in able and (fresh or place not in trajectories or _is_code(able[place[0]]))]
+    missing = [place for place in wanted if place[0] in able and (fresh or place not in trajectories or is_code(able[place[0]]))]
     seeds: dict[str, list[int]] = {}
     for name, seed in missing:
         seeds.setdefault(name, []).append(seed)
@@ -378,7 +190,10 @@ def _recorded(run: TaskRun) -> tuple[dict[str, str], list[tuple[str, int]], dict
     """Return (names of standings; policy and seed of each trajectory that the folder should hold; those that it holds)."""
     leaderboard = read_leaderboard(run.folder, run.task)
     names, episodes = leaderboard.names, leaderboard.trajectories.episodes if leaderboard.trajectories else []
-    wanted = [(standing.name, seed) for standing in leaderboard.standings for seed in run.task.seeds[:RECORDED_SEEDS]]
+    compared, ranked = comparators(run.task.scenario), [each for each in leaderboard.standings if each.kind != "oracle"]
+    always = {each.name for each in ranked if each.own} | {compared.fixed, compared.published}
+    chosen = [each.name for place, each in enumerate(ranked) if place < MAX_RECORDED or each.name in always]
+    wanted = [(name, seed) for name in chosen for seed in run.task.seeds[:RECORDED_SEEDS]]
     return names, wanted, {(names[episode.policy.label], episode.seed): episode for episode in episodes}
 
 

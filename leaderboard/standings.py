@@ -3,21 +3,18 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from leaderboard.information import Information, class_of, information
+from leaderboard.policies import CAUSAL, CLAIRVOYANT, NOMINAL_OPTIMUM, is_own
 from leaderboard.result import Result
-from leaderboard.shipped import is_own
 from turning_env import SPLITS, Scenario
 from turning_env.files import digest_of
 from turning_env.scoring.overload import ratio
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean, rank_key
-
-CLAIRVOYANT, CAUSAL = "clairvoyant", "causal"
-"""Names of the bound and of the oracle."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,10 @@ def comparators(scenario: Scenario) -> Comparators:
 
 @dataclass(frozen=True)
 class Standing:
-    """The numbers of one policy; a comparison is None if the policy to compare with has not played or is this one."""
+    """The numbers of one policy; a number is None if it does not apply to the task.
+
+    A comparison is also None if the policy to compare with has not played or is this one.
+    """
 
     name: str
     kind: str
@@ -59,32 +59,40 @@ class Standing:
     own: bool  # an agent that does not come with the project
     training_seeds: tuple[int, ...]
     feasible: bool
-    class_rank: int | None  # among the policies of its class, by the same order; None for an oracle
-    constraint_rank: int | None  # among feasible policies, by cost
     mean_return: Estimate  # [s]
     interquartile_return: Estimate  # [s]
-    over_fixed: Estimate | None  # [s]
-    over_published: Estimate | None  # [s]
-    best_rule: str | None  # of the other policies that are rules, the one with the highest mean return
-    over_best_rule: Estimate | None  # [s]
-    improves_on_published: Estimate | None  # probability
-    score: Estimate | None  # 0 the fixed parameters, 1 the clairvoyant bound
-    gap_closed: Estimate | None  # share of the gap from the adaptive controller to the causal oracle
-    over_causal: Estimate | None  # [s]
-    full_cost: Estimate | None  # [min/dm3], overload included; None if no metal is removed or a roughness is held
-    minutes: float  # of an episode, with edge changes and downtime [min]
-    part_cost: float | None  # edges included; None if no parts are turned [min]
-    roughness_deviation: float | None  # mean, relative; None if no roughness is held
-    removal_rate: float  # [cm3/min]
-    cost: Estimate | None  # [min/dm3], overload excluded; None if no metal is removed
-    over_least_cost: Estimate | None  # [min/dm3], of the other feasible policies
-    overload_share: float  # of cutting time
     severe_share: float  # of cutting time
     severe_limit: float  # one-sided upper confidence limit of severe_share
-    excess: float  # mean while cutting, relative
-    edges: float  # used up in an episode
-    broken_share: float  # of edges used up
-    used_life: float  # at the end
+    best_rule: str | None  # of the other policies that are rules, the one with the highest mean return
+    over_best_rule: Estimate | None  # [s]
+    over_causal: Estimate | None  # [s]
+    class_rank: int | None = None  # among the policies of its class, by the same order; None for an oracle
+    constraint_rank: int | None = None  # among feasible policies, by cost
+    over_fixed: Estimate | None = None  # [s]
+    over_published: Estimate | None = None  # [s]
+    improves_on_published: Estimate | None = None  # probability
+    score: Estimate | None = None  # 0 the fixed parameters, 1 the clairvoyant bound
+    gap_closed: Estimate | None = None  # share of the gap from the adaptive controller to the causal oracle
+    full_cost: Estimate | None = None  # [min/dm3], overload included; None if no metal is removed or a roughness is held
+    minutes: float | None = None  # of an episode, with edge changes and downtime [min]
+    part_cost: float | None = None  # edges included; None if no parts are turned [min]
+    roughness_deviation: float | None = None  # mean, relative; None if no roughness is held
+    removal_rate: float | None = None  # [cm3/min]
+    cost: Estimate | None = None  # [min/dm3], overload excluded; None if no metal is removed
+    over_least_cost: Estimate | None = None  # [min/dm3], of the other feasible policies
+    overload_share: float | None = None  # of cutting time
+    excess: float | None = None  # mean while cutting, relative
+    edges: float | None = None  # used up in an episode
+    broken_share: float | None = None  # of edges used up
+    used_life: float | None = None  # at the end
+    # Of families, whose volumes and edges do not add up:
+    full_cost_share: Estimate | None = None  # cost of time, edges, overload and breakage over the worth of the metal
+    job_score: Estimate | None = None  # 0 the fixed nominal optimum, 1 the causal oracle
+    gap_to_truth_closed: Estimate | None = None  # share of the gap from the best rule to the same rule with true laws
+    median_over_best_rule: float | None = None  # [s]
+    beats_best_rule: float | None = None  # share of jobs
+    worst_return: float | None = None  # of a job [s]
+    feasible_jobs: float | None = None  # share of jobs
 
 
 def ranked_by(scenario: Scenario) -> str:
@@ -111,21 +119,9 @@ def _rank(results: Sequence[Result]) -> list[Standing]:
     groups: dict[str, list[Result]] = {}
     for result in results:
         groups.setdefault(names[result.policy.label], []).append(result)
-    fields = results[0].episodes
-    played = {
-        name: {field: np.array([each.episodes[field] for each in group]) for field in fields} for name, group in groups.items()
-    }
-    bootstrap = Bootstrap(len(results[0].task.seeds))
-    rules = {name: float(np.mean(played[name]["return"])) for name, group in groups.items() if group[0].policy.kind == "rule"}
-    means = {name: bootstrap.means(episodes["return"], name) for name, episodes in played.items()}
-    scenario = results[0].task.scenario
-    costs = {
-        name: _Costs.of(name, _cost_minutes(episodes, scenario), episodes["removed"], bootstrap)
-        for name, episodes in played.items()
-        if episodes["removed"].any()
-    }
-    standings = [_standing(name, group, played, rules, bootstrap, means, costs) for name, group in groups.items()]
-    by_full_cost = ranked_by(scenario) == "full_cost"
+    board = _Board(groups)
+    standings = [board.standing(name) for name in groups]
+    by_full_cost = ranked_by(board.scenario) == "full_cost"
 
     def merit(each: Standing) -> float:
         if by_full_cost:
@@ -133,7 +129,7 @@ def _rank(results: Sequence[Result]) -> list[Standing]:
         return each.mean_return.value
 
     standings.sort(key=lambda each: (rank_key(each.kind, each.feasible, merit(each)), each.name))
-    return _with_ranks(standings, costs)
+    return _with_ranks(standings, board.costs)
 
 
 def by_cost(standings: Sequence[Standing]) -> list[Standing]:
@@ -198,7 +194,7 @@ def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
     trainings: dict[str, dict[str, list[PolicySpec]]] = {}
     for policy in sorted(policies, key=is_own):
         training = digest_of([is_own(policy), policy.model_dump(include={"kind", "parameters", "tuned_for"})])
-        trainings.setdefault(policy.name, {}).setdefault(training, []).append(policy)
+        trainings.setdefault(policy.title, {}).setdefault(training, []).append(policy)
     names: dict[str, str] = {}
     for name, groups in trainings.items():
         for place, group in enumerate(groups.values()):
@@ -212,98 +208,134 @@ def highest(returns: Mapping[str, float]) -> str | None:
     return min(returns, key=lambda name: (-returns[name], name), default=None)
 
 
-def _standing(
-    name: str,
-    group: Sequence[Result],
-    played: Mapping[str, dict[str, Floats]],
-    rules: Mapping[str, float],
-    bootstrap: Bootstrap,
-    means: Mapping[str, Floats],
-    costs: Mapping[str, _Costs],
-) -> Standing:
-    """Return the standing of one policy.
+class _Board:
+    """Policies on one task.
 
     Args:
-        name: the name under which it is ranked.
-        group: its results, one per training seed.
-        played: for every policy and episode field, an array of shape (training seeds, seeds).
-        rules: mean returns [s] of all rules.
-        bootstrap: the resamples of all policies.
-        means: for every policy, its mean return [s] in each resample.
-        costs: for every policy that removes metal, its cost.
+        groups: the results of each policy by its name, one per training seed.
     """
-    policy, scenario = group[0].policy, group[0].task.scenario
-    episodes = played[name]
-    returns = episodes["return"]
 
-    best_rule = highest({rule: mean for rule, mean in rules.items() if rule != name})
+    def __init__(self, groups: Mapping[str, Sequence[Result]]) -> None:
+        self.groups, self.task = groups, next(iter(groups.values()))[0].task
+        self.scenario = self.task.scenario
+        self.played = {
+            name: {field: np.array([each.episodes[field] for each in group]) for field in self.task.fields}
+            for name, group in groups.items()
+        }  # arrays of shape (training seeds, seeds)
+        self.bootstrap = Bootstrap(len(self.task.seeds))
+        self.means = {name: self.bootstrap.means(each["return"], name) for name, each in self.played.items()}
+        policies = {name: group[0].policy for name, group in groups.items()}
+        self.rules = {
+            name: float(np.mean(self.played[name]["return"]))
+            for name, policy in policies.items()
+            if policy.kind == "rule" and not policy.forgets
+        }
+        self.costs = {} if self.task.of_family else {
+            name: _Costs.of(name, _cost_minutes(episodes, self.scenario), episodes["removed"], self.bootstrap)
+            for name, episodes in self.played.items()
+            if episodes["removed"].any()
+        }  # fmt: skip
 
-    def difference(other: str | None) -> Estimate | None:
-        if other is None or other == name or other not in played:
+    def standing(self, name: str) -> Standing:
+        """Return the standing of one policy."""
+        policy, episodes, scenario = self.groups[name][0].policy, self.played[name], self.scenario
+        returns, engaged, severe = episodes["return"], episodes["engaged_time"], episodes["severe_overload_time"]
+        best_rule = highest({rule: mean for rule, mean in self.rules.items() if rule != name})
+        severe_limit = self.bootstrap.severe_limit(severe, engaged, name)
+        interquartile = self.bootstrap.interquartile_means(returns, name)
+        return Standing(
+            name=name,
+            kind=policy.kind,
+            policy_class=class_of(policy),
+            information=information(policy, policy.trained_on or scenario),
+            description=policy.description,
+            own=is_own(policy),
+            training_seeds=tuple(sorted(each.policy.training_seed or 0 for each in self.groups[name] if policy.kind == "agent")),
+            feasible=severe_limit <= scenario.limits.overload_allowance,
+            mean_return=Estimate.of(float(np.mean(returns)), self.means[name]),
+            interquartile_return=Estimate.of(float(interquartile_mean(returns.ravel())), interquartile),
+            severe_share=_share(severe, engaged),
+            severe_limit=severe_limit,
+            best_rule=best_rule,
+            over_best_rule=self._difference(name, best_rule),
+            over_causal=self._difference(name, CAUSAL),
+            **(self._of_jobs(name, best_rule) if self.task.of_family else self._of_episodes(name)),
+        )
+
+    def _difference(self, name: str, other: str | None) -> Estimate | None:
+        """Return the difference of two policies' mean returns."""
+        if other is None or other == name or other not in self.played:
             return None
-        others = played[other]["return"]
-        return Estimate.of(float(np.mean(returns) - np.mean(others)), means[name] - means[other])
+        value = float(np.mean(self.played[name]["return"]) - np.mean(self.played[other]["return"]))
+        return Estimate.of(value, self.means[name] - self.means[other])
 
-    compared = comparators(scenario)
-    improves_on_published = None
-    if compared.published in played and name != compared.published:
-        wins = improvement(returns, played[compared.published]["return"])
-        improves_on_published = Estimate.of(float(np.mean(wins)), bootstrap.means(wins, name))
-
-    def closed(start: str | None, end: str) -> Estimate | None:
-        """Return the share of the gap in return between two policies that this policy closes."""
-        if start is None or start not in played or end not in played or name in (start, end):
+    def _closed(self, name: str, start: str | None, end: str) -> Estimate | None:
+        """Return the share of the gap in return between two policies that a policy closes."""
+        if start is None or start not in self.played or end not in self.played or name in (start, end):
             return None
-        low, high = played[start]["return"], played[end]["return"]
-        gap, gaps = np.mean(high) - np.mean(low), means[end] - means[start]
-        gain, gains = np.mean(returns) - np.mean(low), means[name] - means[start]
-        return Estimate.of(float(gain / gap), gains / gaps)
+        low, high, mean = (float(np.mean(self.played[each]["return"])) for each in (start, end, name))
+        return Estimate.of(
+            (mean - low) / (high - low), (self.means[name] - self.means[start]) / (self.means[end] - self.means[start])
+        )
 
-    engaged, severe = episodes["engaged_time"], episodes["severe_overload_time"]
-    severe_limit = bootstrap.severe_limit(severe, engaged, name)
-    removed, minutes, edges = episodes["removed"], total_minutes(episodes, scenario), episodes["edges_used"]
-    all_minutes = _cost_minutes(episodes, scenario) - episodes["reward_overload"] / 60.0
-    full_cost = _Costs.of(name, all_minutes, removed, bootstrap)
-    return Standing(
-        name=name,
-        kind=policy.kind,
-        policy_class=class_of(policy),
-        information=information(policy, policy.trained_on or scenario),
-        description=policy.description,
-        own=is_own(policy),
-        training_seeds=tuple(sorted(seed for result in group if (seed := result.policy.training_seed) is not None)),
-        feasible=severe_limit <= scenario.limits.overload_allowance,
-        class_rank=None,
-        constraint_rank=None,
-        mean_return=Estimate.of(float(np.mean(returns)), means[name]),
-        interquartile_return=Estimate.of(
-            float(interquartile_mean(returns.ravel())), bootstrap.interquartile_means(returns, name)
-        ),
-        over_fixed=difference(compared.fixed),
-        over_published=difference(compared.published),
-        best_rule=best_rule,
-        over_best_rule=difference(best_rule),
-        improves_on_published=improves_on_published,
-        score=closed(compared.fixed, CLAIRVOYANT),
-        gap_closed=closed(compared.adaptive, CAUSAL),
-        over_causal=difference(CAUSAL),
-        full_cost=full_cost.estimate if name in costs and scenario.control.aim == "removal" else None,
-        minutes=float(np.mean(minutes)),
-        part_cost=(_share(_cost_minutes(episodes, scenario), episodes["steps"]) if scenario.control.action == "part" else None),
-        roughness_deviation=(
-            _share(episodes["roughness_deviation"], episodes["time"]) if scenario.control.aim == "roughness" else None
-        ),
-        removal_rate=_share(removed, minutes),
-        cost=costs[name].estimate if name in costs else None,
-        over_least_cost=None,
-        overload_share=_share(episodes["overload_time"], engaged),
-        severe_share=_share(severe, engaged),
-        severe_limit=severe_limit,
-        excess=_share(episodes["excess"], engaged),
-        edges=float(np.mean(edges)),
-        broken_share=_share(episodes["edges_broken"], edges),
-        used_life=float(np.mean(episodes["used_life"])),
-    )
+    def _of_episodes(self, name: str) -> dict[str, Any]:
+        """Return what applies to tasks on one scenario."""
+        episodes, scenario, compared = self.played[name], self.scenario, comparators(self.scenario)
+        engaged, removed, edges = episodes["engaged_time"], episodes["removed"], episodes["edges_used"]
+        minutes, cost_minutes = total_minutes(episodes, scenario), _cost_minutes(episodes, scenario)
+        found: dict[str, Any] = {
+            "over_fixed": self._difference(name, compared.fixed),
+            "over_published": self._difference(name, compared.published),
+            "score": self._closed(name, compared.fixed, CLAIRVOYANT),
+            "gap_closed": self._closed(name, compared.adaptive, CAUSAL),
+            "minutes": float(np.mean(minutes)),
+            "removal_rate": _share(removed, minutes),
+            "overload_share": _share(episodes["overload_time"], engaged),
+            "excess": _share(episodes["excess"], engaged),
+            "edges": float(np.mean(edges)),
+            "broken_share": _share(episodes["edges_broken"], edges),
+            "used_life": float(np.mean(episodes["used_life"])),
+        }
+        if compared.published in self.played and name != compared.published:
+            wins = improvement(episodes["return"], self.played[compared.published]["return"])
+            found["improves_on_published"] = Estimate.of(float(np.mean(wins)), self.bootstrap.means(wins, name))
+        if name in self.costs:
+            found["cost"] = self.costs[name].estimate
+        if name in self.costs and scenario.control.aim == "removal":
+            all_minutes = cost_minutes - episodes["reward_overload"] / 60.0
+            found["full_cost"] = _Costs.of(name, all_minutes, removed, self.bootstrap).estimate
+        if scenario.control.action == "part":
+            found["part_cost"] = _share(cost_minutes, episodes["steps"])
+        if scenario.control.aim == "roughness":
+            found["roughness_deviation"] = _share(episodes["roughness_deviation"], episodes["time"])
+        return found
+
+    def _of_jobs(self, name: str, best_rule: str | None) -> dict[str, Any]:
+        """Return what applies to families."""
+        episodes, returns = self.played[name], {each: played["return"] for each, played in self.played.items()}
+        worth = episodes["reward_metal"]
+        cost = worth - returns[name]
+        costs = self.bootstrap.means(cost, name) / self.bootstrap.means(worth, name)
+        overload = ratio(episodes["severe_overload_time"], episodes["engaged_time"])
+        found: dict[str, Any] = {
+            "full_cost_share": Estimate.of(cost.mean() / worth.mean(), costs),
+            "worst_return": float(returns[name].min()),
+            "feasible_jobs": float((overload <= self.scenario.limits.overload_allowance).mean()),
+        }
+        if {NOMINAL_OPTIMUM, CAUSAL} <= returns.keys():
+            low, high = returns[NOMINAL_OPTIMUM].mean(axis=0), returns[CAUSAL].mean(axis=0)
+            scores = (returns[name] - low) / (high - low)
+            middle = self.bootstrap.interquartile_means(scores, name)
+            found["job_score"] = Estimate.of(float(interquartile_mean(scores.ravel())), middle)
+        if best_rule is not None:
+            leads = returns[name] - returns[best_rule].mean(axis=0)
+            found |= {"median_over_best_rule": float(np.median(leads)), "beats_best_rule": float((leads > 0.0).mean())}
+        best = highest(self.rules)
+        policy = self.groups[best][0].policy if best else None
+        truth = policy.model_copy(update={"knows": "true_laws"}).title if policy else None
+        if best and truth in returns and returns[truth].mean() > returns[best].mean():
+            found["gap_to_truth_closed"] = self._closed(name, best, truth)
+        return found
 
 
 def total_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:

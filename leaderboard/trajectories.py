@@ -27,6 +27,8 @@ SERIES = (
 """Recorded from ``info`` at the end of steps, beside ``minutes``, the machine time elapsed."""
 RECORDED_SEEDS = 3
 """So many of the first seeds of a task are recorded."""
+MAX_RECORDED = 12
+"""So many of the best policies are recorded, beside those that others are compared with and one's own."""
 MAX_STEPS = 300
 """Steps kept of an episode; a screen does not show more."""
 _DIGITS = {"minutes": 5, "path": 5}  # significant ones, enough to draw; of others 4

@@ -9,7 +9,6 @@ import re
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,26 +16,13 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.oracles import clairvoyant
-from leaderboard import family_play, oracles, run
-from leaderboard.family_result import FamilyResult, FamilyTask, columns
-from leaderboard.result import (
-    MANIFEST_FILE,
-    SUFFIX,
-    Entry,
-    Manifest,
-    Result,
-    ResultError,
-    read_part,
-    read_result,
-    result_files,
-    write_whole,
-)
-from leaderboard.shipped import agent_files
-from leaderboard.standings import CLAIRVOYANT
+from leaderboard.family import family_of
+from leaderboard.policies import CLAIRVOYANT, agent_files, fitted, one_named
+from leaderboard.result import MANIFEST_FILE, Entry, Manifest, Result, ResultError, Task, read_part, read_results, write_whole
+from leaderboard.run import Attempt, attempt
 from train.agents import onnx_policy
-from train.agents.agent_file import ONNX_SUFFIX, check_fits
 from train.agents.onnx_policy import LIMITS
-from turning_env import FAMILY_ID, MODEL_VERSION, Scenario, presets
+from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.scoring.play import Episodes, play_together
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.workers import Workers, spread
@@ -56,13 +42,12 @@ class Selection:
     policies: Sequence[str] | None = None
     """Names, with or without the training seed."""
 
-    def holds(self, path: Path, suffix: str) -> bool:
-        """Return whether a file ``id/scenario/label`` of results or agents is selected."""
-        label = path.name.removesuffix(suffix)
+    def holds(self, path: Path) -> bool:
+        """Return whether a result or an agent, ``id/scenario/label``, is selected."""
         return (
             self.env_id in (None, path.parent.parent.name)
             and self.scenario in (None, path.parent.name)
-            and (self.policies is None or any(re.fullmatch(rf"{re.escape(name)}(-seed\d+)?", label) for name in self.policies))
+            and (self.policies is None or not {path.name, re.sub(r"-seed\d+$", "", path.name)}.isdisjoint(self.policies))
         )
 
 
@@ -85,8 +70,8 @@ def verify(
         over: who plays; None: this process.
 
     Returns:
-        Complaints, each with the file's path: a task or policy has changed, a number differs, an agent has no result, a policy
-        earns more than the bound. Empty if all is well.
+        Complaints, each with the folder and the policy's label: a task or policy has changed, a number differs, an agent has no
+        result, a policy earns more than the bound. Empty if all is well.
 
     Raises:
         ResultError: there is nothing to verify, or the memory cannot be read or written.
@@ -132,50 +117,50 @@ class _Found(NamedTuple):
 
 
 def _examine(results: Path, agents: Path, selection: Selection) -> tuple[dict[Path, _Found], list[str]]:
-    """Return all results that can be read, and the complaints about them, about other files and about agents without one."""
+    """Return all results that can be read, by folder and label, and the complaints about them and about agents without one."""
     found: dict[Path, _Found] = {}
     complaints, files = list[str](), agent_files(agents)
     for folder in sorted(results.glob("*/*")):
-        manifest, of_family = folder / MANIFEST_FILE, folder.parent.name == FAMILY_ID
+        if selection.env_id not in (None, folder.parent.name) or selection.scenario not in (None, folder.name):
+            continue
+        manifest = folder / MANIFEST_FILE
         entries: dict[str, Entry] = {}
         try:
             entries = read_part(Manifest, manifest).results if manifest.is_file() else {}
         except ResultError as error:
             complaints.append(_complaint(manifest, error))
-        for path in result_files(folder):
-            if selection.holds(path, SUFFIX):
-                try:
-                    found[path] = _Found(read_result(path, FamilyResult if of_family else Result), None)
-                    found[path] = _Found(result := found[path].result, player_of(result, files))
-                    if not of_family and entries.get(result.policy.label) != Entry.of(result):
-                        raise ResultError(f"{manifest.name} beside it says otherwise: run python -m leaderboard run again")
-                except ResultError as error:
-                    complaints.append(_complaint(path, error))
-    played = {(_home(path, each.result), each.result.policy.sha256) for path, each in found.items()}
+        for label, result in read_results(folder, complaints.append).items():
+            if not selection.holds(place := folder / label):
+                continue
+            found[place] = _Found(result, None)
+            try:
+                found[place] = _Found(result, player_of(result, files))
+                if entries.get(label) != Entry.of(result):
+                    raise ResultError(f"{manifest.name} beside it says otherwise: run python -m leaderboard run again")
+            except ResultError as error:
+                complaints.append(_complaint(place, error))
+    played = {(place.parent.with_name(each.result.task.home), each.result.policy.sha256) for place, each in found.items()}
     for digest, path in files.items():
         folder = results / path.parent.relative_to(agents)
-        if selection.holds(path, ONNX_SUFFIX) and len(path.relative_to(agents).parts) == 3 and (folder, digest) not in played:
+        selected = selection.holds(path.with_suffix("")) and len(path.relative_to(agents).parts) == 3
+        if selected and (folder, digest) not in played:
             complaints.append(f"{path}: has no result in {folder}")
     return found, complaints
 
 
-def _home(path: Path, result: Result) -> Path:
-    """Return the folder of a result, or, without a folder of its own, that of its family."""
-    return path.parent.with_name(result.task.family.name) if isinstance(result, FamilyResult) else path.parent
-
-
 class _Piece(NamedTuple):
-    """Policies that play the same tasks: scenarios, each with the seeds of every policy."""
+    """Policies that play the same tasks, each with the seeds of every policy."""
 
     players: list[PolicySpec | Path]
-    tasks: list[tuple[Scenario, list[list[int]]]]
+    forgets: bool
+    tasks: list[tuple[Task, list[list[int]]]]
 
 
-def _pieces(wanted: Mapping[Path, _Found], seeds: int | None) -> list[tuple[list[Path], _Piece | family_play.Piece]]:
+def _pieces(wanted: Mapping[Path, _Found], seeds: int | None) -> list[tuple[list[Path], _Piece]]:
     """Return results, by policy and then by task, and what comes back if they are right; long pieces first.
 
-    An agent's file plays all its tasks in one piece. Policies with few seeds on the same tasks share a piece. A result on a
-    family is a piece.
+    An agent's file plays all its tasks in one piece. Policies with few seeds on the same tasks share a piece, but not oracles and
+    policies of families.
     """
     chosen = {path: _chosen(each.result, seeds) for path, each in wanted.items()}
 
@@ -186,27 +171,25 @@ def _pieces(wanted: Mapping[Path, _Found], seeds: int | None) -> list[tuple[list
     def seeds_of(path: Path) -> list[int]:
         return [wanted[path].result.task.seeds[i] for i in chosen[path]]
 
-    pieces: list[tuple[float, list[Path], _Piece | family_play.Piece]] = []
-    by_player: dict[Path, list[Path]] = {}
+    by_player: dict[tuple[Path, bool], list[Path]] = {}
     for path, each in wanted.items():
-        if isinstance(each.result, FamilyResult) and each.player is not None:
-            tuned_on = _tuned_on(each.result.policy.tuned_for) if each.result.policy.kind != "agent" else None
-            piece = family_play.Piece.again(each.result, each.player, tuned_on, seeds_of(path))
-            pieces.append((steps([path]), [path], piece))
-        else:
-            by_player.setdefault(each.player if isinstance(each.player, Path) else path, []).append(path)
+        key = each.player if isinstance(each.player, Path) else path
+        by_player.setdefault((key, each.result.policy.forgets), []).append(path)
     sharing: dict[tuple[Path, ...], list[list[Path]]] = {}
     for paths in by_player.values():
-        alone = wanted[paths[0]].result.policy.kind == "oracle"
+        first = wanted[paths[0]].result
+        alone = first.policy.kind == "oracle" or first.task.of_family is not None
         sharing.setdefault(tuple(paths if alone else (path.parent for path in paths)), []).append(paths)
     size = max(1, MAX_SHARED // seeds) if seeds else 1
+    pieces: list[tuple[float, list[Path], _Piece]] = []
     for group in sharing.values():
         ordered = sorted(group, key=steps)  # those that share take as long as the longest
         for members in (ordered[k : k + size] for k in range(0, len(ordered), size)):
-            players = [player for paths in members if (player := wanted[paths[0]].player) is not None]
+            who = [player for paths in members if (player := wanted[paths[0]].player) is not None]
             by_task = list(zip(*members, strict=True))
-            tasks = [(wanted[paths[0]].result.task.scenario, [seeds_of(path) for path in paths]) for paths in by_task]
-            pieces.append((sum(map(steps, members)), [path for paths in members for path in paths], _Piece(players, tasks)))
+            tasks = [(wanted[paths[0]].result.task, [seeds_of(path) for path in paths]) for paths in by_task]
+            piece = _Piece(who, wanted[members[0][0]].result.policy.forgets, tasks)
+            pieces.append((sum(map(steps, members)), [path for paths in members for path in paths], piece))
     return [(paths, piece) for _, paths, piece in sorted(pieces, key=lambda each: -each[0])]
 
 
@@ -218,35 +201,31 @@ def _chosen(result: Result, seeds: int | None) -> list[int]:
     return sorted(np.argsort(steps, kind="stable")[:seeds].tolist())
 
 
-def _attempts(piece: _Piece | family_play.Piece) -> list[run.Attempt]:
+def _attempts(piece: _Piece) -> list[Attempt]:
     """Play every policy on every task: a single policy one task after another, several together.
 
     An agent's file plays in one process, which may use as much as one for each task.
     """
-    if isinstance(piece, family_play.Piece):
-        try:
-            return [columns(family_play.played(piece), piece.seeds)]
-        except (OSError, ValueError) as error:
-            return [ResultError(f"it cannot play: {error}")]
-    players, tasks = piece
+    players, forgets, tasks = piece
     limits = replace(LIMITS, computing=LIMITS.computing * len(tasks))
     try:
         with ExitStack() as held:
             opened = (onnx_policy.opened(each, limits) if isinstance(each, Path) else nullcontext(each) for each in players)
             specs = [held.enter_context(each) for each in opened]
+            fit = [
+                [fitted(spec, task, forgets) if isinstance(player, Path) else spec for task, _ in tasks]
+                for player, spec in zip(players, specs, strict=True)
+            ]
             if len(specs) == 1:
-                return [run.attempt((specs[0], scenario, seeds)) for scenario, (seeds,) in tasks]
-            for spec in specs:
-                for scenario, _ in tasks:
-                    check_fits(spec, scenario)
-            played = play_together([spec.make for spec in specs], tasks)
+                return [attempt((spec, task.scenario, own)) for spec, (task, (own,)) in zip(fit[0], tasks, strict=True)]
+            played = play_together([spec.make for spec in specs], [(task.scenario, own) for task, own in tasks])
             return [episodes for of_policy in played for episodes in of_policy]
     except (OSError, ValueError) as error:
         if len(players) == 1:
             return [ResultError(f"no agent can be loaded: {error}") for _ in tasks]
     # One of them cannot play; the others can.
-    alone = [_Piece([player], [(scenario, [seeds[k]]) for scenario, seeds in tasks]) for k, player in enumerate(players)]
-    return [attempt for each in alone for attempt in _attempts(each)]
+    alone = [_Piece([player], forgets, [(task, [own[k]]) for task, own in tasks]) for k, player in enumerate(players)]
+    return [found for each in alone for found in _attempts(each)]
 
 
 def _complaint(path: Path, what: object) -> str:
@@ -264,22 +243,16 @@ def player_of(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path:
         raise ResultError("was played on private seeds: only the owner of their file can play it again, by run --seeds FILE")
     if task.model_version != MODEL_VERSION:
         raise ResultError(f"was played with version {task.model_version} of the model, which is now {MODEL_VERSION}")
-    family = task.present() if isinstance(task, FamilyTask) else None
-    if family is None and scenario.name in presets() and Scenario.load(scenario.name) != scenario:
+    if task.of_family:
+        family_of(task)
+    elif scenario.name in presets() and Scenario.load(scenario.name) != scenario:
         raise ResultError(f"is not of the present preset {scenario.name!r}: values differ")
     if policy.kind == "agent":
         if (path := files.get(policy.sha256 or "")) is None:
             raise ResultError(f"{policy.label} is no longer what played: none of the agents' files has its SHA-256")
         return path
-    if family is not None:
-        now = family_play.present_spec(policy.name, family, _tuned_on(policy.tuned_for))
-    elif policy.kind == "rule":
-        now = run.rule(policy.name, scenario, _tuned_on(policy.tuned_for))
-    elif known := [oracle for oracle in oracles.oracles(scenario) if oracle.name == policy.name]:
-        (now,) = known
-    else:
-        raise ResultError(f"there is no oracle {policy.name!r} for scenario {scenario.name!r}")
-    if fields := [name for name, value in now.identity.items() if value != policy.identity[name]]:
+    now = one_named(policy.name, task, _tuned_on(policy.tuned_for), policy.knows, policy.forgets)
+    if fields := [name for name, value in now.identity.items() if value != policy.identity.get(name)]:
         raise ResultError(f"{policy.label} is no longer what played: {', '.join(fields)} differ")
     return now
 
@@ -309,13 +282,11 @@ def differences(result: Result, episodes: Episodes, places: Sequence[int]) -> li
 
 def _beyond_the_bound(results: Mapping[Path, Result]) -> list[str]:
     """Return a complaint for every result that earns more on a seed than the clairvoyant bound, beyond its tolerance."""
-    complaints, read_bound = [], cache(read_result)
+    complaints = []
+    bounds = {folder: read_results(folder, lambda _: None).get(CLAIRVOYANT) for folder in {path.parent for path in results}}
     for path, result in results.items():
-        try:
-            bound = read_bound(path.with_name(f"{CLAIRVOYANT}{SUFFIX}"))
-        except ResultError:  # ``check`` tells of it, or there is no bound
-            continue
-        if bound.task.digest != result.task.digest:
+        bound = bounds[path.parent]  # ``check`` tells of one that cannot be read
+        if bound is None or bound.task.digest != result.task.digest:
             continue
         allowed = np.array(bound.episodes["return"]) + clairvoyant.TOLERANCE * np.array(result.episodes["time"])
         beyond = np.array(result.episodes["return"]) - allowed

@@ -14,10 +14,11 @@ import numpy as np
 from gymnasium.error import ClosedEnvironmentError
 from tqdm import tqdm
 
-from leaderboard import film, run
+from leaderboard import film
 from leaderboard.__main__ import positive
 from leaderboard.film import Frame
-from leaderboard.result import ResultError
+from leaderboard.policies import agents, named
+from leaderboard.result import ResultError, Task
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
@@ -88,7 +89,8 @@ def _watch(options: argparse.Namespace) -> None:
         film.check_suffix(options.out)  # before anything is played
     scenario = Scenario.load(options.scenario or IDS[options.env])
     names = [options.agent or options.policy, *([options.beside] if options.beside else [])]
-    specs = [policy(name, scenario) for name in names]
+    task = Task(env_id=options.env, scenario=scenario, seeds=[options.seed])
+    specs = [policy(name, task) for name in names]
     mode = "human" if options.human else "rgb_array"
     shows = [Show(spec, options.env, scenario, options.seed, mode) for spec in specs]
     try:
@@ -103,15 +105,15 @@ def _watch(options: argparse.Namespace) -> None:
             show.env.close()
 
 
-def policy(name: str, scenario: Scenario) -> PolicySpec:
+def policy(name: str, task: Task) -> PolicySpec:
     """Return the rule of a name, or the agent of an ONNX file or a run's folder.
 
     Raises:
         ResultError: there is none, it cannot play the scenario, or it is an oracle, which knows more than observations.
     """
     if name.endswith(ONNX_SUFFIX) or Path(name).is_dir():
-        return run.agent(Path(name), scenario)
-    (spec,) = run.named([name], scenario)
+        return agents([Path(name)], task)[0]
+    (spec,) = named([name], task)
     if spec.kind == "oracle":
         raise ResultError(f"{name} cannot be watched: only what acts on observations can")
     return spec

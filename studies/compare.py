@@ -29,7 +29,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from tqdm import tqdm
 
 from baselines import catalogue
-from leaderboard.family_play import Retold
+from leaderboard.family import Retold
 from train.actor import ActorPolicy
 from train.agents import agent_file
 from train.run import HYPERPARAMETERS, Run, hyperparameters
@@ -240,8 +240,7 @@ def _play_agent(file: agent_file.AgentFile, variant: Variant, jobs: int) -> Epis
     def make(num_envs: int) -> Retold:
         return Retold(OnnxPolicy(session, file.memory_size, num_envs), family, context)
 
-    found = play_family(family, [family.job(number) for number in range(jobs)], make, 1)
-    return {field: values[:, 0] for field, values in found.items()}
+    return play_family(family, "train", range(jobs), make)
 
 
 def without_corrections(content: bytes, names: Sequence[str]) -> bytes:

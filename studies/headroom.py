@@ -13,8 +13,7 @@ import sys
 import numpy as np
 
 from leaderboard.ranking import read_leaderboard
-from leaderboard.result import result_folder
-from leaderboard.shipped import RESULTS
+from leaderboard.result import RESULTS, result_folder
 from studies import belief_bound
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits

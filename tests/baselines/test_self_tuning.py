@@ -51,8 +51,8 @@ def test_jobs_of_a_family_are_played_in_one_batch_or_one_by_one() -> None:
     family = Family.load({"name": "short", "variables": {"hard": hard}, "fields": fields})
     for each in (family, truthful(family)):
         jobs = [each.job(number) for number in range(2)]
-        together = play_family(each, jobs, spec("self_tuning", [job.scenario for job in jobs]).make, 1, "hidden")
-        alone = play_jobs(each, jobs, lambda job: spec("self_tuning", job.scenario).make, 1)
+        together = play_family(each, "train", range(2), spec("self_tuning", [job.scenario for job in jobs]).make, "hidden")
+        alone = play_jobs(each, "train", range(2), lambda job: spec("self_tuning", job.scenario).make)
         assert (together["steps"] > 60).all()
         for name, values in alone.items():
             np.testing.assert_array_equal(values, together[name])

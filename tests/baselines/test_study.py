@@ -180,8 +180,7 @@ def test_settings_are_played_on_training_jobs_of_a_family() -> None:
     rule, family = RULES["self_tuning"], Family.load(BRIEF)
     setting = rule.fixed | {name: study.middle(values) for name, values in rule.ranges.items()}
     seeds = list(range(2))  # of the first jobs, with which they are also played one by one
-    jobs = [family.job(seed) for seed in seeds]
-    alone = play_jobs(family, jobs, lambda job: lambda num_envs: rule.build(job.scenario.nominal(), num_envs, setting), 1)
+    alone = play_jobs(family, "train", seeds, lambda job: lambda num_envs: rule.build(job.scenario.nominal(), num_envs, setting))
     played = play_setting(rule, family, setting, seeds)
     assert played.mean_return == alone["return"].mean()
     assert played.steps == alone["steps"].sum()

@@ -79,11 +79,10 @@ def test_half_of_the_episode_is_waited_and_then_programmed_values_are_played(pre
 @pytest.mark.slow
 def test_degenerate_policies_play_jobs_of_a_family_together_as_apart() -> None:
     family = Family.load("shop")
-    jobs = [family.job(0), family.job(1)]
-    scenarios = [job.scenario for job in jobs]
+    scenarios = [family.job(number).scenario for number in range(2)]
     assert set(DEGENERATE) <= set(names(scenarios[0]))
     for name in ("wait_then_play", "never_cut"):
         assert RULES[name].together
-        together = play_family(family, jobs, spec(name, scenarios).make, 1, "hidden")
-        apart = play_jobs(family, jobs, lambda job, name=name: spec(name, job.scenario).make, 1)
+        together = play_family(family, "train", range(2), spec(name, scenarios).make, "hidden")
+        apart = play_jobs(family, "train", range(2), lambda job, name=name: spec(name, job.scenario).make)
         np.testing.assert_allclose(together["return"], apart["return"], rtol=1e-6)

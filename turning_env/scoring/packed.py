@@ -1,11 +1,10 @@
 """Results that ship with this package: the episodes' returns of every policy on the leaderboard of every id.
 
-One file per id, JSON compressed with xz, made from the leaderboard's results by ``python -m leaderboard.pack`` in a clone.
+One file per id, JSON compressed with xz, made from the leaderboard's results by ``python -m leaderboard pack`` in a clone.
 """
 
 import json
 import lzma
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,8 +14,6 @@ import numpy as np
 from turning_env.scoring.statistics import Floats
 
 FOLDER = Path(__file__).parent / "shipped_results"
-DIGITS = 2
-"""Decimals of the times [s] in a file."""
 
 
 @dataclass(frozen=True)
@@ -59,13 +56,3 @@ def shipped(env_id: str) -> tuple[Played, ...]:
 def unpacked(path: Path) -> str:
     """Return the text of a file."""
     return lzma.decompress(path.read_bytes()).decode()
-
-
-def as_text(env_id: str, policies: Sequence[Played]) -> str:
-    """Return the text of an id's file."""
-    rows = [
-        {"name": each.name, "kind": each.kind}
-        | {name: np.round(getattr(each, name), DIGITS).tolist() for name in ("returns", "severe", "engaged")}
-        for each in policies
-    ]
-    return json.dumps({"env_id": env_id, "policies": rows}, allow_nan=False)

@@ -78,6 +78,10 @@ class PolicySpec(BaseModel):
     description: str = ""
     parameters: dict[str, JsonValue] = Field(default_factory=dict)
     """A rule's settings, or the hyperparameters of an agent's training."""
+    knows: Literal["nominal", "true_wear", "true_laws"] = "nominal"
+    """What a family's policy is built from: each job's nominal model, or that with the true wear law or with all true laws."""
+    forgets: bool = False
+    """Whether it forgets everything at each change of the edge."""
     training_seed: int | None = None
     """An agent's training seed. Agents of one name with several training seeds are one policy on a leaderboard."""
     sha256: str | None = None
@@ -96,7 +100,7 @@ class PolicySpec(BaseModel):
     @field_validator("name")
     @classmethod
     def _names_a_file(cls, name: str) -> str:
-        if not re.fullmatch(r"(?!\.)[^/\\\0-\x1f\x7f-\x9f]+", name) or name in ("trajectories", "manifest"):
+        if not re.fullmatch(r"(?!\.)[^/\\\0-\x1f\x7f-\x9f]+", name) or name in ("trajectories", "manifest", "results"):
             raise ValueError(f"{name!r} cannot be a policy's name, as its results are kept in a file of that name")
         return name
 
@@ -107,11 +111,18 @@ class PolicySpec(BaseModel):
         return self
 
     @property
+    def title(self) -> str:
+        """Return the name, and in words what it knows and whether it forgets."""
+        knows = {"nominal": "", "true_wear": " with the true wear law", "true_laws": " with true laws"}[self.knows]
+        return self.name + knows + (" without memory between edges" if self.forgets else "")
+
+    @property
     def label(self) -> str:
-        """Return the name, with an agent's training seed."""
-        return self.name if self.training_seed is None else f"{self.name}-seed{self.training_seed}"
+        """Return the title, with an agent's training seed."""
+        return self.title if self.training_seed is None else f"{self.title}-seed{self.training_seed}"
 
     @property
     def identity(self) -> dict[str, Any]:
         """Return the fields that distinguish this policy from others."""
-        return self.model_dump(exclude={"description", "command"})
+        usual = {name for name in ("knows", "forgets") if getattr(self, name) == type(self).model_fields[name].default}
+        return self.model_dump(exclude={"description", "command"} | usual)
