@@ -80,12 +80,12 @@ results: .venv/run
 			RoughTurning-Batch-v0) seeds="--seeds $(NUM_SEEDS)";; \
 			RoughTurning-Shift-v0) seeds="--seeds $(SPLIT_SEEDS)";; \
 			RoughTurning-Family-v0) \
-				agents=$$(ls $(SHIPPED)/$$env/*/*.onnx); \
-				play="--jobs $(NUM_SEEDS) --episodes 1 --keep $(SHIPPED_RESULTS) --workers $(JOBS) --split unseen_jobs"; \
-				.venv/bin/python -m leaderboard.family $$play unseen_materials unseen_machines --agent $$agents \
-					--policies $(DEGENERATE) predictive "predictive, told the truth" \
-						self_tuning "self_tuning, told the wear" "self_tuning, told the truth" causal; \
-				.venv/bin/python -m leaderboard.family $$play --policies self_tuning --forgetful; \
+				play=".venv/bin/python -m leaderboard run --env $$env --results $(SHIPPED_RESULTS) --jobs $(JOBS) --seeds $(NUM_SEEDS)"; \
+				$$play --splits --policies $(DEGENERATE) fixed_nominal_optimum predictive self_tuning causal \
+					--keep-names --agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \
+				$$play --splits --policies self_tuning --knows true_wear; \
+				$$play --splits --policies predictive self_tuning --knows true_laws; \
+				$$play --policies self_tuning --forgets; \
 				continue;; \
 			*) seeds="--seeds $(TASK_SEEDS)";; \
 		esac; \
@@ -93,7 +93,7 @@ results: .venv/run
 			--keep-names --agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \
 	done
 	.venv/bin/python -m leaderboard cards --results $(SHIPPED_RESULTS) --agents $(SHIPPED)
-	$(if $(filter leaderboard/results,$(SHIPPED_RESULTS)),.venv/bin/python -m leaderboard.pack)
+	.venv/bin/python -m leaderboard pack --results $(SHIPPED_RESULTS)
 
 # Play the results that ship again and fail if a number differs.
 verify: .venv/run

@@ -26,11 +26,8 @@ POLICIES = (NOMINAL_OPTIMUM, "rescaled_grid_search", "predictive", "self_tuning"
 """The policies that play if none are named."""
 CHANGE_WEAR = 0.95
 """Nominal wear over the criterion at which ``FixedNominalOptimum`` changes the edge."""
-_RIGHT = {
-    "nominal": None,
-    "true_wear": "material.wear.",
-    "true_laws": "",
-}  # how the names of the fields begin of which the truth is known
+_RIGHT = {"nominal": None, "true_wear": "material.wear.", "true_laws": ""}
+"""How the names of the fields begin of which the truth is known, by ``PolicySpec.knows``."""
 _FILLED = 16  # see ``_filled``
 
 

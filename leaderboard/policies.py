@@ -150,12 +150,8 @@ def one_named(
     try:
         if task.of_family:
             return family.rule(name, task, knows, forgets)
-        if name in (CLAIRVOYANT, CAUSAL):
-            for oracle in oracles(task.scenario):
-                if oracle.name == name:
-                    return oracle
-            raise ResultError(f"there is no oracle {name!r} for scenario {task.scenario.name!r}")
-        return catalogue.spec(name, task.scenario, tuned_on)
+        known = {oracle.name: oracle for oracle in oracles(task.scenario)}
+        return known[name] if name in known else catalogue.spec(name, task.scenario, tuned_on)
     except tuned.NotTuned as error:
         raise NotTunedError(f"{name} cannot play: {error}") from error
     except (KeyError, ValueError) as error:
@@ -222,9 +218,9 @@ def agent(path: Path, seconds: int | None = None) -> PolicySpec:
     """
     if path.suffix == ONNX_SUFFIX or (any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()):
         return onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
-    from train.agents import run_folder  # imports torch, which takes seconds
+    from train.training import load_agent  # imports torch, which takes seconds
 
-    return run_folder.load(path)
+    return load_agent(path)
 
 
 def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:

@@ -177,11 +177,11 @@ class ResultFile(Part):
     @classmethod
     def _tell_task(cls, values: Any) -> Any:
         """Give each result the task, which the file states once."""
-        if isinstance(values, dict) and isinstance(values.get("results"), list) and "schema" in values:
-            task = Task.model_validate(values.get("task"))
-            told = [each | {"task": task} if isinstance(each, dict) else each for each in values["results"]]
-            return values | {"task": task, "results": told}
-        return values
+        try:
+            task = Task.model_validate(values["task"])
+            return values | {"task": task, "results": [each | {"task": task} for each in values["results"]]}
+        except (TypeError, KeyError, ValidationError):  # what is wrong is found in its place
+            return values
 
 
 class Entry(Part):

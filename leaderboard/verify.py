@@ -106,7 +106,8 @@ def check(results: Path, agents: Path, selection: Selection) -> list[str]:
 
     A result is valid until the model's version, a scenario's value, or a rule's version or parameters change, or an agent's file.
     """
-    return _examine(results, agents, selection)[1]
+    found, complaints = _examine(results, agents, selection)
+    return complaints + _beyond_the_bound({path: each.result for path, each in found.items()})
 
 
 class _Found(NamedTuple):

@@ -31,7 +31,6 @@ turning_env current: nothing.csv | .
 turning_env program: nothing.mpf --scenario rough_turning | . --scenario rough_turning
 turning_env program: nothing.mpf --scenario rough_turning --adapt nothing | nothing.mpf --scenario rough_turning --tool T1
 turning_env score: nothing.onnx | nothing:policy | math:pi | nothing.onnx --env nothing | math:cos --seeds 0
-leaderboard.pack: --results nothing
 turning_env calibrate: nothing.csv --out made.toml | . --out made.toml | nothing.csv --out made.toml --confidence 2
 turning_env whatif: nothing --cutting-speed 100 --feed 0.3 --wear 0.2 | forging --cutting-speed x --feed 0.3 --wear 0.2
 turning_env advise: nothing | . --seeds 1 | forging --hours 0 | forging --seeds -1
@@ -66,8 +65,8 @@ leaderboard figure: --results nothing | --scenario nothing
 leaderboard gallery: --policies nobody --out made | --seeds 0 | --agents nothing.onnx --out made
 leaderboard verify: --results nothing --memory made.json | --seeds 0 | --jobs x
 leaderboard cards: --results nothing | --results file
-leaderboard.family: --family nothing | --split nothing | --policies nobody | --agent nothing.onnx | --jobs 0
-leaderboard.family: --tuned-on nothing
+leaderboard pack: --results nothing | --results file
+leaderboard run: --knows true_laws | --env RoughTurning-Family-v0 --split nothing | --env RoughTurning-Family-v0 --seeds 257
 leaderboard.watch: --policy nobody --out made.gif | --policy fixed_tuned --out made.txt | --agent nothing.onnx --out made.gif
 studies.bound: --scenario nothing | --scenario shift | --seeds 0
 studies.clients: nothing | --write

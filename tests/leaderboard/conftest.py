@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from leaderboard import run
-from leaderboard.result import Result, Task, result_folder
+from leaderboard.result import Result, Task, read_file, result_folder
 from turning_env import Scenario
 from turning_env.scoring.play import EPISODE_FIELDS
 from turning_env.scoring.policy import Actions, Observations, PolicySpec
@@ -57,6 +57,17 @@ def spec(name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None =
     parameters = {"speed": action[0], "feed": action[1]}
     whole = {"name": name, "kind": kind, "description": "made up", "parameters": parameters, "training_seed": seed}
     return PolicySpec.model_validate(whole | {"make": lambda num_envs: Steady(num_envs, action)} | fields)
+
+
+def on(scenario: Scenario) -> Task:
+    """Return a task on a scenario."""
+    return Task(env_id=ENV_ID, scenario=scenario, seeds=[7])
+
+
+def only(path: Path) -> Result:
+    """Return the one result of a file."""
+    (result,) = read_file(path)
+    return result
 
 
 def play_all(task: Task, policies: Sequence[PolicySpec], folder: Path, fresh: bool = False) -> None:

@@ -6,10 +6,10 @@ from pathlib import Path
 import onnx
 import pytest
 
-from leaderboard import run
+from leaderboard import policies
 from leaderboard.__main__ import main
 from leaderboard.result import Result, Task, result_folder, write_result
-from tests.leaderboard.conftest import ENV_ID
+from tests.leaderboard.conftest import ENV_ID, on
 from tests.train import onnx_agents
 from turning_env import Scenario
 from turning_env.scoring.play import play_spec
@@ -26,7 +26,7 @@ def shipped(tmp_path: Path, task: Task) -> Path:
     split = task.model_copy(update={"scenario": short_split, "seeds": [5, 6]})
     paths = [onnx_agents.write(tmp_path / "agents" / ENV_ID / "short", seed, memory=True) for seed in (0, 1)]
     for each in (own, split):
-        for policy in [*run.agents(paths, each.scenario), run.rule("fixed_handbook", each.scenario)]:
+        for policy in [*policies.agents(paths, on(each.scenario)), policies.one_named("fixed_handbook", on(each.scenario))]:
             assert policy.tuned_for in (None, ScenarioId.of(own.scenario))
             result = Result.of(each, policy, play_spec(policy, each.scenario, each.seeds))
             write_result(result, result_folder(tmp_path / "results", ENV_ID, each.scenario.name))

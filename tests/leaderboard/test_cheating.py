@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from leaderboard.oracles import oracles
+from leaderboard.policies import oracles
 from leaderboard.trajectories import play_trajectory
 from tests.leaderboard.conftest import Steady, spec
 from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario

@@ -1,8 +1,6 @@
-"""Policies compared on the jobs of a family."""
+"""Families as tasks: policies are built for each job, ranked, verified and described as on other leaderboards."""
 
-import shutil
-from collections.abc import Sequence
-from dataclasses import replace
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,89 +8,76 @@ import numpy as np
 import pytest
 import tomli_w
 
-from baselines.catalogue import RULES
-from leaderboard import __main__ as leaderboard
-from leaderboard import family, family_play, verify
-from leaderboard.family import main
-from leaderboard.family_play import ANCHOR, TRUTH, Retold
-from leaderboard.family_result import FamilyResult
-from leaderboard.family_table import Comparison, compare, table
-from leaderboard.result import read_result, write_part
-from leaderboard.standings import CAUSAL
-from leaderboard.verify import Selection
+from leaderboard.__main__ import main
+from leaderboard.family import FixedNominalOptimum, Forgetful, Retold, family_task
+from leaderboard.policies import CAUSAL, NOMINAL_OPTIMUM, agents, one_named
+from leaderboard.result import PACK_FILE, Result, ResultError, read_results, result_folder, write_manifest, write_result
+from leaderboard.standings import Standing, rank
+from tests.leaderboard.conftest import spec
 from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import FAMILY_ID, Family, FamilyVectorEnv
-from turning_env.scoring.policy import Policy
+from turning_env.physics.quantities import OBS
+from turning_env.scoring.family import play_jobs
+from turning_env.scoring.policy import Policy, PolicySpec
 
-JOBS = 40
-
-
-def episodes(returns: Any, severe: Any = 0.0) -> dict[str, Any]:
-    values = returns + np.zeros((1, JOBS, 2))
-    return {
-        "return": values,
-        "reward_metal": values * 0.0 + 400.0,
-        "severe_overload_time": values * 0.0 + severe,
-        "engaged_time": values * 0.0 + 100.0,
-    }
+FAMILY = Family.load(BRIEF)
+JOBS = 16
+TASK = family_task(FAMILY, None, JOBS)
 
 
-def compared(**others: Any) -> dict[str, Comparison]:
-    base = np.linspace(-100.0, 100.0, JOBS)[:, None]
-    rows = {"bad": episodes(base - 50.0), "rule": episodes(base), f"rule{TRUTH}": episodes(base + 10.0)}
-    rows |= {name: episodes(base + lead, severe) for name, (lead, severe) in others.items()}
-    return {each.name: each for each in compare(rows, ["bad", "rule"], 0.05)}
+def ranked(**returns: Any) -> dict[str, Standing]:
+    """Rank made-up policies, given by their returns; metal is worth 400 s."""
+    results = []
+    for title, values in returns.items():
+        name, _, knows = title.partition("__")
+        kind = "agent" if name.startswith("agent") else "oracle" if knows or name == CAUSAL else "rule"
+        for seed, row in enumerate(np.broadcast_to(values, (2 if kind == "agent" else 1, JOBS))):
+            policy = PolicySpec(name=name, kind=kind, knows=knows or "nominal", training_seed=seed if kind == "agent" else None)
+            severe = np.where(np.arange(JOBS) < JOBS // 4, 90.0, 0.0) if name == "reckless" else np.zeros(JOBS)
+            episodes = {"return": row, "reward_metal": np.full(JOBS, 400.0), "steps": np.full(JOBS, 60.0)}
+            episodes |= {"engaged_time": np.full(JOBS, 100.0), "severe_overload_time": severe}
+            results.append(Result.of(TASK, policy, episodes))
+    return {each.name: each for each in rank(results)}
 
 
-def test_leads_are_paired_and_over_the_best_rule() -> None:
-    found = compared(agent=(5.0, 4.0), reckless=(20.0, 6.0))
-    agent = found["agent"]
-    assert (agent.lead.value, agent.lead.low, agent.lead.high) == pytest.approx((5.0, 5.0, 5.0))
-    assert (agent.median, agent.wins, agent.worst) == pytest.approx((5.0, 1.0, -95.0))
-    assert agent.value.low < -10.0 < 20.0 < agent.value.high
-    assert (agent.gap_closed.value, agent.gap_closed.low) == pytest.approx((0.5, 0.5))
-    assert found[f"rule{TRUTH}"].gap_closed.value == pytest.approx(1.0)
-    assert (found["rule"].lead.value, found["bad"].lead.value) == pytest.approx((0.0, -50.0))
-    assert (agent.feasible, found["reckless"].feasible) == (1.0, 0.0)
-    assert agent.overload == pytest.approx(0.04)
-    mixed = compared(agent=(np.where(np.arange(JOBS) < 10, -1.0, 3.0)[:, None], 0.0))["agent"]
-    assert (mixed.wins, mixed.lead.value, mixed.median) == pytest.approx((0.75, 2.0, 3.0))
-    assert mixed.lead.low < 2.0 < mixed.lead.high
+def test_jobs_are_compared_pairwise() -> None:
+    base = np.linspace(-100.0, 100.0, JOBS)
+    found = ranked(bad=base - 50.0, rule=base, rule__true_laws=base + 10.0, agent=base + np.where(np.arange(JOBS) < 4, -1.0, 7.0))
+    agent, rule = found["agent"], found["rule"]
+    assert agent.best_rule == "rule"
+    assert agent.over_best_rule is not None
+    assert agent.over_best_rule.value == pytest.approx(5.0)
+    assert agent.over_best_rule.low < 5.0 < agent.over_best_rule.high
+    assert (agent.median_over_best_rule, agent.beats_best_rule) == pytest.approx((7.0, 0.75))
+    assert agent.worst_return == pytest.approx(-101.0)
+    assert agent.gap_to_truth_closed is not None
+    assert agent.gap_to_truth_closed.value == pytest.approx(0.5)
+    assert (agent.policy_class, agent.training_seeds, agent.feasible_jobs) == ("other agent", (0, 1), 1.0)
+    assert agent.full_cost_share is not None
+    assert agent.full_cost_share.value == pytest.approx(395.0 / 400.0)
+    assert (rule.best_rule, rule.gap_to_truth_closed) == ("bad", None)
+    assert list(found) == ["agent", "rule", "bad", "rule with true laws"]  # told more than others, it is not ranked
 
 
-def test_intervals_are_over_jobs_and_training_seeds() -> None:
-    found = compared(agent=(np.array([-1.0, 1.0])[:, None, None], np.array([4.0, 6.0])[:, None, None]))["agent"]
-    assert (found.lead.low, found.lead.value, found.lead.high) == pytest.approx((-1.0, 0.0, 1.0))
-    assert (found.wins, found.feasible, found.overload) == pytest.approx((0.5, 0.5, 0.05))
-    assert found.gap_closed.low < 0.0 < found.gap_closed.high
-
-
-def test_the_full_cost_is_all_cost_over_the_worth_of_the_metal() -> None:
-    found = compared(agent=(40.0, 0.0))["agent"].full_cost  # returns of -60 to 140 for metal that is worth 400
-    assert found.value == pytest.approx((400.0 - 40.0) / 400.0)
-    assert 260.0 / 400.0 < found.low < found.value < found.high < 460.0 / 400.0
-
-
-def test_without_a_gap_no_share_of_it_is_given() -> None:
-    rows = {"rule": episodes(np.zeros((JOBS, 1))), f"rule{TRUTH}": episodes(np.full((JOBS, 1), -1.0))}
-    assert all(np.isnan(each.gap_closed.value) for each in compare(rows, ["rule"], 0.05))
-    assert "nan" not in table(compare(rows, ["rule"], 0.05))
-
-
-def test_scores_lie_between_the_anchors_of_each_job() -> None:
-    base = np.linspace(-1000.0, 0.0, JOBS)[:, None]
-    gap = np.linspace(10.0, 500.0, JOBS)[:, None]
-    rows = {ANCHOR: episodes(base), CAUSAL: episodes(base + gap), "rule": episodes(base + 0.5 * gap)}
-    found = {each.name: each.score for each in compare(rows, ["rule"], 0.05)}
-    assert [found[name].value for name in rows] == pytest.approx([0.0, 1.0, 0.5])
-    assert (found["rule"].low, found["rule"].high) == pytest.approx((0.5, 0.5))
+def test_scores_lie_between_the_nominal_optimum_and_the_oracle_of_each_job() -> None:
+    base, gap = np.linspace(-1000.0, 0.0, JOBS), np.linspace(10.0, 500.0, JOBS)
+    rows = {NOMINAL_OPTIMUM: base, CAUSAL: base + gap, "reckless": base + 0.5 * gap}
+    found = ranked(**rows)
+    assert [found[name].job_score.value for name in rows] == pytest.approx([0.0, 1.0, 0.5])  # type: ignore[union-attr]
+    assert (found["reckless"].feasible, found["reckless"].feasible_jobs) == (False, 0.75)
     del rows[CAUSAL]
-    assert all(np.isnan(each.score.value) for each in compare(rows, ["rule"], 0.05))
+    assert all(each.job_score is None for each in ranked(**rows).values())
 
 
 class Watching(Policy):
-    """Keeps what it sees."""
+    """Keeps what it sees and what it is told to forget."""
+
+    def __init__(self) -> None:
+        self.forgotten = np.zeros(2, np.int64)
+
+    def reset(self, mask: Any) -> None:
+        self.forgotten += mask
 
     def act(self, observations: Any) -> Any:
         self.seen = observations
@@ -100,130 +85,113 @@ class Watching(Policy):
 
 
 def test_an_agent_of_another_family_is_told_the_context_as_in_its_training() -> None:
-    played, variables = Family.load(BRIEF), dict(BRIEF["variables"])
+    variables = dict(BRIEF["variables"])
     variables["diameter"] = variables["diameter"] | {"log_uniform": [100.0, 200.0]}
-    other = Family.load(BRIEF | {"name": "other", "variables": variables})
-    mean, spread = other.context_scale
-    observations, _ = FamilyVectorEnv(4, played).reset(seed=0)
+    mean, spread = Family.load(BRIEF | {"name": "other", "variables": variables}).context_scale
+    observations, _ = FamilyVectorEnv(4, FAMILY).reset(seed=0)
     watching = Watching()
-    Retold(watching, played).act(observations)
+    Retold(watching, FAMILY).act(observations)
     np.testing.assert_allclose(watching.seen, observations, atol=1e-6)
-    Retold(watching, played, {"mean": mean, "spread": spread}).act(observations)
-    place, entries = played.context_names.index("log_diameter"), observations.shape[1] - len(played.context_names)
-    diameters = [played.job(i).scenario.workpiece.diameter for i in range(4)]
+    Retold(watching, FAMILY, {"mean": mean, "spread": spread}).act(observations)
+    place, entries = FAMILY.context_names.index("log_diameter"), observations.shape[1] - len(FAMILY.context_names)
+    diameters = [FAMILY.job(i).scenario.workpiece.diameter for i in range(4)]
     expected = (np.log(diameters) - mean[place]) / spread[place]
     np.testing.assert_allclose(watching.seen[:, entries + place], np.clip(expected, -5.0, 5.0), atol=1e-5)
     assert np.array_equal(watching.seen[:, :entries], observations[:, :entries])
 
 
-SPLITS = ["unseen_jobs", "unseen_machines"]
+def test_a_forgetful_policy_is_reset_where_the_edge_is_fresh() -> None:
+    watching = Watching()
+    forgetful = Forgetful(watching)
+    for wear in ((0.0, 0.0), (0.2, 0.1), (0.3, 0.0), (0.4, 0.1)):
+        observations = np.zeros((2, 11), np.float32)
+        observations[:, OBS.nominal_wear] = wear
+        forgetful.act(observations)
+    assert watching.forgotten.tolist() == [0, 1]
 
 
-def command(folder: Path, *agents: Path, policies: Sequence[str] = ("rescaled_grid_search",)) -> list[str]:
-    path = folder / "brief.toml"
-    path.write_text(tomli_w.dumps(BRIEF))
-    given = ["--family", str(path), "--jobs", "3", "--episodes", "2", "--policies", *policies, CAUSAL, "--split", *SPLITS]
-    return [*given, *(["--agent", *map(str, agents)] if agents else [])]
+def test_the_nominal_optimum_holds_the_nominal_models_best_set_point() -> None:
+    job = FAMILY.job(0, "unseen_jobs")
+    held = play_jobs(FAMILY, "unseen_jobs", [0], lambda job: lambda num_envs: FixedNominalOptimum([job] * num_envs))
+    steady = job.cutting_speed * job.feed * job.scenario.workpiece.depth_of_cut * held["engaged_time"] / 60.0
+    assert held["removed"] == pytest.approx(steady, rel=0.3)
+
+
+def test_jobs_come_back_whichever_others_are_played(tmp_path: Path) -> None:
+    """A policy's last bits may not depend on the jobs beside it."""
+    path = onnx_agents.write_of_family(tmp_path, FAMILY, 0)
+    for policy in (agents([path], TASK)[0], one_named(CAUSAL, TASK), one_named("rescaled_grid_search", TASK)):
+        assert policy.compute is not None
+        few, more = (policy.compute(TASK.scenario, seeds, lambda ended: None) for seeds in ([1, 4], [0, 1, 3, 4]))
+        assert few["return"].tolist() == more["return"][[1, 3]].tolist()
+
+
+def test_variants_are_of_controllers_and_jobs_are_counted() -> None:
+    assert one_named("rescaled_grid_search", TASK, None, "true_laws").kind == "oracle"
+    for wrong in (lambda: one_named(CAUSAL, TASK, None, "true_laws"), lambda: family_task(FAMILY, None, 10_000)):
+        with pytest.raises(ResultError, match=r"no variants|jobs"):
+            wrong()
+    with pytest.raises(ResultError, match="no split 'nothing'; it has train"):
+        family_task(FAMILY, "nothing", 1)
 
 
 @pytest.mark.slow
-def test_the_table_is_the_same_with_processes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    given = [*command(tmp_path, policies=["predictive"]), "--forgetful"]
-    assert main(given) == 0
+def test_a_family_of_ones_own_is_played_ranked_and_packed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "brief.toml").write_text(tomli_w.dumps(BRIEF))
+    paths = [str(onnx_agents.write_of_family(tmp_path / "agents" / FAMILY_ID / "brief", FAMILY, seed)) for seed in (0, 1)]
+    results = ["--results", str(tmp_path / "results")]
+    theirs = ["--agents", *paths, "--keep-names", "--jobs", "2"]
+    run = ["run", "--env", FAMILY_ID, "--scenario", str(tmp_path / "brief.toml"), "--seeds", "3", "--splits", *results]
+    assert main([*run, "--policies", NOMINAL_OPTIMUM, CAUSAL, "rescaled_grid_search", *theirs]) == 0
     printed = capsys.readouterr().out
-    assert printed.startswith("brief, unseen_jobs, 3 jobs of 2 episodes")
-    assert all(name in printed for name in ("held optimum", "causal", "predictive, forgetful"))
-    kept = ["--keep", str(tmp_path / "kept")]
-    assert main([*given, *kept, "--jobs", "2"]) == 0
-    assert main([*given, *kept, "--workers", "2"]) == 0
-    assert capsys.readouterr().out.endswith(printed)
-    monkeypatch.setattr(family, "played", None)  # nothing is played again
-    assert main([*given, *kept]) == 0
-    assert capsys.readouterr().out == printed
-    show = ["show", "--results", str(tmp_path / "kept"), "--env", FAMILY_ID]
-    assert leaderboard.main(show) == 0
-    assert capsys.readouterr().out == printed
-    assert leaderboard.main([*show, "--scenario", "brief-unseen_machines", "--json"]) == 0
-    assert '"split": "unseen_machines"' in capsys.readouterr().out
-
-
-@pytest.fixture(scope="module")
-def played(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Results of a rule and of two training seeds, and the agents."""
-    folder = tmp_path_factory.mktemp("shipped")
-    agents = [onnx_agents.write_of_family(folder / "agents" / FAMILY_ID / "brief", Family.load(BRIEF), seed) for seed in (0, 1)]
-    assert main([*command(folder, *agents), "--keep", str(folder / "results")]) == 0
-    return folder
-
-
-@pytest.fixture
-def shipped(tmp_path: Path, played: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of them, with a family that is known by its name."""
-    shutil.copytree(played, tmp_path, dirs_exist_ok=True)
-    load = Family.load
-    monkeypatch.setattr(Family, "load", lambda source: load(BRIEF if source == "brief" else source))
-    return tmp_path
-
-
-def complaints(shipped: Path, seeds: int | None = None, policies: Sequence[str] | None = None) -> list[str]:
-    """Return what verification says, without playing unless seeds are given."""
-    folders = shipped / "results", shipped / "agents", Selection(FAMILY_ID, policies=policies)
-    return verify.check(*folders) if seeds is None else verify.verify(*folders, shipped / "memory.json", seeds)
-
-
-@pytest.mark.slow
-def test_results_are_verified_as_on_other_boards(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert complaints(shipped) == complaints(shipped, 1) == []
-    folder = shipped / "results" / FAMILY_ID / "brief-unseen_jobs"
-    path = folder / "family_gradient-seed1.json.xz"
-    result = read_result(path, FamilyResult)
-    rows = {seed: [values[0] + 1e-9, *values[1:]] for seed, values in result.rows.items()}
-    write_part(FamilyResult.of_rows(result.task, result.policy, rows), path)
-    (complaint,) = complaints(shipped, 2, ["family_gradient-seed1"])
-    assert complaint.startswith(f"{path}: return differs for 2 of 2 seeds")
-    for each in (shipped / "results").rglob("family_gradient-seed0*"):
-        each.unlink()
-    (complaint,) = complaints(shipped)
-    assert "family_gradient-seed0.onnx: has no result in" in complaint
-
-    rule = RULES["rescaled_grid_search"]
-    monkeypatch.setitem(RULES, "rescaled_grid_search", replace(rule, version=rule.version + 1))
-    assert sum("rescaled_grid_search" in each for each in complaints(shipped)) == len(SPLITS)
-
-
-@pytest.mark.slow
-def test_results_of_another_family_are_invalid(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    load = Family.load
-    monkeypatch.setattr(Family, "load", lambda source: load(BRIEF | {"name": "brief"} if source == "brief" else source))
-    assert complaints(shipped) == []
-    monkeypatch.setattr(Family, "load", lambda source: load(BRIEF | {"jobs": 32} if source == "brief" else source))
-    assert all("is not of the present family 'brief': values differ" in each for each in complaints(shipped)[:4])
-
-
-@pytest.mark.slow
-def test_a_card_has_the_results_of_every_split(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    cards = ["cards", "--results", str(shipped / "results"), "--agents", str(shipped / "agents")]
-    assert leaderboard.main(cards) == 0
-    card = (shipped / "agents" / FAMILY_ID / "brief" / "family_gradient.md").read_text("utf-8")
+    assert main([*run, "--policies", "rescaled_grid_search", "--forgets"]) == 0
+    assert "rescaled_grid_search without memory between edges" in capsys.readouterr().out
+    folders = [result_folder(tmp_path / "results", FAMILY_ID, f"brief-{split}") for split in ("unseen_jobs", "unseen_machines")]
+    before = [read_results(folder) for folder in folders]
+    assert main(["pack", *results]) == 0
+    assert [read_results(folder) for folder in folders] == before
+    assert {path.name for path in folders[0].iterdir()} == {PACK_FILE, "manifest.json"}
+    capsys.readouterr()
+    assert main(["show", *results, "--env", FAMILY_ID, "--all", "--json"]) == 0
+    boards = json.loads(capsys.readouterr().out)["leaderboards"]
+    assert [board["scenario"] for board in boards] == ["brief-unseen_jobs", "brief-unseen_machines"]
+    assert all(each["name"] in printed for each in boards[0]["standings"] if "without" not in each["name"])
+    assert main(["cards", *results, "--agents", str(tmp_path / "agents")]) == 0
+    card = (tmp_path / "agents" / FAMILY_ID / "brief" / "family_gradient.md").read_text("utf-8")
     for said in (
-        "| `unseen_jobs` | 3 | ",
-        "| `unseen_machines` | 3 | ",
-        "From 2 training seeds.",
+        "From 3 held-out jobs per split",
+        "| `unseen_jobs` | `unseen_machines` |",
         "privileged agent",
         "--scenario mine.toml",
     ):
         assert said in card, said
-    (shipped / "results" / FAMILY_ID / "brief-unseen_jobs" / "family_gradient-seed1.json.xz").unlink()
-    assert leaderboard.main(cards) == 2
-    assert "family_gradient-seed1.onnx has no results" in capsys.readouterr().err
+    assert main(["pack", *results, "--without", "family_gradient"]) == 0
+    assert main(["cards", *results, "--agents", str(tmp_path / "agents")]) == 2
+    assert "has no results" in capsys.readouterr().err
+    assert main(["verify", *results, "--check", "--agents", str(tmp_path)]) == 1
+    assert "cannot be played again: no family and no file is called 'brief'" in capsys.readouterr().out
 
 
-def test_agents_play_each_job_at_the_place_of_its_number() -> None:
-    brief = Family.load(BRIEF)
-    jobs = [brief.job(number) for number in (1, 3, 4)]
-    filled, places = family_play._filled(jobs)
-    assert all(filled[place] is job for place, job in zip(places, jobs, strict=True))
-    assert [place % family_play.FILLED for place in places] == [job.number % family_play.FILLED for job in jobs]
-    assert len(filled) % family_play.FILLED == 0
+@pytest.mark.slow
+def test_results_on_a_family_are_verified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    where = ["--results", str(tmp_path / "results"), "--env", FAMILY_ID]
+    assert main(["run", *where, "--policies", "idle", NOMINAL_OPTIMUM, "--seeds", "2"]) == 0
+    verify = ["verify", *where, "--agents", str(tmp_path), "--memory", str(tmp_path / "memory.json")]
+    assert main(verify) == 0
+    folder = result_folder(tmp_path / "results", FAMILY_ID, "shop-unseen_jobs")
+    idle = read_results(folder)["idle"]
+    episodes = {name: np.array(values) for name, values in idle.episodes.items()}
+    path = folder / "idle.json.xz"
+    path.unlink()
+    write_result(Result.of(idle.task, idle.policy, episodes | {"return": episodes["return"] + 1e-9}), folder)
+    write_manifest(folder, idle.task)
+    capsys.readouterr()
+    assert main(verify) == 1
+    assert f"{folder / 'idle'}: return differs for 2 of 2 seeds" in capsys.readouterr().out
+
+
+def test_names_say_what_a_policy_knows() -> None:
+    policy = spec("rule", knows="true_wear", forgets=True)
+    assert policy.title == "rule with the true wear law without memory between edges"
+    assert policy.identity != spec("rule").identity
+    assert "knows" not in spec("rule").identity  # as in results from before there were families

@@ -3,10 +3,11 @@
 from pathlib import Path
 
 import pytest
-from leaderboard.shipped import AGENTS, RESULTS
 
 from leaderboard.__main__ import main
 from leaderboard.information import Information, class_of, information, markdown
+from leaderboard.policies import AGENTS
+from leaderboard.result import RESULTS
 from tests.leaderboard.conftest import spec
 from train.agents import agent_file
 from train.analytic_actor import DistanceTracker

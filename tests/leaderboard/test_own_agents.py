@@ -10,11 +10,12 @@ import pytest
 import torch
 
 import turning_env
-from leaderboard import run, shipped
+from leaderboard import policies as leaderboard_policies
+from leaderboard import result
 from leaderboard.__main__ import main
 from leaderboard.ranking import read_leaderboard
-from leaderboard.result import Task, read_result, result_folder, write_result
-from tests.leaderboard.conftest import ENV_ID, MakeResult, play_all
+from leaderboard.result import Task, result_folder, write_result
+from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, play_all
 from tests.train import onnx_agents
 from train import export, training
 from train.export import export_torch
@@ -40,12 +41,12 @@ pytestmark = pytest.mark.slow  # plays agents in processes of their own
 def words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """A run on a project that comes with a rule's and an agent's results."""
     path = onnx_agents.write(result_folder(tmp_path / "agents", ENV_ID, SHORT.name), memory=True)
-    monkeypatch.setattr(shipped, "AGENTS", tmp_path / "agents")
-    monkeypatch.setattr(shipped, "RESULTS", tmp_path / "shipped")
-    monkeypatch.setattr(shipped, "agents", shipped.agents.__wrapped__)
-    policies = [run.rule("fixed_handbook", SHORT), *run.agents([path], SHORT)]
+    monkeypatch.setattr(leaderboard_policies, "AGENTS", tmp_path / "agents")
+    monkeypatch.setattr(result, "RESULTS", tmp_path / "shipped")
+    monkeypatch.setattr(leaderboard_policies, "shipped_agents", leaderboard_policies.shipped_agents.__wrapped__)
+    policies = [leaderboard_policies.one_named("fixed_handbook", on(SHORT)), *leaderboard_policies.agents([path], on(SHORT))]
     task = Task(env_id=ENV_ID, scenario=SHORT, seeds=held_out_seeds(2))
-    play_all(task, policies, result_folder(shipped.RESULTS, ENV_ID, SHORT.name))
+    play_all(task, policies, result_folder(result.RESULTS, ENV_ID, SHORT.name))
     SHORT.save(tmp_path / "short.toml")
     where = ["--scenario", str(tmp_path / "short.toml"), "--results", str(tmp_path / "results")]
     return ["run", *where, "--seeds", "2", "--policies"]
@@ -53,7 +54,7 @@ def words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_an_own_agent_stands_beside_the_shipped_one(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mine, folder = onnx_agents.write(tmp_path / "mine"), result_folder(tmp_path / "results", ENV_ID, SHORT.name)
-    (theirs,) = shipped.AGENTS.glob("*/*/*.onnx")
+    (theirs,) = leaderboard_policies.AGENTS.glob("*/*/*.onnx")
     assert main([*words, "--agents", str(mine), str(theirs)]) == 0
     told = capsys.readouterr()
     own = {standing.name: standing.own for standing in read_leaderboard(folder).standings}
@@ -64,7 +65,7 @@ def test_an_own_agent_stands_beside_the_shipped_one(words: list[str], tmp_path: 
     assert "ppo comes with the project; --name" in told.err
     assert (tmp_path / "results" / "index.html").read_text("utf-8").count(">yours<") == 1
     before = (folder / "ppo-seed0.json.xz").read_bytes()
-    assert before == (result_folder(shipped.RESULTS, ENV_ID, SHORT.name) / "ppo-seed0.json.xz").read_bytes()
+    assert before == (result_folder(result.RESULTS, ENV_ID, SHORT.name) / "ppo-seed0.json.xz").read_bytes()
     where = ["--results", str(tmp_path / "results"), "--agents", str(mine.parent), "--memory", str(tmp_path / "verified.json")]
     assert main(["verify", *where, "--policies", "my_ppo"]) == 0
     assert main([*words, "--agents", str(mine), "--name", "second"]) == 0
@@ -75,7 +76,7 @@ def test_learning_curves_of_own_runs_stand_beside_those_of_shipped_agents(
     words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(training, "load_actor", lambda run: onnx_agents.memoryless(run.seed))
-    theirs, mine = result_folder(shipped.AGENTS, ENV_ID, SHORT.name), onnx_agents.run(tmp_path / "run", seed=1)
+    theirs, mine = result_folder(leaderboard_policies.AGENTS, ENV_ID, SHORT.name), onnx_agents.run(tmp_path / "run", seed=1)
     trained = Training(first=1.0, last=5.0, mean_return=[-9.0, -1.0])
     curves = {"ppo-seed0": trained, "ppo-seed7": trained}
     Trainings(env_id=ENV_ID, scenario=ScenarioId.of(SHORT), trainings=curves).write(theirs / FILE)
@@ -171,7 +172,7 @@ def test_code_of_ones_own_is_ranked_and_played_again_each_time(
         last = capsys.readouterr().out.splitlines()[-1]
         assert last.startswith("your agent: rank ")
         assert "mine on" in last
-        returns.append(read_result(path).episodes["return"])
+        returns.append(only(path).episodes["return"])
     assert returns[0] != returns[1]
     for wrong in ("some_policy:nothing", "some_policy:__name__", "no_such_module:idle"):
         assert main([*words, "--policy", wrong]) == 2
@@ -197,7 +198,7 @@ def test_a_torch_module_goes_from_nothing_to_a_rank(tmp_path: Path, capsys: pyte
 
 @pytest.mark.soak
 def test_the_agent_of_a_family_is_ranked_on_a_scenario_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = next(shipped.AGENTS.glob(f"{FAMILY_ID}/*/*-seed0.onnx"), None) or onnx_agents.write_of_family(
+    path = next(leaderboard_policies.AGENTS.glob(f"{FAMILY_ID}/*/*-seed0.onnx"), None) or onnx_agents.write_of_family(
         tmp_path, Family.load("shop")
     )
     (tmp_path / "mine.toml").write_text(OWN_SCENARIO)

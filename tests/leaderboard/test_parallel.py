@@ -8,11 +8,12 @@ from pathlib import Path
 import cloudpickle
 import pytest
 
+from leaderboard import policies as leaderboard_policies
 from leaderboard import run
 from leaderboard.__main__ import main
 from leaderboard.result import ResultError, Task, result_folder
 from tests.dask_cluster import dask_cluster
-from tests.leaderboard.conftest import ENV_ID, Deadly, Steady, spec
+from tests.leaderboard.conftest import ENV_ID, Deadly, Steady, on, spec
 from tests.train import onnx_agents
 from turning_env import IDS, Scenario
 from turning_env.scoring import workers
@@ -34,7 +35,13 @@ def runs(tmp_path: Path) -> Callable[[str], list[run.TaskRun]]:
     def make(folder: str) -> list[run.TaskRun]:
         deadly = spec("deadly", make=lambda num_envs: Deadly(num_envs, mark))
         playing = [
-            (task, [run.rule("fixed_handbook", scenario), *run.agents(agents, scenario)]),
+            (
+                task,
+                [
+                    leaderboard_policies.one_named("fixed_handbook", on(scenario)),
+                    *leaderboard_policies.agents(agents, on(scenario)),
+                ],
+            ),
             (other, [deadly, spec("quick", (0.0, 1.0)), spec("slow")]),
         ]
         return [run.TaskRun(each, who, result_folder(tmp_path / folder, ENV_ID, each.scenario.name)) for each, who in playing]
@@ -57,7 +64,7 @@ def expected(tmp_path: Path, runs: Callable[[str], list[run.TaskRun]]) -> dict[s
 @pytest.mark.parametrize("env_id", IDS)
 def test_every_policy_can_be_sent_to_a_worker(env_id: str) -> None:
     scenario = Scenario.load(IDS[env_id])
-    policies = run.named(None, scenario)
+    policies = leaderboard_policies.named(None, on(scenario))
     arrived = pickle.loads(cloudpickle.dumps(policies))
     assert [each.identity for each in arrived] == [each.identity for each in policies]
     assert all(each.compute or each.make(1).act for each in arrived)

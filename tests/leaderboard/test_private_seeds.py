@@ -12,9 +12,9 @@ from leaderboard import verify
 from leaderboard.__main__ import main
 from leaderboard.private_seeds import private_task, read_seeds
 from leaderboard.ranking import read_leaderboard
-from leaderboard.result import Result, ResultError, Task, read_result, result_folder
+from leaderboard.result import Result, ResultError, Task, result_folder
 from leaderboard.run import TaskRun, play_all
-from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
+from tests.leaderboard.conftest import ENV_ID, MakeResult, only, spec
 from turning_env import Scenario
 from turning_env.files import digest_of
 from turning_env.scoring.play import play
@@ -57,7 +57,7 @@ def test_results_tell_the_digest_and_neither_seeds_nor_trajectories(task: Task, 
     steady = spec("steady", (0.0, 0.1))
     play_all([TaskRun(secret, [steady], folder, private)], fresh=False)
     assert sorted(path.name for path in folder.iterdir()) == ["manifest.json", "steady.json.xz"]
-    result = read_result(folder / "steady.json.xz")
+    result = only(folder / "steady.json.xz")
     assert (result.task.seeds, result.task.private) == ([0, 1, 2], digest_of(private))
     told = json.dumps(result.model_dump()) + (folder / "manifest.json").read_text()
     assert not any(str(seed) in told for seed in private)

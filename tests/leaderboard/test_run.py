@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from leaderboard import run
+from leaderboard import policies, run
 from leaderboard.__main__ import main
 from leaderboard.ranking import read_leaderboard
-from leaderboard.result import ResultError, Task, read_part, read_result
+from leaderboard.result import ResultError, Task, read_part
 from leaderboard.run import PoliciesFailed
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories, record
-from tests.leaderboard.conftest import Steady, play_all, spec
+from tests.leaderboard.conftest import Steady, on, only, play_all, spec
 from tests.train import onnx_agents
 from train import training
 from turning_env import Scenario
@@ -45,7 +45,7 @@ def test_results_are_what_the_policies_do(task: Task, folder: Path) -> None:
     policies = [spec("slow"), spec("quick", (0.0, 1.0))]
     play_all(task, policies, folder)
     for each in policies:
-        result = read_result(folder / f"{each.name}.json.xz")
+        result = only(folder / f"{each.name}.json.xz")
         for field, values in play(each.make, task.scenario, task.seeds).items():
             np.testing.assert_array_equal(result.episodes[field], values)
 
@@ -84,7 +84,7 @@ def test_an_unreadable_file_is_played_again_or_else_skipped(task: Task, folder: 
         (folder / f"{name}.json.xz").write_text("{")
     play_all(task, [spec("one")], folder)
     assert f"skipped: {folder / 'foreign.json.xz'}" in capsys.readouterr().err
-    read_result(folder / "one.json.xz")
+    only(folder / "one.json.xz")
     assert len(recorded_in(folder).episodes) == RECORDED_SEEDS
     assert [standing.name for standing in read_leaderboard(folder).standings] == ["one"]
 
@@ -150,13 +150,13 @@ def test_interrupted_recording_keeps_what_is_finished(task: Task, folder: Path, 
 
 def test_rules_come_from_the_catalogue() -> None:
     scenario = Scenario()
-    assert run.named(["fixed_handbook"], scenario)[0].parameters
+    assert policies.named(["fixed_handbook"], on(scenario))[0].parameters
     with pytest.raises(ResultError, match=r"no policy is called nonsense; there are .*grid_search"):
-        run.named(["grid_search", "nonsense"], scenario)
+        policies.named(["grid_search", "nonsense"], on(scenario))
     untuned = Scenario.model_validate({"limits": {"power": 6.5}})
     with pytest.raises(ResultError, match=r"fixed_tuned cannot play: .*baselines\.tune"):
-        run.named(["fixed_tuned"], untuned)
-    assert run.named(["fixed_tuned"], untuned, tuned_on=scenario)[0].tuned_for == ScenarioId.of(scenario)
+        policies.named(["fixed_tuned"], on(untuned))
+    assert policies.named(["fixed_tuned"], on(untuned), tuned_on=scenario)[0].tuned_for == ScenarioId.of(scenario)
 
 
 def bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
@@ -167,11 +167,11 @@ def bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], Non
 
 def test_oracles_are_ranked_but_not_recorded(task: Task, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     known = spec("oracle", kind="oracle", compute=bound)
-    monkeypatch.setattr(run, "oracles", lambda scenario: [known])
-    assert run.named(["oracle"], task.scenario) == [known]
-    assert "oracle" in [each.name for each in run.named(None, Scenario())]
+    monkeypatch.setattr(policies, "oracles", lambda scenario: [known])
+    assert policies.named(["oracle"], on(task.scenario)) == [known]
+    assert "oracle" in [each.name for each in policies.named(None, on(Scenario()))]
     play_all(task, [known, spec("one")], folder)
-    assert read_result(folder / "oracle.json.xz").episodes["return"] == [1000.0] * 4
+    assert only(folder / "oracle.json.xz").episodes["return"] == [1000.0] * 4
     assert [each.policy.name for each in recorded_in(folder).episodes] == ["one"] * 3
 
 
@@ -180,14 +180,14 @@ def test_agents_come_from_their_folders(tmp_path: Path, scenario: Scenario, monk
     folders = [tmp_path / f"run{seed}" for seed in (0, 1)]
     for seed, folder in enumerate(folders):
         onnx_agents.run(folder, seed).begin()
-    first, second = run.agents(folders, scenario)
+    first, second = policies.agents(folders, on(scenario))
     assert (first.label, second.label) == ("ppo_short-seed0", "ppo_short-seed1")
     assert first.sha256 != second.sha256
     assert first.tuned_for == ScenarioId.of(onnx_agents.SCENARIO)
     (folders[0] / "policy.zip").write_text("trained anew")
-    assert run.agents(folders[:1], scenario)[0].sha256 != first.sha256
+    assert policies.agents(folders[:1], on(scenario))[0].sha256 != first.sha256
     with pytest.raises(ResultError, match=r"nowhere.* holds no training run"):
-        run.agents([tmp_path / "nowhere"], scenario)
+        policies.agents([tmp_path / "nowhere"], on(scenario))
 
 
 @pytest.mark.slow
@@ -197,19 +197,19 @@ def test_agents_come_from_files_and_act_as_those_of_the_folders(
     monkeypatch.setattr(training, "load_actor", lambda run: onnx_agents.remembering(run.seed))
     onnx_agents.run(tmp_path / "run", 2).begin()
     path = onnx_agents.write(tmp_path, 2, memory=True)
-    from_file, from_folder = (run.agents([each], task.scenario)[0] for each in (path, tmp_path / "run"))
+    from_file, from_folder = (policies.agents([each], on(task.scenario))[0] for each in (path, tmp_path / "run"))
     assert from_file.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     assert from_file.identity | {"name": "ppo_short", "sha256": from_folder.sha256} == from_folder.identity
     mine, its = (play_spec(each, task.scenario, task.seeds) for each in (from_file, from_folder))
     for name, values in mine.items():
         np.testing.assert_allclose(values, its[name], rtol=1e-4, atol=1e-3)
     with pytest.raises(ResultError, match="ppo-seed2, which another"):
-        run.agents([path, path], task.scenario)
+        policies.agents([path, path], on(task.scenario))
     with pytest.raises(ResultError, match="cannot play 'shift'"):
-        run.agents([path], Scenario.load("shift"))
+        policies.agents([path], on(Scenario.load("shift")))
     path.write_bytes(b"damaged")
     with pytest.raises(ResultError, match=r"no agent can be loaded from .*ppo-seed2\.onnx: .* is no ONNX file"):
-        run.agents([path], task.scenario)
+        policies.agents([path], on(task.scenario))
 
 
 @pytest.mark.slow
@@ -222,7 +222,7 @@ def test_splits_are_played_by_what_was_tuned_for_the_scenario(
     words = ["run", "--results", str(tmp_path / "results"), "--splits", "--seeds", "2", "--split-seeds", "2"]
     assert main([*words, "--policies", "fixed_tuned", "--agents", str(agent_path)]) == 0
     for name in splits:
-        result = read_result(tmp_path / "results" / "RoughTurning-v0" / name / "fixed_tuned.json.xz")
+        result = only(tmp_path / "results" / "RoughTurning-v0" / name / "fixed_tuned.json.xz")
         assert result.policy.tuned_for == ScenarioId.of(Scenario.load("rough_turning"))
     shown = capsys.readouterr().out
     table = shown[shown.index("full cost [min/dm3] of policies tuned for rough_turning") :].splitlines()

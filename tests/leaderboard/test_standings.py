@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from leaderboard import page, shipped, table
+from leaderboard import page, table
+from leaderboard import policies as leaderboard_policies
 from leaderboard.columns import LIMITS, WORKSHOP
 from leaderboard.ranking import Leaderboard
-from leaderboard.result import Result, Task, read_result, result_files
+from leaderboard.result import Result, Task, read_results
 from leaderboard.standings import by_cost, rank
 from tests.leaderboard.conftest import MakeResult, spec
 from tests.leaderboard.test_shipped import RESULTS
@@ -56,7 +57,7 @@ def test_the_full_cost_is_all_cost_over_the_metal(make_result: MakeResult, task:
     "place", ["v0/rough_turning", "v0/worn_lot", "Override-v0/override", "Shift-v0/shift", "Batch-v0/batch_casting"]
 )
 def test_the_full_cost_is_what_the_return_leaves_of_the_worth_of_the_metal(place: str) -> None:
-    results = [read_result(path) for path in result_files(RESULTS / f"RoughTurning-{place}") if "-seed" not in path.name]
+    results = [each for each in read_results(RESULTS / f"RoughTurning-{place}").values() if each.policy.kind != "agent"]
     played = [each for each in results if any(each.episodes["removed"])]
     assert len(played) > 10
     for result in played:
@@ -196,7 +197,7 @@ def test_a_policy_that_never_cuts_has_numbers(make_result: MakeResult) -> None:
 def test_agents_are_one_if_their_training_is_and_none_is_merged_into_one_that_ships(
     make_result: MakeResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(shipped, "agents", lambda: {"a": "ppo", "b": "ppo"})
+    monkeypatch.setattr(leaderboard_policies, "shipped_agents", lambda: {"a": "ppo", "b": "ppo"})
     trained = {0: ("mine", 0.9), 1: ("a", 0.9), 2: ("b", 0.9), 3: ("mine too", 0.9), 4: ("another", 0.99)}
     policies = [spec("ppo", seed=seed, parameters={"gamma": gamma}, sha256=file) for seed, (file, gamma) in trained.items()]
     standings = {each.name: each for each in rank([make_result("ppo", policy=policy) for policy in policies])}

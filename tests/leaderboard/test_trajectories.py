@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from leaderboard import run
+from leaderboard import policies
 from leaderboard.trajectories import MAX_STEPS, SERIES, Trajectory, kept, record
-from tests.leaderboard.conftest import spec
+from tests.leaderboard.conftest import on, spec
 from turning_env import Scenario
 
 
@@ -34,7 +34,7 @@ def test_thinning_loses_no_overload_and_prefers_metal() -> None:
 
 def test_the_means_of_a_part_are_recorded() -> None:
     scenario = Scenario.load("batch_casting")
-    trajectory = record(run.rule("parts_mt", scenario), scenario, 7)
+    trajectory = record(policies.one_named("parts_mt", on(scenario)), scenario, 7)
     assert trajectory.steps == scenario.workpiece.bars
     assert min(trajectory.series["thrust_force"]) > 0.0
     assert min(trajectory.series["power"]) > 0.0

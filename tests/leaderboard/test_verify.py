@@ -8,11 +8,11 @@ from typing import Any, NoReturn
 import numpy as np
 import pytest
 
-from leaderboard import oracles, run, verify
+from leaderboard import policies, verify
 from leaderboard.__main__ import main
-from leaderboard.result import MANIFEST_FILE, Result, Task, read_result, result_folder, write_manifest, write_result
+from leaderboard.result import MANIFEST_FILE, Result, Task, result_folder, write_manifest, write_result
 from leaderboard.verify import Selection
-from tests.leaderboard.conftest import ENV_ID, spec
+from tests.leaderboard.conftest import ENV_ID, on, only, spec
 from tests.train import onnx_agents
 from turning_env import Scenario
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_spec, play_together
@@ -43,15 +43,15 @@ def played(tmp_path_factory: pytest.TempPathFactory, task: Task) -> Path:
     """A folder of results: a rule, a rule on a split, and an oracle."""
     folder = tmp_path_factory.mktemp("shipped")
     split = Task(env_id=ENV_ID, scenario=Scenario.load("harder_lot"), seeds=[5])
-    fill(folder, task.model_copy(update={"scenario": SHORT}), [ORACLE, run.rule(RULE, SHORT)])
-    fill(folder, split, [run.rule(RULE, split.scenario, Scenario.load("rough_turning"))])
+    fill(folder, task.model_copy(update={"scenario": SHORT}), [ORACLE, policies.one_named(RULE, on(SHORT))])
+    fill(folder, split, [policies.one_named(RULE, on(split.scenario), Scenario.load("rough_turning"))])
     return folder
 
 
 @pytest.fixture
 def shipped(tmp_path: Path, played: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of what was played."""
-    monkeypatch.setattr(oracles, "oracles", lambda scenario: [ORACLE] if scenario == SHORT else [])
+    monkeypatch.setattr(policies, "oracles", lambda scenario: [ORACLE] if scenario == SHORT else [])
     shutil.copytree(played, tmp_path, dirs_exist_ok=True)
     return tmp_path
 
@@ -60,7 +60,7 @@ def shipped(tmp_path: Path, played: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
 def with_agent(shipped: Path, task: Task) -> Path:
     """The same with an agent."""
     path = onnx_agents.write(result_folder(shipped / "agents", ENV_ID, SHORT.name))
-    fill(shipped, task.model_copy(update={"scenario": SHORT}), [run.agent(path, SHORT)])
+    fill(shipped, task.model_copy(update={"scenario": SHORT}), [policies.agents([path], on(SHORT))[0]])
     return shipped
 
 
@@ -76,9 +76,14 @@ def file_of(shipped: Path, label: str, scenario: str = "short") -> Path:
     return shipped / "results" / ENV_ID / scenario / f"{label}.json.xz"
 
 
+def place(path: Path) -> str:
+    """Return how a complaint names a policy's result."""
+    return str(path).removesuffix(".json.xz")
+
+
 def rewrite(path: Path, episodes: dict[str, list[float]] | None = None, task: Task | None = None, **policy: object) -> None:
     """Write a result with other episodes, another task or a changed policy, and the manifest that belongs to it."""
-    old = read_result(path)
+    old = only(path)
     changed = {name: np.array(values) for name, values in (old.episodes | (episodes or {})).items()}
     known: PolicySpec = old.policy.model_copy(update=policy)
     path.unlink()
@@ -95,21 +100,21 @@ def test_what_was_played_comes_back(with_agent: Path) -> None:
 @pytest.mark.slow
 def test_a_changed_bit_is_found(with_agent: Path) -> None:
     path = file_of(with_agent, "ppo-seed0")
-    returns = read_result(path).episodes["return"]
+    returns = only(path).episodes["return"]
     nudged = [*returns[:3], float(np.nextafter(returns[3], np.inf))]
     rewrite(path, {"return": nudged, "stopped_time": [-0.0] * 4})
     assert checked(with_agent) == []
     first, second = complaints(with_agent)
-    assert first.startswith(f"{path}: return differs for 1 of 4 seeds, by up to ")
+    assert first.startswith(f"{place(path)}: return differs for 1 of 4 seeds, by up to ")
     assert 0 < float(first.split()[-1]) < 1e-10
-    assert second == f"{path}: stopped_time differs for 4 of 4 seeds, by up to 0"
+    assert second == f"{place(path)}: stopped_time differs for 4 of 4 seeds, by up to 0"
 
 
 def test_another_model_and_other_presets_are_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     changed, load = Scenario.model_validate({"name": "harder_lot", "limits": {"power": 6.0}}), Scenario.load
     monkeypatch.setattr(Scenario, "load", lambda source: changed if source == "harder_lot" else load(source))
     path = file_of(shipped, RULE, "harder_lot")
-    assert checked(shipped) == [f"{path}: is not of the present preset 'harder_lot': values differ"]
+    assert checked(shipped) == [f"{place(path)}: is not of the present preset 'harder_lot': values differ"]
     monkeypatch.setattr(verify, "MODEL_VERSION", 10**6)
     found = checked(shipped)
     assert len(found) == 3
@@ -120,14 +125,16 @@ def test_another_model_and_other_presets_are_found(shipped: Path, monkeypatch: p
 def test_other_rules_are_found(shipped: Path, changed: str) -> None:
     path = file_of(shipped, RULE)
     rewrite(path, **{changed: {"parameters": {"cutting_speed": 1.0}, "version": 9}[changed]})
-    assert checked(shipped) == complaints(shipped, ONE_RULE) == [f"{path}: {RULE} is no longer what played: {changed} differ"]
+    assert (
+        checked(shipped) == complaints(shipped, ONE_RULE) == [f"{place(path)}: {RULE} is no longer what played: {changed} differ"]
+    )
 
 
 def test_policies_that_are_gone_are_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rewrite(file_of(shipped, RULE), name="forgotten")
     assert "forgotten cannot play: no controller is called 'forgotten'" in checked(shipped)[0]
-    monkeypatch.setattr(oracles, "oracles", lambda scenario: [])
-    assert checked(shipped)[1:] == [f"{file_of(shipped, 'oracle')}: there is no oracle 'oracle' for scenario 'short'"]
+    monkeypatch.setattr(policies, "oracles", lambda scenario: [])
+    assert "oracle cannot play: no controller is called 'oracle'" in checked(shipped)[1]
 
 
 def test_a_manifest_that_disagrees_is_found(shipped: Path) -> None:
@@ -136,7 +143,7 @@ def test_a_manifest_that_disagrees_is_found(shipped: Path) -> None:
     before = manifest.read_text()
     rewrite(path, {"wear": [0.0] * 4})
     manifest.write_text(before)
-    assert checked(shipped) == [f"{path}: {MANIFEST_FILE} beside it says otherwise: run python -m leaderboard run again"]
+    assert checked(shipped) == [f"{place(path)}: {MANIFEST_FILE} beside it says otherwise: run python -m leaderboard run again"]
     manifest.unlink()
     assert len(checked(shipped)) == 2
 
@@ -149,7 +156,7 @@ def test_agents_without_file_or_result_are_found(with_agent: Path) -> None:
     (agents / "another_name.onnx").unlink()
     other = onnx_agents.write(agents, seed=1)
     unplayed = f"{other}: has no result in {result.parent}"
-    gone = f"{result}: ppo-seed0 is no longer what played: none of the agents' files has its SHA-256"
+    gone = f"{place(result)}: ppo-seed0 is no longer what played: none of the agents' files has its SHA-256"
     assert checked(with_agent) == [gone, unplayed]
     assert complaints(with_agent, Selection(policies=["ppo-seed0"])) == [gone]
     assert checked(with_agent, Selection(policies=["ppo-seed1", "oracle"])) == [unplayed]
@@ -180,12 +187,12 @@ def test_what_came_back_is_not_played_again(with_agent: Path, monkeypatch: pytes
 
 def test_a_quick_look_is_at_the_shortest_episodes(shipped: Path) -> None:
     path = file_of(shipped, RULE)
-    episodes = {name: np.array(values) for name, values in read_result(path).episodes.items()}
+    episodes = {name: np.array(values) for name, values in only(path).episodes.items()}
     by_length = np.argsort(episodes["steps"], kind="stable")
     episodes["wear"][by_length[0]] = episodes["return"][by_length[3]] = 0.0
     rewrite(path, {name: episodes[name].tolist() for name in ("return", "wear")})
     (quick,) = complaints(shipped, ONE_RULE, seeds=2)
-    assert quick.startswith(f"{path}: wear differs for 1 of 2 seeds")
+    assert quick.startswith(f"{place(path)}: wear differs for 1 of 2 seeds")
     assert not (shipped / "verified.json").exists()
     (shipped / "verified.json").write_text("[]")  # of a verification that was interrupted
     complaints(shipped, ONE_RULE, seeds=2)
@@ -239,7 +246,7 @@ def test_command_line(with_agent: Path, capsys: pytest.CaptureFixture[str]) -> N
 def test_earning_too_much_is_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(verify, "CLAIRVOYANT", "oracle")
     path = file_of(shipped, RULE)
-    returns = read_result(path).episodes["return"]
+    returns = only(path).episodes["return"]
     rewrite(path, {"return": [*returns[:-1], 1e6]})
     (found,) = [complaint for complaint in complaints(shipped, ONE_RULE) if "beyond" in complaint]
-    assert found.startswith(f"{path}: beyond the clairvoyant bound for 1 seeds, by up to 99")
+    assert found.startswith(f"{place(path)}: beyond the clairvoyant bound for 1 seeds, by up to 99")

@@ -20,7 +20,7 @@ from google.protobuf import json_format
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from leaderboard.result import Result, ResultError, read_part, read_result, write_part
+from leaderboard.result import Result, ResultError, ResultFile, read_part, write_part
 from leaderboard.trajectories import Trajectories
 from tests.turning_nc.test_program import TEXT
 from train.agents import agent_file, network
@@ -120,7 +120,7 @@ def _measurements(table: Measurements, folder: Path) -> None:
     assert table.edges is None or table.edges.shape == table.lines.shape
 
 
-def _part(part: Result | Trajectories, folder: Path) -> None:
+def _part(part: ResultFile | Trajectories, folder: Path) -> None:
     write_part(part, folder / "again.json")
     assert read_part(type(part), folder / "again.json") == part
 
@@ -144,10 +144,11 @@ def smallest(folder: Path, pattern: str) -> list[Path]:
 @cache
 def small_result() -> bytes:
     """Return the smallest result that ships, of three seeds."""
-    whole = read_result(smallest(_RESULTS, "*/*/[!t]*.json.xz")[0])
+    whole = read_part(ResultFile, smallest(_RESULTS, "*/*/results.json.xz")[0]).results[0]
     episodes = {name: np.array(values[:3]) for name, values in whole.episodes.items()}
     task = whole.task.model_copy(update={"seeds": whole.task.seeds[:3]})
-    return Result.of(task, whole.policy, episodes).model_dump_json(by_alias=True).encode()
+    file = ResultFile(task=task, results=[Result.of(task, whole.policy, episodes)])
+    return file.model_dump_json(by_alias=True).encode()
 
 
 @cache
@@ -194,7 +195,7 @@ READERS = {
     ),
     "result": Reader(
         ".json",
-        partial(read_part, Result),
+        partial(read_part, ResultFile),
         ResultError,
         lambda: (small_result(), lzma.compress(small_result(), preset=0)),
         _part,

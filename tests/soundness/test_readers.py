@@ -9,19 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from leaderboard.result import ResultError, read_result
+from leaderboard.result import ResultError, read_file
 from tests.soundness.acting import tried
 from tests.soundness.readers import READERS, ROOT, attempt, damages, small_result, smallest
 from train.agents import agent_file, onnx_policy
 from turning_env import Scenario, ScenarioError
 
-RESULT = smallest(ROOT / "leaderboard" / "results", "*/*/[!t]*.json.xz")[0]
+RESULT = smallest(ROOT / "leaderboard" / "results", "*/*/results.json.xz")[0]
 
 
 def tampered() -> bytes:
     """Return a result with another return, so that its checksum no longer matches."""
     values = json.loads(small_result())
-    values["episodes"]["return"][0] += 1.0
+    values["results"][0]["episodes"]["return"][0] += 1.0
     return json.dumps(values).encode()
 
 
@@ -67,8 +67,8 @@ def test_a_compressed_result_is_read_or_refused(tmp_path: Path, content: bytes) 
     path = tmp_path.joinpath(*RESULT.parts[-3:])
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
-    result = attempt(read_result, path, ResultError)
-    assert result is None or result == read_result(RESULT)
+    result = attempt(read_file, path, ResultError)
+    assert result is None or result == read_file(RESULT)
 
 
 @pytest.mark.slow
