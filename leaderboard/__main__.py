@@ -77,7 +77,8 @@ def _run(options: argparse.Namespace) -> None:
         leaderboards = read_leaderboards(options.results, {each.folder: each.task for each in runs})
     except ResultError as error:
         raise ResultError("; ".join(map(str, failed or [error]))) from None
-    played = [each for each in leaderboards if each.task in tasks]
+    asked = {task.digest for task in tasks}
+    played = [each for each in leaderboards if each.task.digest in asked]
     _print(played, options.json)
     path = options.results / PAGE
     _write_page(leaderboards, path)

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from leaderboard.policies import AGENTS, is_own
+from leaderboard import policies
+from leaderboard.policies import is_own
 from leaderboard.result import (
     MANIFEST_FILE,
     TRAJECTORIES_FILE,
@@ -126,13 +127,13 @@ def _place(folder: Path) -> tuple[int, str, bool, str]:
 def _trainings(folder: Path, results: list[Result]) -> dict[str, Training]:
     """Read learning curves: those of the project's agents stand beside these, one's own in the folder."""
     task = results[0].task
-    theirs = read_trainings(result_folder(AGENTS, task.env_id, task.home), task)
-    own, policies = read_trainings(folder, task), {result.policy.label: result.policy for result in results}
+    theirs = read_trainings(result_folder(policies.AGENTS, task.env_id, task.home), task)
+    own, players = read_trainings(folder, task), {result.policy.label: result.policy for result in results}
     return {
         label: curve
         for found, are_own in ((theirs, False), (own, True))
         for label, curve in found.items()
-        if label in policies and is_own(policies[label]) == are_own
+        if label in players and is_own(players[label]) == are_own
     }
 
 

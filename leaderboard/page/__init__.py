@@ -21,6 +21,7 @@ from leaderboard.result import write_whole
 from leaderboard.standings import highest
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario, presets
+from turning_env.scenario.family import families
 from turning_env.scoring.overload import CONFIDENCE, RESAMPLES
 from turning_render.plot_style import policy_look
 
@@ -104,7 +105,11 @@ def reproducing_command(leaderboard: Leaderboard) -> str:
     task, policies = leaderboard.task, [result.policy for result in leaderboard.results]
     words = ["python", "-m", "leaderboard", "run", "--env", task.env_id]
     tuned_for = {policy.tuned_for.name for policy in policies if policy.kind == "rule" and policy.tuned_for is not None}
-    if tuned_for:  # a split: played with the scenario that it is a split of
+    if task.of_family:
+        known = task.of_family.family.name
+        words += ["--scenario", known if known in families() else "FAMILY.toml", "--split", task.of_family.split]
+        tuned_for = set()
+    elif tuned_for:  # a split: played with the scenario that it is a split of
         words += ["--scenario", min(tuned_for), "--splits"]
     elif task.env_id not in IDS or Scenario.load(IDS[task.env_id]) != task.scenario:
         known = task.scenario.name in presets() and Scenario.load(task.scenario.name) == task.scenario
@@ -114,6 +119,6 @@ def reproducing_command(leaderboard: Leaderboard) -> str:
         "PRIVATE_SEEDS.txt" if task.private else str(len(task.seeds)),
         "--policies",
     ]
-    words += [policy.name for policy in policies if policy.kind != "agent"]
+    words += [policy.name for policy in policies if policy.kind != "agent" and policy.title == policy.name]
     files = [f"{policy.label}{ONNX_SUFFIX}" for policy in policies if policy.kind == "agent"]
     return shlex.join([*words, "--agents", *files] if files else words)

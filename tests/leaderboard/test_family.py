@@ -23,6 +23,7 @@ from turning_env.scoring.policy import Policy, PolicySpec
 
 FAMILY = Family.load(BRIEF)
 JOBS = 16
+SPLITS = ("unseen_jobs", "unseen_machines", "unseen_materials")
 TASK = family_task(FAMILY, None, JOBS)
 
 
@@ -146,7 +147,7 @@ def test_a_family_of_ones_own_is_played_ranked_and_packed(tmp_path: Path, capsys
     printed = capsys.readouterr().out
     assert main([*run, "--policies", "rescaled_grid_search", "--forgets"]) == 0
     assert "rescaled_grid_search without memory between edges" in capsys.readouterr().out
-    folders = [result_folder(tmp_path / "results", FAMILY_ID, f"brief-{split}") for split in ("unseen_jobs", "unseen_machines")]
+    folders = [result_folder(tmp_path / "results", FAMILY_ID, f"brief-{split}") for split in SPLITS]
     before = [read_results(folder) for folder in folders]
     assert main(["pack", *results]) == 0
     assert [read_results(folder) for folder in folders] == before
@@ -154,13 +155,13 @@ def test_a_family_of_ones_own_is_played_ranked_and_packed(tmp_path: Path, capsys
     capsys.readouterr()
     assert main(["show", *results, "--env", FAMILY_ID, "--all", "--json"]) == 0
     boards = json.loads(capsys.readouterr().out)["leaderboards"]
-    assert [board["scenario"] for board in boards] == ["brief-unseen_jobs", "brief-unseen_machines"]
+    assert [board["scenario"] for board in boards] == [f"brief-{split}" for split in SPLITS]
     assert all(each["name"] in printed for each in boards[0]["standings"] if "without" not in each["name"])
     assert main(["cards", *results, "--agents", str(tmp_path / "agents")]) == 0
     card = (tmp_path / "agents" / FAMILY_ID / "brief" / "family_gradient.md").read_text("utf-8")
     for said in (
         "From 3 held-out jobs per split",
-        "| `unseen_jobs` | `unseen_machines` |",
+        "| `unseen_jobs` | `unseen_machines` | `unseen_materials` |",
         "privileged agent",
         "--scenario mine.toml",
     ):

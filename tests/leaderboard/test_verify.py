@@ -229,12 +229,12 @@ def test_command_line(with_agent: Path, capsys: pytest.CaptureFixture[str]) -> N
         assert capsys.readouterr().out == said
     assert main([*arguments, "--check"]) == 0
     assert capsys.readouterr().out == "every result is valid\n"
+    assert main([*arguments, "--policies", "nonsense"]) == 2
+    assert "holds no such results" in capsys.readouterr().err
     file_of(with_agent, RULE).write_bytes(b"damaged")
     for option in ([], ["--check"]):
         assert main([*arguments, *option, "--env", ENV_ID, "--scenario", "short", "--policies", RULE]) == 1
         assert "fixed_handbook.json.xz cannot be read" in capsys.readouterr().out
-    assert main([*arguments, "--policies", "nonsense"]) == 2
-    assert "holds no such results" in capsys.readouterr().err
     for damage in ("{", "[" * 100_000):
         (with_agent / "memory.json").write_text(damage)
         assert main(arguments) == 2
