@@ -106,8 +106,8 @@ def reproducing_command(leaderboard: Leaderboard) -> str:
     words = ["python", "-m", "leaderboard", "run", "--env", task.env_id]
     tuned_for = {policy.tuned_for.name for policy in policies if policy.kind == "rule" and policy.tuned_for is not None}
     if task.of_family:
-        known = task.of_family.family.name
-        words += ["--scenario", known if known in families() else "FAMILY.toml", "--split", task.of_family.split]
+        family = task.of_family.family.name
+        words += ["--scenario", family if family in families() else "FAMILY.toml", "--split", task.of_family.split]
         tuned_for = set()
     elif tuned_for:  # a split: played with the scenario that it is a split of
         words += ["--scenario", min(tuned_for), "--splits"]
