@@ -96,6 +96,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
             self._viewer = viewer(self, self._batch, rendered_envs or num_envs)
         self._all = np.ones(num_envs, np.bool_)
         self._all.flags.writeable = False  # it goes out as a mask in every info
+        self._masks = dict.fromkeys(_MASKS, self._all)
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -145,7 +146,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
                 batch.next_episode(ended)
         if self._viewer is not None:
             self._viewer.note()
-        return batch.observations, rewards, terminated, truncated, final | self._infos(batch.table, self._all)
+        return batch.observations, rewards, terminated, truncated, self._infos(batch.table, self._all) | final
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a frame of each rendered environment: uint8, shape (640, 960, 3)."""
@@ -200,7 +201,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     def _infos(self, table: Array, mask: NDArray[np.bool_]) -> Infos:
         """Return an array per key of the info, each with the mask of the environments that have a value."""
-        infos = info_of(table) | dict.fromkeys(_MASKS, mask)
+        infos = info_of(table) | (self._masks if mask is self._all else dict.fromkeys(_MASKS, mask))
         return infos | {"job": self._batch.job_numbers.copy(), "_job": mask} if self._batch.jobs else infos
 
     def _final_infos(self, ended: NDArray[np.bool_]) -> Infos:

@@ -58,12 +58,14 @@ def write_out(state, scratch, p, first, last, start, observations, table):
     work, report = scratch.work, scratch.report
     write_state(state, report, first, last, p)
     observe(state, work, first, last, p)
+    start = np.uint64(start)  # without a sign, as the numbers of environments
     for k in range(table.shape[0]):
         for i in env_range(first, last):
             table[k, start + i] = report.table[k, i]
-    for i in env_range(first, last):
-        for k in range(p.entries):
-            observations[start + i, k] = work.observation[p.observation_layout[k], i]
+    for k in range(p.entries):
+        place = p.observation_layout[k]
+        for i in env_range(first, last):
+            observations[start + i, k] = work.observation[place, i]
 
 
 @compiled
@@ -154,6 +156,7 @@ class Batch:
         self._scratches = [new_records(SCRATCH, 1) for _ in range(self._threads)]
         self._helpers = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
         self._given = self._actions[0] if self._single else self._actions
+        self._shape = self._given.shape
         self.observation: NDArray[np.float32] = self.observations[0]
         self.report: NDArray[np.float64] = self.table[:, 0]
 
@@ -289,7 +292,7 @@ class Batch:
             self._helpers.shutdown()
 
     def _take(self, actions: Any) -> None:
-        shape = self._given.shape
+        shape = self._shape
         try:
             given = np.asarray(actions)
         except ValueError as error:  # ragged

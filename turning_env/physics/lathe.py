@@ -23,7 +23,7 @@ from turning_env.physics.quantities import END, OVERRIDE, PART, SET_POINT
 from turning_env.physics.report import clear_sums
 from turning_env.physics.sensors import follow_process, read_sensors
 from turning_env.physics.slender_bar import bend_bar, note_stiffness
-from turning_env.physics.spindle import allowed_share, heat_up, idle_power
+from turning_env.physics.spindle import allowed_share, heat_up, idle_power, limit_varies
 from turning_env.physics.surface import draw_reference, roughness
 from turning_env.physics.swarf import clear_chips, start_swarf, tangle, use_up_margin
 from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock, with_tertiary_wear
@@ -183,7 +183,7 @@ def travel(state, work, report, count, p):
     With parts, failed edges are replaced in between. The function adds to the report's sums. In them, ``cost_force``,
     ``cost_power`` and the means are still integrals: [min], [min], [N s] and [kJ].
     """
-    by_equivalent_time = p.wear_rule == EQUIVALENT_TIME
+    by_equivalent_time, varies = p.wear_rule == EQUIVALENT_TIME, limit_varies(p, count)
     for i in range(count):
         work.cut[i], _ = position_in_row(p, i, state.path[i])
         begin_charging(state, work, i)
@@ -193,7 +193,7 @@ def travel(state, work, report, count, p):
         for i in range(count):
             work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time[i])
     for _ in range(p.sub_steps):
-        failed = run_sub_step(state, work, report, count, p)
+        failed = run_sub_step(state, work, report, count, p, varies)
         if failed > 0 and p.action == PART:
             for i in range(count):
                 if work.worn[i] + work.broken[i] > 0:
@@ -210,10 +210,14 @@ def travel(state, work, report, count, p):
 
 
 @compiled_separately
-def run_sub_step(state, work, report, count, p):
-    """Run one sub-step; return the number of environments in which the edge is worn out or broken."""
+def run_sub_step(state, work, report, count, p, varies):
+    """Run one sub-step; return the number of environments in which the edge is worn out or broken.
+
+    ``varies``: whether limits of power do (``spindle.limit_varies``).
+    """
+    delayed = p.delays_commands
     for i in range(count):
-        move(state, work, i, p)
+        move(state, work, i, p, delayed)
     if p.bends:
         for i in range(count):
             note_stiffness(state, work, i)
@@ -280,7 +284,7 @@ def run_sub_step(state, work, report, count, p):
             excess = excess_over_further_limit(p, k, work.log_feed[i], work.log_depth[i], state.log_hardness[i])
             work.over_further[i] = excess if k == 0 else max(work.over_further[i], excess)
     for i in range(count):
-        add_to_sums(state, work, report, i, p)
+        add_to_sums(state, work, report, i, p, varies)
         failed += watch_edge(state, work, i, p, stops)
         leave_metal(state, work, i)
         follow_process(state, work, i, p)
@@ -291,8 +295,8 @@ def run_sub_step(state, work, report, count, p):
 
 
 @compiled
-def move(state, work, i, p):
-    """Let the drives follow their commands, and move the tool."""
+def move(state, work, i, p, delayed):
+    """Let the drives follow their commands, which may be delayed, and move the tool."""
     runs = work.sub_steps_left[i] > 0
     running = 1 if runs else 0
     work.running[i] = running
@@ -301,7 +305,7 @@ def move(state, work, i, p):
     spindle_share = p.spindle_share[i] if runs else 0.0
     feed_share = p.feed_share[i] if runs else 0.0
     speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
-    if p.delays_commands:
+    if delayed:
         held = min(work.sub_steps_held[i], 1.0)
         work.sub_steps_held[i] -= held
         speed = work.next_cutting_speed[i] + (work.held_cutting_speed[i] - work.next_cutting_speed[i]) * held
@@ -345,13 +349,14 @@ def load_edge(state, work, i, p):
 
 
 @compiled
-def add_to_sums(state, work, report, i, p):
+def add_to_sums(state, work, report, i, p, varies):
     """Add the removed metal, and the excess of force and power over their limits, to the report's sums."""
     engaged = work.engaged[i]  # [min]
     seconds = 60.0 * engaged
     force, power = state.thrust_force[i], state.power[i] + idle_power(p, i, state.cutting_speed[i])
     over_force = max(force * p.per_thrust_force_limit[i] - 1.0, work.over_further[i])
-    over_power = max(power * p.per_power_limit[i] / allowed_share(state, i, p) - 1.0, 0.0)
+    share = allowed_share(state, i, p) if varies else 1.0
+    over_power = max(power * p.per_power_limit[i] / share - 1.0, 0.0)
     over = max(over_force, over_power)
     report.engaged_time[i] += seconds
     report.removed[i] += state.cutting_speed[i] * state.feed[i] * state.depth_of_cut[i] * engaged
