@@ -39,8 +39,7 @@ from turning_nc.simulate import with_bars
 from turning_nc.words import NcError
 
 WANTED, TIME_IN_METAL = PARAMETERS[2:4]
-AIR_LOAD = 1.0
-"""Load below which the tool is taken to be in air [%] (assumption): the control has no other sign of it."""
+AIR_LOAD = 1.0  # load below which the tool is taken to be in air [%] (assumption): the control has no other sign of it
 MAX_SUB_STEPS = 10_000
 
 

@@ -1,6 +1,5 @@
-"""Part programs for a lathe's control: write, read, play and adapt them.
+"""Part programs for a lathe's control: read, play, adapt and write them.
 
-``read``, ``write`` and ``simulate`` hold the programs that the project writes; ``blocks`` to ``adapt`` read those of users.
-
-Override laws made from controllers belong in ``train/nc``, which the wheel does not contain.
+``dialects`` (data), ``words``, ``modal`` and ``moves`` read every program; ``stock`` to ``report`` play and adapt those of users;
+``program`` to ``simulate`` write and play the project's own. Policies come from the caller, as in ``train/nc.py``.
 """

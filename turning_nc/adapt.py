@@ -19,16 +19,12 @@ from turning_nc.stock import Values
 from turning_nc.words import NcError, divide
 
 FEED_DECIMALS, FEED_DECIMALS_INCH = 3, 5
-_LIFE_MARGIN = 0.998
-"""Share of the allowed life that is planned for, as words are rounded."""
-_MIN_PRICE, _MAX_PRICE = 1.0, 1e6
-"""Range of prices of an edge's life that are tried [s]."""
-_PRICE_STEP = 1.02
-"""Ratio of prices that is not told apart [-]."""
+_LIFE_MARGIN = 0.998  # share of the allowed life that is planned for, as words are rounded
+_MIN_PRICE, _MAX_PRICE = 1.0, 1e6  # range of prices of an edge's life that are tried [s]
+_PRICE_STEP = 1.02  # ratio of prices that is not told apart [-]
 _CANDIDATES = 61
 
-SAME_DEPTH = 0.02
-"""Relative difference of depths up to which slices of a move are one section of a schedule [-]."""
+SAME_DEPTH = 0.02  # relative difference of depths up to which slices of a move are one section of a schedule [-]
 
 Where = Literal["words", "blocks", "positions"]
 Key = tuple[str, int, tuple[int, int] | None]

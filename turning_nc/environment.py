@@ -19,12 +19,9 @@ from turning_nc.words import NcError, naming, read_program_file
 
 Values = NDArray[np.float64]
 
-MAX_OVERRIDE = 2.0
-"""Highest feed over the programmed feed [-]."""
-TIME_LIMIT = 10.0
-"""Time limit of an episode over the programmed time of its parts [-]."""
-_MIN_SECTION = 0.01
-"""Shallowest depth of cut of a section [mm]; less is air."""
+MAX_OVERRIDE = 2.0  # highest feed over the programmed feed [-]
+TIME_LIMIT = 10.0  # time limit of an episode over the programmed time of its parts [-]
+_MIN_SECTION = 0.01  # shallowest depth of cut of a section [mm]; less is air
 
 
 class ToolPath:

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from types import CodeType
 
-DECIMALS = 12
-"""Decimals of written numbers: at a load of 200 %, the error of a cubic term is at most 4e-6."""
+DECIMALS = 12  # decimals of written numbers: at a load of 200 %, the error of a cubic term is at most 4e-6
 _TOKEN = re.compile(
     r"""\s*(?:(?P<number>\d+\.?\d*|\.\d+)(?![\w.]) | (?P<variable>[\#R]\d+|\$[A-Z_]+(?:\[[A-Z0-9]+\])?)(?!\w) |
     (?P<other><=|>=|[-+*/<>()[\]]|AND\b))\s*""",

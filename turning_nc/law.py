@@ -26,12 +26,9 @@ STATE, GAIN = PARAMETERS[:2]
 """Variables of ``LawWriter``: the override of the last cycle [%], and what is tabulated over the load."""
 READABLE = (LOAD, PATH_VELOCITY, SPINDLE_SPEED, *PARAMETERS)
 WRITABLE = (OVERRIDE, *PARAMETERS)
-MAX_OVERRIDE = 200.0
-"""Highest override that the control allows [%]."""
-MAX_LOAD = 200.0
-"""Load up to which a function is tabulated [%]; beyond, it is constant."""
-GAIN_TOLERANCE = 0.002
-"""Largest error of a tabulated gain: relative, or absolute for gains below 1."""
+MAX_OVERRIDE = 200.0  # highest override that the control allows [%]
+MAX_LOAD = 200.0  # load up to which a function is tabulated [%]; beyond, it is constant
+GAIN_TOLERANCE = 0.002  # largest error of a tabulated gain: relative, or absolute for gains below 1
 
 _NUMBER = r"-?(?:\d{1,12}(?:\.\d{0,12})?|\.\d{1,12})"
 """A number without exponent, because controls read exponents differently."""

@@ -17,8 +17,7 @@ from turning_nc.paths import Corner, Path, Point, arc_of_radius, break_corner
 from turning_nc.words import Line, NcError, PartProgram, Problem, Word
 
 MAX_BLOCKS, MAX_CALLS = 100_000, 8
-MAX_NAMED = 20
-"""Largest number of lines that an error names."""
+MAX_NAMED = 20  # largest number of lines that an error names
 
 Kind = Literal["rapid", "feed", "thread", "dwell"]
 

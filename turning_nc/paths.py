@@ -10,8 +10,7 @@ from turning_nc.words import Problem
 Point = tuple[float, float]
 """Z and X [mm]; X is a radius."""
 
-CHORD = 0.01
-"""Largest distance of an arc from its chords [mm]."""
+CHORD = 0.01  # largest distance of an arc from its chords [mm]
 
 
 @dataclass(frozen=True)

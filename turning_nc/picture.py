@@ -21,8 +21,7 @@ _LOADS = LinearSegmentedColormap.from_list("loads", ["#9ECAE1", BLUE, ORANGE, VE
 _PART = "#B0B0B0"
 _ABOVE: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3, "fontsize": "small", "frameon": False}
 """Place of a legend: above its panel."""
-_TOP = 1.5
-"""Load at which the colours end."""
+_TOP = 1.5  # load at which the colours end
 
 
 def draw(situation: Situation, played: Play, title: str) -> Figure:

@@ -20,8 +20,7 @@ from turning_nc.words import NcError, PartProgram, divide, naming, read_program_
 
 SPEED_DECIMALS, FEED_DECIMALS, LENGTH_DECIMALS, LIMIT_DECIMALS = 1, 3, 3, 1
 """A control's resolution: cutting speed 0.1 m/min, feed 0.001 mm/rev, lengths 0.001 mm, spindle speed 0.1 rev/min."""
-RETRACTION = 10.0
-"""Radial distance by which the tool leaves the cut before it returns [mm] (assumption)."""
+RETRACTION = 10.0  # radial distance by which the tool leaves the cut before it returns [mm] (assumption)
 WARNING = "SIMULATION OUTPUT: NOT FOR A MACHINE WITHOUT REVIEW"
 SAFE_START = "G18 G40 G54 G64 G90 G95 G710 DIAMON"
 """Plane ZX; no tool radius compensation; first zero offset; no stop between blocks; absolute; feed per revolution; mm; X is a
@@ -30,8 +29,6 @@ UNITS = (
     "X: diameter in mm; Z: mm, 0 at the face of the bar; S: cutting speed in m/min (G96); F: feed in mm/rev; "
     "LIMS: highest spindle speed in rev/min"
 )
-NUMBER_STEP = 10
-COMMENT_WIDTH = 100
 
 
 @dataclass(frozen=True)
@@ -41,7 +38,6 @@ class Block:
     z: float  # position of its end [mm]
     cutting_speed: float  # [m/min]
     feed: float  # [mm/rev]
-    note: str = field(default="", compare=False)  # comment on what begins with the block
 
 
 @dataclass(frozen=True)
@@ -206,9 +202,9 @@ def _in_resolution(address: str, value: float, decimals: int, move: Move) -> flo
 
 def write(program: Program, comments: Iterable[str] = ()) -> str:
     """Return the text of a program: warning, comments, units, and numbered blocks."""
-    lines = [f"; {line}" for text in (WARNING, *comments, UNITS) for line in textwrap.wrap(_plain(text), COMMENT_WIDTH) or [""]]
+    lines = [f"; {line}" for text in (WARNING, *comments, UNITS) for line in textwrap.wrap(_plain(text), 100) or [""]]
     for index, block in enumerate(_blocks(program), 1):
-        lines.append(f"N{NUMBER_STEP * index} {block}")
+        lines.append(f"N{10 * index} {block}")
     return "\n".join(lines) + "\n"
 
 
@@ -223,23 +219,19 @@ def _blocks(program: Program) -> Iterator[str]:
     start = f"{program.start:.{LENGTH_DECIMALS}f}"
     for number, blocks in enumerate(program.bars):
         set_points = [(f"S{block.cutting_speed:.{SPEED_DECIMALS}f}", f"F{block.feed:.{FEED_DECIMALS}f}") for block in blocks]
-        yield f"G96 {' '.join(set_points[0])}{limit} M03{_note(f'bar {number + 1}')}"
+        yield f"G96 {' '.join(set_points[0])}{limit} M03 ; bar {number + 1}"
         limit = ""
         yield f"G00 X{across} Z{start}"
         yield f"G00 X{program.diameter:.{LENGTH_DECIMALS}f}"
         for block, before, words in zip(blocks, [set_points[0], *set_points], set_points, strict=False):
             new = [word for word in words if word not in before]
-            yield " ".join((f"G01 Z{block.z:.{LENGTH_DECIMALS}f}", *new)) + _note(block.note)
+            yield " ".join((f"G01 Z{block.z:.{LENGTH_DECIMALS}f}", *new))
         yield f"G00 X{across}"
         yield f"G00 Z{start}"
         yield "M05"
         if number + 1 < len(program.bars):
-            yield f"M00{_note('the next bar is put in')}"
+            yield "M00 ; the next bar is put in"
     yield "M30"
-
-
-def _note(text: str) -> str:
-    return f" ; {_plain(text)}" if text else ""
 
 
 def _plain(text: str) -> str:

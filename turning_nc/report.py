@@ -10,8 +10,7 @@ from turning_nc.adapt import Section
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed
 from turning_nc.stock import volume
 
-MIN_WASTE = 1.0
-"""Time that a block must be able to save to be named [s]."""
+MIN_WASTE = 1.0  # time that a block must be able to save to be named [s]
 MAX_TEXT = 36
 
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from turning_env import Scenario
 from turning_nc.program import FEED_DECIMALS, LENGTH_DECIMALS, SPEED_DECIMALS, Block, rounded_within
 
-TOLERANCE = 0.01
-"""Relative difference up to which successive speeds and feeds merge into one block [-]."""
+TOLERANCE = 0.01  # relative difference up to which successive speeds and feeds merge into one block [-]
 
 
 @dataclass(frozen=True)
@@ -18,7 +17,6 @@ class Segment:
     time: float  # [s]
     cutting_speed: float  # [m/min]
     feed: float  # [mm/rev]
-    note: str = ""
 
 
 def bars_of(scenario: Scenario, segments: Iterable[Segment], tolerance: float) -> tuple[tuple[Block, ...], ...]:
@@ -39,7 +37,7 @@ def bars_of(scenario: Scenario, segments: Iterable[Segment], tolerance: float) -
             last = blocks[-1].z if blocks else workpiece.approach
             if block.z >= last:  # shorter than the resolution
                 continue
-            if blocks and not block.note and (block.cutting_speed, block.feed) == (blocks[-1].cutting_speed, blocks[-1].feed):
+            if blocks and (block.cutting_speed, block.feed) == (blocks[-1].cutting_speed, blocks[-1].feed):
                 blocks[-1] = replace(blocks[-1], z=block.z)
             else:
                 blocks.append(block)
@@ -58,7 +56,7 @@ def _split_by_bar(segments: Iterable[Segment], pitch: float) -> Iterator[list[Se
             share = min(left / segment.length, 1.0)
             of_bar.append(replace(segment, length=left, time=segment.time * share))
             yield of_bar
-            segment = replace(segment, length=segment.length - left, time=segment.time * (1.0 - share), note="")
+            segment = replace(segment, length=segment.length - left, time=segment.time * (1.0 - share))
             of_bar, left = [], pitch
         if segment.length > 1e-6:
             of_bar.append(segment)
@@ -68,13 +66,13 @@ def _split_by_bar(segments: Iterable[Segment], pitch: float) -> Iterator[list[Se
 
 
 def _groups(segments: list[Segment], tolerance: float) -> Iterator[list[Segment]]:
-    """Yield successive segments that become one block. A segment with a note begins a new one."""
+    """Yield successive segments that become one block."""
     group: list[Segment] = []
     max_ratio = 1.0 + tolerance + 1e-12
     for segment in segments:
         speeds = [each.cutting_speed for each in (*group, segment)]
         feeds = [each.feed for each in (*group, segment)]
-        if group and (segment.note or max(speeds) > max_ratio * min(speeds) or max(feeds) > max_ratio * min(feeds)):
+        if max(speeds) > max_ratio * min(speeds) or max(feeds) > max_ratio * min(feeds):
             yield group
             group = []
         group.append(segment)
@@ -91,5 +89,4 @@ def _block(scenario: Scenario, group: list[Segment], z: float) -> Block:
         z,
         rounded_within(distance / time, machine.cutting_speed_min, machine.cutting_speed_max, SPEED_DECIMALS),
         rounded_within(feed, machine.feed_min, machine.feed_max, FEED_DECIMALS),
-        group[0].note,
     )

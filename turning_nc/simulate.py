@@ -16,8 +16,7 @@ from turning_nc.program import Program
 from turning_nc.schedule import TOLERANCE, Segment, bars_of
 from turning_nc.words import NcError
 
-MIN_INTERVAL = 0.001
-"""Shortest control interval that a scenario allows [s]."""
+MIN_INTERVAL = 0.001  # shortest control interval that a scenario allows [s]
 
 Act = Callable[[Observations, dict[str, Any]], Actions]
 """Returns the action, shape (1, actions), for the observation, shape (1, entries), and the ``info`` of the last step."""

@@ -25,14 +25,10 @@ with needed():
 
 Values = NDArray[np.float64]
 
-MAX_SLICES, SLICE = 40, 1.0
-"""Largest number of slices of a move; length of a slice below it [mm]."""
-MIN_DEPTH = 1e-3
-"""Depth of cut below which a move is taken as in air [mm]."""
-COLLISION = 0.5
-"""Area that a rapid move may sweep in metal without a note [mm2]."""
-_EDGE = 25.0
-"""Length of the insert's edges [mm]; longer than a real one's, as the holder follows it."""
+MAX_SLICES, SLICE = 40, 1.0  # largest number of slices of a move; length of a slice below it [mm]
+MIN_DEPTH = 1e-3  # depth of cut below which a move is taken as in air [mm]
+COLLISION = 0.5  # area that a rapid move may sweep in metal without a note [mm2]
+_EDGE = 25.0  # length of the insert's edges [mm]; longer than a real one's, as the holder follows it
 
 
 def _insert(first: float, second: float) -> tuple[Point, ...]:

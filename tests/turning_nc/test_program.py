@@ -22,7 +22,7 @@ def programs(draw: st.DrawFn) -> Program:
         depth, blocks = start, []
         for step in draw(st.lists(st.integers(1, 100_000), min_size=1, max_size=5)):
             depth -= step
-            blocks.append(Block(depth / 1000, draw(SPEEDS), draw(FEEDS), draw(st.text(max_size=10))))
+            blocks.append(Block(depth / 1000, draw(SPEEDS), draw(FEEDS)))
         bars.append(tuple(blocks))
     law = Law(draw(st.sampled_from(([], ONE_LINE, ["$AC_PARAM[2]=-0.5", *ONE_LINE]))))
     return Program(round(draw(FEEDS) * 100, 3), start / 1000, draw(SPEEDS), tuple(bars), law)
