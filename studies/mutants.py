@@ -11,7 +11,6 @@ command continues where it stopped. The exit status is 1 if the tests find a sma
 
 import argparse
 import ast
-import difflib
 import json
 import os
 import shutil
@@ -174,9 +173,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             pool.shutdown(cancel_futures=True)
     alive = [mutant for mutant in drawn if survived[mutant.key]]
     for mutant in sorted(alive):
-        lines = (ROOT / mutant.path).read_text("utf-8").splitlines()
-        difference = list(difflib.unified_diff(lines, mutant.text.splitlines(), n=0, lineterm=""))[3:]
-        print(f"{mutant.path}:{mutant.line}", *difference, sep="\n  ")
+        lines = (text.splitlines()[mutant.line - 1].strip() for text in ((ROOT / mutant.path).read_text("utf-8"), mutant.text))
+        print(f"{mutant.path}:{mutant.line}", *lines, sep="\n  ")
     print(f"{len(drawn) - len(alive)} of {len(drawn)} mutants found ({1 - len(alive) / len(drawn):.1%}), drawn of {len(every)}")
     return 0 if len(alive) <= (1 - options.at_least) * len(drawn) else 1
 

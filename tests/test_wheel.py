@@ -20,7 +20,10 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_wheel_holds_the_packages_of_a_user_and_nothing_else(wheel: Path) -> None:
-    names = zipfile.ZipFile(wheel).namelist()
+    archive = zipfile.ZipFile(wheel)
+    names = archive.namelist()
+    (licence,) = (name for name in names if name.endswith("licenses/LICENSE"))
+    assert archive.read(licence).startswith(b"MIT License")
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == PACKAGES
     packaged = {name for name in names if ".dist-info/" not in name}
     ends = ("py", "toml", "xz", "hal", "ini", "tbl", "html", "js")
