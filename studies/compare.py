@@ -332,8 +332,13 @@ def table(study: Study, variants: Mapping[str, Sequence[Played]]) -> list[str]:
     first, *_ = rows.values()
     found = [row.cells(None if (other := rows.get(study.variants[name].like, first)) is row else other, study.overload_prices)
              for name, row in rows.items()]  # fmt: skip
-    headings = list(dict.fromkeys(heading for cells in sorted(found, key=lambda cells: -len(cells)) for heading in cells))
-    lines = [headings, ["---"] * len(headings), *([cells.get(heading, "") for heading in headings] for cells in found)]
+    return markdown(found)
+
+
+def markdown(rows: Sequence[Mapping[str, str]]) -> list[str]:
+    """Return the lines of a Markdown table of cells by heading."""
+    headings = list(dict.fromkeys(heading for cells in sorted(rows, key=lambda cells: -len(cells)) for heading in cells))
+    lines = [headings, ["---"] * len(headings), *([cells.get(heading, "") for heading in headings] for cells in rows)]
     return [f"| {' | '.join(line)} |" for line in lines]
 
 

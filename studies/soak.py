@@ -23,11 +23,10 @@ import sys
 import time
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, redirect_stdout, suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
-from io import StringIO
 from multiprocessing import get_context
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -45,7 +44,6 @@ from train.run import Run
 from train.training import train
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.console import described, exits
-from turning_env.files import replace_file
 
 Program = Callable[[Path], int]
 """A function that fills a folder, or continues to fill it, and returns the exit status."""
@@ -77,11 +75,7 @@ def tuning_of_rules(folder: Path) -> int:
 def tuning_of_an_agent(folder: Path) -> int:
     """Search for PPO's hyperparameters, which trains an agent per setting."""
     words = ["--algorithm", "ppo", "--scenario", _scenario(folder), "--steps", "4096", "--trials", "3"]
-    with redirect_stdout(StringIO()) as said:
-        status = tune.main([*words, "--runs", str(folder / "runs")])
-    best = said.getvalue().partition(": ")[2]  # without the command, which names the folder, and the trial's number
-    replace_file(folder / "best.txt", lambda path: path.write_text(best, "utf-8"))
-    return status
+    return tune.main([*words, "--runs", str(folder / "runs")])
 
 
 def leaderboard(folder: Path, more: Sequence[str] = ()) -> int:
