@@ -121,7 +121,7 @@ def mutants() -> list[Mutant]:
 def passes(copy: Path, path: str, limit: float | None = None) -> bool:
     """Return whether the fast tests of a file pass in a copy of the repository, each call within a limit [s]."""
     for interpreted, tests in [(False, (OWN[path],))] if path in OWN else [(True, (GOLDEN,)), (False, TESTS)]:
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow", *tests]
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "--timeout", "0", "-m", "not slow", *tests]
         variables = os.environ | {"PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1", "NUMBA_DISABLE_JIT": str(int(interpreted))}
         try:
             subprocess.run(command, cwd=copy, env=variables, capture_output=True, timeout=limit, check=True)
