@@ -1,27 +1,24 @@
 """The page and the printed table."""
 
 import hashlib
-import math
 import re
-import zlib
-from base64 import b64decode, b64encode
+from base64 import b64encode
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from leaderboard import page, table
 from leaderboard.columns import groups
-from leaderboard.page.charts import GAP, LEVELS, chart_data, learning_data, pack, quantise
+from leaderboard.page.charts import chart_data, learning_data
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import Task, result_folder, write_result
 from leaderboard.standings import rank
 from tests.leaderboard.conftest import ENV_ID, MakeResult, play_all, spec
 from train.learning_curves import Training
 from turning_env import Scenario
-from turning_render.plot_style import policy_look, policy_looks
+from turning_render.plot_style import policy_look
 
 HOSTILE = "<script>alert(1)"
 
@@ -47,16 +44,6 @@ def leaderboard(folder: Path) -> Leaderboard:
 def html(leaderboard: Leaderboard) -> str:
     """Their page."""
     return page.render([leaderboard])
-
-
-def test_large_numbers_are_grouped_but_not_in_names_and_seeds(task: Task, tmp_path: Path) -> None:
-    words = {"description": "trained for 12000000 steps on bar-20000", "parameters": {"memory": 1500000, "rate": 0.00012345}}
-    folder = result_folder(tmp_path, ENV_ID, task.scenario.name)
-    play_all(task, [spec("fixed", **words)], folder)
-    html = page.render([read_leaderboard(folder)])
-    for written in ("12,000,000 steps on bar-20000", "memory = 1,500,000", "rate = 0.00012345", f"{task.seeds[0]} to "):
-        assert written in html
-    assert not re.search(r"rough-turning \d", html)  # of the day on which a result was played
 
 
 class Outline(HTMLParser):
@@ -150,17 +137,6 @@ def test_learning_curves_are_averaged_over_training_seeds(leaderboard: Leaderboa
     assert '<div class="learning">' in page.render([replace(leaderboard, trainings=trainings)])
 
 
-def test_packed_values_come_back() -> None:
-    values = np.array([-1.0, 0.25, 3.0, math.nan])
-    lower, upper = (
-        np.frombuffer(zlib.decompress(b64decode(pack(quantise(values, -1.0, 3.0)))), np.uint8).reshape(2, -1).astype(int)
-    )
-    levels = np.cumsum(lower + 256 * upper) % 65536
-    assert levels[-1] == GAP
-    np.testing.assert_allclose(levels[:-1] / LEVELS * 4.0 - 1.0, values[:-1], atol=4.0 / LEVELS)
-    assert quantise([2.0, 2.0], 2.0, 2.0).tolist() == [0, 0]
-
-
 def test_page_without_rules_and_trajectories(leaderboard: Leaderboard) -> None:
     agents = [result for result in leaderboard.results if result.policy.kind == "agent"]
     html = page.render([Leaderboard(leaderboard.task, agents, rank(agents), None, [])])
@@ -176,13 +152,6 @@ def test_what_a_task_is_about_comes_first(preset: str, first: str, task: Task, m
     shown = groups(rank([make_result("one", on=task.model_copy(update={"scenario": Scenario.load(preset)}))]))
     assert next(iter(shown.values()))[0].field == first
     assert sum(column.field == first for group in shown.values() for column in group) == 1
-
-
-def test_a_policy_looks_the_same_everywhere_and_unlike_the_others_beside_it() -> None:
-    names = ["mine", "yours", "theirs", "ppo-seed0", "grid_search", "ppo-seed1", "analytic_gradient"]
-    looks = dict(zip(names, policy_looks(names), strict=True))
-    assert len({colour for colour, _ in looks.values()}) == len(names)
-    assert [looks[name] for name in ("mine", "ppo-seed0")] == [policy_look("mine"), policy_look("ppo")]
 
 
 def test_table_lists_policies_by_rank(leaderboard: Leaderboard) -> None:

@@ -221,17 +221,6 @@ def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open) -> None:
     assert "limit" in str(inner.get_by_role("img", name="thrust force [N] over path [mm]").get_attribute("aria-label"))
 
 
-@pytest.mark.parametrize("width", [360, 1280])
-def test_learning_curves_tell_their_values(opened: Open, width: int) -> None:
-    shown = opened(width=width)
-    chart = shown.get_by_role("img", name="Return per training episode")
-    expect(chart.locator(".learned")).to_have_count(1)
-    expect(shown.locator(".learning:visible .legend")).to_have_text("ppo, 2 training seeds")
-    chart.hover(position={"x": box_of(chart)["width"] - 11, "y": 60})
-    expect(shown.locator(".learning:visible .readout")).to_have_text(re.compile("at (1.99|2):.*ppo \u22120.5 \\(\u22121 to 0\\)"))
-    assert width_beyond(shown) == 0
-
-
 def test_the_keyboard_is_enough(opened: Open) -> None:
     shown = opened()
     target = row(shown, "grid_search")
@@ -251,17 +240,6 @@ def test_the_keyboard_is_enough(opened: Open) -> None:
     expect(target).to_have_attribute("aria-expanded", "false")
     expect(target).to_be_focused()
     assert shown.locator(".inner:visible").count() == 0
-
-
-def test_light_and_dark(opened: Open) -> None:
-    shown = opened(color_scheme="light")
-    paper, light = "getComputedStyle(document.body).backgroundColor", "rgb(255, 255, 255)"
-    assert shown.evaluate(paper) == light
-    shown.get_by_label("Theme").select_option("dark")
-    shown.reload()
-    assert shown.evaluate(paper) == opened(color_scheme="dark").evaluate(paper) != light
-    shown.get_by_label("Theme").select_option(label="◐ system")
-    assert shown.evaluate(paper) == light
 
 
 @pytest.mark.parametrize("width", [360, 1280])

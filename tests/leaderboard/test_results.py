@@ -18,11 +18,9 @@ from leaderboard.result import (
     ResultError,
     Task,
     read_part,
-    result_files,
     result_folder,
     result_path,
     write_manifest,
-    write_part,
     write_result,
 )
 from tests.leaderboard.conftest import MakeResult, only, spec
@@ -172,17 +170,3 @@ def test_leaderboards_come_in_the_order_of_ids_and_then_of_scenarios(tmp_path: P
 def test_no_results_say_how_to_make_some(tmp_path: Path) -> None:
     with pytest.raises(ResultError, match="leaderboard run"):
         read_leaderboards(tmp_path / "nowhere")
-
-
-def test_a_broken_write_leaves_the_old_file(make_result: MakeResult, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = written(make_result("rule"), folder)
-
-    def full(self: Path, target: Path) -> Path:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "replace", full)
-    with pytest.raises(OSError, match="No space left"):
-        write_part(make_result("rule", wear=1.0), path)
-    assert only(path).episodes["wear"] == [0.0] * 4
-    (folder / ".partial-1-other.json.xz").write_text("{")  # what a killed write leaves is no result
-    assert result_files(folder) == [path]

@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from leaderboard import policies, run
+from leaderboard import policies
 from leaderboard.__main__ import main
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import ResultError, Task, read_part
 from leaderboard.run import PoliciesFailed
-from leaderboard.trajectories import RECORDED_SEEDS, Trajectories, record
+from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
 from tests.leaderboard.conftest import Steady, on, only, play_all, spec
 from tests.train import onnx_agents
 from train import training
 from turning_env import Scenario
 from turning_env.scoring import play as playing
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play, play_spec
-from turning_env.scoring.policy import PolicyFactory, PolicySpec, ScenarioId
+from turning_env.scoring.policy import ScenarioId
 
 
 @pytest.fixture
@@ -78,17 +78,6 @@ def test_an_interrupted_run_goes_on(task: Task, folder: Path, played: list[float
     assert played == pytest.approx([0.1, 0.2])
 
 
-def test_an_unreadable_file_is_played_again_or_else_skipped(task: Task, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    play_all(task, [spec("one")], folder)
-    for name in ("one", "trajectories", "foreign"):
-        (folder / f"{name}.json.xz").write_text("{")
-    play_all(task, [spec("one")], folder)
-    assert f"skipped: {folder / 'foreign.json.xz'}" in capsys.readouterr().err
-    only(folder / "one.json.xz")
-    assert len(recorded_in(folder).episodes) == RECORDED_SEEDS
-    assert [standing.name for standing in read_leaderboard(folder).standings] == ["one"]
-
-
 def test_an_agent_trained_anew_takes_the_place_of_its_result_and_stands_beside_other_trainings(
     task: Task, folder: Path, played: list[float], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -124,28 +113,6 @@ def test_trajectories_are_of_every_policy_on_the_first_seeds(task: Task, folder:
     # A later run that lacks a policy keeps its trajectory.
     play_all(task, policies[:1], folder)
     assert recorded_in(folder) == recorded
-
-
-def test_interrupted_recording_keeps_what_is_finished(task: Task, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    ordered = []
-
-    def interrupted(policy: PolicySpec, scenario: Scenario, seed: int, make: PolicyFactory):
-        if len(ordered) == 4:
-            raise KeyboardInterrupt
-        ordered.append((policy.name, seed))
-        return record(policy, scenario, seed, make)
-
-    monkeypatch.setattr(run, "record", interrupted)
-    policies = [spec("one"), spec("two", (0.0, 0.1))]
-    with pytest.raises(KeyboardInterrupt):
-        play_all(task, policies, folder)
-    kept = recorded_in(folder).episodes
-    assert [(each.policy.name, each.seed) for each in kept] == ordered[:3]  # a policy's are kept together
-    monkeypatch.setattr(run, "record", record)
-    play_all(task, policies, folder)
-    whole = recorded_in(folder).episodes
-    assert whole[:3] == kept
-    assert len(whole) == 6
 
 
 def test_rules_come_from_the_catalogue() -> None:

@@ -3,7 +3,6 @@
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
 
 import numpy as np
 import pytest
@@ -15,8 +14,8 @@ from leaderboard.verify import Selection
 from tests.leaderboard.conftest import ENV_ID, on, only, spec
 from tests.train import onnx_agents
 from turning_env import Scenario
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_spec, play_together
-from turning_env.scoring.policy import PolicyFactory, PolicySpec
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_spec
+from turning_env.scoring.policy import PolicySpec
 
 RULE = "fixed_handbook"
 SHORT = onnx_agents.SCENARIO
@@ -110,17 +109,6 @@ def test_a_changed_bit_is_found(with_agent: Path) -> None:
     assert second == f"{place(path)}: stopped_time differs for 4 of 4 seeds, by up to 0"
 
 
-def test_another_model_and_other_presets_are_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    changed, load = Scenario.model_validate({"name": "harder_lot", "limits": {"power": 6.0}}), Scenario.load
-    monkeypatch.setattr(Scenario, "load", lambda source: changed if source == "harder_lot" else load(source))
-    path = file_of(shipped, RULE, "harder_lot")
-    assert checked(shipped) == [f"{place(path)}: is not of the present preset 'harder_lot': values differ"]
-    monkeypatch.setattr(verify, "MODEL_VERSION", 10**6)
-    found = checked(shipped)
-    assert len(found) == 3
-    assert all("which is now 1000000" in complaint for complaint in found)
-
-
 @pytest.mark.parametrize("changed", ["parameters", "version"])
 def test_other_rules_are_found(shipped: Path, changed: str) -> None:
     path = file_of(shipped, RULE)
@@ -163,28 +151,6 @@ def test_agents_without_file_or_result_are_found(with_agent: Path) -> None:
     assert checked(with_agent, Selection(policies=["oracle"])) == []
 
 
-@pytest.mark.slow
-def test_what_came_back_is_not_played_again(with_agent: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    played: list[str] = []
-    compare = verify.differences
-
-    def interrupted(result: Result, *others: Episodes) -> list[str]:
-        if len(played) == 2:
-            raise KeyboardInterrupt
-        played.append(result.policy.name)
-        return compare(result, *others)
-
-    monkeypatch.setattr(verify, "differences", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        complaints(with_agent)
-    assert (with_agent / "verified.json").exists()
-    first, played[:] = list(played), ["0"] * 3
-    assert complaints(with_agent) == []
-    assert len(played[3:]) == 2
-    assert not (with_agent / "verified.json").exists()
-    assert sorted([*first, *played[3:]]) == sorted([RULE, RULE, "oracle", "ppo"])
-
-
 def test_a_quick_look_is_at_the_shortest_episodes(shipped: Path) -> None:
     path = file_of(shipped, RULE)
     episodes = {name: np.array(values) for name, values in only(path).episodes.items()}
@@ -198,25 +164,6 @@ def test_a_quick_look_is_at_the_shortest_episodes(shipped: Path) -> None:
     complaints(shipped, ONE_RULE, seeds=2)
     assert (shipped / "verified.json").exists()
     assert len(complaints(shipped, ONE_RULE)) == 2
-
-
-@pytest.mark.slow
-def test_policies_play_a_quick_look_together_or_else_alone(with_agent: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    played: list[int] = []
-
-    def together(policies: Sequence[PolicyFactory], *rest: Any) -> list[list[Episodes]]:
-        played.append(len(policies))
-        return play_together(policies, *rest)
-
-    monkeypatch.setattr(verify, "play_together", together)
-    assert complaints(with_agent, seeds=2) == []
-    assert played == [2]
-
-    def failing(*_: object) -> NoReturn:
-        raise ValueError("one of them cannot play")
-
-    monkeypatch.setattr(verify, "play_together", failing)
-    assert complaints(with_agent, seeds=2) == []
 
 
 @pytest.mark.slow

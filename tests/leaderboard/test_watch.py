@@ -84,16 +84,3 @@ def test_bad_input_gets_a_message(arguments: list[str], message: str, tmp_path: 
     assert not list(tmp_path.iterdir())
     assert main(["--policy", "grid_search", "--beside", "fixed_handbook", "--human"]) == 2
     assert "error: --human shows one policy" in capsys.readouterr().err
-
-
-def test_what_is_interrupted_leaves_nothing(
-    short: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupt(show: Show) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Show, "advance", interrupt)
-    for name in ("cut.mp4", "cut.gif"):
-        assert main([*short, "--policy", "fixed_handbook", "--out", str(tmp_path / "new" / name)]) == 130
-        assert "interrupted" in capsys.readouterr().err
-    assert not list((tmp_path / "new").iterdir())
