@@ -7,7 +7,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -23,12 +23,10 @@ from leaderboard.run import Attempt, attempt
 from train.agents import onnx_policy
 from train.agents.onnx_policy import LIMITS
 from turning_env import MODEL_VERSION, Scenario, presets
-from turning_env.scoring.play import Episodes, play_together
+from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.workers import Workers, spread
 
-MAX_SHARED = 32
-"""Number of seeds on a task that policies play together."""
 BOUND_SEEDS = 4
 """Seeds of a result in a quick look for one of a bound, which takes seconds per seed."""
 
@@ -150,47 +148,33 @@ def _examine(results: Path, agents: Path, selection: Selection) -> tuple[dict[Pa
 
 
 class _Piece(NamedTuple):
-    """Policies that play the same tasks, each with the seeds of every policy."""
+    """What one policy plays: tasks, each with its seeds."""
 
-    players: list[PolicySpec | Path]
+    player: PolicySpec | Path
     forgets: bool
-    tasks: list[tuple[Task, list[list[int]]]]
+    tasks: list[tuple[Task, list[int]]]
 
 
 def _pieces(wanted: Mapping[Path, _Found], seeds: int | None) -> list[tuple[list[Path], _Piece]]:
-    """Return results, by policy and then by task, and what comes back if they are right; long pieces first.
+    """Return results by policy, and what comes back if they are right; long pieces first.
 
-    An agent's file plays all its tasks in one piece. Policies with few seeds on the same tasks share a piece, but not oracles and
-    policies of families.
+    An agent's file plays all its tasks in one piece.
     """
-    chosen = {path: _chosen(each.result, seeds) for path, each in wanted.items()}
-
-    def steps(paths: Sequence[Path]) -> float:
-        """Return the steps of its tasks; a bound has none, and takes as long as any."""
-        return sum(max(np.array(wanted[path].result.episodes["steps"])[chosen[path]]) or math.inf for path in paths)
-
-    def seeds_of(path: Path) -> list[int]:
-        return [wanted[path].result.task.seeds[i] for i in chosen[path]]
-
     by_player: dict[tuple[Path, bool], list[Path]] = {}
     for path, each in wanted.items():
         key = each.player if isinstance(each.player, Path) else path
         by_player.setdefault((key, each.result.policy.forgets), []).append(path)
-    sharing: dict[tuple[Path, ...], list[list[Path]]] = {}
-    for paths in by_player.values():
-        first = wanted[paths[0]].result
-        alone = first.policy.kind == "oracle" or first.task.of_family is not None
-        sharing.setdefault(tuple(paths if alone else (path.parent for path in paths)), []).append(paths)
-    size = max(1, MAX_SHARED // seeds) if seeds else 1
     pieces: list[tuple[float, list[Path], _Piece]] = []
-    for group in sharing.values():
-        ordered = sorted(group, key=steps)  # those that share take as long as the longest
-        for members in (ordered[k : k + size] for k in range(0, len(ordered), size)):
-            who = [player for paths in members if (player := wanted[paths[0]].player) is not None]
-            by_task = list(zip(*members, strict=True))
-            tasks = [(wanted[paths[0]].result.task, [seeds_of(path) for path in paths]) for paths in by_task]
-            piece = _Piece(who, wanted[members[0][0]].result.policy.forgets, tasks)
-            pieces.append((sum(map(steps, members)), [path for paths in members for path in paths], piece))
+    for (_, forgets), paths in by_player.items():
+        steps, tasks = 0.0, []
+        for path in paths:
+            result = wanted[path].result
+            chosen = _chosen(result, seeds)
+            steps += max(np.array(result.episodes["steps"])[chosen]) or math.inf  # a bound has none, and takes as long as any
+            tasks.append((result.task, [result.task.seeds[place] for place in chosen]))
+        player = wanted[paths[0]].player
+        assert player is not None
+        pieces.append((steps, paths, _Piece(player, forgets, tasks)))
     return [(paths, piece) for _, paths, piece in sorted(pieces, key=lambda each: -each[0])]
 
 
@@ -203,30 +187,15 @@ def _chosen(result: Result, seeds: int | None) -> list[int]:
 
 
 def _attempts(piece: _Piece) -> list[Attempt]:
-    """Play every policy on every task: a single policy one task after another, several together.
-
-    An agent's file plays in one process, which may use as much as one for each task.
-    """
-    players, forgets, tasks = piece
+    """Play one task after another; an agent's file in one process, which may use as much as one for each task."""
+    player, forgets, tasks = piece
     limits = replace(LIMITS, computing=LIMITS.computing * len(tasks))
     try:
-        with ExitStack() as held:
-            opened = (onnx_policy.opened(each, limits) if isinstance(each, Path) else nullcontext(each) for each in players)
-            specs = [held.enter_context(each) for each in opened]
-            fit = [
-                [fitted(spec, task, forgets) if isinstance(player, Path) else spec for task, _ in tasks]
-                for player, spec in zip(players, specs, strict=True)
-            ]
-            if len(specs) == 1:
-                return [attempt((spec, task.scenario, own)) for spec, (task, (own,)) in zip(fit[0], tasks, strict=True)]
-            played = play_together([spec.make for spec in specs], [(task.scenario, own) for task, own in tasks])
-            return [episodes for of_policy in played for episodes in of_policy]
+        with onnx_policy.opened(player, limits) if isinstance(player, Path) else nullcontext(player) as spec:
+            fit = [fitted(spec, task, forgets) if isinstance(player, Path) else spec for task, _ in tasks]
+            return [attempt((each, task.scenario, own)) for each, (task, own) in zip(fit, tasks, strict=True)]
     except (OSError, ValueError) as error:
-        if len(players) == 1:
-            return [ResultError(f"no agent can be loaded: {error}") for _ in tasks]
-    # One of them cannot play; the others can.
-    alone = [_Piece([player], forgets, [(task, [own[k]]) for task, own in tasks]) for k, player in enumerate(players)]
-    return [found for each in alone for found in _attempts(each)]
+        return [ResultError(f"no agent can be loaded: {error}") for _ in tasks]
 
 
 def _complaint(path: Path, what: object) -> str:

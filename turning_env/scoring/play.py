@@ -1,14 +1,13 @@
 """Play one episode per seed with a policy, and sum up every episode."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from turning_env.scenario import Scenario
-from turning_env.scoring.policy import Actions, PolicyFactory, PolicySpec
+from turning_env.scoring.policy import PolicyFactory, PolicySpec
 from turning_env.vector_env import RoughTurningVectorEnv
 
 SUMS = (
@@ -73,89 +72,21 @@ def play(
     Raises:
         ValueError: the policy's actions have the wrong shape or are not finite.
     """
-    playing = _Playing(scenario, seeds)
-    policy = make_policy(len(seeds))
-    policy.reset(np.ones(len(seeds), np.bool_))
-    while playing.running.any():
+    num_envs = len(seeds)
+    if isinstance(scenario, RoughTurningVectorEnv):
+        env = scenario
+    else:
+        env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
+    observations, infos = env.reset(seed=list(seeds))
+    policy = make_policy(num_envs)
+    episodes: Episodes = {name: np.zeros(num_envs) for name in EPISODE_FIELDS}
+    running = np.ones(num_envs, np.bool_)
+    policy.reset(running)
+    while running.any():
         if tell:
-            policy.tell(playing.infos)  # type: ignore[attr-defined]
-        playing.step(policy.act(playing.observations))
-        if playing.ended.any():
-            policy.reset(playing.ended)
-        on_step(len(seeds) - int(playing.running.sum()))
-    return playing.episodes
-
-
-def play_together(
-    policies: Sequence[PolicyFactory], tasks: Sequence[tuple[Scenario, Sequence[Sequence[int]]]]
-) -> list[list[Episodes]]:
-    """Play several policies on several tasks: one batch per task for all policies, and one batch per policy for all tasks.
-
-    Args:
-        policies: policies that see the same observations and choose the same actions on all tasks.
-        tasks: scenarios, each with the seeds of every policy.
-
-    Returns:
-        The episodes of every policy on every task, as ``play`` returns them.
-
-    Raises:
-        ValueError: as ``play``.
-    """
-    playing = [_Playing(scenario, [seed for own in seeds for seed in own]) for scenario, seeds in tasks]
-    counts = [[len(own) for own in seeds] for _, seeds in tasks]
-    players = [make(sum(own)) for make, own in zip(policies, zip(*counts, strict=True), strict=True)]
-    by_policy, by_task = ([_slices(each) for each in rows] for rows in (counts, zip(*counts, strict=True)))
-
-    def transposed(parts: Sequence[NDArray[Any]], rows: Sequence[Sequence[slice]]) -> list[NDArray[Any]]:
-        """Return arrays by policy from arrays by task, whose parts are ``rows``, or the other way round."""
-        pieces = ([part[own] for own in of_part] for part, of_part in zip(parts, rows, strict=True))
-        return [np.concatenate(own) for own in zip(*pieces, strict=True)]
-
-    ended = transposed([each.running for each in playing], by_policy)  # all begin
-    while any(each.running.any() for each in playing):
-        for policy, mask in zip(players, ended, strict=True):
-            if mask.any():
-                policy.reset(mask)
-        seen = transposed([each.observations for each in playing], by_policy)
-        actions = [policy.act(observations) for policy, observations in zip(players, seen, strict=True)]
-        for each, chosen in zip(playing, transposed(actions, by_task), strict=True):
-            if each.running.any():
-                each.step(chosen)
-            else:  # stays as it is
-                each.ended[:] = False
-        ended = transposed([each.ended for each in playing], by_policy)
-    return [
-        [{name: values[rows[k]] for name, values in each.episodes.items()} for each, rows in zip(playing, by_policy, strict=True)]
-        for k in range(len(policies))
-    ]
-
-
-def _slices(counts: Sequence[int]) -> list[slice]:
-    """Return slices of so many rows, one after the other."""
-    ends = np.cumsum(counts).tolist()
-    return [slice(end - count, end) for count, end in zip(counts, ends, strict=True)]
-
-
-class _Playing:
-    """One episode per seed under way in a batch: the policies' next observations, and what the episodes sum up to."""
-
-    def __init__(self, scenario: Scenario | RoughTurningVectorEnv, seeds: Sequence[int]) -> None:
-        num_envs = len(seeds)
-        if isinstance(scenario, RoughTurningVectorEnv):
-            self._env = scenario
-        else:
-            self._env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
-        self.observations, self.infos = self._env.reset(seed=list(seeds))
-        self.episodes: Episodes = {name: np.zeros(num_envs) for name in EPISODE_FIELDS}
-        self.running = np.ones(num_envs, np.bool_)
-        self.ended = ~self.running
-
-    def step(self, actions: Actions) -> None:
-        """Run one step in every environment; where an episode ends, the next begins and counts no more."""
-        episodes, running = self.episodes, self.running
-        self.observations, rewards, terminated, truncated, infos = self._env.step(actions)
-        self.ended = ended = terminated | truncated
-        self.infos = last = infos
+            policy.tell(infos)  # type: ignore[attr-defined]
+        observations, rewards, terminated, truncated, infos = env.step(policy.act(observations))
+        ended, last = terminated | truncated, infos
         if ended.any():
             final = infos["final_info"]
             last = {name: np.where(ended, final[name], infos[name]) for name in (*SUMS, *LAST, "cost")}
@@ -163,10 +94,14 @@ class _Playing:
             for name in LAST:
                 episodes[name][ending] = last[name][ending]
             episodes["truncated"] += running & truncated
-        counted = running.astype(np.float64)
+        counted = running.astype(np.float64)  # where an episode has ended, the next counts no more
         episodes["return"] += counted * rewards
         episodes["steps"] += counted
         for name in SUMS:
             episodes[name] += counted * last[name]
         episodes["excess"] += counted * last["cost"] * last["time"]
-        self.running = running & ~ended
+        running = running & ~ended
+        if ended.any():
+            policy.reset(ended)
+        on_step(num_envs - int(running.sum()))
+    return episodes

@@ -3,7 +3,7 @@ import pytest
 
 from baselines.catalogue import names, playable, spec
 from turning_env import SPLITS, RoughTurningEnv, Scenario, presets
-from turning_env.scoring.play import EPISODE_FIELDS, LAST, SUMS, play, play_together
+from turning_env.scoring.play import EPISODE_FIELDS, LAST, SUMS, play
 
 SHORT = Scenario.load("rough_turning").model_copy(update={"tool": Scenario().tool.model_copy(update={"wear_criterion": 0.13})})
 
@@ -44,21 +44,6 @@ def test_every_sum_is_that_of_the_single_environment() -> None:
         for name in LAST:
             assert episodes[name][index] == info[name]
         assert episodes["truncated"][index] == truncated
-
-
-def test_policies_that_play_together_play_as_alone() -> None:
-    longer = Scenario.load("rough_turning").model_copy(
-        update={"tool": Scenario().tool.model_copy(update={"wear_criterion": 0.14})}
-    )
-    still = spec("zero_action", SHORT).make
-    tasks = [(SHORT, [[5, 900], [17, 3]]), (longer, [[6], [900, 5]])]
-    played = play_together([Wavy, still], tasks)
-    for k, policy in enumerate((Wavy, still)):
-        for episodes, (scenario, seeds) in zip(played[k], tasks, strict=True):
-            alone = play(policy, scenario, seeds[k])
-            assert {name: values.tobytes() for name, values in episodes.items()} == {
-                name: values.tobytes() for name, values in alone.items()
-            }
 
 
 @pytest.mark.parametrize("preset", presets())
