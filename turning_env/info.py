@@ -10,22 +10,18 @@ Info = dict[str, Any]
 INFO_KEYS = tuple(quantity.name for quantity in INFO)
 INFO_UNITS = {quantity.name: quantity.unit for quantity in INFO}
 
-_EMPTY: Info = dict.fromkeys(INFO_KEYS)
 
-
-def _written() -> Callable[[Info, Iterable[Any]], Info]:
-    """Return a function that writes a report's values into an info, whose code names every key: half the time of a loop."""
-    places = [f"info[{each.name!r}]" for each in INFO] + ["_"] * (len(REPORT) - len(INFO))
-    flags = [f"info[{each.name!r}] = info[{each.name!r}] != 0.0" for each in INFO if each.unit == "bool"]
-    names: dict[str, Any] = {}
-    exec("\n    ".join(["def written(info, values):", f"{', '.join(places)} = values", *flags, "return info"]), names)
-    function: Callable[[Info, Iterable[Any]], Info] = names["written"]
+def _written() -> Callable[[Iterable[Any]], Info]:
+    """Return ``info_of``. Its code names every key: replacing the values of a copy so takes half the time of a loop."""
+    flags = [each.name for each in INFO if each.unit == "bool"]
+    places = [each.name if each.name in flags else f"info[{each.name!r}]" for each in INFO]
+    lines = ["def info_of(values):", "info = empty.copy()", ", ".join(places + ["_"] * (len(REPORT) - len(INFO))) + " = values"]
+    lines += [*(f"info[{name!r}] = {name} != 0.0" for name in flags), "return info"]
+    names: dict[str, Any] = {"empty": dict.fromkeys(INFO_KEYS)}
+    exec("\n    ".join(lines), names)
+    function: Callable[[Iterable[Any]], Info] = names["info_of"]
     return function
 
 
-_write = _written()
-
-
-def info_of(values: Iterable[Any]) -> Info:
-    """Return the info of a report's values, numbers or arrays in the order of ``quantities.REPORT``; flags become bool."""
-    return _write(_EMPTY.copy(), values)
+info_of = _written()
+"""Return the info of a report's values, numbers or arrays in the order of ``quantities.REPORT``; flags become bool."""

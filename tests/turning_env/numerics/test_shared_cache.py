@@ -70,13 +70,6 @@ def test_processes_that_start_together_share_their_code(folder: Path) -> None:
     assert finished(start(folder)) == ""
 
 
-def test_a_killed_compilation_lets_others_compile(folder: Path) -> None:
-    (folder / "helper.py").write_text(HELPER.replace("@reg", "import time, os; time.sleep(float(os.environ['WAIT']))\n\n@reg"))
-    with start(folder, WAIT="600") as killed:
-        killed.kill()
-    assert "compiling last" in finished(start(folder, WAIT="0"))
-
-
 def test_code_of_other_sources_is_not_used_and_removed(folder: Path) -> None:
     finished(start(folder))
     before = code(folder)
