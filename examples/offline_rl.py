@@ -29,8 +29,7 @@ from examples.shared import at_least, run
 from turning_env import score
 from turning_env.console import described, exits
 from turning_env.files import replace_file
-from turning_env.scoring.overload import severe_share
-from turning_env.scoring.statistics import Bootstrap, Estimate
+from turning_env.scoring.statistics import Bootstrap, Estimate, severe_share
 
 ALGORITHMS = ("bc", "iql", "cql")
 STEPS = 3000

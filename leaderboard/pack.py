@@ -24,7 +24,7 @@ from leaderboard.result import (
     write_whole,
 )
 from turning_env import IDS
-from turning_env.scoring.packed import FOLDER, unpacked
+from turning_env.scoring.score import FOLDER, unpacked
 
 DIGITS = 2
 """Decimals of the times [s] in the wheel."""

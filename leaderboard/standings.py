@@ -12,9 +12,8 @@ from leaderboard.policies import CAUSAL, CLAIRVOYANT, NOMINAL_OPTIMUM, is_own
 from leaderboard.result import Result
 from turning_env import SPLITS, Scenario
 from turning_env.files import digest_of
-from turning_env.scoring.overload import ratio
 from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean, rank_key
+from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean, rank_key, ratio
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from matplotlib.ticker import EngFormatter, FixedLocator, NullLocator
 
 from train.learning_curves import FILE, Curve, curves, read, scale
 from turning_env.console import described, exits
-from turning_env.scoring.overload import CONFIDENCE
+from turning_env.scoring.statistics import CONFIDENCE
 from turning_render import plot_style as style
 
 AXES = {"steps": "environment steps", "wall_time": "training time [s]"}

@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from train.run import Run
 from turning_env.files import replace_file
-from turning_env.scoring.overload import CONFIDENCE, KEY, RESAMPLES
 from turning_env.scoring.policy import ScenarioId
+from turning_env.scoring.statistics import CONFIDENCE, KEY, RESAMPLES
 
 POINTS = 100
 FILE = "learning_curves.json"

@@ -46,9 +46,9 @@ from train.training import SEEDS, Algorithm, train
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
 from turning_env.files import file_lock
-from turning_env.scoring.overload import severe_limit
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
+from turning_env.scoring.statistics import severe_limit
 from turning_env.scoring.workers import Workers, cluster, processes
 
 ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")

@@ -18,8 +18,8 @@ from turning_env.physics import MODEL_VERSION
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.packed import shipped
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
+from turning_env.scoring.score import shipped
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
 

@@ -16,12 +16,11 @@ from turning_env import IDS
 from turning_env.extras import provided
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.overload import severe_share
-from turning_env.scoring.packed import shipped
 from turning_env.scoring.play import Episodes, play, play_spec
 from turning_env.scoring.policy import Actions, Observations, PolicySpec
+from turning_env.scoring.score import shipped
 from turning_env.scoring.seeds import held_out_seeds
-from turning_env.scoring.statistics import Bootstrap, Estimate
+from turning_env.scoring.statistics import Bootstrap, Estimate, severe_share
 from turning_shop import WorkshopError, aligned
 from turning_shop.advise import Advice, Prices, Step, part_volume
 

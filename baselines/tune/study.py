@@ -28,9 +28,9 @@ from baselines.rule import Parameters, Range, Rule
 from baselines.tune.journal import cut_off_half_line
 from baselines.tuned import Task, first_scenario
 from turning_env import MODEL_VERSION, Family, FamilyVectorEnv
-from turning_env.scoring.overload import severe_limit, severe_share
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
+from turning_env.scoring.statistics import severe_limit, severe_share
 from turning_env.scoring.workers import Workers
 
 _CANDIDATES = 128

@@ -22,7 +22,7 @@ from leaderboard.standings import highest
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario, presets
 from turning_env.scenario.family import families
-from turning_env.scoring.overload import CONFIDENCE, RESAMPLES
+from turning_env.scoring.statistics import CONFIDENCE, RESAMPLES
 from turning_render.plot_style import policy_look
 
 SHOWN_AT_FIRST = ("Result", "Constraint track", "Limits")

@@ -1,8 +1,12 @@
 """Score a policy in one line: play it on the held-out seeds and rank it among the results that ship."""
 
 import dataclasses
+import json
+import lzma
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -10,11 +14,54 @@ import numpy as np
 
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.overload import severe_share
-from turning_env.scoring.packed import Played, shipped
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.seeds import held_out_seeds
-from turning_env.scoring.statistics import Bootstrap, Estimate, rank_key
+from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, rank_key, severe_share
+
+FOLDER = Path(__file__).parent / "shipped_results"
+"""Times of every shipped policy's episodes: a file per id, JSON compressed with xz, made by ``python -m leaderboard pack``."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """A policy's episodes on the held-out seeds: arrays of shape (training seeds, seeds); one row for a rule."""
+
+    name: str
+    kind: str
+    """``rule``, ``agent`` or ``oracle``."""
+    returns: Floats
+    """[s of machine time]"""
+    severe: Floats
+    """Time with an excess above the tolerance [s]."""
+    engaged: Floats
+    """Cutting time [s]."""
+
+    def first(self, count: int) -> "Played":
+        """Return the first ``count`` seeds alone."""
+        return Played(self.name, self.kind, self.returns[:, :count], self.severe[:, :count], self.engaged[:, :count])
+
+
+@cache
+def shipped(env_id: str) -> tuple[Played, ...]:
+    """Return the results of every policy on an id's leaderboard, on the first held-out seeds.
+
+    Raises:
+        ValueError: the id has no leaderboard.
+    """
+    path = FOLDER / f"{env_id}.json.xz"
+    if not path.is_file():
+        known = sorted(each.name.removesuffix(".json.xz") for each in FOLDER.glob("*.json.xz"))
+        raise ValueError(f"{env_id!r} has no results to compare with; ids with results: {', '.join(known)}")
+    content = json.loads(unpacked(path))
+    return tuple(
+        Played(each["name"], each["kind"], *(np.array(each[name]) for name in ("returns", "severe", "engaged")))
+        for each in content["policies"]
+    )
+
+
+def unpacked(path: Path) -> str:
+    """Return the text of a file."""
+    return lzma.decompress(path.read_bytes()).decode()
 
 
 @dataclass(frozen=True)

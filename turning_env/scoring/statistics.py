@@ -2,7 +2,8 @@
 
 A policy's values are an array of shape (training seeds, seeds); a rule has one row. A resample draws the same
 number of seeds, and the same number of each policy's training seeds, with replacement. All policies share the resampled seeds,
-so the bars' common effect cancels in a difference between two policies.
+so the bars' common effect cancels in a difference between two policies. A policy is feasible if the upper confidence limit of its
+share of cutting time in severe overload is within the scenario's allowance.
 """
 
 from dataclasses import dataclass
@@ -11,9 +12,11 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.scoring.overload import CONFIDENCE, KEY, RESAMPLES, ratio
-
 Floats = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+RESAMPLES = 2000
+KEY = 709  # fixed, so that the same episodes give the same limit
 
 _CHUNK = 100  # resamples held in memory at a time
 
@@ -63,8 +66,30 @@ class Bootstrap:
         return np.concatenate(chunks)
 
     def severe_limit(self, severe: Floats, engaged: Floats, policy: str) -> float:
-        """Return the upper limit of a policy's severe share: see ``overload.severe_limit``; shapes (training seeds, seeds)."""
+        """Return the upper limit of a policy's severe share: see ``severe_limit``; shapes (training seeds, seeds)."""
         return float(np.quantile(ratio(self.means(severe, policy), self.means(engaged, policy)), CONFIDENCE))
+
+
+def severe_share(severe: Floats, engaged: Floats) -> float:
+    """Return the share of cutting time with an excess above the tolerance [-]: sum(severe) / sum(engaged), 0 without cutting.
+
+    Args:
+        severe: time with an excess above the tolerance [s] in each episode, shape (seeds,).
+        engaged: cutting time [s] in each episode, shape (seeds,).
+    """
+    return float(ratio(severe.sum(keepdims=True), engaged.sum(keepdims=True))[0])
+
+
+def severe_limit(severe: Floats, engaged: Floats) -> float:
+    """Return the one-sided upper confidence limit of ``severe_share`` [-] by bootstrap over seeds, for the same arguments."""
+    count = len(engaged)
+    resamples = np.random.default_rng(KEY).integers(count, size=(RESAMPLES, count))
+    return float(np.quantile(ratio(severe[resamples].sum(axis=1), engaged[resamples].sum(axis=1)), CONFIDENCE))
+
+
+def ratio(parts: Floats, wholes: Floats) -> Floats:
+    """Return ``parts / wholes``, or 0 where a whole is 0: a policy that never cuts causes no overload."""
+    return np.divide(parts, wholes, out=np.zeros_like(parts), where=wholes > 0.0)
 
 
 def rank_key(kind: str, feasible: bool, merit: float) -> tuple[bool, bool, float]:

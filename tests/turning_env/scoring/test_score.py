@@ -13,8 +13,7 @@ from stable_baselines3 import PPO
 from leaderboard.pack import contents
 from turning_env import IDS, Scenario
 from turning_env.__main__ import main
-from turning_env.scoring.packed import FOLDER, shipped, unpacked
-from turning_env.scoring.score import Score, compare, score
+from turning_env.scoring.score import FOLDER, Score, compare, score, shipped, unpacked
 
 ROOT = Path(__file__).parents[3]
 AGENTS = ROOT / "agents" / "RoughTurning-v0" / "rough_turning"

@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from turning_env.scoring.overload import CONFIDENCE, KEY, RESAMPLES
-from turning_env.scoring.statistics import Bootstrap, Estimate, improvement, interquartile_mean
+from turning_env.scoring.statistics import (
+    CONFIDENCE,
+    KEY,
+    RESAMPLES,
+    Bootstrap,
+    Estimate,
+    improvement,
+    interquartile_mean,
+    severe_limit,
+    severe_share,
+)
 
 
 @pytest.fixture
@@ -85,3 +94,19 @@ def test_training_seeds_widen_the_interval_of_agents_that_differ() -> None:
     bootstrap, alike = Bootstrap(50), generator.normal(size=(5, 50))
     apart = alike + 3.0 * generator.normal(size=(5, 1))
     assert np.ptp(bootstrap.means(apart, "policy")) > 3.0 * np.ptp(bootstrap.means(alike, "policy"))
+
+
+ENGAGED = np.array([100.0, 300.0, 200.0, 50.0, 250.0])
+SEVERE = np.array([10.0, 0.0, 4.0, 0.0, 30.0])
+
+
+def test_the_limit_is_the_leaderboards() -> None:
+    bootstrap = Bootstrap(len(ENGAGED))
+    shares = bootstrap.means(SEVERE[np.newaxis], "rule") / bootstrap.means(ENGAGED[np.newaxis], "rule")
+    assert severe_limit(SEVERE, ENGAGED) == pytest.approx(float(np.quantile(shares, CONFIDENCE)), rel=1e-12)
+    assert severe_limit(SEVERE, ENGAGED) > severe_share(SEVERE, ENGAGED)
+
+
+def test_who_never_cuts_overloads_nothing() -> None:
+    nothing = np.zeros(4)
+    assert severe_share(nothing, nothing) == severe_limit(nothing, nothing) == 0.0
