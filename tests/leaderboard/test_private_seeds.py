@@ -1,4 +1,4 @@
-"""Private seeds: what a file of them may hold, what results tell of them, and who is found out by them."""
+"""Private seeds: what a file of them may hold, and what results tell of them."""
 
 import json
 import secrets
@@ -6,20 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from leaderboard import verify
 from leaderboard.__main__ import main
 from leaderboard.private_seeds import private_task, read_seeds
 from leaderboard.ranking import read_leaderboard
-from leaderboard.result import Result, ResultError, Task, result_folder
+from leaderboard.result import Result, ResultError, Task
 from leaderboard.run import TaskRun, play_all
-from tests.leaderboard.conftest import ENV_ID, MakeResult, only, spec
+from tests.leaderboard.conftest import MakeResult, only, spec
 from turning_env import Scenario
 from turning_env.files import digest_of
 from turning_env.scoring.play import play
-from turning_env.scoring.policy import Actions, Observations, PolicySpec
-from turning_env.scoring.seeds import held_out_seeds
 
 SEEDS = [2**64 - 1, 0, 12345678901234567890, 5]
 TEXT = "# who scores knows these\n18446744073709551615 0\n\n12345678901234567890 # the third\n5\n"
@@ -97,62 +94,3 @@ def test_commands(tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixt
     assert "was played on private seeds" in complaints[0]
     assert main([*words, "--seeds", str(seeds), "--splits"]) == 2
     assert "splits are played on held-out seeds" in capsys.readouterr().err
-
-
-PROBED = 10
-"""Steps after which bars are known from one another."""
-CHANGES = [np.array([speed, feed], np.float32) for speed in (0.0, 0.3) for feed in (-0.3, 0.0, 0.3, 0.6, 0.9)]
-"""Of log speed and log feed, in four steps."""
-
-
-class ByHeart:
-    """Looks up what is best on the bar that it has recognised by its first cuts; what it does not know it cuts at its worst."""
-
-    def __init__(self, num_envs: int, known: dict[bytes, NDArray[np.float32]], unknown: NDArray[np.float32]) -> None:
-        self._known, self._unknown, self._acts = known, unknown, 0
-        self._steps = np.zeros((num_envs, 2), np.float32)
-        self.seen: list[bytes] = []
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Nothing to do, as episodes are of one length."""
-
-    def act(self, observations: Observations) -> Actions:
-        """Wait at first, then make the change that it knows."""
-        self._acts += 1
-        if self._acts == PROBED:
-            self.seen = [row.tobytes() for row in observations]
-            self._steps = np.stack([self._known.get(row, self._unknown) for row in self.seen]) / 4.0
-        return self._steps if PROBED <= self._acts < PROBED + 4 else 0.0 * self._steps
-
-
-@pytest.mark.slow
-def test_what_has_learned_the_public_seeds_by_heart_is_found_out_by_private_ones(tmp_path: Path) -> None:
-    scenario = Scenario.model_validate({"control": {"time_limit": 1.5}, "limits": {"power": 4.0, "thrust_force": 900.0}})
-    public = held_out_seeds(12)
-    private = np.random.default_rng(0).integers(2**63, 2**64, 12, np.uint64).tolist()
-    made: list[ByHeart] = []
-
-    def always(change: NDArray[np.float32]) -> PolicySpec:
-        def make(num_envs: int) -> ByHeart:
-            made.append(ByHeart(num_envs, {}, change))
-            return made[-1]
-
-        return spec(f"honest {change}", make=make)
-
-    returns = np.array([play(always(change).make, scenario, public)["return"] for change in CHANGES])
-    best, worst = CHANGES[returns.mean(1).argmax()], CHANGES[returns.mean(1).argmin()]
-    known = dict(zip(made[0].seen, (CHANGES[place] for place in returns.argmax(0)), strict=True))
-    assert len(known) == len(public)  # bars can be told apart
-    policies = [spec("by heart", make=lambda num_envs: ByHeart(num_envs, known, worst)), always(best)]
-    task = Task(env_id=ENV_ID, scenario=scenario, seeds=public)
-    runs = [
-        TaskRun(task, policies, result_folder(tmp_path / "public", ENV_ID, scenario.name)),
-        TaskRun(private_task(task, private), policies, result_folder(tmp_path / "private", ENV_ID, scenario.name), private),
-    ]
-    play_all(runs, fresh=False)
-    means = [{standing.name: standing.mean_return.value for standing in read_leaderboard(each.folder).standings} for each in runs]
-    (honest,) = set(means[0]) - {"by heart"}
-    assert means[0]["by heart"] > means[0][honest]
-    assert means[1]["by heart"] < means[1][honest] - 5.0
-    losses = {name: means[0][name] - means[1][name] for name in means[0]}
-    assert losses["by heart"] > losses[honest] + 5.0
