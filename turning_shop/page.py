@@ -69,7 +69,7 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         priced("edge_change_time", "change of edge", "min", 10.0),
     )
     return {
-        "laws": {name: {key: float(law.record()[key]) for key in POWER_LAW_RECORD.names or ()} for name, law in laws.items()},
+        "laws": {name: {key: float(getattr(law, key)) for key in POWER_LAW_RECORD.names or ()} for name, law in laws.items()},
         "known": {
             name: known.model_dump(mode="json", include={"terms", "covariance", "scatter", "measured"})
             | {

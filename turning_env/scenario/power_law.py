@@ -57,15 +57,6 @@ class PowerLaw(Section):
         """Return the natural logarithm of the coefficient, with the reference depth folded in."""
         return log(self.coefficient) - self.depth_of_cut * log(self.reference_depth_of_cut)
 
-    def record(self) -> Any:
-        """Return the law as one ``POWER_LAW_RECORD``, with the reference depth folded into the coefficient."""
-        record = np.zeros(1, POWER_LAW_RECORD).view(np.recarray)[0]
-        for name in POWER_LAW_RECORD.names or ():
-            if name != "log_coefficient":
-                record[name] = getattr(self, name)
-        record["log_coefficient"] = self.log_coefficient
-        return record
-
     def __call__(
         self, cutting_speed: Any, feed: Any, depth_of_cut: Any, time: Any = 1.0, wear: Any = 1.0, hardness: Any = 1.0
     ) -> Any:

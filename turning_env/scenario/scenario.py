@@ -226,49 +226,38 @@ class Scenario(Section):
         try:
             if isinstance(source, Mapping):
                 return cls._from_values(dict(source), "scenario", "custom", Path(), ())
-            if isinstance(source, str) and source in presets():
-                return cls._preset(source)
-            return cls._file(Path(source), ())
+            return cls._read(source)
         except RecursionError as error:
             what = "the dict" if isinstance(source, Mapping) else source
             raise ScenarioError(f"{what} is nested too deep to be a scenario") from error
 
     @classmethod
-    def _file(cls, path: Path, below: tuple[str, ...]) -> "Scenario":
-        """Return the scenario of a file. The scenarios ``below`` are based on it, each on the next."""
+    def _read(cls, source: str | os.PathLike[str], below: tuple[str, ...] = ()) -> "Scenario":
+        """Return the scenario of a preset or a file. The scenarios ``below`` are based on it, each on the next."""
+        preset = source if isinstance(source, str) and source in presets() else None
+        path: Any = _PRESETS / f"{preset}.toml" if preset else Path(source)
         try:
             if not path.is_file():
                 instead = names_instead(str(path), presets(), _ALL_PRESETS)
                 raise ScenarioError(f"no preset and no file is called {str(path)!r}; {instead}")
-            text = path.read_bytes()
+            text: bytes = path.read_bytes()
         except OSError as error:
             raise ScenarioError(f"{str(path)[:200]!r} cannot be read: {error.strerror}") from error
-        loaded = cls._parse(text, str(path), name_of_file(path), path.parent, cls._above(str(path.resolve()), below))
-        vars(loaded)[_SOURCE] = path
-        return loaded
-
-    @classmethod
-    def _preset(cls, name: str, below: tuple[str, ...] = ()) -> "Scenario":
-        """Return a preset; ``below`` as for ``_file``."""
-        text = (_PRESETS / f"{name}.toml").read_bytes()
-        return cls._parse(text, f"preset {name}", name, None, cls._above(name, below))
-
-    @staticmethod
-    def _above(source: str, below: tuple[str, ...]) -> tuple[str, ...]:
-        if source in below:
-            circle = " on ".join((*below[below.index(source) :], source))
+        key, shown = preset or str(path.resolve()), f"preset {preset}" if preset else str(path)
+        if key in below:
+            circle = " on ".join((*below[below.index(key) :], key))
             raise ScenarioError(f"scenarios are based on one another in a circle: {circle}")
-        return (*below, source)
-
-    @classmethod
-    def _parse(cls, text: bytes, source: str, name: str, folder: Path | None, below: tuple[str, ...]) -> "Scenario":
         try:
             values = tomllib.loads(text.decode("utf-8-sig"))  # with or without a byte-order mark
         except ValueError as error:  # also of bytes that are no text, and of whole numbers of thousands of digits
             comma = re.search(rb"(?m)^[^\n=#]*=\s*([+-]?\d+),(\d+)\s*(?:#.*)?$", text)
             advice = f'; numbers have a decimal point: "{comma[1].decode()}.{comma[2].decode()}"' if comma else ""
-            raise ScenarioError(f"{source} is not TOML: {error}{advice}") from error
-        return cls._from_values(values, source, name, folder, below)
+            raise ScenarioError(f"{shown} is not TOML: {error}{advice}") from error
+        name, folder = (preset, None) if preset else (name_of_file(path), path.parent)
+        loaded = cls._from_values(values, shown, name, folder, (*below, key))
+        if not preset:
+            vars(loaded)[_SOURCE] = path
+        return loaded
 
     @classmethod
     def _from_values(
@@ -278,10 +267,10 @@ class Scenario(Section):
         base, calibration = values.pop("base", None), values.pop(_CALIBRATION[1:], None)
         if base is not None:
             if isinstance(base, str) and base in presets():
-                above = cls._preset(base, below)
+                above = cls._read(base, below)
             elif isinstance(base, str) and folder is not None and base.endswith(".toml"):
                 try:
-                    above = cls._file(folder / base, below)
+                    above = cls._read(folder / base, below)
                 except ScenarioError as error:
                     raise ScenarioError(f"{source}: base: {error}") from error
             else:
@@ -331,7 +320,7 @@ class Scenario(Section):
 
     def portable(self) -> str | dict[str, Any]:
         """Return a source for ``load`` that JSON can hold and that works anywhere: a preset's name, or a dict of differences."""
-        if self.name in presets() and self == self._preset(self.name):
+        if self.name in presets() and self == self._read(self.name):
             return self.name
         return {"base": _DEFAULTS.name, "name": self.name} | self.differences()
 
