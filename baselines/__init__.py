@@ -2,3 +2,7 @@
 
 Models that several controllers share belong in ``models``; the bound and the oracle, which no policy can match, in ``oracles``.
 """
+
+from turning_env.extras import tell_plainly
+
+tell_plainly()

@@ -1,13 +1,16 @@
-"""The catalogue of all rule-based controllers by name."""
+"""The catalogue of all rule-based controllers by name; their edge changes, if a task commands them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import import_module
 
+import numpy as np
+from numpy.typing import NDArray
+
 from baselines import tuned
-from baselines.models.edge_changes import as_played
-from baselines.rule import Rule
-from turning_env import Scenario
-from turning_env.scoring.policy import PolicySpec, ScenarioId
+from baselines.rule import Parameters, Range, Rule
+from turning_env import Scenario, read
+from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec, ScenarioId
 
 FILES = (
     "trivial",
@@ -16,10 +19,7 @@ FILES = (
     "two_limits",
     "fuzzy_override",
     "load_override",
-    "tmac",
-    "omative",
     "constant_force",
-    "constant_force_network",
     "current_limit",
     "optimiser",
     "predictive",
@@ -35,6 +35,34 @@ for _file in FILES:
         if RULES.setdefault(_name, _rule) is not _rule:
             raise ImportError(f"baselines/{_file}.py declares a rule {_name!r}, as a file before it does")
 
+CHANGE_AT = "change_at"
+"""Parameter of rules that do not change edges themselves: nominal wear over the criterion at which the edge is changed [-]."""
+
+
+class TimelyChanges:
+    """A policy that adds edge changes at a nominal wear, as tool-life management does, to another's cutting speed and feed.
+
+    Args:
+        policy: policy that sets cutting speed and feed.
+        scenario: task.
+        change_at: nominal wear over the criterion at which the edge is changed [-]. It is tuned: inserts wear faster or slower
+            than nominal, and an edge that wears out without a command costs more time.
+    """
+
+    def __init__(self, policy: Policy, scenario: Scenario, change_at: float) -> None:
+        self._policy, self._scenario = policy, scenario
+        self._wear = change_at * scenario.tool.wear_criterion
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Reset the policy."""
+        self._policy.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the policy's actions, with the edge change in the last column."""
+        actions = self._policy.act(observations).copy()
+        actions[:, -1] = np.where(read(observations, self._scenario).nominal_wear >= self._wear, 1.0, -1.0)
+        return actions
+
 
 def names(scenario: Scenario) -> list[str]:
     """Return the names of the controllers that can play a scenario."""
@@ -42,7 +70,7 @@ def names(scenario: Scenario) -> list[str]:
 
 
 def playable(name: str, scenario: Scenario) -> Rule:
-    """Return the rule of a name in the form in which it plays a scenario.
+    """Return the rule of a name in the form in which it plays a scenario: with timely edge changes where it must give them.
 
     Raises:
         KeyError: there is no controller of this name; the message lists all names.
@@ -53,7 +81,14 @@ def playable(name: str, scenario: Scenario) -> Rule:
     rule = RULES[name]
     if not rule.plays(scenario):
         raise ValueError(f"{name} cannot play scenario {scenario.name!r}, which lacks actions, inputs or models that it needs")
-    return as_played(rule, scenario)
+    if scenario.control.edge_changes != "commanded" or rule.changes_edges:
+        return rule
+
+    def build(scenario: Scenario, num_envs: int, parameters: Parameters) -> TimelyChanges:
+        own = {name: value for name, value in parameters.items() if name != CHANGE_AT}
+        return TimelyChanges(rule.build(scenario, num_envs, own), scenario, parameters[CHANGE_AT])
+
+    return replace(rule, build=build, parameters={**rule.parameters, CHANGE_AT: Range(0.5, 1.3)})
 
 
 def spec(name: str, scenario: Scenario | Sequence[Scenario], tuned_on: Scenario | None = None) -> PolicySpec:

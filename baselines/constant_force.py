@@ -11,10 +11,12 @@ its bounds. F_ref is the force at which Ra = a exp(b F), the paper's equation (5
 of Ra, it is a share of the force limit.
 
 The law fails if the force vanishes. So it acts only after the force has been above 100 N for some time; until then it commands
-the programmed feed.
+the programmed feed, or the feed that a neural network recommends for the desired Ra (the paper's step 2).
 
 It needs of the nominal model: the roughness of a force and the law of thrust force.
 """
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,18 +25,24 @@ from baselines.models.part_program import PROGRAM, PartProgram, on_override, on_
 from baselines.rule import Range, Rule
 from turning_env import Reading, Scenario, read
 from turning_env.action import towards
-from turning_env.numerics.functions import exp, log
+from turning_env.numerics.functions import exp, log, sine_and_cosine
 from turning_env.scenario.sections import Surface
 from turning_env.scoring.policy import Actions, Observations, Policy
+
+Array = NDArray[np.float64]
 
 THRESHOLD = 100.0
 """Force below which the tool counts as out of the metal [N] (roughness control paper)."""
 ENGAGED_TIME = 0.1
 """Time above the threshold after which the law acts [s]: one turn of the paper's spindle, in which a chip reaches its thickness
 (assumption; the paper says "a specified time")."""
+SAMPLES, UNITS, WIDTH = 64, 6, 0.3
+"""Samples of the model between the task's lowest and highest reference of Ra; hidden units, and their width over that range."""
+DECAY = 1e-3
+"""Weight decay: the fit minimises the sum of squares of the errors plus that of ``DECAY`` times each weight."""
 
 
-def force_of_roughness(surface: Surface, roughness: NDArray[np.float64]) -> NDArray[np.float64]:
+def force_of_roughness(surface: Surface, roughness: Array) -> Array:
     """Return the thrust force [N], at least 1 N, for a roughness Ra [um]: the inverse of the paper's equation (5).
 
     Raises:
@@ -45,15 +53,8 @@ def force_of_roughness(surface: Surface, roughness: NDArray[np.float64]) -> NDAr
     return np.asarray(np.maximum(log(roughness / surface.roughness_at_no_force) / surface.roughness_rate, 1.0))
 
 
-def feed_of_roughness(
-    scenario: Scenario, roughness: NDArray[np.float64], wear: NDArray[np.float64] | float = 0.0
-) -> NDArray[np.float64]:
-    """Return the feed [mm/rev] at which the nominal model has the force for a roughness Ra [um].
-
-    Args:
-        scenario: task, with the nominal law of thrust force and depth of cut.
-        roughness: Ra [um].
-        wear: flank wear [mm].
+def feed_of_roughness(scenario: Scenario, roughness: Array, wear: Array | float = 0.0) -> Array:
+    """Return the feed [mm/rev] at which the nominal model has the force for a roughness Ra [um], at a flank wear [mm].
 
     Raises:
         ValueError: the force does not grow with the feed, or the roughness does not depend on the force.
@@ -102,15 +103,118 @@ class ConstantForce:
         feed, engaged = self._next_feed(reading)
         return self._program.act(reading, np.where(engaged, feed / self._program.feed, 1.0))
 
-    def _next_feed(self, reading: Reading) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def _next_feed(self, reading: Reading) -> tuple[Array, NDArray[np.bool_]]:
         """Return the law's feed [mm/rev] and whether the law acts, shape (num_envs,) each."""
         scenario, force = self._program.scenario, reading.thrust_force
         self._steps_engaged = np.where(force > THRESHOLD, self._steps_engaged + 1, 0)
-        reference: NDArray[np.float64] | float = self._reference
+        reference: Array | float = self._reference
         if scenario.control.aim == "roughness":
             reference = force_of_roughness(scenario.surface, reading.roughness_reference)
         before = reading.commanded_feed if self._on_command else reading.feed
         return before * reference / np.maximum(force, THRESHOLD), self._steps_engaged >= self._steps_needed
+
+
+class Network:
+    """A radial basis network, w_0 + sum of w_j exp(-(distance to centre j / width)^2 / 2), with inputs scaled to 0..1.
+
+    The centres are samples, evenly spaced in their order; the weights follow by linear least squares. So the fit has one
+    solution.
+
+    Args:
+        inputs: samples, shape (samples, inputs).
+        outputs: wanted outputs, shape (samples,).
+        units: number of hidden units.
+        width: of a unit, over the range of an input [-].
+    """
+
+    def __init__(self, inputs: Array, outputs: Array, units: int, width: float) -> None:
+        self._low = inputs.min(axis=0)
+        self._span = np.where(np.ptp(inputs, axis=0) > 0.0, np.ptp(inputs, axis=0), 1.0)
+        self._width = width
+        self._centres = self._scaled(inputs)[np.linspace(0, len(inputs) - 1, units).round().astype(np.int64)]
+        hidden = self._hidden(inputs)
+        products = (hidden[:, :, np.newaxis] * hidden[:, np.newaxis]).sum(axis=0) + DECAY**2 * np.eye(units + 1)
+        self._weights = _solved(products, (hidden * outputs[:, np.newaxis]).sum(axis=0))
+
+    def __call__(self, inputs: Array) -> Array:
+        """Return the outputs, shape (samples,), for inputs, shape (samples, inputs)."""
+        return np.asarray((self._hidden(inputs) * self._weights).sum(axis=1))
+
+    def _scaled(self, inputs: Array) -> Array:
+        return np.asarray((inputs - self._low) / self._span)
+
+    def _hidden(self, inputs: Array) -> Array:
+        distance = ((self._scaled(inputs)[:, np.newaxis] - self._centres) ** 2).sum(axis=2)
+        return np.column_stack([np.ones(len(inputs)), exp(-0.5 * distance / self._width**2)])
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Return x of ``matrix`` x = ``right``, positive definite, by elimination: NumPy's bits differ between processors."""
+    rows = np.column_stack([matrix, right])
+    for k in range(len(rows)):
+        rows[k] /= rows[k, k]
+        others = np.arange(len(rows)) != k
+        rows[others] -= rows[others, k, np.newaxis] * rows[k]
+    return rows[:, -1]
+
+
+class RecommendedFeed:
+    """The network of the recommended feed. The paper does not print its network; this one is fitted to the nominal model.
+
+    Args:
+        scenario: task, whose nominal model gives the samples.
+
+    Raises:
+        ValueError: the force does not grow with the feed, or the roughness does not depend on the force.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        surface, self._machine = scenario.surface, scenario.machine
+        roughness = exp(np.linspace(log(surface.reference_min), log(surface.reference_max), SAMPLES))
+        self._network = Network(roughness[:, np.newaxis], feed_of_roughness(scenario, roughness), UNITS, WIDTH)
+
+    def __call__(self, roughness: Array) -> Array:
+        """Return the recommended feed [mm/rev] for a desired Ra [um]."""
+        return np.clip(self._network(roughness[:, np.newaxis]), self._machine.feed_min, self._machine.feed_max)
+
+
+class ConstantForceNetwork(ConstantForce):
+    """The paper's control law around the recommended feed, within the chip thickness (steps 2 to 9).
+
+    The tool enters the metal with the recommended feed, and the override acts on it. The feed is restricted to those of an
+    allowed chip thickness h = f sin(kappa). The paper names this restriction without numbers; they are assumptions.
+
+    Args:
+        program: part program.
+        num_envs: number of environments.
+        chip_thickness_min: lowest chip thickness h [mm].
+        chip_thickness_max: highest chip thickness h [mm].
+        entering_angle: angle kappa between the edge and the feed's direction [deg].
+
+    Raises:
+        ValueError: the force does not grow with the feed, or the roughness does not depend on the force.
+    """
+
+    def __init__(
+        self,
+        program: PartProgram,
+        num_envs: int,
+        chip_thickness_min: float = 0.0,
+        chip_thickness_max: float = math.inf,
+        entering_angle: float = 90.0,
+    ) -> None:
+        super().__init__(program, num_envs)
+        self._recommended = RecommendedFeed(program.scenario)
+        over_feed, _ = sine_and_cosine(entering_angle / 360.0)
+        self._feed_range = chip_thickness_min / over_feed, chip_thickness_max / over_feed
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
+        reading = read(observations, self._program.scenario)
+        recommended = self._recommended(reading.roughness_reference)
+        feed, engaged = self._next_feed(reading)
+        feed = np.where(engaged, np.minimum(feed, self._program.override_max * recommended), recommended)
+        return self._program.act(reading, np.clip(feed, *self._feed_range) / self._program.feed)
 
 
 class ModelFeed(Policy):
@@ -139,8 +243,7 @@ def _holds_roughness(scenario: Scenario) -> bool:
     return on_roughness(scenario) and scenario.surface.roughness_rate > 0.0
 
 
-def plays_by_model(scenario: Scenario) -> bool:
-    """Return whether a roughness is to be held by the feed override, and the nominal model gives the feed for it."""
+def _plays_by_model(scenario: Scenario) -> bool:
     return _holds_roughness(scenario) and scenario.material.thrust_force.feed > 0.0
 
 
@@ -168,7 +271,13 @@ RULES = {
     "model_feed": Rule(
         "the feed of the nominal model for the reference of roughness, without measuring (to compare with constant_force)",
         lambda scenario, num_envs, parameters: ModelFeed(scenario),
-        plays_by_model,
+        _plays_by_model,
         {},
+    ),
+    "constant_force_network": Rule(
+        "constant_force around a feed that a neural network recommends, within a chip thickness (roughness control paper)",
+        on_program(ConstantForceNetwork),
+        _plays_by_model,
+        {"chip_thickness_min": 0.05, "chip_thickness_max": 0.3, "entering_angle": 75.0},
     ),
 }

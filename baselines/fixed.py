@@ -3,6 +3,8 @@
 It needs nothing of the nominal model but the ranges of speed and feed.
 """
 
+from typing import Self
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,6 +34,11 @@ class FixedParameters(Policy):
         self._cutting_speed = np.clip(cutting_speed, machine.cutting_speed_min, scenario.cutting_speed_max)
         self._feed = np.clip(feed, machine.feed_min, machine.feed_max)
 
+    @classmethod
+    def programmed(cls, scenario: Scenario, override: float = 1.0) -> Self:
+        """Return the policy that commands the scenario's initial cutting speed and feed, the feed times an override [-]."""
+        return cls(scenario, scenario.control.initial_cutting_speed, override * scenario.control.initial_feed)
+
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenario)
@@ -41,12 +48,7 @@ class FixedParameters(Policy):
 
 
 def _build(scenario: Scenario, num_envs: int, parameters: Parameters) -> FixedParameters:
-    return FixedParameters(scenario, parameters["cutting_speed"], parameters["feed"])
-
-
-def _build_override(scenario: Scenario, num_envs: int, parameters: Parameters) -> FixedParameters:
-    control = scenario.control
-    return FixedParameters(scenario, control.initial_cutting_speed, parameters["override"] * control.initial_feed)
+    return FixedParameters(scenario, **parameters)
 
 
 RULES = {
@@ -65,7 +67,7 @@ RULES = {
     ),
     "override_tuned": Rule(
         "the best constant override on the tuning seeds",
-        _build_override,
+        lambda scenario, num_envs, parameters: FixedParameters.programmed(scenario, **parameters),
         lambda scenario: scenario.control.action == "override",
         {"override": Range(0.1, 2.0, logarithmic=True)},
         worth_tuning=True,

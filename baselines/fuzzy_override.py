@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from baselines.models.part_program import SPEED_AND_TARGET, OverrideLaw, PartProgram, override_rules, target_load
 from turning_env.numerics.functions import exp
 
+Array = NDArray[np.float64]
+
 MIN_HEADROOM = 0.05
 """Lower bound of 1 - M_z in (2) and (6) [-], because the target may be the rated load or more (assumption)."""
 
@@ -31,9 +33,7 @@ MODIFIED_FORM = {"k": 0.1, "p": 0.1, "d": 0.25}
 """As published [-]."""
 
 
-def new_override(
-    override: NDArray[np.float64], load: NDArray[np.float64], target: float, override_max: float, k: float, p: float, d: float
-) -> NDArray[np.float64]:
+def new_override(override: Array, load: Array, target: float, override_max: float, k: float, p: float, d: float) -> Array:
     """Return the new override [-] by equations (1) to (7), for the present override and load [-], all of shape (num_envs,)."""
     rising = k * exp(-5.0 * (load / target) ** 2)
     headroom = max(1.0 - target, MIN_HEADROOM)
@@ -55,9 +55,8 @@ def fuzzy_override(program: PartProgram, num_envs: int, target: float, k: float,
         d: override that the fall leaves [-].
     """
     aim = target_load(program.scenario, target)
-    return OverrideLaw(
-        program, lambda reading, override: new_override(override, reading.load, aim, program.override_max, k, p, d)
-    )
+    highest = program.override_max
+    return OverrideLaw(program, lambda reading, override: new_override(override, reading.load, aim, highest, k, p, d))
 
 
 RULES = {

@@ -34,14 +34,13 @@ FEED_STEP = 0.005
 
 def grid(scenario: Scenario) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the grid's cutting speeds [m/min] and feeds [mm/rev] within the machine's ranges, ascending."""
+
+    def steps(low: float, high: float, step: float) -> NDArray[np.float64]:
+        return low + step * np.arange(int((high - low) / step + 1e-9) + 1, dtype=np.float64)
+
     machine = scenario.machine
-    speeds = _steps(machine.cutting_speed_min, scenario.cutting_speed_max, CUTTING_SPEED_STEP)
-    feeds = _steps(machine.feed_min, machine.feed_max, FEED_STEP)
-    return speeds, feeds
-
-
-def _steps(low: float, high: float, step: float) -> NDArray[np.float64]:
-    return low + step * np.arange(int((high - low) / step + 1e-9) + 1, dtype=np.float64)
+    speeds = steps(machine.cutting_speed_min, scenario.cutting_speed_max, CUTTING_SPEED_STEP)
+    return speeds, steps(machine.feed_min, machine.feed_max, FEED_STEP)
 
 
 @compiled

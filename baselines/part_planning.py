@@ -23,11 +23,6 @@ Array = NDArray[np.float64]
 _MIN_WEAR = 0.1  # wear of a fresh edge over the criterion [-]: without wear, nothing would limit the force
 
 
-def turns_parts(scenario: Scenario) -> bool:
-    """Return whether an action plans a whole part."""
-    return scenario.control.action == "part"
-
-
 def plan(scenario: Scenario, passes: Array, allowance: Array, cutting_speed: Array, feed: Array) -> Actions:
     """Return the actions, shape (num_envs, action size), of plans.
 
@@ -100,16 +95,11 @@ class RuledParts(Policy):
         path = measured if self._corrected else drawn
         criterion = scenario.tool.wear_criterion
         wear = np.clip(reading.nominal_wear, _MIN_WEAR * criterion, criterion)
-        passes = self._cheapest(path, wear)
+        numbers = np.arange(1.0, scenario.control.passes_max + 1.0)
+        costs = [self._passes(path, path, np.full(len(path), number), wear)[2] for number in numbers]
+        passes: Array = numbers[np.argmin(costs, axis=0)]  # cheapest for a blank of the path's allowance
         speed, feed, _ = self._passes(measured, path, passes, wear)
         return plan(scenario, passes, path, speed, feed)
-
-    def _cheapest(self, path: Array, wear: Array) -> Array:
-        """Return the allowed number of passes with the least cost for a blank of the path's allowance."""
-        numbers = np.arange(1.0, self._scenario.control.passes_max + 1.0)
-        costs = [self._passes(path, path, np.full(len(path), number), wear)[2] for number in numbers]
-        cheapest: Array = numbers[np.argmin(costs, axis=0)]
-        return cheapest
 
     def _passes(self, allowance: Array, path: Array, passes: Array, wear: Array) -> tuple[Array, Array, Array]:
         """Return cutting speeds [m/min] and feeds [mm/rev], shape (num_envs, passes_max), and the total cost [min]."""
@@ -155,13 +145,10 @@ def _ruled(rule: str, corrected: bool) -> Rule:
     path = "made for the measured size" if corrected else "as drawn"
     kind = "adaptive part programming" if corrected else "fixed rule"
 
-    def plays(scenario: Scenario) -> bool:
-        return turns_parts(scenario) and (scenario.sensors.probe or not corrected)
-
     return Rule(
         f"{kind}: speed and feed by {name}, path {path} (Sharmazanashvili 2008); margins tuned",
         lambda scenario, num_envs, parameters: RuledParts(scenario, rule, corrected, **parameters),
-        plays,
+        lambda scenario: scenario.control.action == "part" and (scenario.sensors.probe or not corrected),
         {"margin": Range(0.6, 1.1), "first_margin": Range(0.3, 1.1)},
         worth_tuning=rule in ("MT", "PN") and not corrected,
     )
@@ -173,7 +160,7 @@ RULES: dict[str, Rule] = {
     "parts_fixed_tuned": Rule(
         "the best passes, speed and feed for all parts on the tuning seeds; speed and feed as shares of their log ranges",
         _build_fixed,
-        turns_parts,
+        lambda scenario: scenario.control.action == "part",
         {"passes": Range(0.5, 4.5), "cutting_speed": Range(0.0, 1.0), "feed": Range(0.0, 1.0)},
         worth_tuning=True,
     ),

@@ -132,11 +132,10 @@ def _changes_edges(scenario: Scenario) -> bool:
 def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
     first = scenarios[0]
     each: Any = first if len(scenarios) == 1 else columns_of(scenarios)
-    control = each.control
-    if control.action == "part":
+    if first.control.action == "part":
         return FirstThen(num_envs, lowest(first), first.workpiece.bars / 2.0, ConstantActions(zero(first)))
-    policy = FixedParameters(each, control.initial_cutting_speed, control.initial_feed)
-    return FirstThen(num_envs, lowest(first), control.time_limit * 60.0 / control.interval / 2.0, policy)
+    steps = each.control.time_limit * 60.0 / each.control.interval
+    return FirstThen(num_envs, lowest(first), steps / 2.0, FixedParameters.programmed(each))
 
 
 def _rule(description: str, policy: Callable[[Sequence[Scenario], int], Policy], *, commanded: bool = False) -> Rule:
@@ -153,10 +152,6 @@ def _rule(description: str, policy: Callable[[Sequence[Scenario], int], Policy],
         changes_edges=True,
         together=True,
     )
-
-
-def _random(scenarios: Sequence[Scenario], num_envs: int) -> RandomActions:
-    return RandomActions(num_envs, action_size(scenarios[0]))
 
 
 def _constant(description: str, action: Callable[[Scenario], Actions], *, commanded: bool = False) -> Rule:
@@ -181,7 +176,9 @@ DEGENERATE = {
 """Rules that do not machine sensibly, by name."""
 
 RULES = {
-    "random": _rule("random actions, drawn evenly", _random),
+    "random": _rule(
+        "random actions, drawn evenly", lambda scenarios, num_envs: RandomActions(num_envs, action_size(scenarios[0]))
+    ),
     "zero_action": _constant("no action: 0 for all of them", zero),
     **DEGENERATE,
 }

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baselines.fixed import FixedParameters
 from baselines.models.process import ALIKE, Array, Limit, Line, Process, Scales
-from baselines.rule import Range, Rule
+from baselines.rule import Parameters, Range, Rule
 from turning_env import PowerLaw, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, log, real_power
@@ -41,6 +41,8 @@ TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")
 ECONOMIC_OPTIMUM = "economic_optimum"
 """Name of the point of least cost within force, power and the machine's ranges."""
 
+Cut = tuple[ArrayLike, ArrayLike, ArrayLike]
+"""Depth of cut [mm], relative hardness [-] and flank wear [mm]."""
 Lines = tuple[Line, ...]
 _CUTTING_SPEED = PowerLaw(coefficient=1.0, cutting_speed=1.0)
 _FEED = PowerLaw(coefficient=1.0, feed=1.0)
@@ -158,7 +160,7 @@ def along(process: Process, first: Limit, second: Limit) -> Along:
     )
 
 
-def _held(process: Process, cut: tuple[ArrayLike, ArrayLike, ArrayLike]) -> Lines:
+def _held(process: Process, cut: Cut) -> Lines:
     return tuple(limit.line(*cut) for limit in (process.thrust_force, process.power, *process.further.values()))
 
 
@@ -173,8 +175,7 @@ def binding(process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike) -> N
         hardness: relative to nominal [-], above 0.
     """
     cut = (depth_of_cut, hardness, process.mean_wear)
-    held = _held(process, cut)
-    _, _, pair = _cheapest(process, held, cut)
+    _, _, pair = _cheapest(process, _held(process, cut), cut)
     named = [sorted((one, other), key="NVT".find) for (one, _), (other, _) in _pairs(process)]
     return np.asarray([*(" ".join(names) for names in named), ""])[pair]
 
@@ -211,9 +212,7 @@ def _within_force_and_power(process: Process, held: Lines, log_speed: Array, log
     return np.where(wanted < feed, slower, log_speed), feed
 
 
-def _cheapest(
-    process: Process, held: Lines, cut: tuple[ArrayLike, ArrayLike, ArrayLike]
-) -> tuple[Array, Array, NDArray[np.int64]]:
+def _cheapest(process: Process, held: Lines, cut: Cut) -> tuple[Array, Array, NDArray[np.int64]]:
     """Return the log economic optimum, or log highest speed and lowest feed if no point keeps all limits, and its pair's place.
 
     On logarithmic scales, the cost is convex and all limits are lines. So the optimum is where two lines cross, or where the
@@ -284,18 +283,12 @@ def fixes_a_point(rule: str, scenario: Scenario) -> bool:
     return True
 
 
-def fixed_rule(scenario: Scenario, rule: str) -> FixedParameters:
-    """Return the controller of a rule's set point for the nominal bar and mean wear, for the edge's whole life."""
-    return FixedParameters(scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut))
-
-
 def _fixed(rule: str) -> Rule:
-    return Rule(
-        f"rule [{rule}] of Sharmazanashvili (2008) on nominal models at mean wear",
-        lambda scenario, num_envs, parameters: fixed_rule(scenario, rule),
-        lambda scenario: fixes_a_point(rule, scenario),
-        {},
-    )
+    def build(scenario: Scenario, num_envs: int, parameters: Parameters) -> FixedParameters:
+        return FixedParameters(scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut))
+
+    description = f"rule [{rule}] of Sharmazanashvili (2008) on nominal models at mean wear"
+    return Rule(description, build, lambda scenario: fixes_a_point(rule, scenario), {})
 
 
 def _adaptive(rule: str) -> Rule:
@@ -308,6 +301,8 @@ def _adaptive(rule: str) -> Rule:
     )
 
 
-RULES = {f"rule_{rule.lower()}": _fixed(rule) for rule in ("PV", "SN", "PN")} | {
-    f"adaptive_{rule.lower()}": _adaptive(rule) for rule in ("PV", "SN", "PN")
+RULES = {
+    f"{kind}_{rule.lower()}": make(rule)
+    for kind, make in (("rule", _fixed), ("adaptive", _adaptive))
+    for rule in ("PV", "SN", "PN")
 }

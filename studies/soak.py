@@ -37,7 +37,7 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from baselines.tune import __main__ as rule_tuning
+from baselines import tune as rule_tuning
 from leaderboard import __main__ as leaderboard_command
 from train import ppo, tune
 from train.run import Run

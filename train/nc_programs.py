@@ -13,9 +13,8 @@ from collections.abc import Callable
 
 from baselines import catalogue
 from baselines.fuzzy_override import MIN_HEADROOM
-from baselines.load_override import LOWEST_OVERRIDE
+from baselines.load_override import ENTRY_TIME, LOWEST_OVERRIDE
 from baselines.models.part_program import PartProgram, on_override, target_load
-from baselines.omative import ENTRY_TIME
 from baselines.rule import Parameters
 from turning_env import Scenario
 from turning_env.physics.drives import lag_share

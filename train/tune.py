@@ -39,7 +39,7 @@ from sqlalchemy import URL, make_url
 from sqlalchemy.exc import ArgumentError, IntegrityError, SQLAlchemyError
 from tqdm import tqdm
 
-from baselines.tune.journal import cut_off_half_line
+from baselines.tune import cut_off_half_line
 from train.actor import ActorPolicy
 from train.run import Run, hyperparameters, overrides
 from train.training import SEEDS, Algorithm, train

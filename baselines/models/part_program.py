@@ -1,4 +1,4 @@
-"""The part program on which a feed override acts: a programmed cutting speed and feed."""
+"""The part program on which a feed override acts: a programmed cutting speed and feed; and rules of such overrides."""
 
 from collections.abc import Callable, Mapping
 
@@ -91,18 +91,10 @@ def override_rules(
 ) -> dict[str, Rule]:
     """Return two rules for a controller of the feed override: on the scenario's program, and ``..._with_speed`` on a tuned one.
 
-    Args:
-        name: name of the first rule.
-        description: description of the first rule.
-        controller: see ``on_program``.
-        parameters: parameters of the first rule.
-        with_speed: parameters of the second rule, including its program's.
-        plays: whether the rules can play a scenario whose actions set the feed and whose aim is metal removal.
-        changes_edges: see ``Rule``.
-        worth_tuning: see ``Rule``; for the first rule.
+    The first has ``parameters`` and may be ``worth_tuning``, the second has ``with_speed``, including its program's. Both play if
+    ``plays`` is true and metal removal is rewarded. See ``on_program`` and ``Rule`` for the other arguments.
     """
-    build = on_program(controller)
-    tuned = "speed and feed" if "feed" in with_speed else "speed"
+    build, tuned = on_program(controller), "speed and feed" if "feed" in with_speed else "speed"
     return {
         name: Rule(
             description,

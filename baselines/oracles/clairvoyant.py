@@ -91,14 +91,12 @@ def bounds(
         raise ValueError(
             f"the clairvoyant bound does not cover scenario {scenario.name!r}: see baselines.oracles.clairvoyant.covers"
         )
-
-    def bound(seed: int) -> float:
-        value = _bound(scenario, seed, grid)
-        on_seed()
-        return value
-
+    values = []
     with ThreadPoolExecutor(threads) as pool:
-        return np.array(list(pool.map(bound, seeds)))
+        for value in pool.map(lambda seed: _bound(scenario, seed, grid), seeds):
+            values.append(value)
+            on_seed()
+    return np.array(values)
 
 
 def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:

@@ -67,6 +67,5 @@ class PerfectState(Predictive):
         self._filter.truth = infos
 
 
-def covers(scenario: Scenario) -> bool:
-    """Return whether a scenario has the actions and inputs that it needs."""
-    return plays(scenario)
+covers = plays
+"""Whether a scenario has the actions and inputs that it needs."""

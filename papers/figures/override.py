@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from baselines import fuzzy_override, load_override, omative, tmac
+from baselines import fuzzy_override, load_override
 from baselines.rule import Parameters
 from papers.stepped_bar import Trajectory, play_bar, stepped_bar
 from turning_env import Scenario
@@ -30,7 +30,7 @@ SHOWN: dict[str, tuple[str, Parameters]] = {
     "omative": ("air-gap control (ACM)", {"target": 1.0, "entry": 1.0, "rise": 10.0}),
 }
 """Title and parameters of each rule."""
-RULES = fuzzy_override.RULES | load_override.RULES | tmac.RULES | omative.RULES
+RULES = fuzzy_override.RULES | load_override.RULES
 
 
 _OVERRIDE: dict[str, Any] = {"color": style.BLUE, "linewidth": 1.3}

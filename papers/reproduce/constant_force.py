@@ -17,10 +17,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.constant_force import ConstantForce, feed_of_roughness, force_of_roughness
-from baselines.constant_force_network import ConstantForceNetwork, RecommendedFeed
+from baselines.constant_force import (
+    ConstantForce,
+    ConstantForceNetwork,
+    Network,
+    RecommendedFeed,
+    feed_of_roughness,
+    force_of_roughness,
+)
 from baselines.fixed import FixedParameters
-from baselines.models.network import Network
 from baselines.models.part_program import PartProgram
 from baselines.models.process import Process
 from papers import changed, record, rows

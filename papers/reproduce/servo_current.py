@@ -14,9 +14,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from baselines.constant_force import ConstantForce
-from baselines.current_limit import CUTOFF, WINDOW, CurrentLimit
+from baselines.current_limit import CUTOFF, WINDOW, CurrentLimit, ForceEstimator
 from baselines.fixed import FixedParameters
-from baselines.models.current_sensing import ForceEstimator
 from baselines.models.part_program import PartProgram
 from papers import changed, record
 from papers.reproduce.checks import Check, at_least, at_most, claim, table

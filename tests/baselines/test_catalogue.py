@@ -1,16 +1,18 @@
+"""The catalogue: which rules play, their tuned parameters, and edges changed in time."""
+
 import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from baselines import tuned
-from baselines.catalogue import RULES, names, playable, spec
+from baselines import tune, tuned
+from baselines.catalogue import CHANGE_AT, RULES, TimelyChanges, names, playable, spec
 from baselines.fixed import FixedParameters
-from baselines.models.edge_changes import CHANGE_AT, TimelyChanges
 from baselines.rule import Range, Rule
-from baselines.tune import __main__ as tune
-from turning_env import Family, Scenario
+from tests.turning_env.playing import changed
+from turning_env import Family, RoughTurningEnv, Scenario, read
 
 TUNABLE = Rule(
     "made up",
@@ -35,26 +37,20 @@ def keep(rules: dict[str, dict[str, float]], scenario: tuned.Task) -> None:
     tuned.path(scenario).write_text(json.dumps(about | {"rules": values}))
 
 
-def test_an_unknown_rule_names_those_there_are() -> None:
-    with pytest.raises(KeyError, match=r"'nonsense'.*fixed_handbook"):
-        spec("nonsense", Scenario())
-
-
 def test_a_rule_is_offered_only_where_it_can_play(tunable: str) -> None:
     assert tunable in names(Scenario())
     assert tunable not in names(OTHER_ACTIONS)
     with pytest.raises(ValueError, match="tunable cannot play scenario 'rough_turning'"):
         spec(tunable, OTHER_ACTIONS)
+    with pytest.raises(KeyError, match=r"'nonsense'.*fixed_handbook"):
+        spec("nonsense", Scenario())
 
 
-def test_tuned_parameters_join_the_fixed_ones(tunable: str) -> None:
+def test_tuned_parameters_join_the_fixed_ones_and_a_change_of_edges_on_command(tunable: str) -> None:
     keep({tunable: {"feed": 0.3}}, Scenario())
     found = spec(tunable, Scenario())
     assert found.parameters == {"cutting_speed": 100.0, "feed": 0.3}
     assert isinstance(found.make(2), FixedParameters)
-
-
-def test_where_edges_are_changed_on_command_the_change_is_tuned_too(tunable: str) -> None:
     shift = Scenario.model_validate({"control": {"edge_changes": "commanded"}})
     assert playable(tunable, shift).ranges.keys() == {"feed", CHANGE_AT}
     keep({tunable: {"feed": 0.3}}, shift)
@@ -63,6 +59,26 @@ def test_where_edges_are_changed_on_command_the_change_is_tuned_too(tunable: str
     keep({tunable: {"feed": 0.3, CHANGE_AT: 0.9}}, shift)
     assert spec(tunable, shift).parameters == {"cutting_speed": 100.0, "feed": 0.3, CHANGE_AT: 0.9}
     assert isinstance(spec(tunable, shift).make(2), TimelyChanges)
+    assert playable("tmac_with_speed", shift) is RULES["tmac_with_speed"]  # it changes edges itself
+
+
+@pytest.mark.slow
+def test_the_edge_is_changed_when_the_nominal_wear_says_so() -> None:
+    change_at = 0.7
+    shift = changed(Scenario.load("shift"), control={"time_limit": 90.0})
+    env = RoughTurningEnv(changed(shift, tool={"wear_factor_spread": 0.0, "edge_strength": 1e6}))
+    policy = TimelyChanges(FixedParameters(env.scenario, 180.0, 0.3), env.scenario, change_at)
+    observation, _ = env.reset(seed=0)
+    policy.reset(np.ones(1, np.bool_))
+    worn, stops, ended = [], [], False
+    while not ended:
+        worn.append(read(observation[np.newaxis], env.scenario).nominal_wear[0])
+        observation, _, _, ended, info = env.step(policy.act(observation[np.newaxis])[0])
+        stops.append(info["stopped_time"])
+    stopped = np.flatnonzero(stops)
+    assert len(stopped) > 1
+    assert np.array(stops)[stopped][:-1] == pytest.approx(60 * shift.economics.edge_change_time)
+    assert np.array(worn)[stopped] == pytest.approx(change_at * shift.tool.wear_criterion, rel=0.01)
 
 
 def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
@@ -93,27 +109,18 @@ def test_a_rule_is_built_with_the_nominal_scenario(tunable: str, monkeypatch: py
     assert built == [mismatch.nominal()]
 
 
-def test_a_rule_that_is_tuned_on_one_preset_plays_others_with_what_was_found_there(
-    tunable: str, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("home", ["forging", "shop"])
+def test_a_rule_that_is_tuned_on_one_task_plays_others_with_what_was_found_there(
+    home: str, tunable: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(RULES, tunable, replace(TUNABLE, tuned_on="forging"))
-    home = Scenario.load("forging")
-    keep({tunable: {"feed": 0.3}}, home)
-    assert spec(tunable, Scenario()).parameters == spec(tunable, home).parameters == {"cutting_speed": 100.0, "feed": 0.3}
-    assert tunable in tune.chosen_rules(None, home)
+    monkeypatch.setitem(RULES, tunable, replace(TUNABLE, tuned_on=home))
+    task = tuned.load(home)
+    played = task.job(0).scenario if isinstance(task, Family) else Scenario()
+    with pytest.raises(tuned.NotTuned, match=rf"--scenario {home} --shipped`"):
+        spec(tunable, played)
+    keep({tunable: {"feed": 0.3} | ({CHANGE_AT: 0.9} if home == "shop" else {})}, task)
+    assert spec(tunable, played).parameters["feed"] == 0.3
+    assert tunable in tune.chosen_rules(None, task)
     assert tunable not in tune.chosen_rules(None, Scenario())
     with pytest.raises(ValueError, match="nothing to tune on scenario 'rough_turning'"):
         tune.chosen_rules([tunable], Scenario())
-
-
-def test_a_rule_that_is_tuned_on_a_family_plays_its_jobs_with_what_was_found_there(
-    tunable: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    family = Family.load("shop")
-    monkeypatch.setitem(RULES, tunable, replace(TUNABLE, tuned_on="shop"))
-    with pytest.raises(tuned.NotTuned, match=r"--scenario shop --shipped`"):
-        spec(tunable, family.job(0).scenario)
-    keep({tunable: {"feed": 0.3, CHANGE_AT: 0.9}}, family)
-    assert spec(tunable, family.job(0).scenario).parameters["feed"] == 0.3
-    assert tune.chosen_rules(None, family).keys() == {tunable, "self_tuning"}
-    assert tunable not in tune.chosen_rules(None, Scenario())

@@ -5,8 +5,16 @@ import pytest
 from numpy.typing import NDArray
 
 from baselines.catalogue import RULES
-from baselines.constant_force import ENGAGED_TIME, THRESHOLD, ConstantForce, ModelFeed, feed_of_roughness, force_of_roughness
-from baselines.constant_force_network import ConstantForceNetwork, RecommendedFeed
+from baselines.constant_force import (
+    ENGAGED_TIME,
+    THRESHOLD,
+    ConstantForce,
+    ConstantForceNetwork,
+    ModelFeed,
+    RecommendedFeed,
+    feed_of_roughness,
+    force_of_roughness,
+)
 from baselines.models.part_program import PartProgram
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
@@ -81,12 +89,9 @@ def test_elsewhere_a_share_of_the_force_limit_is_held() -> None:
 def test_a_roughness_that_no_force_changes_is_refused() -> None:
     scenario = changed(SURFACE, surface={"roughness_rate": 0.0})
     assert not any(RULES[name].plays(scenario) for name in ("constant_force", "constant_force_network", "model_feed"))
-    with pytest.raises(ValueError, match=r"surface\.roughness_rate is 0\.0"):
-        law(scenario)
-    with pytest.raises(ValueError, match=r"surface\.roughness_rate is 0\.0"):
-        ModelFeed(scenario)
-    with pytest.raises(ValueError, match=r"surface\.roughness_rate is 0\.0"):
-        RecommendedFeed(scenario)
+    for refused in (law, ModelFeed, RecommendedFeed):
+        with pytest.raises(ValueError, match=r"surface\.roughness_rate is 0\.0"):
+            refused(scenario)
 
 
 def test_the_models_feed_gives_the_force_of_the_reference_on_a_nominal_bar() -> None:

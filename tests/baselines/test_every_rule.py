@@ -5,7 +5,7 @@ import pytest
 
 from baselines.catalogue import RULES, names, playable
 from baselines.rule import Parameters, Rule
-from baselines.tune.study import middle
+from baselines.tune import middle
 from tests.turning_env.playing import changed
 from turning_env import IDS, RoughTurningVectorEnv, Scenario, presets
 from turning_env.observation import bounds

@@ -1,24 +1,157 @@
+"""Tuning: the search of one rule, and the command with its files."""
+
 import json
 import re
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from baselines import tuned
+from baselines import tune, tuned
 from baselines.catalogue import RULES, spec
-from baselines.rule import Range, Rule
-from baselines.tune import __main__ as tune
-from baselines.tune import study
-from baselines.tune.study import Played, play_setting
-from turning_env import Scenario
+from baselines.rule import Parameters, Range, Rule
+from baselines.tune import Played, Search, play_trial, run_all
+from tests.turning_env.test_family_env import BRIEF
+from turning_env import Family, Scenario
+from turning_env.scoring.family import play_jobs
+from turning_env.scoring.play import play
+from turning_env.scoring.seeds import tuning_seeds
 
 SHORT = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.1}})
+ALLOWANCE = SHORT.limits.overload_allowance
 OTHER = Rule("made up", RULES["fixed_tuned"].build, lambda scenario: True, {"cutting_speed": Range(80.0, 120.0), "feed": 0.2})
+RULE = replace(OTHER, parameters={"share": Range(0.0, 1.0), "gain": Range(0.01, 1.0, logarithmic=True), "known": 7.0})
+
+
+def hill(setting: Parameters) -> tuple[float, float]:
+    """Highest at a share of 0.7, and feasible up to 0.6."""
+    return -((setting["share"] - 0.7) ** 2), ALLOWANCE * setting["share"] / 0.6
+
+
+class Counted:
+    """Scores settings by a formula instead of playing them; keeps the settings, and raises at given ones."""
+
+    def __init__(self, score: Callable[[Parameters], tuple[float, float]] = hill) -> None:
+        self.score = score
+        self.settings: list[Parameters] = []
+        self.raise_at: dict[int, BaseException] = {}
+
+    def __call__(self, name: str, rule: Rule, task: Scenario, setting: Parameters, seeds: list[int]) -> Played:
+        self.settings.append(setting)
+        if error := self.raise_at.get(len(self.settings)):
+            raise error
+        mean_return, severe_limit = self.score(setting)
+        return Played(mean_return, 0.8 * severe_limit, severe_limit, 100)
+
+
+@pytest.fixture
+def search(tmp_path: Path) -> Callable[..., dict[str, Any]]:
+    """Return a search that keeps its journal in ``tmp_path / "journal.log"``."""
+
+    def search(counted: Counted, trials: int = 16, seeds: int = 4, rule: Rule = RULE, scenario: Scenario = SHORT) -> Any:
+        searching = Search("made_up", rule, scenario, trials, seeds, tmp_path / "journal.log")
+        run_all([searching], play=counted)
+        return searching.found()
+
+    return search
+
+
+def test_the_middle_comes_first_and_the_best_feasible_setting_wins(search: Callable[..., dict[str, Any]]) -> None:
+    counted = Counted()
+    found = search(counted, trials=30)
+    assert counted.settings[0] == {"share": 0.5, "gain": pytest.approx(0.1), "known": 7.0}
+    assert all(0 <= each["share"] <= 1 and 0.01 <= each["gain"] <= 1 and each["known"] == 7 for each in counted.settings)
+    share = found["parameters"].pop("share")
+    assert 0.55 < share <= 0.6
+    assert found.pop("severe_share") == pytest.approx(0.8 * ALLOWANCE * share / 0.6)
+    assert found.pop("parameters").keys() == {"gain"}
+    best = max(hill(setting)[0] for setting in counted.settings if setting["share"] <= 0.6)
+    assert found == {"version": 1, "mean_return": best, "feasible": True, "episodes_played": 120, "steps_played": 3000}
+
+
+def test_where_none_is_feasible_the_best_of_all_wins(search: Callable[..., dict[str, Any]]) -> None:
+    counted = Counted(lambda setting: (setting["share"], ALLOWANCE * (1.1 + setting["share"])))
+    found = search(counted)
+    assert not found["feasible"]
+    assert found["mean_return"] == found["parameters"]["share"] == max(setting["share"] for setting in counted.settings)
+
+
+@pytest.mark.parametrize("at", [1, 14])
+def test_interrupted_it_goes_on_to_the_same_end(at: int, search: Callable[..., dict[str, Any]], tmp_path: Path) -> None:
+    whole, parts = Counted(), Counted()
+    expected = search(whole)
+    (tmp_path / "journal.log").unlink()
+    parts.raise_at = {at: KeyboardInterrupt(), at + 1: KeyboardInterrupt()}
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            search(parts)
+    assert search(parts) == expected
+    assert parts.settings == whole.settings[:at] + [whole.settings[at - 1]] * 2 + whole.settings[at:]
+    assert list(tmp_path.iterdir()) == [tmp_path / "journal.log"]
+
+
+def test_another_task_starts_anew(search: Callable[..., dict[str, Any]]) -> None:
+    longer = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.2}})
+    search(Counted(), trials=5)
+    for other in ({"trials": 6}, {"seeds": 3}, {"rule": replace(RULE, version=2)}, {"scenario": longer}):
+        counted = Counted()
+        search(counted, **{"trials": 5, **other})
+        assert len(counted.settings) == other.get("trials", 5)
+
+
+@pytest.mark.parametrize("damage", ["garbled", "", '{"op_code": 3}\n', "[" * 100_000 + "\n", "half a line"], ids=range(5))
+def test_a_damaged_journal_is_started_anew_and_one_that_ends_within_a_line_goes_on(
+    damage: str, search: Callable[..., dict[str, Any]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    counted, journal = Counted(), tmp_path / "journal.log"
+    expected = search(counted, trials=12)
+    lines, content = journal.read_text().splitlines(keepends=True), journal.read_text()
+    damaged = {
+        "garbled": "".join([*lines[:9], "{garbled\n", *lines[9:]]),
+        "half a line": content[: len(content) // 2].rstrip()[:-1],
+    }
+    journal.write_text(damaged.get(damage, damage))
+    assert search(counted, trials=12) == expected
+    error = capsys.readouterr().err
+    if damage == "half a line":
+        assert len(counted.settings) < 12 + 9
+        assert "ended within a line, which is cut off" in error
+    else:
+        assert len(counted.settings) == 24
+        assert ("is damaged" in error) == (damage != "")
+
+
+def test_settings_are_really_played_and_a_failure_names_rule_and_setting() -> None:
+    rule, seeds = RULES["fixed_tuned"], tuning_seeds(3)
+    scenario = Scenario.model_validate({"control": {"time_limit": 0.5}})
+    setting = {"cutting_speed": 200.0, "feed": 0.6}
+    episodes = play(lambda num_envs: rule.build(scenario, num_envs, setting), scenario, seeds)
+    played = play_trial("fixed_tuned", rule, scenario, setting, seeds)
+    assert played.mean_return == episodes["return"].mean()
+    assert played.steps == episodes["steps"].sum()
+    assert played.severe_share == episodes["severe_overload_time"].sum() / episodes["engaged_time"].sum()
+    assert 0 < played.severe_share <= played.severe_limit
+    with pytest.raises(TypeError) as caught:
+        play_trial("fixed_tuned", rule, scenario, {"share": 0.5}, seeds)
+    assert caught.value.__notes__ == ["while tuning fixed_tuned with {'share': 0.5}"]
+
+
+@pytest.mark.slow
+def test_settings_are_played_on_training_jobs_of_a_family() -> None:
+    rule, family = RULES["self_tuning"], Family.load(BRIEF)
+    setting = rule.fixed | {name: tune.middle(values) for name, values in rule.ranges.items()}
+    seeds = list(range(2))  # of the first jobs, with which they are also played one by one
+    alone = play_jobs(family, "train", seeds, lambda job: lambda num_envs: rule.build(job.scenario.nominal(), num_envs, setting))
+    played = play_trial("self_tuning", rule, family, setting, seeds)
+    assert played.mean_return == alone["return"].mean()
+    assert played.steps == alone["steps"].sum()
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the path of a user's scenario; two rules can be tuned, and a third has nothing to tune."""
+    """Return the folder of a user's scenario; two rules can be tuned, and a third has nothing to tune."""
     monkeypatch.setattr(tuned, "FOLDER", tmp_path / "shipped")
     for name in RULES.keys() - {"fixed_handbook", "fixed_tuned"}:
         monkeypatch.delitem(RULES, name)
@@ -33,25 +166,24 @@ def run(folder: Path, *arguments: str) -> int:
     return tune.main([*common, *(arguments if "--trials" in arguments else ("--trials", "3", *arguments))])
 
 
-def test_the_same_command_writes_the_same_file_beside_the_scenario_s(folder: Path) -> None:
+def test_the_file_states_command_budget_and_results(folder: Path) -> None:
     assert run(folder) == 0
     path = folder / "short.tuned.json"
-    scenario = Scenario.load(folder / "short.toml")
-    values = json.loads(path.read_text())
+    scenario, values = Scenario.load(folder / "short.toml"), json.loads(path.read_text())
     command = f"python -m baselines.tune --scenario {folder / 'short.toml'} --trials 3 --seeds 2"
-    assert values["command"] == command
-    assert values["scenario_digest"] == SHORT.digest()
+    assert (values["command"], values["scenario_digest"]) == (command, SHORT.digest())
     assert values["budget"] == {"trials": 3, "seeds": 2}
     assert list(values["rules"]) == ["fixed_tuned", "other"]
     for name, found in values["rules"].items():
         assert spec(name, scenario).command == f"{command} --rules {name}"
-        played = play_setting(RULES[name], SHORT, spec(name, scenario).parameters, [1_000_000_000, 1_000_000_001])
+        parameters = spec(name, scenario).parameters
+        played = play_trial(name, RULES[name], SHORT, parameters, [1_000_000_000, 1_000_000_001])
         assert found.pop("parameters").keys() == RULES[name].ranges.keys()
         assert found == {
             "version": 1,
             "mean_return": played.mean_return,
             "severe_share": played.severe_share,
-            "feasible": played.severe_limit <= SHORT.limits.overload_allowance,
+            "feasible": played.severe_limit <= ALLOWANCE,
             "episodes_played": 6,
             "steps_played": 36,
         }
@@ -59,7 +191,6 @@ def test_the_same_command_writes_the_same_file_beside_the_scenario_s(folder: Pat
 
 
 def test_a_scenario_of_ones_own_leaves_what_ships_alone_whatever_it_is_called(folder: Path) -> None:
-    """The values that are found beside a scenario are those that play it; those that ship play the preset of its name."""
     tuned.FOLDER.mkdir()
     shipped, own = Scenario.load("forging"), folder / "forging.toml"
     SHORT.save(own)
@@ -73,26 +204,7 @@ def test_a_scenario_of_ones_own_leaves_what_ships_alone_whatever_it_is_called(fo
     assert found != spec("fixed_tuned", shipped).parameters == {"cutting_speed": 150.0, "feed": 0.2}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ([], r"forging\.json ships with the project: give .* a TOML file of your own"),
-        (["--out", "{shipped}/forging.json"], "ships with the project"),
-        (["--shipped", "--scenario", "{own}"], "--shipped rewrites the parameters of a preset, one of .*forging"),
-        (["--out", "forging.toml"], r"--out forging\.toml must end in \.json"),
-    ],
-)
-def test_what_ships_is_written_on_demand_alone(
-    arguments: list[str], message: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = [word.format(shipped=tuned.FOLDER, own=folder / "short.toml") for word in arguments]
-    assert tune.main(["--scenario", "forging", "--trials", "1", "--seeds", "1", *words]) == 2
-    assert re.search(message, capsys.readouterr().err)
-    assert not tuned.FOLDER.exists()
-
-
-def test_a_maintainer_writes_what_ships(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(study, "play_setting", lambda *task: Played(1.0, 0.0, 0.0, 1))
+def test_a_maintainer_writes_what_ships(folder: Path) -> None:
     arguments = ["--scenario", "override", "--trials", "1", "--seeds", "1", "--rules", "other"]
     assert tune.main([*arguments, "--shipped"]) == 0
     assert [path.name for path in tuned.FOLDER.iterdir()] == ["override.json"]
@@ -106,10 +218,9 @@ def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(
 ) -> None:
     path = folder / "short.toml"
     assert tune.main(["--scenario", str(path), "--quick"]) == 0
-    values = tuned.read(folder / "short.tuned.json")
+    values, scenario = tuned.read(folder / "short.tuned.json"), Scenario.load(path)
     assert list(values["rules"]) == ["fixed_tuned"]
     assert values["budget"] == tune.QUICK
-    scenario = Scenario.load(path)
     assert spec("fixed_tuned", scenario).parameters == values["rules"]["fixed_tuned"]["parameters"]
     with pytest.raises(tuned.NotTuned, match=rf"other has not .* run `{re.escape(tuned.command(scenario))} --rules other`"):
         spec("other", scenario)
@@ -120,20 +231,15 @@ def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(
 
 
 @pytest.mark.slow
-def test_some_rules_are_tuned_and_the_others_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(folder, "--rules", "other") == 0
-    with pytest.raises(tuned.NotTuned, match=r"fixed_tuned has not been tuned.*--scenario \S*short.toml --rules fixed_tuned"):
-        spec("fixed_tuned", Scenario.load(folder / "short.toml"))
-    assert run(folder, "--rules", "fixed_tuned") == 0
+def test_rules_are_tuned_one_by_one_or_side_by_side_with_the_same_result(folder: Path) -> None:
     path = folder / "short.tuned.json"
+    assert run(folder, "--rules", "other") == 0
+    assert list(tuned.read(path)["rules"]) == ["other"]
+    assert run(folder, "--rules", "fixed_tuned") == 0
     text = path.read_text()
+    path.unlink()
     assert run(folder, "--jobs", "2") == 0
-    assert path.read_text() == text  # rule by rule or all at once, side by side
-    assert run(folder, "--rules", "other", "--trials", "4") == 2
-    assert "keeps fixed_tuned, tuned with another budget" in capsys.readouterr().err
     assert path.read_text() == text
-    assert run(folder, "--rules", "other", "fixed_tuned", "--trials", "4") == 0
-    assert json.loads(path.read_text())["budget"] == {"trials": 4, "seeds": 2}
 
 
 @pytest.mark.parametrize(
@@ -144,9 +250,13 @@ def test_some_rules_are_tuned_and_the_others_kept(folder: Path, capsys: pytest.C
         (["--rules", "nonsense"], "no controller is called 'nonsense'; there are fixed_handbook, fixed_tuned, other"),
         (["--rules", "other", "fixed_handbook"], "fixed_handbook has nothing to tune"),
         (["--rules", "unable"], "unable cannot play"),
+        (["--scenario", "forging"], r"forging\.json ships with the project: give .* a TOML file of your own"),
+        (["--scenario", "forging", "--out", "{shipped}/forging.json"], "ships with the project"),
+        (["--shipped"], "--shipped rewrites the parameters of a preset, one of .*forging"),
+        (["--out", "forging.toml"], r"--out forging\.toml must end in \.json"),
     ],
 )
-def test_bad_input_is_an_error(
+def test_bad_input_is_an_error_and_writes_nothing(
     arguments: list[str],
     message: str,
     folder: Path,
@@ -154,12 +264,11 @@ def test_bad_input_is_an_error(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     if "unable" in arguments:
-        monkeypatch.setitem(RULES, "unable", Rule("made up", OTHER.build, lambda scenario: False, OTHER.parameters))
-    assert run(folder, *arguments) == 2
-    error = capsys.readouterr().err
-    assert error.startswith("error: ")
-    assert re.search(message, error)
+        monkeypatch.setitem(RULES, "unable", replace(OTHER, plays=lambda scenario: False))
+    assert run(folder, *(word.format(shipped=tuned.FOLDER) for word in arguments)) == 2
+    assert re.match(f"error: .*{message}", capsys.readouterr().err)
     assert [path.name for path in folder.iterdir()] == ["short.toml"]
+    assert not tuned.FOLDER.exists()
 
 
 @pytest.mark.parametrize("content", ["[]", '{"rules": {"fixed_tuned": 1}}', "[" * 100_000], ids=range(3))

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from baselines import tune as rule_tuning
 from baselines import tuned
 from baselines.fixed import FixedParameters
-from baselines.tune import __main__ as rule_tuning
 from leaderboard import run
 from leaderboard.result import Task, read_part, result_folder
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from baselines.tune import __main__ as rule_tuning
+from baselines import tune as rule_tuning
 from leaderboard import __main__ as board
 from leaderboard import watch
 from studies.soak import files, unreadable

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt, sosfreqz
 
-from baselines.current_limit import CurrentLimit
-from baselines.models.current_sensing import ORDER, ForceEstimator, Smoother, delay
+from baselines.current_limit import ORDER, CurrentLimit, ForceEstimator, Smoother, delay
 from baselines.models.part_program import PartProgram
-from tests.turning_env.playing import changed
 from turning_env import Reading, RoughTurningVectorEnv, Scenario
 from turning_env.physics.drives import steady_current
 from turning_env.physics.records import parameter_records
@@ -15,20 +13,6 @@ from turning_env.scoring.seeds import tuning_seeds
 from turning_env.wrappers import FEED_GRADES
 
 CURRENT = Scenario.load("override_current")
-SPREADS = [f"{field}_{kind}_spread" for field in ("depth", "hardness") for kind in ("bar", "along")]
-STEADY = changed(CURRENT, workpiece=dict.fromkeys(("depth_ripple", *SPREADS), 0.0) | {"depth_profile": []})
-
-
-def reading(scenario: Scenario, current: list[float], feed: float = 0.4, force: float = 0.0) -> Reading:
-    """Readings in metal at measured currents [A]."""
-    num_envs = len(current)
-    values = {name: np.zeros(num_envs) for name in Reading._fields} | {
-        "servo_current": np.array(current),
-        "thrust_force": np.full(num_envs, force),
-        "cutting_speed": np.full(num_envs, scenario.control.initial_cutting_speed),
-        "feed": np.full(num_envs, feed),
-    }
-    return Reading(**values)  # type: ignore[arg-type]
 
 
 def test_the_filter_is_scipys_as_if_the_first_sample_had_lasted_for_ever() -> None:
@@ -59,35 +43,26 @@ def test_the_filters_delay_is_the_slope_of_its_phase(cutoff: float) -> None:
 
 @pytest.mark.parametrize(("force", "feed"), [(0.0, 0.1), (1500.0, 0.4)])
 def test_a_current_that_does_not_change_gives_its_force(force: float, feed: float) -> None:
-    parameters = parameter_records(CURRENT)[0]
-    velocity = CURRENT.control.initial_cutting_speed * parameters.revolutions_per_metre[0] * feed
-    current = steady_current(parameters, 0, force, velocity)
+    parameters, speed = parameter_records(CURRENT)[0], CURRENT.control.initial_cutting_speed
+    current = steady_current(parameters, 0, force, speed * parameters.revolutions_per_metre[0] * feed)
+    values = dict.fromkeys(Reading._fields, np.zeros(3)) | {
+        name: np.full(3, value) for name, value in (("servo_current", current), ("cutting_speed", speed), ("feed", feed))
+    }
     estimator = ForceEstimator(CURRENT, 3, 0.3, 4)
     for _ in range(5):
-        estimate = estimator.update(reading(CURRENT, [current] * 3, feed))
+        estimate = estimator.update(Reading(**values))
     assert estimate[0] == pytest.approx(np.full(3, force), abs=1e-6)
     assert estimate[1] == pytest.approx(np.full(3, feed))
 
 
-def limit(scenario: Scenario, num_envs: int, share: float = 0.38, hysteresis: float = 0.05) -> CurrentLimit:
-    return CurrentLimit(PartProgram(scenario, {}), num_envs, share, hysteresis)
-
-
-def overrides_played(scenario: Scenario, policy: CurrentLimit, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Override [-] and true thrust force [N] of every step, shape (steps, 4)."""
-    env = RoughTurningVectorEnv(4, scenario)
-    seen, _ = env.reset(seed=tuning_seeds(4))
-    overrides, forces = [], []
-    for _ in range(steps):
-        seen, _, _, _, infos = env.step(policy.act(seen))
-        overrides.append(infos["commanded_feed"] / scenario.control.initial_feed)
-        forces.append(infos["thrust_force"])
-    return np.array(overrides), np.array(forces)
-
-
 def test_the_feed_goes_through_the_grades_alone() -> None:
-    overrides, _ = overrides_played(CURRENT, limit(CURRENT, 4), 1000)
+    env, policy = RoughTurningVectorEnv(4, CURRENT), CurrentLimit(PartProgram(CURRENT, {}), 4, 0.38)
+    seen, _ = env.reset(seed=tuning_seeds(4))
+    overrides = []
+    for _ in range(1000):
+        seen, _, _, _, infos = env.step(policy.act(seen))
+        overrides.append(infos["commanded_feed"] / CURRENT.control.initial_feed)
     reached = np.maximum(FEED_GRADES, CURRENT.machine.feed_min / CURRENT.control.initial_feed)
-    distances = np.abs(overrides[..., np.newaxis] - reached)
+    distances = np.abs(np.array(overrides)[..., np.newaxis] - reached)
     assert distances.min(axis=-1).max() < 1e-6
     assert len(np.unique(distances.argmin(axis=-1))) > 4

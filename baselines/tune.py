@@ -1,0 +1,358 @@
+"""Tune the rules for a scenario, all with the same budget, and write the best parameters beside its file.
+
+    python -m baselines.tune --scenario my_mill.toml --quick
+    python -m baselines.tune --scenario my_mill.toml --rules fixed_tuned rescaled_grid_search
+    python -m baselines.tune --scenario forging --out my_forging.tuned.json
+    python -m baselines.tune --scenario shop --seeds 96 --shipped
+
+The parameters of ``my_mill.toml`` go to ``my_mill.tuned.json`` beside it, where all commands find them. Every rule gets the same
+number of trials on the same tuning seeds, however many parameters it has. The file states this budget, also in episodes and
+steps. An agent's budget is ``steps`` in ``train/hyperparameters/ppo.toml``. The same command resumes an interrupted tuning. With
+``--jobs`` or ``--scheduler``, rules are tuned in parallel, with the same result (docs/scaling.md).
+
+The first trial is the middle of every range; a tree-structured Parzen estimator chooses the others. The best mean return wins
+among the feasible trials, or among all if none is feasible. A trial's parameters depend only on its number and the trials before
+it, so an interrupted search finds the same parameters.
+"""
+
+import argparse
+import hashlib
+import json
+import math
+import os
+import shlex
+import sys
+from collections.abc import Callable, Collection, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import optuna
+from gymnasium.vector import AutoresetMode
+from optuna.distributions import BaseDistribution, FloatDistribution
+from optuna.samplers import TPESampler
+from optuna.storages import JournalStorage
+from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
+from optuna.trial import FrozenTrial, TrialState
+from tqdm import tqdm
+
+from baselines import tuned
+from baselines.catalogue import RULES, names, playable
+from baselines.rule import Parameters, Range, Rule
+from baselines.tuned import Task
+from turning_env import MODEL_VERSION, Family, FamilyVectorEnv, Scenario, presets
+from turning_env.console import described, exits
+from turning_env.files import exclusive_lock, file_lock, replace_file
+from turning_env.scenario.family import families
+from turning_env.scoring.play import play
+from turning_env.scoring.seeds import tuning_seeds
+from turning_env.scoring.statistics import severe_limit, severe_share
+from turning_env.scoring.workers import Workers, workers
+
+Budget = dict[str, int]
+BUDGET: Budget = {"trials": 64, "seeds": 32}
+QUICK: Budget = {"trials": 12, "seeds": 16}
+
+_CANDIDATES = 128
+"""Number of candidates from which the estimator picks. With Optuna's 24, it stays farther from the limit of feasibility."""
+_OVERLOAD, _SEVERE_SHARE, _STEPS = "overload", "severe_share", "steps"  # names in the journal
+
+
+class Played(NamedTuple):
+    """Result of one trial."""
+
+    mean_return: float  # [s]
+    severe_share: float  # share of cutting time more than the tolerance over a limit [-]
+    severe_limit: float  # its one-sided upper confidence limit [-], which decides on feasibility
+    steps: int  # number of steps played
+
+
+def play_trial(name: str, rule: Rule, task: Task, setting: Parameters, seeds: Sequence[int]) -> Played:
+    """Play a rule with some parameters on seeds, for a family those of its training jobs; note both on an exception."""
+    try:
+        if isinstance(task, Family):
+            models: Any = [task.job(seed).scenario.nominal() for seed in seeds]
+            played: Any = FamilyVectorEnv(len(seeds), task, context="hidden", autoreset_mode=AutoresetMode.SAME_STEP)
+        else:
+            models = played = task
+        episodes = play(lambda num_envs: rule.build(models, num_envs, setting), played, seeds)
+    except Exception as error:
+        error.add_note(f"while tuning {name} with {setting}")
+        raise
+    times = episodes["severe_overload_time"], episodes["engaged_time"]
+    return Played(float(episodes["return"].mean()), severe_share(*times), severe_limit(*times), int(episodes["steps"].sum()))
+
+
+class Search:
+    """The search for the best parameters of a rule, with a journal on disk; continues one that was interrupted.
+
+    ``next`` asks for a trial and ``tell`` takes its result, one after the other. Any process may play it.
+
+    Args:
+        name: name of the rule.
+        rule: rule to tune.
+        task: scenario or family to play.
+        trials: number of trials.
+        seeds: number of tuning seeds that each trial plays.
+        journal: file that keeps the trials until the search is finished.
+    """
+
+    def __init__(self, name: str, rule: Rule, task: Task, trials: int, seeds: int, journal: Path) -> None:
+        optuna.logging.set_verbosity(optuna.logging.ERROR)
+        self.name, self._rule, self._task, self.trials = name, rule, task, trials
+        self._allowance = tuned.first_scenario(task).limits.overload_allowance
+        self._seeds = tuning_seeds(seeds)
+        self._ranges: dict[str, BaseDistribution] = {
+            key: FloatDistribution(value.low, value.high, log=value.logarithmic) for key, value in rule.ranges.items()
+        }
+        # What the trials depend on, except the rule's name: a journal's trials of other tasks are ignored.
+        about = json.dumps([MODEL_VERSION, rule.version, task.digest(), trials, seeds])
+        self._study = optuna.create_study(
+            storage=_open(journal),
+            study_name=hashlib.sha256(about.encode()).hexdigest(),
+            direction="maximize",
+            load_if_exists=True,
+        )
+        for unfinished in self._trials(TrialState.RUNNING):
+            self._study.tell(unfinished.number, state=TrialState.FAIL)  # interrupted: hide it from the sampler
+        if not self._trials(TrialState.COMPLETE, TrialState.WAITING):
+            self._study.enqueue_trial({key: middle(value) for key, value in rule.ranges.items()})
+        self._finished = self._trials(TrialState.COMPLETE)
+        self._trial: optuna.Trial | None = None
+
+    def _trials(self, *states: TrialState) -> list[FrozenTrial]:
+        return self._study.get_trials(deepcopy=False, states=states)
+
+    @property
+    def left(self) -> int:
+        """Return the number of trials left."""
+        return self.trials - len(self._finished)
+
+    def next(self) -> tuple[str, Rule, Task, Parameters, list[int]]:
+        """Return the next trial: the arguments of ``play_trial``."""
+        # A sampler per trial, so that its random numbers do not depend on interruptions.
+        self._study.sampler = TPESampler(seed=len(self._finished), n_ei_candidates=_CANDIDATES)
+        self._trial = self._study.ask(self._ranges)
+        return self.name, self._rule, self._task, self._rule.fixed | self._trial.params, self._seeds
+
+    def tell(self, played: Played) -> None:
+        """Take the result of the trial that ``next`` returned last."""
+        assert self._trial is not None
+        self._trial.set_constraint(_OVERLOAD, played.severe_limit - self._allowance)
+        self._trial.set_user_attr(_SEVERE_SHARE, played.severe_share)
+        self._trial.set_user_attr(_STEPS, played.steps)
+        self._study.tell(self._trial, played.mean_return)
+        self._finished = self._trials(TrialState.COMPLETE)
+
+    def found(self) -> dict[str, Any]:
+        """Return the rule's entry in a file of tuned parameters: the best trial so far and the budget of all."""
+        best = max(self._finished, key=lambda trial: (_feasible(trial), trial.value))
+        return {
+            "version": self._rule.version,
+            "parameters": best.params,
+            "mean_return": best.value,
+            "severe_share": best.user_attrs[_SEVERE_SHARE],
+            "feasible": _feasible(best),
+            "episodes_played": len(self._finished) * len(self._seeds),
+            "steps_played": sum(trial.user_attrs[_STEPS] for trial in self._finished),
+        }
+
+
+def _feasible(trial: FrozenTrial) -> bool:
+    return trial.constraints[_OVERLOAD] <= 0.0
+
+
+def run_all(searches: Sequence[Search], over: Workers | None = None, play: Callable[..., Played] = play_trial) -> None:
+    """Play the searches' remaining trials: one search after the other, or with workers one trial of each search at a time.
+
+    Raises:
+        WorkersError: no workers are left.
+        Exception: what a trial raised.
+    """
+    total, left = (sum(getattr(search, number) for search in searches) for number in ("trials", "left"))
+    with tqdm(total=total, initial=total - left, desc="tuning", unit="trial", dynamic_ncols=True, disable=None) as bar:
+
+        def note(search: Search, played: Played) -> None:
+            search.tell(played)
+            best = search.found()
+            infeasible = "" if best["feasible"] else ", not feasible"
+            bar.set_postfix_str(f"{search.name}: best {best['mean_return']:.1f} s{infeasible}", refresh=False)
+            bar.update()
+
+        unfinished = [search for search in searches if search.left]
+        for search in unfinished:
+            if over is not None:
+                over.start(search, play, *search.next())
+            while over is None and search.left:
+                note(search, play(*search.next()))
+        while over is not None and any(search.left for search in unfinished):
+            search, played = over.finished()
+            note(search, played)
+            if search.left:
+                over.start(search, play, *search.next())
+
+
+def middle(values: Range) -> float:
+    """Return the middle of a range, geometric for a logarithmic one."""
+    return math.sqrt(values.low * values.high) if values.logarithmic else 0.5 * (values.low + values.high)
+
+
+def cut_off_half_line(path: Path) -> None:
+    """Cut off a journal's last line if a full disk or a killed process left it incomplete, and print a notice.
+
+    Its trial is played again. Optuna skips such a line when it reads, but appends the next one to it.
+
+    Raises:
+        OSError: the file cannot be read or written.
+    """
+    if not path.is_file() or path.read_bytes()[-1:] in (b"", b"\n"):
+        return
+    lock = JournalFileOpenLock(str(path))
+    lock.acquire()  # another process may be in the middle of that line
+    try:
+        content = path.read_bytes()
+        if not content.endswith(b"\n"):
+            os.truncate(path, content.rfind(b"\n") + 1)
+            print(f"{path} ended within a line, which is cut off: its trial is played again", file=sys.stderr)
+    finally:
+        lock.release()
+
+
+def _open(path: Path) -> JournalStorage:
+    """Open a journal; start a damaged one anew."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    cut_off_half_line(path)
+    file = JournalFileBackend(str(path), JournalFileOpenLock(str(path)))
+    try:
+        lines = path.read_bytes().splitlines() if path.exists() else []
+        if not all(json.loads(line) for line in lines):
+            raise ValueError(f"{path} holds an empty line")
+        return JournalStorage(file)
+    except (ArithmeticError, AssertionError, AttributeError, LookupError, RecursionError, TypeError, ValueError):
+        print(f"{path} is damaged: the search starts again", file=sys.stderr)
+        path.write_bytes(b"")  # not removed, as a process may hold a lock on it
+        return JournalStorage(JournalFileBackend(str(path), JournalFileOpenLock(str(path))))
+
+
+def chosen_rules(wanted: Sequence[str] | None, task: Task, quick: bool = False) -> dict[str, Rule]:
+    """Return the named rules, or all that can play the task and have parameters to tune; if ``quick``, the best of them.
+
+    Raises:
+        KeyError: there is no rule of that name.
+        ValueError: a rule cannot play the task or has nothing to tune there.
+    """
+    scenario = tuned.first_scenario(task)
+
+    def tunable(rule: Rule) -> bool:
+        at_home = isinstance(task, Scenario) if rule.tuned_on is None else tuned.load(rule.tuned_on).digest() == task.digest()
+        return bool(rule.ranges) and at_home
+
+    rules = {name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)}
+    chosen = {name: rule for name, rule in rules.items() if tunable(rule)}
+    if wanted is None:
+        return {name: rule for name, rule in chosen.items() if rule.worth_tuning or not quick}
+    if fixed := rules.keys() - chosen.keys():
+        raise ValueError(f"{', '.join(sorted(fixed))} has nothing to tune on scenario {task.name!r}")
+    return chosen
+
+
+def _target(task: Task, out: Path | None, shipped: bool) -> Path:
+    """Return the file to write.
+
+    Raises:
+        ValueError: the file ships and ``shipped`` is false; ``shipped`` is given for a scenario that does not ship; or the file's
+            name has another suffix.
+    """
+    if shipped and (tuned.own_file(task) is not None or out is not None):
+        known = ", ".join((*presets(), *families()))
+        raise ValueError(f"--shipped rewrites the parameters of a preset, one of {known}, without --out")
+    target = out or tuned.path(task)
+    if not shipped and target.resolve().parent == tuned.FOLDER.resolve():
+        said = f"{target} ships with the project: give the scenario as a TOML file of your own, or another --out FILE.json"
+        raise ValueError(f"{said}; a maintainer rewrites it by --shipped")
+    if target.suffix != ".json":
+        raise ValueError(f"--out {target} must end in .json")
+    return target
+
+
+def _kept(chosen: Collection[str], task: Task, target: Path, budget: Budget) -> dict[str, Any]:
+    """Return the entries of a file of the task's tuned parameters for the rules that are not tuned now.
+
+    Raises:
+        ValueError: they were tuned with another budget, and a file must not mix budgets; or the file is damaged.
+    """
+    values = tuned.read(target)
+    if values.get("scenario_digest") != task.digest():
+        return {}
+    kept = {name: values["rules"][name] for name in RULES if name in values["rules"] and name not in chosen}
+    if kept and values.get("budget") != budget:
+        raise ValueError(f"{target} keeps {', '.join(kept)}, tuned with another budget: tune all rules, or give another --out")
+    return kept
+
+
+def journal(name: str, target: Path) -> Path:
+    """Return the path of the journal of a rule's unfinished search, beside the file that will hold its result."""
+    return target.with_name(f".unfinished-{target.stem}-{name}.log")
+
+
+@exits(KeyError, ValueError, interrupted="interrupted: run the same command again to go on")
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m baselines.tune", **described(__doc__))
+    parser.add_argument("--scenario", required=True, metavar="PRESET_OR_TOML", help="scenario or family on which to tune")
+    parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune only these rules, and keep the others in the file")
+    which = ", ".join(name for name, rule in RULES.items() if rule.worth_tuning)
+    quick = " and ".join(f"{number} {what}" for what, number in QUICK.items())
+    parser.add_argument("--quick", action="store_true", help=f"tune for about a minute: {quick}, and only {which}")
+    parser.add_argument("--trials", type=int, metavar="N", help="parameter sets to try for each rule (default: 64)")
+    parser.add_argument("--seeds", type=int, metavar="N", help="tuning seeds on which each trial plays (default: 32)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="JSON file to write (default: TOML.tuned.json beside the TOML)")
+    parser.add_argument("--shipped", action="store_true", help="for maintainers: rewrite the parameters that ship for a preset")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="number of processes, one rule each (default: 1)")
+    parser.add_argument("--scheduler", metavar="URL", help="play on the workers of this Dask cluster, such as tcp://host:8786")
+    parsed = parser.parse_args(arguments)
+    asked = {what: getattr(parsed, what) for what in BUDGET if getattr(parsed, what) is not None}
+    budget = (QUICK if parsed.quick else BUDGET) | asked
+    for what, number in (("trials", budget["trials"]), ("jobs", parsed.jobs)):
+        if number < 1:
+            raise ValueError(f"{number} {what} asked for, but there must be 1 or more")
+    tuning_seeds(budget["seeds"])
+    task = tuned.load(parsed.scenario)
+    if isinstance(task, Scenario) and task != task.nominal():
+        raise ValueError(f"scenario {task.name!r} has a model mismatch: tune the rules on its nominal model")
+    target = _target(task, parsed.out, parsed.shipped)
+    chosen = chosen_rules(parsed.rules, task, parsed.quick)
+    some = parsed.quick or parsed.rules is not None
+    _kept(chosen if some else RULES, task, target, budget)  # refuse before hours of playing, not after
+    with workers(parsed.jobs, parsed.scheduler) as over, ExitStack() as held:
+        for name in chosen:
+            held.enter_context(file_lock(journal(name, target)))
+            # Optuna's own lock, left by a process that was killed while writing.
+            journal(name, target).with_suffix(".log.lock").unlink(missing_ok=True)
+        searches = [Search(name, rule, task, **budget, journal=journal(name, target)) for name, rule in chosen.items()]
+        run_all(searches, over)
+        found = {search.name: search.found() for search in searches}
+        for name, best in found.items():
+            feasible = "feasible" if best["feasible"] else "not feasible"
+            result = f"mean return {best['mean_return']:.1f} s over {budget['seeds']} seeds, {feasible}"
+            print(f"{name}: {best['parameters']}, {result}")
+        words = ["--shipped"] * parsed.shipped + [word for what, number in budget.items() for word in (f"--{what}", str(number))]
+        values = {
+            "command": shlex.join(["python", "-m", "baselines.tune", "--scenario", parsed.scenario, *words]),
+            "scenario_digest": task.digest(),
+            "budget": budget,
+        }
+        with exclusive_lock(target.parent, wait=True):  # read again: another process may have tuned another rule
+            rules = found | (_kept(found, task, target, budget) if some else {})
+            values["rules"] = {name: rules[name] for name in RULES if name in rules}
+            replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
+        for name in chosen:
+            journal(name, target).unlink(missing_ok=True)
+    print(target)
+    return 0
+
+
+if __name__ == "__main__":
+    from baselines import tune  # under the name that workers import
+
+    sys.exit(tune.main())
