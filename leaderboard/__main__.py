@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from leaderboard import generalisation, information, table
+from leaderboard import information, table
 from leaderboard.private_seeds import PUBLIC, private_task, read_seeds
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import MANIFEST_FILE, RESULTS, ResultError, Task, result_folder, start_results
@@ -260,8 +260,8 @@ def _print(leaderboards: Sequence[Leaderboard], as_json: bool, track: str = "pen
     else:
         for each in leaderboards:
             print(table.render(each, track) + "\n")
-        if (across := generalisation.across(leaderboards)) is not None:
-            print(generalisation.render(across) + "\n")
+        if (across := table.across(leaderboards)) is not None:
+            print(table.render_across(across) + "\n")
     if left_out := [str(path) for each in leaderboards for path in each.left_out]:
         print(f"left out, as scenario values, seeds or versions differ: {', '.join(left_out)}", file=sys.stderr)
 

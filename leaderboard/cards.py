@@ -8,7 +8,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from leaderboard import columns, generalisation
+from leaderboard import columns, table
 from leaderboard.information import CLASSES, GIVEN, SEEN
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import ResultError, result_files, result_folder, write_whole
@@ -68,7 +68,7 @@ def render(files: Sequence[AgentFile], boards: Sequence[Leaderboard], splits: Se
     _, first = standings[0]
     family = boards[0].task.of_family
     shown = (*columns.RETURNS, *columns.JOBS, *columns.COMPARISONS, *columns.CONSTRAINT, *columns.LIMITS, *columns.WORKSHOP)
-    across = generalisation.across([*boards, *splits]) if splits else None
+    across = table.across([*boards, *splits]) if splits else None
     elsewhere = []  # split, full cost there, whether feasible there
     if across and across.tuned_for == metadata.scenario.name and first.name in across.rows:
         cells = ((split, across.cell(first.name, split)) for split in across.scenarios[1:])

@@ -62,20 +62,25 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Mark(Column):
-    """Whether an agent was given something in training, or has it at run time; ``field`` is its name in ``Information``."""
+class Training(Column):
+    """A field of an agent's ``Information``, or whether the agent was given something in training or has it at run time."""
 
     def value(self, standing: Standing) -> float | None:
-        """Return 1 or 0; None if the policy is no agent or its file does not state it."""
+        """Return the number, or 1 or 0; None if the policy is no agent or its file does not state it."""
         told = standing.information
         if told is None or told.given is None or told.seen is None:
             return None
-        return float(self.field in (*told.given, *told.seen))
+        if self.field in (*GIVEN, *SEEN):
+            return float(self.field in (*told.given, *told.seen))
+        count: int | None = getattr(told, self.field)
+        return count
 
     def cell(self, standing: Standing) -> Cell:
-        """Return "yes" or "no", nothing where that is unknown."""
+        """Return a number with commas, or "yes" or "no"; nothing where that is unknown."""
         value = self.value(standing)
-        return Cell("" if value is None else "yes" if value else "no", "", value)
+        if value is None or self.field not in (*GIVEN, *SEEN):
+            return Cell("" if value is None else f"{value:,}", "", value)
+        return Cell("yes" if value else "no", "", value)
 
 
 @dataclass(frozen=True)
@@ -86,20 +91,6 @@ class ClassRank(Column):
         """Return the rank, and the class in place of an interval."""
         rank = standing.class_rank
         return Cell("", "", None) if rank is None else Cell(str(rank), standing.policy_class, rank)
-
-
-@dataclass(frozen=True)
-class Count(Column):
-    """A number of an agent's ``Information``."""
-
-    def value(self, standing: Standing) -> float | None:
-        """Return the number; None if it is not stated."""
-        return getattr(standing.information, self.field, None)
-
-    def cell(self, standing: Standing) -> Cell:
-        """Return the number with commas."""
-        value = self.value(standing)
-        return Cell("" if value is None else f"{value:,}", "", value)
 
 
 def _decimals(width: float) -> int:
@@ -226,11 +217,11 @@ GROUPS = {
     "Limits": LIMITS,
     "Compared on the same seeds": COMPARISONS,
     "In the workshop": WORKSHOP,
-    "Given in training": tuple(Mark(name, "", f"Given in training: {what}.", name) for name, what in GIVEN.items()),
+    "Given in training": tuple(Training(name, "", f"Given in training: {what}.", name) for name, what in GIVEN.items()),
     "Run time and budget": (
-        *(Mark(name, "", f"At run time the agent {what}.", name) for name, what in SEEN.items()),
-        Count("steps", "", "Environment steps of the training.", "steps"),
-        Count("gradient steps", "", "Updates of the network in training.", "gradient_steps"),
+        *(Training(name, "", f"At run time the agent {what}.", name) for name, what in SEEN.items()),
+        Training("steps", "", "Environment steps of the training.", "steps"),
+        Training("gradient steps", "", "Updates of the network in training.", "gradient_steps"),
     ),
 }
 

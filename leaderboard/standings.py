@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -136,42 +136,28 @@ def by_cost(standings: Sequence[Standing]) -> list[Standing]:
     return sorted(standings, key=lambda each: each.constraint_rank or math.inf)
 
 
-@dataclass(frozen=True)
-class _Costs:
-    """The cost of a policy's metal [min/dm3]."""
-
-    value: float
-    replicates: Floats
-    """In each resample."""
-
-    @classmethod
-    def of(cls, name: str, minutes: Floats, removed: Floats, bootstrap: Bootstrap) -> Self:
-        """Return the cost of metal [cm3] that has cost ``minutes``."""
-        volume = removed / 1000.0
-        return cls(_share(minutes, volume), ratio(bootstrap.means(minutes, name), bootstrap.means(volume, name)))
-
-    @property
-    def estimate(self) -> Estimate:
-        """Return it with its interval."""
-        return Estimate.of(self.value, self.replicates)
-
-
 def _cost_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
     """Return the cost [min] of each episode: time and edges."""
     return total_minutes(episodes, scenario) + scenario.economics.edge_cost * episodes["edges_used"]
 
 
-def _with_ranks(standings: Sequence[Standing], costs: Mapping[str, _Costs]) -> list[Standing]:
+def _metal_cost(name: str, minutes: Floats, removed: Floats, bootstrap: Bootstrap) -> tuple[float, Floats]:
+    """Return the cost of metal [cm3] that has cost ``minutes``, and that in each resample [min/dm3]."""
+    volume = removed / 1000.0
+    return _share(minutes, volume), ratio(bootstrap.means(minutes, name), bootstrap.means(volume, name))
+
+
+def _with_ranks(standings: Sequence[Standing], costs: Mapping[str, tuple[float, Floats]]) -> list[Standing]:
     """Return standings, which are in order, with their ranks within classes and on the constraint track."""
     ranked = [each for each in standings if each.kind != "oracle"]
-    able = sorted((each.name for each in ranked if each.feasible and each.name in costs), key=lambda name: costs[name].value)
+    able = sorted((each.name for each in ranked if each.feasible and each.name in costs), key=lambda name: costs[name][0])
     found = []
     for each in standings:
         cost, cheapest = costs.get(each.name), next((name for name in able if name != each.name), None)
         over = None
         if cost is not None and cheapest is not None:
             least = costs[cheapest]
-            over = Estimate.of(cost.value - least.value, cost.replicates - least.replicates)
+            over = Estimate.of(cost[0] - least[0], cost[1] - least[1])
         place = [other.name for other in ranked if other.policy_class == each.policy_class]
         found.append(
             replace(
@@ -230,7 +216,7 @@ class _Board:
             if policy.kind == "rule" and not policy.forgets
         }
         self.costs = {} if self.task.of_family else {
-            name: _Costs.of(name, _cost_minutes(episodes, self.scenario), episodes["removed"], self.bootstrap)
+            name: _metal_cost(name, _cost_minutes(episodes, self.scenario), episodes["removed"], self.bootstrap)
             for name, episodes in self.played.items()
             if episodes["removed"].any()
         }  # fmt: skip
@@ -299,10 +285,10 @@ class _Board:
             wins = improvement(episodes["return"], self.played[compared.published]["return"])
             found["improves_on_published"] = Estimate.of(float(np.mean(wins)), self.bootstrap.means(wins, name))
         if name in self.costs:
-            found["cost"] = self.costs[name].estimate
+            found["cost"] = Estimate.of(*self.costs[name])
         if name in self.costs and scenario.control.aim == "removal":
             all_minutes = cost_minutes - episodes["reward_overload"] / 60.0
-            found["full_cost"] = _Costs.of(name, all_minutes, removed, self.bootstrap).estimate
+            found["full_cost"] = Estimate.of(*_metal_cost(name, all_minutes, removed, self.bootstrap))
         if scenario.control.action == "part":
             found["part_cost"] = _share(cost_minutes, episodes["steps"])
         if scenario.control.aim == "roughness":

@@ -13,7 +13,7 @@ from urllib.parse import quote
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from leaderboard import columns, generalisation
+from leaderboard import columns, table
 from leaderboard.information import CLASSES
 from leaderboard.page.charts import chart_data, learning_data
 from leaderboard.ranking import Leaderboard
@@ -52,7 +52,7 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
     return templates.get_template("page.html.j2").render(
         sections=sections,
         tasks={env_id: list(group) for env_id, group in groupby(sections, lambda section: section["leaderboard"].task.env_id)},
-        across=generalisation.across(leaderboards),
+        across=table.across(leaderboards),
         column_groups=list(columns.GROUPS),
         classes=_classes(leaderboards),
         shown_at_first=SHOWN_AT_FIRST,

@@ -1,9 +1,9 @@
 """The table over splits, from made-up results."""
 
-from leaderboard import generalisation
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import Task
 from leaderboard.standings import rank
+from leaderboard.table import across, render_across
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
 from turning_env import SPLITS, Scenario
 from turning_env.scoring.policy import PolicySpec, ScenarioId
@@ -30,7 +30,7 @@ def test_policies_over_the_splits_that_they_were_not_tuned_for(make_result: Make
         leaderboard(make_result, second, [(agent, 1.0), (TUNED_HERE, 8.0), (bound, 0.5)]),
         leaderboard(make_result, first, [(elsewhere, 2.0), (new, 7.0)]),
     ]
-    table = generalisation.across([leaderboard(make_result, "forging", [(agent, 1.0)]), *splits, base])
+    table = across([leaderboard(make_result, "forging", [(agent, 1.0)]), *splits, base])
     assert table is not None
     assert (table.tuned_for, table.scenarios) == ("rough_turning", ["rough_turning", first, second])
     # What was tuned for the split does not count there, nor does what has not played the base.
@@ -41,7 +41,7 @@ def test_policies_over_the_splits_that_they_were_not_tuned_for(make_result: Make
         "oracle": ["rough_turning", second],
     }
     assert not table.feasible("greedy", first)
-    lines = {line.split()[0]: line.split()[1:] for line in generalisation.render(table).splitlines()[3:]}
+    lines = {line.split()[0]: line.split()[1:] for line in render_across(table).splitlines()[3:]}
     assert lines == {
         "greedy": ["5.00", "2.00", "NO"],
         "ppo": ["4.00", "1.00"],
@@ -54,4 +54,4 @@ def test_there_is_no_table_without_splits(make_result: MakeResult) -> None:
     base = leaderboard(make_result, "rough_turning", [(TUNED_HERE, 3.0)])
     split = leaderboard(make_result, SPLITS[0], [(TUNED_HERE, 3.0)])
     foreign = leaderboard(make_result, SPLITS[0], [(spec("tuned", tuned_for=BASE), 3.0)])
-    assert [generalisation.across(each) for each in ([base], [base, split], [foreign])] == [None] * 3
+    assert [across(each) for each in ([base], [base, split], [foreign])] == [None] * 3
