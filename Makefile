@@ -16,7 +16,7 @@ JOBS ?= 2
 ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurning-Surface-v1 RoughTurning-Shift-v0 RoughTurning-Batch-v0 \
 	RoughTurning-Family-v0
 # Policies of the family's boards that do not machine sensibly.
-DEGENERATE = idle wait_then_play fastest never_cut change_every_step
+DEGENERATE = $$(.venv/bin/python -c "from baselines.trivial import DEGENERATE; print(*DEGENERATE)")
 # A sixth of the steps of agents that ship, for a first look.
 TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS)/first --steps $(or $(STEPS),1000000)
 RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --seeds $(NUM_SEEDS) --results $(RESULTS)

@@ -13,7 +13,8 @@ of Ra, it is a share of the force limit.
 The law fails if the force vanishes. So it acts only after the force has been above 100 N for some time; until then it commands
 the programmed feed, or the feed that a neural network recommends for the desired Ra (the paper's step 2).
 
-It needs of the nominal model: the roughness of a force and the law of thrust force.
+It needs of the nominal model: the roughness of a force and the law of thrust force. Roughness must depend on the force, and, if
+the model gives the feed, the force must grow with the feed.
 """
 
 import math
@@ -43,25 +44,13 @@ DECAY = 1e-3
 
 
 def force_of_roughness(surface: Surface, roughness: Array) -> Array:
-    """Return the thrust force [N], at least 1 N, for a roughness Ra [um]: the inverse of the paper's equation (5).
-
-    Raises:
-        ValueError: the roughness does not depend on the force.
-    """
-    if surface.roughness_rate == 0.0:
-        raise ValueError("surface.roughness_rate is 0.0, but where force is to set the roughness it must be above 0")
+    """Return the thrust force [N], at least 1 N, for a roughness Ra [um]: the inverse of the paper's equation (5)."""
     return np.asarray(np.maximum(log(roughness / surface.roughness_at_no_force) / surface.roughness_rate, 1.0))
 
 
 def feed_of_roughness(scenario: Scenario, roughness: Array, wear: Array | float = 0.0) -> Array:
-    """Return the feed [mm/rev] at which the nominal model has the force for a roughness Ra [um], at a flank wear [mm].
-
-    Raises:
-        ValueError: the force does not grow with the feed, or the roughness does not depend on the force.
-    """
+    """Return the feed [mm/rev] at which the nominal model has the force for a roughness Ra [um], at a flank wear [mm]."""
     law, machine = scenario.material.thrust_force, scenario.machine
-    if law.feed <= 0.0:
-        raise ValueError(f"material.thrust_force.feed is {law.feed}, but where feed is to set the force it must be above 0")
     wear = np.maximum(wear, 1e-3 * scenario.tool.wear_criterion)  # before the first cut it is 0
     speed = np.full(len(roughness), scenario.control.initial_cutting_speed)
     force_at_unit_feed = law(speed, 1.0, scenario.workpiece.depth_of_cut, wear=wear)
@@ -78,9 +67,6 @@ class ConstantForce:
         num_envs: number of environments.
         force_share: reference of force over the force limit [-]; unused if a roughness is to be held.
         on_command: whether f(t - 1) is the commanded feed, not the actual one.
-
-    Raises:
-        ValueError: a roughness is to be held, but it does not depend on the force.
     """
 
     def __init__(self, program: PartProgram, num_envs: int, force_share: float = 1.0, on_command: bool = False) -> None:
@@ -90,8 +76,6 @@ class ConstantForce:
         self._on_command = on_command
         self._steps_needed = max(1, round(ENGAGED_TIME / scenario.control.interval))
         self._steps_engaged = np.zeros(num_envs, np.int64)
-        if scenario.control.aim == "roughness":
-            force_of_roughness(scenario.surface, np.ones(1))  # raises its error now, not in the first step
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Start out of the metal."""
@@ -163,9 +147,6 @@ class RecommendedFeed:
 
     Args:
         scenario: task, whose nominal model gives the samples.
-
-    Raises:
-        ValueError: the force does not grow with the feed, or the roughness does not depend on the force.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -190,9 +171,6 @@ class ConstantForceNetwork(ConstantForce):
         chip_thickness_min: lowest chip thickness h [mm].
         chip_thickness_max: highest chip thickness h [mm].
         entering_angle: angle kappa between the edge and the feed's direction [deg].
-
-    Raises:
-        ValueError: the force does not grow with the feed, or the roughness does not depend on the force.
     """
 
     def __init__(
@@ -222,13 +200,9 @@ class ModelFeed(Policy):
 
     Args:
         scenario: task, with the nominal law of thrust force and depth of cut.
-
-    Raises:
-        ValueError: the force does not grow with the feed, or the roughness does not depend on the force.
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        feed_of_roughness(scenario, np.ones(1))  # raises its errors now, not in the first step
         self._scenario = scenario
 
     def act(self, observations: Observations) -> Actions:

@@ -147,9 +147,6 @@ class CurrentLimit:
         hysteresis: (upper limit - lower limit) / upper limit [-].
         cutoff: cut-off frequency of the current's filter over the Nyquist frequency [-]; above 0 and below 1.
         window: number of samples of the current's root mean square, 1 or more.
-
-    Raises:
-        ValueError: the thrust force does not grow with the feed.
     """
 
     def __init__(
@@ -162,12 +159,9 @@ class CurrentLimit:
         window: int = WINDOW,
     ) -> None:
         scenario = program.scenario
-        machine, law = scenario.machine, scenario.material.thrust_force
-        if law.feed <= 0.0:
-            raise ValueError(f"material.thrust_force.feed is {law.feed}, but where feed is to limit the force it must be above 0")
         self._program = program
         self._overrides = np.minimum(FEED_GRADES, program.override_max)
-        self._feeds = np.clip(self._overrides * program.feed, machine.feed_min, machine.feed_max)
+        self._feeds = np.clip(self._overrides * program.feed, scenario.machine.feed_min, scenario.machine.feed_max)
         self._upper = force_share * scenario.limits.thrust_force
         self._lower = self._upper * (1.0 - hysteresis)
         self._estimator = ForceEstimator(scenario, num_envs, cutoff, window)

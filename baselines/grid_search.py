@@ -98,17 +98,11 @@ class GridSearch(Policy):
     """The paper's controller: nominal models, nominal depth and hardness, limits without margin.
 
     Args:
-        scenario: task, with its nominal models and limits.
+        scenario: task, with its nominal models and limits. No response may fall with feed, because of the bisection.
         num_envs: number of environments.
-
-    Raises:
-        ValueError: a response falls with feed, so the highest feasible feed cannot be found by bisection.
     """
 
     def __init__(self, scenario: Scenario, num_envs: int) -> None:
-        for name, law in scenario.material:
-            if law.feed < 0:
-                raise ValueError(f"material.{name}.feed is {law.feed}, but the grid search needs 0 or more")
         self._scenario = scenario
         self._parameters: Any = parameter_records(scenario)
         self._speeds, self._feeds = grid(scenario)
@@ -156,9 +150,8 @@ class RescaledGridSearch(GridSearch):
         reading = read(observations, self._scenario)
         measured = reading.cutting & (reading.power_ratio > 0)
         force_scale, power_scale = self._scales.follow(measured, reading.force_ratio, reading.power_ratio)
-        limits = self._scenario.limits
-        self._force_limits = self._margin * limits.thrust_force / force_scale
-        self._power_limits = self._margin * limits.power / power_scale
+        self._force_limits = self._margin * self._scenario.limits.thrust_force / force_scale
+        self._power_limits = self._margin * self._scenario.limits.power / power_scale
         return super().act(observations)
 
 

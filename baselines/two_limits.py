@@ -44,8 +44,7 @@ ECONOMIC_OPTIMUM = "economic_optimum"
 Cut = tuple[ArrayLike, ArrayLike, ArrayLike]
 """Depth of cut [mm], relative hardness [-] and flank wear [mm]."""
 Lines = tuple[Line, ...]
-_CUTTING_SPEED = PowerLaw(coefficient=1.0, cutting_speed=1.0)
-_FEED = PowerLaw(coefficient=1.0, feed=1.0)
+_CUTTING_SPEED, _FEED = PowerLaw(coefficient=1.0, cutting_speed=1.0), PowerLaw(coefficient=1.0, feed=1.0)
 
 MIN_DEPTH = 1e-6
 """Depth of cut in place of 0 [mm]."""
@@ -126,8 +125,7 @@ class Along:
     eta: float
     b: float
     lambda_: float
-    price: float
-    """gamma / C_T."""
+    price: float  # gamma / C_T
 
     def __call__(self, depth_of_cut: ArrayLike) -> Array:
         """Return q at depths of cut [mm]."""
@@ -182,12 +180,10 @@ def binding(process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike) -> N
 
 def _pairs(process: Process) -> list[tuple[tuple[str, Limit], tuple[str, Limit]]]:
     """Return the named pairs of limits that fix a point."""
-    slowest, fastest = process.cutting_speed_range
-    least, most = process.feed_range
-    names = {"radial_force": "P_y", "torque": "M", "roughness": "R_z"}
     bounds = [("P_z", process.thrust_force), ("N", process.power)]
-    bounds += [("V_min", Limit(_CUTTING_SPEED, slowest)), ("V", Limit(_CUTTING_SPEED, fastest))]
-    bounds += [("S_min", Limit(_FEED, least)), ("S", Limit(_FEED, most))]
+    bounds += [(name, Limit(_CUTTING_SPEED, end)) for name, end in zip(("V_min", "V"), process.cutting_speed_range, strict=True)]
+    bounds += [(name, Limit(_FEED, end)) for name, end in zip(("S_min", "S"), process.feed_range, strict=True)]
+    names = {"radial_force": "P_y", "torque": "M", "roughness": "R_z"}
     bounds += [(names[name], limit) for name, limit in process.further.items()]
     pairs = [*combinations(bounds, 2), *((bound, ("T", process.life_limit(bound[1]))) for bound in bounds)]
     return [(one, other) for one, other in pairs if not one[1].parallel(other[1])]
@@ -272,15 +268,12 @@ class AdaptiveRule:
         return towards(reading, self._scenario, speeds, feeds)
 
 
-def fixes_a_point(rule: str, scenario: Scenario) -> bool:
-    """Return whether an action sets cutting speed and feed, and the rule's limits are not parallel."""
-    if not sets_speed_and_feed(scenario):
-        return False
+def _plays(rule: str, scenario: Scenario) -> bool:
     try:
         limits(rule, Process.of(scenario))
     except ValueError:
         return False
-    return True
+    return sets_speed_and_feed(scenario)
 
 
 def _fixed(rule: str) -> Rule:
@@ -288,14 +281,14 @@ def _fixed(rule: str) -> Rule:
         return FixedParameters(scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut))
 
     description = f"rule [{rule}] of Sharmazanashvili (2008) on nominal models at mean wear"
-    return Rule(description, build, lambda scenario: fixes_a_point(rule, scenario), {})
+    return Rule(description, build, lambda scenario: _plays(rule, scenario), {})
 
 
 def _adaptive(rule: str) -> Rule:
     return Rule(
         f"rule [{rule}] of Sharmazanashvili (2008) in real time, on models rescaled by measured force and power, with a margin",
         lambda scenario, num_envs, parameters: AdaptiveRule(scenario, num_envs, rule, **parameters),
-        lambda scenario: fixes_a_point(rule, scenario),
+        lambda scenario: _plays(rule, scenario),
         {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
         worth_tuning=rule == "PN",
     )

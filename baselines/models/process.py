@@ -64,10 +64,8 @@ class Limit:
     """A power law and its limit."""
 
     law: PowerLaw
-    most: ArrayLike
-    """Largest allowed response in the unit of the law; a number or an array."""
-    time: float = 1.0
-    """Cutting time of a fresh edge at which the law is taken [min]."""
+    most: ArrayLike  # largest allowed response in the unit of the law; a number or an array
+    time: float = 1.0  # cutting time of a fresh edge at which the law is taken [min]
 
     def parallel(self, other: "Limit") -> bool:
         """Return whether two limits fix no point: their exponents are proportional, or all 0 in one of them."""
@@ -79,31 +77,19 @@ class Limit:
         response = self.law(1.0, 1.0, depth_of_cut, self.time, wear, hardness)
         return Line(self.law.cutting_speed, self.law.feed, log(self.most) - log(response))
 
-    def rescaled(self, scale: ArrayLike) -> Self:
-        """Return the limit for a response that is ``scale`` [-] times the law."""
-        return replace(self, most=np.divide(self.most, scale))
-
 
 @dataclass(frozen=True)
 class Process:
     """Laws, limits and prices."""
 
-    wear: PowerLaw
-    """Flank wear of a fresh edge [mm]."""
-    wear_criterion: float
-    """[mm]"""
-    thrust_force: Limit
-    """[N]"""
-    power: Limit
-    """[kW]"""
-    torque: Limit
-    """[N m]"""
-    cutting_speed_range: tuple[float, float]
-    """[m/min]"""
-    feed_range: tuple[float, float]
-    """[mm/rev]"""
-    edge_price: float
-    """gamma: price of an edge and of its change [min]."""
+    wear: PowerLaw  # flank wear of a fresh edge [mm]
+    wear_criterion: float  # [mm]
+    thrust_force: Limit  # [N]
+    power: Limit  # [kW]
+    torque: Limit  # [N m]
+    cutting_speed_range: tuple[float, float]  # [m/min]
+    feed_range: tuple[float, float]  # [mm/rev]
+    edge_price: float  # gamma: price of an edge and of its change [min]
     further: Mapping[str, Limit] = field(default_factory=dict)
     """Further limits of the scenario: of ``radial_force`` [N], ``torque`` [N m] and ``roughness`` [mm]."""
 
@@ -116,12 +102,8 @@ class Process:
         """
         material, machine, limits, economics = scenario.material, scenario.machine, scenario.limits, scenario.economics
         torque_over_power = 30.0 * scenario.workpiece.diameter  # times V: 30000 / (pi n) with n = 1000 V / (pi D)
-        torque = material.power.model_copy(
-            update={
-                "coefficient": material.power.coefficient * torque_over_power,
-                "cutting_speed": material.power.cutting_speed - 1.0,
-            }
-        )
+        coefficient, exponent = material.power.coefficient * torque_over_power, material.power.cutting_speed - 1.0
+        torque = material.power.model_copy(update={"coefficient": coefficient, "cutting_speed": exponent})
         full_power_from = scenario.base_cutting_speed or math.sqrt(machine.cutting_speed_min * machine.cutting_speed_max)
         laws = {"radial_force": limits.radial_force, "torque": limits.torque, "roughness": limits.roughness}
         further = {name: Limit(law, law.most) for name, law in laws.items() if law.bounds}
@@ -139,13 +121,17 @@ class Process:
 
     def rescaled(self, force_scale: ArrayLike, power_scale: ArrayLike) -> Self:
         """Return the process with the forces, and power and torque, scaled by factors [-] above 0."""
+
+        def rescaled(limit: Limit, scale: ArrayLike) -> Limit:
+            return replace(limit, most=np.divide(limit.most, scale))
+
         scales = {"radial_force": force_scale, "torque": power_scale, "roughness": 1.0}
         return replace(
             self,
-            thrust_force=self.thrust_force.rescaled(force_scale),
-            power=self.power.rescaled(power_scale),
-            torque=self.torque.rescaled(power_scale),
-            further={name: limit.rescaled(scales[name]) for name, limit in self.further.items()},
+            thrust_force=rescaled(self.thrust_force, force_scale),
+            power=rescaled(self.power, power_scale),
+            torque=rescaled(self.torque, power_scale),
+            further={name: rescaled(limit, scales[name]) for name, limit in self.further.items()},
         )
 
     @property
@@ -186,8 +172,7 @@ class Process:
 
     def life_limit(self, limit: Limit) -> Limit:
         """Return the limit of wear for the economic life along a limit."""
-        least, most = _LIVES
-        return Limit(self.wear, self.wear_criterion, min(max(self.economic_life(limit), least), most))
+        return Limit(self.wear, self.wear_criterion, min(max(self.economic_life(limit), _LIVES[0]), _LIVES[1]))
 
 
 class Scales:

@@ -48,10 +48,9 @@ def test_it_stays_within_its_range_and_heeds_the_load_at_any_target(target: floa
     assert np.all(new[lowered] < OVERRIDES[lowered])
 
 
-@pytest.mark.parametrize(("name", "form"), [("fuzzy_override", FIRST_FORM), ("modified_fuzzy_override", MODIFIED_FORM)])
-def test_the_policy_is_the_law_with_the_target_of_60_percent(name: str, form: dict[str, float]) -> None:
-    rule = RULES[name]
-    policy = rule.build(OVERRIDE, 4, rule.fixed)
+def test_the_policy_is_the_law_with_the_target_of_60_percent() -> None:
     overrides, loads = np.array([1.0, 1.45, 0.74, 2.0]), np.array([0.25, 0.6001, 0.75, 1.25])
-    asked = override_of(policy.act(observe(OVERRIDE, load=loads, override=overrides)), OVERRIDE)
-    np.testing.assert_allclose(asked, np.maximum(new_override(overrides, loads, 0.6, 2.0, **form), 0.01), rtol=1e-4)
+    for name, form in (("fuzzy_override", FIRST_FORM), ("modified_fuzzy_override", MODIFIED_FORM)):
+        policy = RULES[name].build(OVERRIDE, 4, RULES[name].fixed)
+        asked = override_of(policy.act(observe(OVERRIDE, load=loads, override=overrides)), OVERRIDE)
+        np.testing.assert_allclose(asked, np.maximum(new_override(overrides, loads, 0.6, 2.0, **form), 0.01), rtol=1e-4)

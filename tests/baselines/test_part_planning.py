@@ -35,20 +35,10 @@ def test_a_plan_is_turned_as_it_says():
     assert (np.abs(actions) <= 1).all()
 
 
-@pytest.mark.parametrize(
-    ("allowance", "path", "passes", "expected"),
-    [
-        (5.0, 5.0, 2, [2.5, 2.5, 0.0, 0.0]),
-        (6.0, 5.0, 2, [3.5, 2.5, 0.0, 0.0]),
-        (2.0, 5.0, 2, [0.0, 2.0, 0.0, 0.0]),
-        (5.0, 0.0, 3, [5.0, 0.0, 0.0, 0.0]),
-        (0.0, 5.0, 1, [0.0, 0.0, 0.0, 0.0]),
-        (4.0, 4.0, 4, [1.0, 1.0, 1.0, 1.0]),
-    ],
-)
-def test_depths_of_passes(allowance, path, passes, expected):
-    depths = pass_depths(np.array([allowance]), np.array([path]), np.array([float(passes)]), 4)
-    assert depths[0].tolist() == pytest.approx(expected)
+def test_depths_of_passes():
+    allowance, path, passes = np.array([[5.0, 5, 2], [6, 5, 2], [2, 5, 2], [5, 0, 3], [0, 5, 1], [4, 4, 4]]).T
+    expected = [[2.5, 2.5, 0, 0], [3.5, 2.5, 0, 0], [0, 2, 0, 0], [5, 0, 0, 0], [0, 0, 0, 0], [1, 1, 1, 1]]
+    np.testing.assert_allclose(pass_depths(allowance, path, passes, 4), expected)
 
 
 def test_the_force_rule_holds_the_force_at_what_is_cut_corrected_or_not():

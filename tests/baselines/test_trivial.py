@@ -28,15 +28,6 @@ def test_random_actions_of_a_seed_are_the_same_in_any_batch() -> None:
     assert len(set(together)) == 3
 
 
-def test_no_action_keeps_the_commands_where_actions_are_increments() -> None:
-    env, policy = RoughTurningVectorEnv(2), spec("zero_action", Scenario()).make(2)
-    observations, infos = env.reset(seed=0)
-    for _ in range(20):
-        observations, _, _, _, after = env.step(policy.act(observations))
-    for name in ("commanded_cutting_speed", "commanded_feed"):
-        np.testing.assert_allclose(after[name], infos[name], rtol=1e-6)
-
-
 def episodes(name: str, scenario: Scenario) -> Episodes:
     return play(spec(name, scenario).make, scenario, tuning_seeds(2))
 
@@ -49,13 +40,10 @@ def test_idling_removes_nothing_where_feed_can_stop_and_least_where_not() -> Non
     assert removed["never_cut"] < 0.02 * removed["idle"] < 0.02 * removed["fixed_handbook"]
 
 
-def test_an_edge_is_changed_in_every_step() -> None:
+def test_edges_are_changed_in_every_step_and_the_fastest_break_them() -> None:
     for name in ("never_cut", "change_every_step"):
         played = episodes(name, Scenario.load("shift"))
         np.testing.assert_allclose(played["edges_used"], played["steps"], atol=0.01)
-
-
-def test_the_fastest_break_edges() -> None:
     assert (episodes("fastest", Scenario.load("shift"))["edges_broken"] > 0.0).all()
 
 

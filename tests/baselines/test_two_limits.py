@@ -20,26 +20,24 @@ from tests.baselines.observing import seen
 from turning_env import PowerLaw, Scenario, read
 from turning_env.physics.quantities import OBS
 
-SCENARIO = Scenario()
-STEEL = Process.of(SCENARIO)
+STEEL = Process.of(Scenario())
+CASE = Process.of(Scenario.load("batch_p20"))
+SET_POINTS = Scenario.load("paper")
 DEPTHS = np.array([0.0, 1e-3, 0.3, 1.0, 2.5, 4.0, 8.0, 50.0])
 
 
 @pytest.mark.parametrize("rule", TWO_LIMITS)
 def test_a_rule_reaches_both_its_limits_at_any_hardness_and_wear(rule: str) -> None:
     soft = {"law": PowerLaw(coefficient=1.0, cutting_speed=-0.1, feed=0.6, depth_of_cut=0.9, wear=0.5, hardness=0.7)}
+    power = PowerLaw(coefficient=1.0, cutting_speed=0.9, feed=0.7, depth_of_cut=0.9, wear=0.3, hardness=0.7)
     process = replace(
         STEEL,
-        thrust_force=Limit(**soft, most=0.5),
-        power=Limit(PowerLaw(coefficient=1.0, cutting_speed=0.9, feed=0.7, depth_of_cut=0.9, wear=0.3, hardness=0.7), most=50.0),
+        thrust_force=Limit(**soft, most=0.5 if "P" in rule else np.inf),
+        power=Limit(power, most=50.0 if "N" in rule else np.inf),
         torque=Limit(PowerLaw(coefficient=1.0, cutting_speed=-0.1, feed=0.7, wear=0.3, hardness=0.7), most=0.4),
         cutting_speed_range=(1e-9, 1e9),
         feed_range=(1e-9, 1e9),
     )
-    loose = {"P": "thrust_force", "N": "power"}
-    for letter, name in loose.items():
-        if letter not in rule:
-            process = replace(process, **{name: replace(getattr(process, name), most=np.inf)})
     depth, hardness, wear = np.array([1.0, 2.0, 3.0]), np.array([0.8, 1.0, 1.4]), np.array([0.1, 0.2, 0.25])
     speed, feed = set_point(rule, process, depth, hardness, wear)
     for limit in limits(rule, process):
@@ -47,14 +45,19 @@ def test_a_rule_reaches_both_its_limits_at_any_hardness_and_wear(rule: str) -> N
 
 
 @pytest.mark.parametrize("rule", [*TWO_LIMITS, ECONOMIC_OPTIMUM])
-@pytest.mark.parametrize(("wear", "hardness"), [(1e-6, 0.3), (0.2, 1.0), (1.2, 3.0)])
-def test_set_points_lie_within_the_ranges_and_keep_power(rule: str, wear: float, hardness: float) -> None:
-    speed, feed = set_point(rule, STEEL, DEPTHS, hardness, wear)
-    assert np.all((speed >= 50.0) & (speed <= 200.0) & (feed >= 0.06) & (feed <= 0.6))
-    power = STEEL.power.law(speed, feed, np.maximum(DEPTHS, 1e-6), wear=wear, hardness=hardness)
-    assert np.all((power <= 7.0 * (1 + 1e-9)) | ((speed == 50.0) & (feed == 0.06)))
-    force = STEEL.thrust_force.law(speed, feed, np.maximum(DEPTHS, 1e-6), wear=wear, hardness=hardness)
-    assert np.all((force <= 1500.0 * (1 + 1e-9)) | (feed == 0.06))
+def test_set_points_lie_within_the_ranges_and_keep_power_and_further_limits(rule: str) -> None:
+    for wear, hardness in ((1e-6, 0.3), (0.2, 1.0), (1.2, 3.0)):
+        speed, feed = set_point(rule, STEEL, DEPTHS, hardness, wear)
+        assert np.all((speed >= 50.0) & (speed <= 200.0) & (feed >= 0.06) & (feed <= 0.6))
+        cut = {"wear": wear, "hardness": hardness}
+        power = STEEL.power.law(speed, feed, np.maximum(DEPTHS, 1e-6), **cut)
+        assert np.all((power <= 7.0 * (1 + 1e-9)) | ((speed == 50.0) & (feed == 0.06)))
+        force = STEEL.thrust_force.law(speed, feed, np.maximum(DEPTHS, 1e-6), **cut)
+        assert np.all((force <= 1500.0 * (1 + 1e-9)) | (feed == 0.06))
+    depth, hardness = np.meshgrid([0.5, 1.5, 2.5, 3.5], [0.6, 1.0])
+    _, feed = set_point(rule, CASE, depth, hardness)
+    for limit in CASE.further.values():
+        assert np.all(limit.law(1.0, feed, depth, hardness=hardness) <= limit.most * (1 + 1e-9))
 
 
 @pytest.mark.parametrize(
@@ -67,25 +70,33 @@ def test_set_points_lie_within_the_ranges_and_keep_power(rule: str, wear: float,
     ],
 )
 def test_limits_that_run_parallel_fix_no_point(rule: str, name: str, exponents: dict[str, float]) -> None:
-    material = SCENARIO.material
+    material = Scenario().material
     odd = material.model_copy(update={name: getattr(material, name).model_copy(update=exponents)})
-    scenario = SCENARIO.model_copy(update={"material": odd})
+    scenario = Scenario().model_copy(update={"material": odd})
     with pytest.raises(ValueError, match=rf"\[{rule}\] fixes no point"):
         set_point(rule, Process.of(scenario), 2.5)
-    if f"rule_{rule.lower()}" in RULES:
-        assert not RULES[f"rule_{rule.lower()}"].plays(scenario)
-        assert not RULES[f"adaptive_{rule.lower()}"].plays(scenario)
+    for kind in ("rule", "adaptive"):
+        assert rule == "PT" or not RULES[f"{kind}_{rule.lower()}"].plays(scenario)
     speed, feed = set_point(ECONOMIC_OPTIMUM, Process.of(scenario), DEPTHS)
     assert np.all(np.isfinite(speed) & np.isfinite(feed))
 
 
 @pytest.mark.parametrize("rule", TWO_LIMITS)
-def test_depth_enters_with_the_stated_exponents(rule: str) -> None:
+def test_depth_enters_speed_feed_and_cost_as_stated(rule: str) -> None:
     process = handbook_process(rule)
     (slower, faster), (less, more) = set_point(rule, process, [2.49, 2.51])
     ratio = np.log(2.51 / 2.49)
     expected = depth_exponents(rule, process)
     assert (np.log(faster / slower) / ratio, np.log(more / less) / ratio) == pytest.approx(expected, abs=1e-9)
+    depths = np.array([2.0, 2.4, 2.5])
+    speed, feed = set_point(rule, process, depths)
+    cost = along(process, *limits(rule, process))
+    np.testing.assert_allclose(cost(depths), np.exp(process.log_cost(np.log(speed), np.log(feed), depths, 1.0)), rtol=1e-9)
+    at = cost.cheapest_depth
+    if 0.0 < at < np.inf:
+        assert cost(at) < min(cost(0.98 * at), cost(1.02 * at))
+    else:
+        assert (cost(1.0) < cost(2.0)) == (at == 0.0)
 
 
 @pytest.mark.parametrize(("price", "wear"), [(0.0, 0.15), (5.0, 0.05), (5.0, 0.29), (1000.0, 0.15)])
@@ -95,15 +106,16 @@ def test_the_economic_optimum_is_the_cheapest_feasible_point(price: float, wear:
     for depth in (0.5, 1.5, 2.5):
         feasible = process.thrust_force.law(speeds, feeds, depth, wear=wear) <= 1500.0
         feasible &= process.power.law(speeds, feeds, depth, wear=wear) <= 7.0
-        costs = process.log_cost(np.log(speeds), np.log(feeds), depth, 1.0)
+        cheapest = float(np.min(process.log_cost(np.log(speeds), np.log(feeds), depth, 1.0)[feasible]))
         speed, feed = set_point(ECONOMIC_OPTIMUM, process, depth, wear=wear)
-        assert float(process.thrust_force.law(speed, feed, depth, wear=wear)) <= 1500.0 * (1 + 1e-6)
-        assert float(process.power.law(speed, feed, depth, wear=wear)) <= 7.0 * (1 + 1e-6)
-        cheapest = float(np.min(costs[feasible]))
         assert cheapest - 0.02 < float(process.log_cost(np.log(speed), np.log(feed), depth, 1.0)) < cheapest + 1e-6
 
 
-SET_POINTS = Scenario.load("paper")
+def test_the_binding_pair_is_reached_at_the_optimum() -> None:
+    assert binding(CASE, [1.0, 3.0, 9.0], [0.8, 1.0, 1.4]).tolist() == ["R_z V", "P_y V", ""]
+    speed, feed = set_point(ECONOMIC_OPTIMUM, CASE, 3.0)
+    assert float(speed) == pytest.approx(240.0)
+    assert float(CASE.further["radial_force"].law(1.0, feed, 3.0)) == pytest.approx(400.0)
 
 
 def observed(**entries: float) -> np.ndarray:
@@ -123,18 +135,12 @@ def commands(policy: AdaptiveRule, seen: np.ndarray) -> tuple[float, float]:
     return 50.0 + 150.0 * float(speed), 0.06 + 0.54 * float(feed)
 
 
-def removal_rate(policy: AdaptiveRule, seen: np.ndarray) -> float:
-    """Over the depth of cut, after one action."""
-    speed, feed = commands(policy, seen)
-    return speed * feed
-
-
-def test_what_is_measured_is_heeded() -> None:
+def test_the_adaptive_rule_heeds_measurements() -> None:
     policy = AdaptiveRule(SET_POINTS, 1, "PN", margin=0.9, smoothing=0.5)
-    nominal = removal_rate(policy, observed())
-    harder = [removal_rate(policy, observed(power=1.0, thrust_force=1.0)) for _ in range(4)]
+    nominal = np.prod(commands(policy, observed()))
+    harder = [np.prod(commands(policy, observed(power=1.0, thrust_force=1.0))) for _ in range(4)]
     assert nominal > harder[0] > harder[1] > harder[3]
-    assert removal_rate(policy, observed(power=-5.0, thrust_force=-5.0, cutting=0.0)) == harder[3]
+    assert np.prod(commands(policy, observed(power=-5.0, thrust_force=-5.0, cutting=0.0))) == harder[3]
 
 
 @pytest.mark.parametrize("wear", [0.2, 0.7, 1.2])
@@ -143,45 +149,3 @@ def test_as_predicted_the_adaptive_rule_commands_the_rules_set_point(wear: float
     for _ in range(3):
         found = commands(policy, observed(nominal_wear=wear))
     assert found == pytest.approx([float(value) for value in set_point("PN", STEEL, 2.5, wear=wear * 0.3)], rel=1e-4)
-
-
-CASE = Process.of(Scenario.load("batch_p20"))
-
-
-@pytest.mark.parametrize("rule", [*TWO_LIMITS, ECONOMIC_OPTIMUM])
-def test_set_points_keep_further_limits(rule: str) -> None:
-    depth, hardness = np.meshgrid([0.5, 1.5, 2.5, 3.5], [0.6, 1.0])
-    _, feed = set_point(rule, CASE, depth, hardness)
-    for limit in CASE.further.values():
-        assert np.all(limit.law(1.0, feed, depth, hardness=hardness) <= limit.most * (1 + 1e-9))
-
-
-def test_the_tighter_of_two_limits_of_the_feed_takes_the_others_place() -> None:
-    speed, feed = set_point("PN", CASE, [2.0, 4.0])
-    tight = CASE.further["radial_force"], CASE.power
-    for limit, depth in zip(tight, (4.0, 4.0), strict=True):
-        reached = float(limit.law(speed[1], feed[1], depth) / limit.most)
-        assert reached == pytest.approx(1.0) or (limit is CASE.power and speed[1] == pytest.approx(240.0))
-
-
-@pytest.mark.parametrize("rule", TWO_LIMITS)
-def test_the_cost_along_a_rule_is_the_cost_at_its_points(rule: str) -> None:
-    process = handbook_process(rule)
-    depths = np.array([2.0, 2.4, 2.5])
-    speed, feed = set_point(rule, process, depths)
-    cost = along(process, *limits(rule, process))
-    np.testing.assert_allclose(cost(depths), np.exp(process.log_cost(np.log(speed), np.log(feed), depths, 1.0)), rtol=1e-9)
-    at = cost.cheapest_depth
-    if 0.0 < at < np.inf:
-        assert cost(at) < min(cost(0.98 * at), cost(1.02 * at))
-    elif at == 0.0:
-        assert cost(1.0) < cost(2.0)
-    else:
-        assert cost(1.0) > cost(2.0)
-
-
-def test_the_binding_pair_is_reached_at_the_optimum() -> None:
-    assert binding(CASE, [1.0, 3.0, 9.0], [0.8, 1.0, 1.4]).tolist() == ["R_z V", "P_y V", ""]
-    speed, feed = set_point(ECONOMIC_OPTIMUM, CASE, 3.0)
-    assert float(speed) == pytest.approx(240.0)
-    assert float(CASE.further["radial_force"].law(1.0, feed, 3.0)) == pytest.approx(400.0)
